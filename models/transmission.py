@@ -1,0 +1,318 @@
+"""Parameters of the transmission, and their scaling to N elements.
+
+Parameters describe the whole tendon. `Transmission.elements` is the only place where they are divided
+among the elements of the chain, so that results do not depend on the number of elements.
+"""
+
+import math
+from dataclasses import dataclass
+
+from tendonff.models.errors import ParameterError
+from tendonff.models.fidelity import Level
+
+
+def _require(name: str, value: float, *, above: float | None = None, least: float | None = None, hint: str) -> None:
+    """Refuse `value` unless it is finite and above / at least the bound; NaN fails every comparison."""
+    if above is not None and not (above < value < math.inf):
+        raise ParameterError(f"{name} must be a finite number > {above:g}, got {value}; {hint}")
+    if least is not None and not (least <= value < math.inf):
+        raise ParameterError(f"{name} must be a finite number >= {least:g}, got {value}; {hint}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Path:
+    """Curved path on which the tendon slides.
+
+    Parameters
+    ----------
+    total_angle_rad : float
+        Wrap angle theta: sum of the absolute bending angles [rad], >= 0.
+    segments : int
+        Number N of lumped masses, >= 1.
+    radius_m : float
+        Radius of curvature [m], > 0. It sets the length theta R; the friction does not depend on it.
+    """
+
+    total_angle_rad: float
+    segments: int
+    radius_m: float
+
+    def __post_init__(self) -> None:
+        _require("total_angle_rad", self.total_angle_rad, least=0, hint="add up the absolute bending angles")
+        if not (isinstance(self.segments, int) and 1 <= self.segments <= 10_000):
+            raise ParameterError(f"segments must be a whole number from 1 to 10000, got {self.segments}; 6 is a good start")
+        _require("radius_m", self.radius_m, above=0, hint="give the bending radius in metres")
+
+    @property
+    def length_m(self) -> float:
+        """Length of the curved part, theta R [m]."""
+        return self.total_angle_rad * self.radius_m
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tendon:
+    """The whole tendon between actuator and load, eqs. (6), (7).
+
+    Parameters
+    ----------
+    mass_kg : float
+        Mass m [kg], > 0.
+    stiffness_N_per_m : float
+        Lasting stiffness k1 [N/m], > 0.
+    relaxing_stiffness_N_per_m : float
+        Stiffness k2 that relaxes away [N/m], >= 0; ignored by the elastic level.
+    relaxation_time_s : float
+        Relaxation time tau = b_k/k2 [s], > 0.
+    damping_N_s_per_m : float
+        Structural damping c in parallel [N s/m], >= 0.
+    """
+
+    mass_kg: float
+    stiffness_N_per_m: float
+    relaxing_stiffness_N_per_m: float
+    relaxation_time_s: float
+    damping_N_s_per_m: float
+
+    def __post_init__(self) -> None:
+        _require("mass_kg", self.mass_kg, above=0, hint="weigh the tendon; a light one is fine")
+        _require("stiffness_N_per_m", self.stiffness_N_per_m, above=0, hint="EA/L of the whole tendon")
+        _require("relaxing_stiffness_N_per_m", self.relaxing_stiffness_N_per_m, least=0, hint="use 0 for no relaxation")
+        _require("relaxation_time_s", self.relaxation_time_s, above=0, hint="time in which a held force settles")
+        _require("damping_N_s_per_m", self.damping_N_s_per_m, least=0, hint="use 0 for none")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Friction:
+    """Friction between tendon and path, eqs. (4), (5), with two extensions that default to the paper.
+
+    Parameters
+    ----------
+    mu_dynamic, mu_static : float
+        Coefficients when pulling (v > 0), fast and near rest [-]; mu_static >= mu_dynamic >= 0.
+    stribeck_velocity_m_per_s : float
+        Speed omega of the transition from static to dynamic [m/s], > 0.
+    viscous_N_s_per_m : float
+        Viscous friction b of the whole tendon [N s/m], >= 0.
+    bristle_stiffness_N_per_m, soft_bristle_stiffness_N_per_m : float
+        Bristle stiffness sigma0 of the whole tendon [N/m], > 0: of the stiff levels, and of `presliding`.
+    mu_dynamic_release : float, optional
+        Coefficient when releasing (v < 0) [-]; default: mu_dynamic.
+    mu_static_release : float, optional
+        The same near rest [-]; default: mu_static mu_dynamic_release/mu_dynamic.
+    adhesion_N : float, optional
+        Load-independent tension p added to the tension in the friction law [N], >= 0; default 0.
+    """
+
+    mu_dynamic: float
+    mu_static: float
+    stribeck_velocity_m_per_s: float
+    viscous_N_s_per_m: float
+    bristle_stiffness_N_per_m: float
+    soft_bristle_stiffness_N_per_m: float
+    mu_dynamic_release: float | None = None
+    mu_static_release: float | None = None
+    adhesion_N: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require("mu_dynamic", self.mu_dynamic, least=0, hint="use 0 for a frictionless path")
+        _require("mu_static", self.mu_static, least=0, hint="use mu_dynamic for no Stribeck effect")
+        if self.mu_static < self.mu_dynamic:
+            raise ParameterError(
+                f"mu_static must be >= mu_dynamic = {self.mu_dynamic:g}, got {self.mu_static}; "
+                "set both equal for no Stribeck effect"
+            )
+        _require("stribeck_velocity_m_per_s", self.stribeck_velocity_m_per_s, above=0, hint="0.001 to 0.05 is usual")
+        _require("viscous_N_s_per_m", self.viscous_N_s_per_m, least=0, hint="use 0 for none")
+        _require("bristle_stiffness_N_per_m", self.bristle_stiffness_N_per_m, above=0, hint="1e5 to 1e7 is stiff")
+        _require("soft_bristle_stiffness_N_per_m", self.soft_bristle_stiffness_N_per_m, above=0, hint="1e3 to 1e5 is soft")
+        if self.mu_dynamic_release is not None:
+            _require("mu_dynamic_release", self.mu_dynamic_release, least=0, hint="leave it out to use mu_dynamic")
+        if self.mu_static_release is not None:
+            _require("mu_static_release", self.mu_static_release, least=0, hint="leave it out to scale mu_static")
+            if self.mu_static_release < self.release_dynamic:
+                raise ParameterError(
+                    f"mu_static_release must be >= mu_dynamic_release = {self.release_dynamic:g}, "
+                    f"got {self.mu_static_release}; set both equal for no Stribeck effect"
+                )
+        _require("adhesion_N", self.adhesion_N, least=0, hint="use 0 for friction that is proportional to tension")
+
+    @property
+    def release_dynamic(self) -> float:
+        """mu_dynamic when releasing [-], the default resolved."""
+        return self.mu_dynamic if self.mu_dynamic_release is None else self.mu_dynamic_release
+
+    @property
+    def release_static(self) -> float:
+        """mu_static when releasing [-], the default resolved."""
+        if self.mu_static_release is not None:
+            return self.mu_static_release
+        if self.mu_dynamic == 0:  # no ratio to scale by: keep the static excess of pulling
+            return max(self.mu_static, self.release_dynamic)
+        return self.mu_static * self.release_dynamic / self.mu_dynamic
+
+    @property
+    def weakens_with_speed(self) -> bool:
+        """Static friction exceeds dynamic friction in some direction (Stribeck effect)."""
+        return self.mu_static > self.mu_dynamic or self.release_static > self.release_dynamic
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Actuator:
+    """The motor that pulls, and its limits.
+
+    Parameters
+    ----------
+    mass_kg : float
+        Moving mass m_a [kg], > 0.
+    damping_N_s_per_m : float
+        Viscous damping b_a [N s/m], >= 0.
+    force_min_N, force_max_N : float
+        Range of the force [N], 0 <= force_min_N < force_max_N: a tendon cannot push.
+    force_rate_max_N_per_s : float
+        Largest rate of change of the force, either way [N/s], > 0.
+    """
+
+    mass_kg: float
+    damping_N_s_per_m: float
+    force_min_N: float
+    force_max_N: float
+    force_rate_max_N_per_s: float
+
+    def __post_init__(self) -> None:
+        _require("mass_kg", self.mass_kg, above=0, hint="include the rotor's inertia over the drum radius squared")
+        _require("damping_N_s_per_m", self.damping_N_s_per_m, least=0, hint="use 0 for none")
+        _require("force_min_N", self.force_min_N, least=0, hint="a tendon cannot push")
+        _require("force_max_N", self.force_max_N, above=0, hint="give the motor's peak force")
+        if self.force_max_N <= self.force_min_N:
+            raise ParameterError(f"force_max_N must be > force_min_N = {self.force_min_N:g}, got {self.force_max_N}")
+        _require("force_rate_max_N_per_s", self.force_rate_max_N_per_s, above=0, hint="give a large number for no limit")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Load:
+    """What the tendon pulls at its far end: a mass on a spring.
+
+    Parameters
+    ----------
+    mass_kg : float
+        Moving mass m_l [kg], > 0.
+    stiffness_N_per_m : float
+        Stiffness k_l towards the reference x_c2 [N/m], > 0: it carries the tension at rest.
+    damping_N_s_per_m : float
+        Viscous damping b_l [N s/m], >= 0.
+    """
+
+    mass_kg: float
+    stiffness_N_per_m: float
+    damping_N_s_per_m: float
+
+    def __post_init__(self) -> None:
+        _require("mass_kg", self.mass_kg, above=0, hint="use the mass of the finger, tool or force cell")
+        _require("stiffness_N_per_m", self.stiffness_N_per_m, above=0, hint="it carries the tension at rest")
+        _require("damping_N_s_per_m", self.damping_N_s_per_m, least=0, hint="use 0 for none")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Elements:
+    """The transmission divided among N masses and N + 1 links; all per element, SI units.
+
+    The coefficients are the equivalent ones of eqs. (8), (9): tanh(mu phi/2) with phi = theta/N.
+
+    Parameters
+    ----------
+    count : int
+        Number N of masses on the path.
+    mass_kg, viscous_N_s_per_m, bristle_stiffness_N_per_m, element_angle_rad : float
+        m/N, b/N, sigma0/N (of the level's bristle), phi = theta/N.
+    stiffness_N_per_m, relaxing_stiffness_N_per_m, damping_N_s_per_m : float
+        k1 (N + 1), k2 (N + 1) (0 for a link that does not relax), c (N + 1).
+    relaxation_time_s, stribeck_velocity_m_per_s, adhesion_N : float
+        tau, omega, p: the same for every element.
+    mu_dynamic_pull, mu_static_pull, mu_dynamic_release, mu_static_release : float
+        Equivalent coefficients [-].
+    """
+
+    count: int
+    mass_kg: float
+    viscous_N_s_per_m: float
+    bristle_stiffness_N_per_m: float
+    element_angle_rad: float
+    stiffness_N_per_m: float
+    relaxing_stiffness_N_per_m: float
+    damping_N_s_per_m: float
+    relaxation_time_s: float
+    stribeck_velocity_m_per_s: float
+    adhesion_N: float
+    mu_dynamic_pull: float
+    mu_static_pull: float
+    mu_dynamic_release: float
+    mu_static_release: float
+
+
+def equivalent_coefficient(mu: float, element_angle_rad: float) -> float:
+    """Coefficient of one lumped element, (1 - e^{-mu phi})/(1 + e^{-mu phi}) [-].
+
+    Eqs. (8), (9): with it N elements in one-way slip give e^{mu theta} exactly.
+
+    Parameters
+    ----------
+    mu : float
+        Coefficient of tendon on path [-].
+    element_angle_rad : float
+        phi = theta/N [rad].
+    """
+    return math.tanh(mu * element_angle_rad / 2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Transmission:
+    """Path, tendon, friction, actuator and load: everything physical about a rig.
+
+    Parameters
+    ----------
+    path : Path
+    tendon : Tendon
+    friction : Friction
+    actuator : Actuator
+    load : Load
+    """
+
+    path: Path
+    tendon: Tendon
+    friction: Friction
+    actuator: Actuator
+    load: Load
+
+    def elements(self, level: Level, segments: int | None = None) -> Elements:
+        """Divide the tendon among its elements.
+
+        Parameters
+        ----------
+        level : Level
+            Fidelity level.
+        segments : int, optional
+            Number N of masses; default: the path's own.
+        """
+        n = self.path.segments if segments is None else segments
+        if not n >= 1:
+            raise ParameterError(f"segments must be >= 1, got {n}; 6 is a good start")
+        tendon, friction, features = self.tendon, self.friction, level.features
+        sigma0 = friction.soft_bristle_stiffness_N_per_m if features.soft_bristle else friction.bristle_stiffness_N_per_m
+        phi = self.path.total_angle_rad / n
+        return Elements(
+            count=n,
+            mass_kg=tendon.mass_kg / n,
+            viscous_N_s_per_m=friction.viscous_N_s_per_m / n,
+            bristle_stiffness_N_per_m=sigma0 / n,
+            element_angle_rad=phi,
+            stiffness_N_per_m=tendon.stiffness_N_per_m * (n + 1),
+            relaxing_stiffness_N_per_m=tendon.relaxing_stiffness_N_per_m * (n + 1) if features.link_relaxes else 0.0,
+            damping_N_s_per_m=tendon.damping_N_s_per_m * (n + 1),
+            relaxation_time_s=tendon.relaxation_time_s,
+            stribeck_velocity_m_per_s=friction.stribeck_velocity_m_per_s,
+            adhesion_N=friction.adhesion_N,
+            mu_dynamic_pull=equivalent_coefficient(friction.mu_dynamic, phi),
+            mu_static_pull=equivalent_coefficient(friction.mu_static, phi),
+            mu_dynamic_release=equivalent_coefficient(friction.release_dynamic, phi),
+            mu_static_release=equivalent_coefficient(friction.release_static, phi),
+        )
