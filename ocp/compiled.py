@@ -1,0 +1,179 @@
+"""Compile generated C with the system's compiler, once, and load it."""
+
+import ctypes
+import functools
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from enum import StrEnum
+from pathlib import Path
+
+import jinja2
+
+from tendonff.ocp.ccode import Precision, c_function, literal
+from tendonff.ocp.elements import Law
+from tendonff.ocp.errors import CodeError
+from tendonff.ocp.scheme import (
+    BDF2_CARRY,
+    BDF2_WEIGHT,
+    MAX_HALVINGS,
+    MAX_ITERATIONS,
+    MAX_SPLITS,
+    RESIDUAL_ROUNDING,
+)
+
+
+class Engine(StrEnum):
+    """What advances the chain; all give the same results to 1e-9 N.
+
+    Attributes
+    ----------
+    AUTO
+        Compiled C where a C compiler works, CasADi elsewhere. The environment variable TENDONFF_ENGINE decides first.
+    COMPILED
+        Generated C, compiled once and cached.
+    CASADI
+        CasADi's own evaluation, no compiler needed.
+    """
+
+    AUTO = "auto"
+    COMPILED = "compiled"
+    CASADI = "casadi"
+
+
+_TEMPLATES = jinja2.Environment(
+    loader=jinja2.PackageLoader("tendonff.ocp"), undefined=jinja2.StrictUndefined, keep_trailing_newline=True
+)
+_FLAGS = ("-O3", "-std=c99", "-shared", "-fPIC", "-fno-math-errno", "-ffp-contract=off")
+
+
+def render_template(name: str, prefix: str, precision: Precision) -> str:
+    """One of the C templates with its real type, prefix and literals filled in.
+
+    Parameters
+    ----------
+    name : str
+        File name in `ocp/templates`.
+    prefix : str
+        Prefix of every C name.
+    precision : Precision
+    """
+
+    def number(value: float) -> str:
+        return literal(value, precision)
+
+    single = precision is Precision.FLOAT
+    return _TEMPLATES.get_template(name).render(
+        prefix=prefix,
+        real="float" if single else "double",
+        fabs="fabsf" if single else "fabs",
+        zero=number(0.0),
+        half=number(0.5),
+        one=number(1.0),
+        minus_one=number(-1.0),
+        bdf2_carry=number(BDF2_CARRY),
+        bdf2_weight=number(BDF2_WEIGHT),
+        rounding=number(1e-6 if single else RESIDUAL_ROUNDING),
+        max_iterations=MAX_ITERATIONS,
+        max_halvings=MAX_HALVINGS,
+        max_splits=MAX_SPLITS,
+    )
+
+
+def print_laws(laws: tuple[Law, ...], prefix: str, precision: Precision) -> str:
+    """The laws as static C functions named `<prefix>_<law>`.
+
+    Parameters
+    ----------
+    laws : tuple of Law
+    prefix : str
+    precision : Precision
+    """
+    real = "float" if precision is Precision.FLOAT else "double"
+    return "\n".join(
+        c_function(f"{prefix}_{law.name}", law.comment, law.inputs, law.outputs, precision, real).code for law in laws
+    )
+
+
+def find_compiler() -> str | None:
+    """Path of the C compiler: the environment variable CC, else cc, gcc or clang; None where there is none."""
+    wanted = os.environ.get("CC")
+    for name in (wanted,) if wanted else ("cc", "gcc", "clang"):
+        if path := shutil.which(name):
+            return path
+    return None
+
+
+def _cache_folder() -> Path:
+    base = os.environ.get("XDG_CACHE_HOME")
+    folder = (Path(base) if base else Path.home() / ".cache") / "tendonff"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder
+    except OSError:  # no writable home: a folder of this process is slower, not wrong
+        return Path(tempfile.mkdtemp(prefix="tendonff-"))
+
+
+@functools.lru_cache(maxsize=1)
+def _compiler_version(compiler: str) -> str:
+    return subprocess.run([compiler, "--version"], capture_output=True, text=True, check=False).stdout
+
+
+def load_library(source: str) -> ctypes.CDLL:
+    """Compile C source into a shared library, or take it from the cache, and load it.
+
+    Parameters
+    ----------
+    source : str
+        C99.
+
+    Raises
+    ------
+    CodeError
+        If there is no compiler or it refuses the source.
+    """
+    compiler = find_compiler()
+    if compiler is None:
+        raise CodeError("no C compiler found (looked for CC, cc, gcc, clang); install one or use the CasADi engine")
+    key = "\0".join([source, compiler, _compiler_version(compiler), sys.platform, *_FLAGS])
+    library = _cache_folder() / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.so"
+    if not library.exists():
+        with tempfile.TemporaryDirectory(dir=library.parent) as scratch:
+            c_file, built = Path(scratch) / "generated.c", Path(scratch) / library.name
+            c_file.write_text(source, encoding="utf-8")
+            run = subprocess.run(
+                [compiler, *_FLAGS, "-o", str(built), str(c_file), "-lm"], capture_output=True, text=True, check=False
+            )
+            if run.returncode != 0:
+                raise CodeError(f"{compiler} failed with status {run.returncode} on generated C: {run.stderr[:500]}")
+            built.replace(library)  # atomic: a second process sees all of it or nothing
+    return ctypes.CDLL(str(library))
+
+
+@functools.cache
+def resolve_engine(engine: Engine) -> Engine:
+    """Turn AUTO into what works here.
+
+    Parameters
+    ----------
+    engine : Engine
+
+    Returns
+    -------
+    Engine
+        COMPILED or CASADI.
+    """
+    if engine is not Engine.AUTO:
+        return engine
+    if wanted := os.environ.get("TENDONFF_ENGINE"):
+        return Engine(wanted)
+    if find_compiler() is None:
+        return Engine.CASADI
+    try:
+        load_library("int tff_probe(void) { return 1; }\n")
+    except (CodeError, OSError):
+        return Engine.CASADI
+    return Engine.COMPILED

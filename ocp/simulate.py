@@ -1,0 +1,295 @@
+"""Forward simulation of the chain by one fixed-step scheme, whatever the engine."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from tendonff.models.chain import Chain, ChainState, chain_equations
+from tendonff.models.errors import ParameterError
+from tendonff.ocp.casadi_stepper import CasadiStepper
+from tendonff.ocp.compiled import Engine, resolve_engine
+from tendonff.ocp.compiled_stepper import CompiledStepper
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.stepping import Array, Rows, Stepper, StepperMemory
+
+
+class Outcome(StrEnum):
+    """How a simulation ended.
+
+    Attributes
+    ----------
+    DONE
+        All rows computed, every link in tension.
+    SLACK
+        All rows computed; some link went slack on the way.
+    FAILED
+        A step could not be solved; the rows before it are good.
+    """
+
+    DONE = "done"
+    SLACK = "slack"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Simulation:
+    """Response of the chain, rows at 0, h, 2 h ...
+
+    Parameters
+    ----------
+    outcome : Outcome
+    message : str
+        What happened, for the user.
+    time_s : ndarray, shape (n,)
+    force_N : ndarray, shape (n,)
+        f_c1, the actuator's force.
+    tension_N : ndarray, shape (n, N + 1)
+        f_1 .. f_{N+1}; the last column is the output tension.
+    near_position_m, far_position_m : ndarray, shape (n,)
+        q_a, q_l.
+    states : ndarray, shape (n, 4 N + 6), or None
+        Every state in the order of `ChainState.vector`, recorded on request.
+    final : ChainState
+        State after the last good row.
+    iterations, splits : int
+        Linear solves, and steps that had to be split.
+    """
+
+    outcome: Outcome
+    message: str
+    time_s: Array
+    force_N: Array
+    tension_N: Array
+    near_position_m: Array
+    far_position_m: Array
+    states: Array | None
+    final: ChainState
+    iterations: int
+    splits: int
+
+    @property
+    def output_tension_N(self) -> Array:
+        """f_{N+1}, shape (n,) [N]."""
+        return self.tension_N[:, -1]
+
+    def require(self) -> "Simulation":
+        """Return itself, or raise `SolveError` with the message if it failed."""
+        if self.outcome is Outcome.FAILED:
+            raise SolveError(self.message)
+        return self
+
+
+class Simulator:
+    """A chain in motion: feed it inputs, chunk by chunk, in bounded memory.
+
+    Parameters
+    ----------
+    chain : Chain
+    step_s : float
+        h [s], > 0.
+    state : ChainState
+        Where it starts.
+    inputs : array_like, shape (4,)
+        Inputs at that state: f_c1 [N], x_c1 [m], f_c2 [N], x_c2 [m].
+    engine : Engine, optional
+
+    Raises
+    ------
+    ParameterError
+        If the step is not a positive number.
+    CodeError
+        If the compiled engine was asked for and no compiler works.
+    """
+
+    def __init__(
+        self, chain: Chain, step_s: float, state: ChainState, inputs: Array, engine: Engine = Engine.AUTO
+    ) -> None:
+        if not 0 < step_s < math.inf:
+            raise ParameterError(f"step_s must be a finite number > 0, got {step_s}; 0.001 suits most rigs")
+        self._chain = chain
+        x = state.vector()
+        self._memory = StepperMemory(x=x, x_old=x.copy(), inputs=np.array(inputs, dtype=np.float64), fresh=True)
+        compiled = resolve_engine(engine) is Engine.COMPILED
+        self._stepper: Stepper = CompiledStepper(chain, step_s) if compiled else CasadiStepper(chain, step_s)
+
+    @property
+    def state(self) -> ChainState:
+        """Where the chain is now."""
+        return ChainState.from_vector(self._memory.x)
+
+    def advance(self, inputs: Array, record: bool = False) -> Rows:
+        """Advance over inputs at the ends of the coming steps.
+
+        Parameters
+        ----------
+        inputs : ndarray, shape (rows, 4)
+            f_c1 [N], x_c1 [m], f_c2 [N], x_c2 [m].
+        record : bool, optional
+            Keep every state.
+
+        Returns
+        -------
+        Rows
+            Fewer than asked for where a step fails for good.
+        """
+        return self._stepper.advance(self._memory, np.asarray(inputs, dtype=np.float64), record)
+
+
+def tensions_of(chain: Chain, states: Array) -> Array:
+    """Tensions of recorded states, shape (rows, N + 1) [N].
+
+    Parameters
+    ----------
+    chain : Chain
+    states : ndarray, shape (rows, 4 N + 6)
+    """
+    import casadi as ca
+
+    equations = chain_equations(chain)
+    tension = ca.Function("tension", [equations.state], [equations.tension_N])
+    return np.asarray(tension(np.atleast_2d(states).T)).T
+
+
+def force_inputs(force_N: Array) -> Array:
+    """Inputs of a chain whose actuator alone acts: f_c1 = force, x_c1 = f_c2 = x_c2 = 0; shape (n, 4).
+
+    Parameters
+    ----------
+    force_N : ndarray, shape (n,)
+    """
+    inputs = np.zeros((len(force_N), 4))
+    inputs[:, 0] = force_N
+    return inputs
+
+
+def describe_failure(chain: Chain, rows: Rows, time_s: float, step_s: float) -> str:
+    """Text of a step that failed: when, which mass, how far off, what to try.
+
+    Parameters
+    ----------
+    chain : Chain
+    rows : Rows
+    time_s : float
+        End of the failed step [s].
+    step_s : float
+    """
+    masses = {0: "the actuator", chain.count + 1: "the load"}
+    where = masses.get(rows.worst_mass, f"mass {rows.worst_mass} of {chain.count}")
+    return (
+        f"simulation stopped at t = {time_s:.6g} s: the step did not converge although it was split; "
+        f"worst balance {rows.residual_N:.3g} N at {where}; "
+        f"check the force there for jumps or NaN, or use a step below {step_s:g} s"
+    )
+
+
+def simulate(
+    chain: Chain,
+    force_N: Array,
+    step_s: float,
+    *,
+    initial_tension_N: float | None = None,
+    state: ChainState | None = None,
+    record: bool = False,
+    engine: Engine = Engine.AUTO,
+) -> Simulation:
+    """Play a force on the actuator; the load moves only with the tendon (x_c2 = f_c2 = 0).
+
+    Parameters
+    ----------
+    chain : Chain
+    force_N : ndarray, shape (n,)
+        f_c1 at 0, h, 2 h ... [N].
+    step_s : float
+        h [s], > 0.
+    initial_tension_N : float, optional
+        Uniform tension T0 of the start at rest [N]; default: the first force.
+    state : ChainState, optional
+        Start from here instead.
+    record : bool, optional
+        Keep every state.
+    engine : Engine, optional
+
+    Returns
+    -------
+    Simulation
+        Failed runs too: the outcome says so.
+
+    Raises
+    ------
+    ParameterError
+        If force or step are not usable numbers.
+    """
+    force = np.asarray(force_N, dtype=np.float64)
+    if force.ndim != 1 or force.size < 1:
+        raise ParameterError(f"force_N must be a vector with at least one row, got shape {force.shape}")
+    if not np.all(np.isfinite(force)):
+        row = int(np.flatnonzero(~np.isfinite(force))[0])
+        raise ParameterError(f"force_N must be finite, got {force[row]} at t = {row * step_s:g} s; repair the profile")
+    if state is None:
+        start = float(force[0]) if initial_tension_N is None else initial_tension_N
+        if not 0 <= start < math.inf:
+            raise ParameterError(f"initial_tension_N must be a finite number >= 0, got {start}; a tendon cannot push")
+        state = chain.rest_state(start)
+    inputs = force_inputs(force)
+    simulator = Simulator(chain, step_s, state, inputs[0], engine)
+    first = state.vector()
+    rows = simulator.advance(inputs[1:], record)
+    tension = np.vstack([tensions_of(chain, first), rows.tension_N])
+    ends = np.vstack([first[-2:], rows.ends_m])
+    good = len(tension)
+    outcome, message = outcome_of(chain, rows, tension, good == len(force), step_s)
+    return Simulation(
+        outcome=outcome,
+        message=message,
+        time_s=np.arange(good) * step_s,
+        force_N=force[:good],
+        tension_N=tension,
+        near_position_m=ends[:, 0],
+        far_position_m=ends[:, 1],
+        states=None if rows.states is None else np.vstack([first, rows.states]),
+        final=simulator.state,
+        iterations=rows.iterations,
+        splits=rows.splits,
+    )
+
+
+def outcome_of(chain: Chain, rows: Rows, tension_N: Array, complete: bool, step_s: float) -> tuple[Outcome, str]:
+    """Outcome and message of a run.
+
+    Parameters
+    ----------
+    chain : Chain
+    rows : Rows
+        The last chunk.
+    tension_N : ndarray, shape (n, N + 1)
+        From t = 0.
+    complete : bool
+        Every row was reached.
+    step_s : float
+    """
+    if not complete:
+        return Outcome.FAILED, describe_failure(chain, rows, len(tension_N) * step_s, step_s)
+    slack = tension_N <= 0
+    if slack.any():
+        row = int(np.argmax(slack.any(axis=1)))
+        link = int(np.argmax(slack[row])) + 1
+        share = 100 * float(slack.any(axis=1).mean())
+        return (
+            Outcome.SLACK,
+            f"link {link} went slack at t = {row * step_s:.6g} s; some link is slack in {share:.2g} % of the rows",
+        )
+    return Outcome.DONE, f"{len(tension_N)} rows"
+
+
+def chunks(total: int, size: int) -> Iterator[slice]:
+    """Slices that cut `total` rows into pieces of at most `size`.
+
+    Parameters
+    ----------
+    total, size : int
+    """
+    for start in range(0, total, size):
+        yield slice(start, min(start + size, total))
