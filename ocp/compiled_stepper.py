@@ -8,9 +8,9 @@ import numpy as np
 from tendonff.models.chain import Chain
 from tendonff.ocp.ccode import Precision
 from tendonff.ocp.compiled import load_library, print_laws, render_template
-from tendonff.ocp.elements import simulation_laws
+from tendonff.ocp.elements import inverse_laws, simulation_laws
 from tendonff.ocp.scheme import RESIDUAL_TOLERANCE_N
-from tendonff.ocp.stepping import Array, Rows, StepperMemory
+from tendonff.ocp.stepping import Array, InverseRows, Rows, StepperMemory
 
 PREFIX = "tff"
 
@@ -96,8 +96,9 @@ def _source() -> str:
     parts = [
         "#include <math.h>\n#include <stddef.h>\n",
         render_template("stepper.h.j2", PREFIX, Precision.DOUBLE),
-        print_laws(simulation_laws(), PREFIX, Precision.DOUBLE),
+        print_laws((*simulation_laws(), *inverse_laws()), PREFIX, Precision.DOUBLE),
         render_template("stepper.c.j2", PREFIX, Precision.DOUBLE),
+        render_template("inverse.c.j2", PREFIX, Precision.DOUBLE),
         render_template("run.c.j2", PREFIX, Precision.DOUBLE),
     ]
     return "\n".join(parts)
@@ -107,6 +108,7 @@ def _source() -> str:
 def _library() -> ctypes.CDLL:
     library = load_library(_source())
     library.tff_run.restype = ctypes.c_long
+    library.tff_invert_run.restype = None
     library.tff_work_reals.restype = ctypes.c_int
     return library
 
@@ -174,3 +176,52 @@ class CompiledStepper:
             residual_N=report.residual_N,
             worst_mass=report.worst_mass,
         )
+
+
+class CompiledInverse:
+    """The exact inverse of one chain in compiled C.
+
+    Parameters
+    ----------
+    chain : Chain
+    step_s : float
+        h [s].
+
+    Raises
+    ------
+    CodeError
+        If no C compiler works here.
+    """
+
+    def __init__(self, chain: Chain, step_s: float) -> None:
+        self._struct = chain_struct(chain, step_s)
+        self._library = _library()
+
+    def invert(self, x: Array, reference: Array, record: bool) -> InverseRows:
+        """Force, least tension and states for references at the ends of the coming steps.
+
+        Parameters
+        ----------
+        x : ndarray, shape (4 N + 6,)
+            State before the first step; not changed.
+        reference : ndarray, shape (rows,)
+            Output tension [N].
+        record : bool
+            Keep every state.
+        """
+        rows, now, old = len(reference), x.copy(), x.copy()
+        reference = np.ascontiguousarray(reference, dtype=np.float64)
+        force, least = np.empty(rows), np.empty(rows)
+        states = np.empty((rows, len(x))) if record else None
+        self._library.tff_invert_run(
+            ctypes.byref(self._struct),
+            pointer(reference),
+            ctypes.c_long(rows),
+            ctypes.c_int(1),
+            pointer(now),
+            pointer(old),
+            pointer(force),
+            pointer(least),
+            pointer(states),
+        )
+        return InverseRows(force_N=force, least_tension_N=least, states=states)

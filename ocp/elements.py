@@ -191,19 +191,86 @@ def path_mass_tangent() -> Law:
     )
 
 
+def end_mass_residual(inputs: tuple[ca.SX, ...]) -> ca.SX:
+    """Balance of an end mass [N] in the symbols of `end_mass`."""
+    v, f, v_base, q_base, step, pull, f_c, x_c, mass, damping, stiffness = inputs
+    end = End(mass_kg=mass, damping_N_s_per_m=damping, stiffness_N_per_m=stiffness)
+    return mass * (v - v_base) / step - end_force(v, q_base + step * v, f, pull, f_c, x_c, end)
+
+
 def end_mass() -> Law:
     """Balance of an end mass [N] and its slopes; `pull` is +1 where the tension pulls it to the positive side."""
-    v, f, v_base, q_base, step, pull, f_c, x_c, mass, damping, stiffness = _symbols(
-        "v f v_base q_base H pull f_c x_c mass damping stiffness"
-    )
-    end = End(mass_kg=mass, damping_N_s_per_m=damping, stiffness_N_per_m=stiffness)
-    residual = mass * (v - v_base) / step - end_force(v, q_base + step * v, f, pull, f_c, x_c, end)
+    inputs = _symbols("v f v_base q_base H pull f_c x_c mass damping stiffness")
+    v, f = inputs[:2]
+    residual = end_mass_residual(inputs)
     return Law(
         name="end_mass",
         comment="Balance of an end mass [N] and its slopes over velocity and tension; pull: -1 near, +1 far end.",
-        inputs=(v, f, v_base, q_base, step, pull, f_c, x_c, mass, damping, stiffness),
+        inputs=inputs,
         outputs={"residual": residual, "by_v": ca.jacobian(residual, v), "by_f": ca.jacobian(residual, f)},
     )
+
+
+def _zero_of(expression: ca.SX, unknown: ca.SX) -> ca.SX:
+    """Root of an expression that is affine in `unknown`."""
+    return -ca.substitute(expression, unknown, ca.SX(0)) / ca.jacobian(expression, unknown)
+
+
+def far_velocity() -> Law:
+    """Velocity of the load that a given output tension causes."""
+    inputs = end_mass().inputs
+    residual, v = end_mass_residual(inputs), inputs[0]
+    return Law(
+        name="far_velocity",
+        comment="Velocity of an end mass [m/s] for a given tension.",
+        inputs=inputs[1:],
+        outputs={"v": _zero_of(residual, v)},
+    )
+
+
+def near_force() -> Law:
+    """Motor force that gives an end mass a given velocity against a given tension."""
+    inputs = end_mass().inputs
+    residual = end_mass_residual(inputs)
+    f_c = inputs[6]
+    return Law(
+        name="near_force",
+        comment="Motor force [N] that gives an end mass its velocity.",
+        inputs=(*inputs[:6], *inputs[7:]),
+        outputs={"f_c": _zero_of(residual, f_c)},
+    )
+
+
+def link_rate() -> Law:
+    """Rate of elongation of a taut link that carries a given force."""
+    rate, start, gain, force = _symbols("rate start gain force")
+    return Law(
+        name="link_rate",
+        comment="Rate of elongation [m/s] of a taut link that carries a given force.",
+        inputs=(force, start, gain),
+        outputs={"rate": _zero_of(start + gain * rate - force, rate)},
+    )
+
+
+def path_mass_inverse() -> Law:
+    """Tension on the actuator's side of a mass whose motion and load side are known: the closed form of fact f_n = A + f_s."""
+    v, f_far, v_base, s_base, step, mass, viscous, adhesion = _symbols("v f_far v_base s_base H mass b p")
+    symbols, bristle = _bristle_parameters()
+    without_bristle = f_far + friction_force(v, ca.SX(0), viscous) + mass * (v - v_base) / step
+    f_s = implicit_bristle(v, s_base, step, bristle).bristle_force_from_far_side(
+        f_far + without_bristle + 2 * adhesion
+    )
+    return Law(
+        name="path_mass_inverse",
+        comment="Tension on the actuator's side of a mass [N], not below zero, and its bristle force [N], eqs. (4), (5).",
+        inputs=(v, f_far, v_base, s_base, step, mass, viscous, adhesion, *symbols),
+        outputs={"f_near": tendon_force(without_bristle + f_s), "f_s": f_s},
+    )
+
+
+def inverse_laws() -> tuple[Law, ...]:
+    """The laws that the exact inverse needs beside `link_gain`, `link_start` and `link_states`."""
+    return (far_velocity(), near_force(), link_rate(), path_mass_inverse())
 
 
 def simulation_laws() -> tuple[Law, ...]:

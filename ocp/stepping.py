@@ -57,6 +57,23 @@ class Rows:
     worst_mass: int
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InverseRows:
+    """What the exact inverse gave for references at the ends of successive steps.
+
+    Parameters
+    ----------
+    force_N, least_tension_N : ndarray, shape (rows,)
+        Motor force, and smallest tension along the path.
+    states : ndarray, shape (rows, 4 N + 6), or None
+        Recorded on request.
+    """
+
+    force_N: Array
+    least_tension_N: Array
+    states: Array | None
+
+
 class Stepper(Protocol):
     """One engine, made for one chain and step."""
 

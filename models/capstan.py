@@ -1,0 +1,275 @@
+"""The static Coulomb capstan law, with its exact memory.
+
+::
+
+        T_in <---- (  wrap angle theta, mu  ) <---- T_out        pulling: T_in + p = (T_out + p) e^{+mu theta}
+                                                                 releasing: T_in + p = (T_out + p) e^{-mu theta}
+
+For a tendon that is driven at one end, without inertia, bristles and creep, the law holds for any history: the output
+is the play of the input, ln(T_out + p) = Play[ln(T_in + p)] with dead band mu_pull theta + mu_release theta. Plays
+compose along the path, so the tension profile is the memory of the input. Eq. (4) of Palli, Borghesan, Melchiorri
+(ICRA 2010) for one-way slip; the play law is derived in the same notation.
+"""
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tendonff.models.errors import ParameterError
+from tendonff.models.transmission import Transmission
+
+Array = NDArray[np.float64]
+
+
+class Branch(StrEnum):
+    """Direction in which the tendon slips on the whole path.
+
+    Attributes
+    ----------
+    PULL
+        Towards the actuator: the output tension rises.
+    RELEASE
+        Towards the load: the output tension falls.
+    """
+
+    PULL = "pull"
+    RELEASE = "release"
+
+
+def play(memory: ca.SX, low: ca.SX, high: ca.SX) -> ca.SX:
+    """One update of the play operator: keep the memory unless a bound pushes it.
+
+    Parameters
+    ----------
+    memory : ca.SX
+        Value so far.
+    low, high : ca.SX
+        Bounds that the input sets now, low <= high.
+    """
+    return ca.fmin(ca.fmax(memory, low), high)
+
+
+def _shape(exponent: float) -> float:
+    """(1 - e^{-a})/a, 1 at a = 0: mean of e^{-a s} over s in [0, 1]."""
+    return 1.0 if exponent == 0 else -math.expm1(-exponent) / exponent
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CapstanLaw:
+    """Static law of the whole path.
+
+    Parameters
+    ----------
+    pull_exponent, release_exponent : float
+        mu theta when pulling and when releasing [-], >= 0.
+    adhesion_N : float
+        Load-independent tension p [N], >= 0.
+    """
+
+    pull_exponent: float
+    release_exponent: float
+    adhesion_N: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("pull_exponent", "release_exponent", "adhesion_N"):
+            value = getattr(self, name)
+            if not 0 <= value < math.inf:  # NaN fails too
+                raise ParameterError(f"{name} must be a finite number >= 0, got {value}; use 0 for none")
+
+    @classmethod
+    def of(cls, transmission: Transmission) -> "CapstanLaw":
+        """Law of a transmission: dynamic coefficients over the whole wrap angle.
+
+        Parameters
+        ----------
+        transmission : Transmission
+        """
+        friction, theta = transmission.friction, transmission.path.total_angle_rad
+        return cls(
+            pull_exponent=friction.mu_dynamic * theta,
+            release_exponent=friction.release_dynamic * theta,
+            adhesion_N=friction.adhesion_N,
+        )
+
+    def part(self, share: float) -> "CapstanLaw":
+        """Law of the first `share` (0 to 1) of the wrap angle: plays compose.
+
+        Parameters
+        ----------
+        share : float
+        """
+        return CapstanLaw(
+            pull_exponent=share * self.pull_exponent,
+            release_exponent=share * self.release_exponent,
+            adhesion_N=self.adhesion_N,
+        )
+
+    def output_bounds_N(self, input_N: ArrayLike) -> tuple[Array, Array]:
+        """Least and largest output tension that an input tension admits [N].
+
+        Parameters
+        ----------
+        input_N : array_like
+            T_in [N].
+
+        Returns
+        -------
+        low, high : ndarray
+            (T_in + p) e^{-mu_pull theta} - p and (T_in + p) e^{mu_release theta} - p.
+        """
+        lifted = np.asarray(input_N, dtype=np.float64) + self.adhesion_N
+        return (
+            lifted * math.exp(-self.pull_exponent) - self.adhesion_N,
+            lifted * math.exp(self.release_exponent) - self.adhesion_N,
+        )
+
+    def output_history_N(self, input_N: ArrayLike, initial_output_N: float | None = None) -> Array:
+        """Output tension for any input history, by the play law.
+
+        A tendon cannot push: the output does not fall below zero.
+
+        Parameters
+        ----------
+        input_N : array_like, shape (n,)
+            T_in at successive instants [N].
+        initial_output_N : float, optional
+            Output before the first of them [N]; default: the first input (uniform tension).
+
+        Returns
+        -------
+        ndarray, shape (n,)
+        """
+        history = np.asarray(input_N, dtype=np.float64)
+        memory, low, high = ca.SX.sym("memory"), ca.SX.sym("low"), ca.SX.sym("high")
+        update = ca.Function("play", [memory, low, high], [play(memory, low, high)])
+        start = history[0] if initial_output_N is None else initial_output_N
+        lows, highs = self.output_bounds_N(history)
+        run = update.mapaccum("plays", len(history))
+        return np.maximum(np.asarray(run(start, lows, highs)).ravel(), 0.0)
+
+    def profile_history_N(self, input_N: ArrayLike, shares: ArrayLike, initial_N: float | None = None) -> Array:
+        """Tension along the path for any input history, started from uniform tension.
+
+        Parameters
+        ----------
+        input_N : array_like, shape (n,)
+            T_in at successive instants [N].
+        shares : array_like, shape (m,)
+            Places on the path as shares of the wrap angle, 0 (actuator) to 1 (load).
+        initial_N : float, optional
+            Uniform tension before the first instant [N]; default: the first input.
+
+        Returns
+        -------
+        ndarray, shape (n, m)
+        """
+        places = np.asarray(shares, dtype=np.float64)
+        return np.stack([self.part(float(s)).output_history_N(input_N, initial_N) for s in places], axis=1)
+
+    def input_for_N(self, output_N: ArrayLike, branch: Branch) -> Array:
+        """Input tension that holds an output tension in slip, the right inverse on one branch [N].
+
+        Parameters
+        ----------
+        output_N : array_like
+            T_out [N].
+        branch : Branch
+        """
+        lifted = np.asarray(output_N, dtype=np.float64) + self.adhesion_N
+        exponent = self.pull_exponent if branch is Branch.PULL else -self.release_exponent
+        return lifted * math.exp(exponent) - self.adhesion_N
+
+    def input_history_N(self, output_N: ArrayLike, initial_input_N: float | None = None) -> Array:
+        """Input tension for a wanted output history: the branch of its last change, held while it stands still.
+
+        At each reversal the answer jumps by the factor e^{(mu_pull + mu_release) theta} in T + p; an actuator's rate
+        limit decides what is left of that. The answer is not clipped: negative values ask for a push.
+
+        Parameters
+        ----------
+        output_N : array_like, shape (n,)
+            T_out at successive instants [N].
+        initial_input_N : float, optional
+            Input before the first change [N]; default: the first output (uniform tension).
+
+        Returns
+        -------
+        ndarray, shape (n,)
+        """
+        wanted = np.asarray(output_N, dtype=np.float64)
+        change = np.sign(np.diff(wanted, prepend=wanted[0]))
+        moved = change != 0
+        last_move = np.maximum.accumulate(np.where(moved, np.arange(len(wanted)), -1))
+        answer = np.where(change > 0, self.input_for_N(wanted, Branch.PULL), self.input_for_N(wanted, Branch.RELEASE))
+        start = wanted[0] if initial_input_N is None else initial_input_N
+        return np.where(last_move >= 0, answer[np.maximum(last_move, 0)], start)
+
+    def largest_output_N(self, force_max_N: float) -> float:
+        """Largest output tension that a force can pull through the friction, (F + p) e^{-mu_pull theta} - p [N].
+
+        Parameters
+        ----------
+        force_max_N : float
+        """
+        return float(self.output_bounds_N(force_max_N)[0])
+
+    def smallest_output_N(self, force_min_N: float) -> float:
+        """Smallest output tension that releasing down to a force leaves, (F + p) e^{mu_release theta} - p [N].
+
+        Parameters
+        ----------
+        force_min_N : float
+        """
+        return float(self.output_bounds_N(force_min_N)[1])
+
+    def stiffness_N_per_m(self, tendon_stiffness_N_per_m: float, branch: Branch) -> float:
+        """dT_in/d(elongation) in slip: k a/(1 - e^{-a}) pulling, k a/(e^a - 1) releasing, a = mu theta.
+
+        Parameters
+        ----------
+        tendon_stiffness_N_per_m : float
+            k = EA/L of the whole tendon [N/m].
+        branch : Branch
+        """
+        if branch is Branch.PULL:
+            return tendon_stiffness_N_per_m / _shape(self.pull_exponent)
+        return tendon_stiffness_N_per_m / _shape(-self.release_exponent)
+
+    def elongation_m(self, input_N: ArrayLike, tendon_stiffness_N_per_m: float, branch: Branch) -> Array:
+        """Elongation of the tendon in slip [m], the mean tension over the path divided by k.
+
+        Parameters
+        ----------
+        input_N : array_like
+            T_in [N].
+        tendon_stiffness_N_per_m : float
+            k = EA/L of the whole tendon [N/m].
+        branch : Branch
+        """
+        lifted = np.asarray(input_N, dtype=np.float64) + self.adhesion_N
+        shape = _shape(self.pull_exponent if branch is Branch.PULL else -self.release_exponent)
+        return (lifted * shape - self.adhesion_N) / tendon_stiffness_N_per_m
+
+    def dead_zone_m(self, input_N: float, tendon_stiffness_N_per_m: float, branch: Branch) -> float:
+        """Travel of the input end after a reversal before the output moves [m], > 0.
+
+        With mu_pull = mu_release and p = 0 it is (R T_in/(EA mu)) (1 - e^{-a})^2 when pulling ends.
+
+        Parameters
+        ----------
+        input_N : float
+            T_in at the reversal [N].
+        tendon_stiffness_N_per_m : float
+            k = EA/L of the whole tendon [N/m].
+        branch : Branch
+            The branch that ends there.
+        """
+        lifted, both = input_N + self.adhesion_N, self.pull_exponent + self.release_exponent
+        pull, release = _shape(self.pull_exponent), _shape(-self.release_exponent)
+        if branch is Branch.PULL:
+            return lifted * (pull - math.exp(-both) * release) / tendon_stiffness_N_per_m
+        return lifted * (math.exp(both) * pull - release) / tendon_stiffness_N_per_m
