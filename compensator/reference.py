@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import assert_never
 
 import numpy as np
-from scipy import signal
 
 from tendonff.compensator.files import FloatArray, InputError, read_csv
 from tendonff.compensator.scenario import Scenario
@@ -63,23 +62,9 @@ def sample_reference(scenario: Scenario) -> Reference:
     InputError
         The reference reaches 0 or below, or above the largest tension that force_max_N delivers through the friction.
     """
-    spec, step, file = scenario.reference, scenario.run.step_s, scenario.source.name
-    removed = 0.0
-    match spec:
-        case SineReference():
-            time = _grid(spec.duration_s, step, file)
-            tension = _sine(spec, time)
-            initial = spec.initial_tension_N
-        case WaypointReference():
-            time = _grid(spec.times_s[-1], step, file)
-            tension = _waypoints(spec, time)
-            initial = spec.tensions_N[0] if spec.initial_tension_N is None else spec.initial_tension_N
-        case CsvReference():
-            time, tension, removed = _csv(spec, scenario.source.parent / spec.file, step, file)
-            initial = float(tension[0]) if spec.initial_tension_N is None else spec.initial_tension_N
-        case _:
-            assert_never(spec)
-    _check_deliverable(scenario.transmission, time, tension, file)
+    spec = scenario.reference
+    time, tension, initial, removed = _sample(scenario)
+    _check_deliverable(scenario.transmission, time, tension, scenario.source.name)
     notes = []
     if removed > 0 and isinstance(spec, CsvReference):
         notes.append(
@@ -93,11 +78,42 @@ def sample_reference(scenario: Scenario) -> Reference:
     return Reference(
         time_s=time,
         tension_N=tension,
-        step_s=step,
+        step_s=scenario.run.step_s,
         initial_tension_N=initial,
         removed_noise_N=removed,
         warnings=tuple(notes),
     )
+
+
+def initial_tension(scenario: Scenario) -> float:
+    """Uniform tension at rest before the start [N], without checking the rest of the reference.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    """
+    given = scenario.reference.initial_tension_N
+    return given if given is not None else _sample(scenario)[2]
+
+
+def _sample(scenario: Scenario) -> tuple[FloatArray, FloatArray, float, float]:
+    """Times, tensions, initial tension and the rms of what a filter removed."""
+    spec, step, file = scenario.reference, scenario.run.step_s, scenario.source.name
+    removed = 0.0
+    match spec:
+        case SineReference():
+            time = _grid(spec.duration_s, step, file)
+            tension = _sine(spec, time)
+        case WaypointReference():
+            time = _grid(spec.times_s[-1], step, file)
+            tension = _waypoints(spec, time)
+        case CsvReference():
+            time, tension, removed = _csv(spec, scenario.source.parent / spec.file, step, file)
+        case _:
+            assert_never(spec)
+    # The first sample of the filtered course, where there is a filter: the run then starts without a jump.
+    initial = float(tension[0]) if spec.initial_tension_N is None else spec.initial_tension_N
+    return time, tension, initial, removed
 
 
 def _grid(duration_s: float, step_s: float, file: str) -> FloatArray:
@@ -110,10 +126,11 @@ def _grid(duration_s: float, step_s: float, file: str) -> FloatArray:
         )
     if steps > _MAX_STEPS:
         raise InputError(
-            f"{file} [run]: step_s = {step_s:g} makes more than {_MAX_STEPS} steps of the {duration_s:g} s long reference; "
-            "use a larger step"
+            f"{file} [run]: step_s = {step_s:g} makes more than {_MAX_STEPS} steps of the {duration_s:g} s long "
+            "reference; use a larger step"
         )
-    return np.arange(steps + 1) * step_s
+    time: FloatArray = np.arange(steps + 1, dtype=np.float64) * step_s
+    return time
 
 
 def _sine(spec: SineReference, time: FloatArray) -> FloatArray:
@@ -128,7 +145,8 @@ def _sine(spec: SineReference, time: FloatArray) -> FloatArray:
 def _waypoints(spec: WaypointReference, time: FloatArray) -> FloatArray:
     times, tensions = np.array(spec.times_s), np.array(spec.tensions_N)
     if spec.shape is Shape.LINEAR:
-        return np.interp(time, times, tensions)
+        straight: FloatArray = np.interp(time, times, tensions)
+        return straight
     # 10 u^3 - 15 u^4 + 6 u^5 is the lowest polynomial with zero velocity and acceleration at both ends: the pieces
     # join with two continuous derivatives, and each is monotone, so no piece leaves the range of its two waypoints.
     piece = np.clip(np.searchsorted(times, time, side="right") - 1, 0, len(times) - 2)
@@ -175,6 +193,8 @@ def low_pass(values: FloatArray, cutoff_Hz: float, rate_Hz: float) -> FloatArray
     -------
     ndarray, shape (n,)
     """
+    from scipy import signal  # costs a second to import, and most references need none of it
+
     sections = signal.butter(_ORDER, cutoff_Hz, fs=rate_Hz, output="sos")
     # Both ends are continued by point reflection, for longer than the filter remembers.
     pad = min(len(values) - 1, math.ceil(3 * rate_Hz / cutoff_Hz))
@@ -191,22 +211,22 @@ def largest_tension(transmission: Transmission) -> float:
     """
     from tendonff.models.capstan import CapstanLaw
 
-    return float(CapstanLaw.from_transmission(transmission).output_bounds(transmission.actuator.force_max_N)[0])
+    return CapstanLaw.of(transmission).largest_output_N(transmission.actuator.force_max_N)
 
 
 def _check_deliverable(transmission: Transmission, time: FloatArray, tension: FloatArray, file: str) -> None:
     lowest, highest = int(np.argmin(tension)), int(np.argmax(tension))
     if not tension[lowest] > 0:
         raise InputError(
-            f"{file} [reference]: the tension must stay above 0, got {tension[lowest]:.4g} N at t = {time[lowest]:g} s; "
-            "a tendon cannot push: raise initial_tension_N or lower the amplitudes"
+            f"{file} [reference]: the tension must stay above 0, got {tension[lowest]:.4g} N at "
+            f"t = {time[lowest]:g} s; a tendon cannot push: raise initial_tension_N or lower the amplitudes"
         )
     reachable = largest_tension(transmission)
     if tension[highest] > reachable:
         raise InputError(
             f"{file} [reference]: the tension reaches {tension[highest]:.4g} N at t = {time[highest]:g} s, but "
-            f"force_max_N = {transmission.actuator.force_max_N:g} delivers at most {reachable:.4g} N through the friction; "
-            "lower the reference or raise force_max_N"
+            f"force_max_N = {transmission.actuator.force_max_N:g} delivers at most {reachable:.4g} N through the "
+            "friction; lower the reference or raise force_max_N"
         )
 
 
@@ -286,6 +306,8 @@ def _cutoff_at_the_noise_floor(tension: FloatArray, rate: float) -> float | None
     The floor is the median power of the upper third of the spectrum below the rate at which the samples really vary;
     the cut-off is where the smoothed spectrum last stands ten times above it.
     """
+    from scipy import signal
+
     if len(tension) < 64:
         return None
     frequency, power = signal.welch(np.asarray(tension), fs=rate, nperseg=min(len(tension), 4096), detrend="linear")

@@ -1,1 +1,98 @@
-"""The command line `tendonff`."""
+"""The command line `tendonff`: one module per command, all listed here.
+
+Exit codes: 0 success; 1 a solve failed, with its diagnosis; 2 bad input, with one message; 130 interrupted.
+"""
+
+import signal
+import sys
+from collections.abc import Sequence
+from types import FrameType
+from typing import Annotated, NoReturn
+
+import typer
+
+from tendonff.compensator.cli.new import new
+from tendonff.compensator.cli.progress import say
+from tendonff.compensator.cli.simulate import simulate
+from tendonff.models.errors import TendonffError
+
+EXIT_SOLVE, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130
+
+# Base of typer's complaints about arguments. Newer typers bring their own copy of click, so that it cannot be imported
+# under one name; `BadParameter` is public in all of them.
+_USAGE_ERRORS = tuple(cls for cls in typer.BadParameter.__mro__ if cls.__name__ == "ClickException")
+
+app = typer.Typer(
+    name="tendonff",
+    help="Which force must the actuator apply so that a tendon on a curved path delivers the tension I want?",
+    add_completion=False,
+    rich_markup_mode=None,  # plain text: panels wrap file names, and messages are to be grepped
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"tendonff {version('tendonff')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", help="Show the version.", callback=_show_version, is_eager=True)
+    ] = False,
+) -> None:
+    pass
+
+
+app.command()(new)
+app.command()(simulate)
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run one command and turn what goes wrong into a message and an exit code.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        What follows `tendonff` on the command line.
+    """
+    command = typer.main.get_command(app)
+    if not arguments:
+        command.main(["--help"], prog_name="tendonff", standalone_mode=False)
+        return EXIT_INPUT
+    try:
+        result = command.main(list(arguments), prog_name="tendonff", standalone_mode=False)
+    except _USAGE_ERRORS as error:
+        say(f"error: {error.format_message().replace('Value error, ', '')}")
+        return EXIT_INPUT
+    except (KeyboardInterrupt, typer.Abort):
+        say("interrupted; nothing was written")
+        return EXIT_INTERRUPTED
+    except TendonffError as error:
+        say(f"error: {error}")
+        return EXIT_SOLVE if isinstance(error, RuntimeError) else EXIT_INPUT
+    except BrokenPipeError:
+        return EXIT_SOLVE
+    except OSError as error:
+        name = f"{error.filename}: " if error.filename else ""
+        say(f"error: {name}{error.strerror or error}; nothing was written")
+        return EXIT_SOLVE
+    except MemoryError:
+        say("error: not enough memory; use a larger step_s, fewer segments or a shorter file; nothing was written")
+        return EXIT_SOLVE
+    return result if isinstance(result, int) else 0
+
+
+def _terminate(_signal: int, _frame: FrameType | None) -> NoReturn:
+    raise KeyboardInterrupt
+
+
+def main() -> None:
+    """Entry point of the program."""
+    signal.signal(signal.SIGTERM, _terminate)  # so that an ended job removes its temporary files too
+    sys.exit(run(sys.argv[1:]))

@@ -9,10 +9,9 @@ import json
 import re
 from collections.abc import Mapping
 from enum import StrEnum
-from functools import cache
 from inspect import cleandoc
 from types import NoneType, UnionType
-from typing import Annotated, Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, Strict, ValidationError, create_model
 
@@ -52,7 +51,7 @@ def read_table(cls: type[T], raw: object, *, file: str, table: str, extra_keys: 
                 raise InputError(f'{where}: unknown key "{key}"; this table has no keys yet')
             raise InputError(f'{where}: unknown key "{key}"{suggestion(key, [*known, *extra_keys])}')
     try:
-        values = _validator(cast(type[Any], cls)).model_validate(keys)
+        values = _validator(cls).model_validate(keys)
     except ValidationError as error:
         raise InputError(f"{where}: {_explain(cls, error)}") from None
     try:
@@ -93,8 +92,7 @@ def toml_table(instance: object) -> str:
     return "".join(f"{name} = {toml_value(value)}\n" for name, value in pairs if value is not None)
 
 
-@cache
-def descriptions(cls: type[Any]) -> dict[str, str]:
+def descriptions(cls: type) -> dict[str, str]:
     """What each field is: the `Parameters` section of the numpydoc docstring."""
     found: dict[str, str] = {}
     section = cleandoc(cls.__doc__ or "").partition("Parameters\n----------\n")[2]
@@ -104,8 +102,7 @@ def descriptions(cls: type[Any]) -> dict[str, str]:
     return found
 
 
-@cache
-def _validator(cls: type[Any]) -> type[BaseModel]:
+def _validator(cls: type) -> type[BaseModel]:
     """A pydantic model with the fields of the dataclass: strict, so that text is no number and true is not 1."""
     hints = get_type_hints(cls)
     fields: dict[str, Any] = {}

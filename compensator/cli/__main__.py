@@ -1,0 +1,5 @@
+"""`python -m tendonff.compensator.cli`."""
+
+from tendonff.compensator.cli import main
+
+main()

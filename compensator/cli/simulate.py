@@ -1,0 +1,37 @@
+"""`tendonff simulate`: what a force does to the tensions along the tendon."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tendonff.compensator.cli.options import LevelOption, ScenarioArgument
+from tendonff.compensator.cli.progress import progress, say, warn
+
+
+def simulate(
+    scenario: ScenarioArgument,
+    force: Annotated[
+        Path,
+        typer.Option("--force", metavar="F.csv", help="Force file: time_s,force_N, from 0.", show_default=False),
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="O.csv", help="Result: tensions and end positions.", show_default=False)
+    ],
+    level: LevelOption = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Run with half the step as well and state the error estimate.")
+    ] = False,
+) -> None:
+    """Simulate the chain under a force file, from rest at the scenario's initial tension."""
+    from tendonff.compensator.scenario import load_scenario
+    from tendonff.compensator.simulation import play_force, read_force
+
+    loaded = load_scenario(scenario)
+    profile = read_force(force)
+    with progress("simulating") as advance:
+        played = play_force(loaded, level or loaded.run.level, profile, out, check=check, advance=advance)
+    for warning in played.warnings:
+        warn(warning)
+    if played.check is not None:
+        say(f"check: {played.check}")
