@@ -291,8 +291,8 @@ def atomic_file(target: Path) -> Iterator[Path]:
         At entry, before any work, when `target` is a folder or cannot be written.
     """
     try:
-        target = target.resolve()  # through a link, so that the link stays
         mode = target.stat().st_mode if target.exists() else None
+        resolved = target.resolve()  # through a link, so that the link stays
     except (OSError, RuntimeError, ValueError) as error:
         raise InputError(f"{target} cannot be written: {error}") from None
     if mode is not None and stat.S_ISDIR(mode):
@@ -300,6 +300,7 @@ def atomic_file(target: Path) -> Iterator[Path]:
     if mode is not None and not stat.S_ISREG(mode):
         yield target
         return
+    target = resolved
     made = _make_parents(target.parent)
     partial = _sibling(target)
     try:

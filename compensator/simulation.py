@@ -86,7 +86,8 @@ class _Error:
         rms = math.sqrt(self.squares / max(self.rows, 1))
         span = self.highest - self.lowest
         percent = f" ({100 * rms / span:.2g} % and {100 * self.peak / span:.2g} % of range)" if span > 0 else ""
-        return f"output tension against a run with step {step_s / 2:g} s: {rms:.3g} N rms, {self.peak:.3g} N at most{percent}"
+        error = f"{rms:.3g} N rms, {self.peak:.3g} N at most{percent}"
+        return f"output tension against a run with step {step_s / 2:g} s: {error}"
 
 
 def read_force(path: Path) -> ForceProfile:

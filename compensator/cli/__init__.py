@@ -7,7 +7,7 @@ import signal
 import sys
 from collections.abc import Sequence
 from types import FrameType
-from typing import Annotated, NoReturn
+from typing import Annotated, NoReturn, cast
 
 import typer
 
@@ -20,7 +20,10 @@ EXIT_SOLVE, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130
 
 # Base of typer's complaints about arguments. Newer typers bring their own copy of click, so that it cannot be imported
 # under one name; `BadParameter` is public in all of them.
-_USAGE_ERRORS = tuple(cls for cls in typer.BadParameter.__mro__ if cls.__name__ == "ClickException")
+_USAGE_ERRORS = cast(
+    tuple[type[typer.BadParameter], ...],
+    tuple(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException"),
+)
 
 app = typer.Typer(
     name="tendonff",
