@@ -4,13 +4,14 @@ Colours are Okabe and Ito's, which stay apart for colour-blind readers; curves t
 as well, so that they stay apart in a black-and-white print. Figures carry no date: equal results give equal files.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import matplotlib.style
+from cycler import cycler
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -37,12 +38,12 @@ COLUMN_WIDTH_IN = 3.5
 PAGE_WIDTH_IN = 7.2
 """Widths of one and of two printed columns [in]."""
 
-_STYLE: Mapping[str, object] = {
+_STYLE: dict[Any, Any] = {
     "axes.axisbelow": True,
     "axes.grid": True,
     "axes.labelsize": 9,
     "axes.linewidth": 0.7,
-    "axes.prop_cycle": mpl.cycler(color=CYCLE),
+    "axes.prop_cycle": cycler(color=CYCLE),
     "axes.spines.right": False,
     "axes.spines.top": False,
     "axes.titlelocation": "left",
