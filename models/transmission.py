@@ -1,11 +1,13 @@
 """Parameters of the transmission, and their scaling to N elements.
 
-Parameters describe the whole tendon. `Transmission.elements` is the only place where they are divided
+Parameters describe the whole tendon. `Whole.divided` is the only place where they are divided
 among the elements of the chain, so that results do not depend on the number of elements.
 """
 
 import math
 from dataclasses import dataclass
+
+import casadi as ca
 
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
@@ -250,18 +252,79 @@ class Elements:
 
 
 def equivalent_coefficient(mu: float, element_angle_rad: float) -> float:
-    """Coefficient of one lumped element, (1 - e^{-mu phi})/(1 + e^{-mu phi}) [-].
+    """Coefficient of one lumped element, (1 - e^{-mu phi})/(1 + e^{-mu phi}) = tanh(mu phi/2) [-].
 
     Eqs. (8), (9): with it N elements in one-way slip give e^{mu theta} exactly.
 
     Parameters
     ----------
-    mu : float
+    mu : float or ca.SX
         Coefficient of tendon on path [-].
-    element_angle_rad : float
+    element_angle_rad : float or ca.SX
         phi = theta/N [rad].
     """
-    return math.tanh(mu * element_angle_rad / 2)
+    return ca.tanh(mu * element_angle_rad / 2)  # type: ignore[no-any-return]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Whole:
+    """The undivided tendon at one fidelity level, defaults resolved; numbers or CasADi scalars.
+
+    Parameters
+    ----------
+    total_angle_rad : float
+        theta [rad].
+    mass_kg, viscous_N_s_per_m, bristle_stiffness_N_per_m : float
+        m, b, sigma0 (of the level's bristle).
+    stiffness_N_per_m, relaxing_stiffness_N_per_m, damping_N_s_per_m, relaxation_time_s : float
+        k1, k2 (0 for a link that does not relax), c, tau.
+    stribeck_velocity_m_per_s, adhesion_N : float
+        omega, p.
+    mu_dynamic_pull, mu_static_pull, mu_dynamic_release, mu_static_release : float
+        Coefficients of tendon on path [-].
+    """
+
+    total_angle_rad: float
+    mass_kg: float
+    viscous_N_s_per_m: float
+    bristle_stiffness_N_per_m: float
+    stiffness_N_per_m: float
+    relaxing_stiffness_N_per_m: float
+    damping_N_s_per_m: float
+    relaxation_time_s: float
+    stribeck_velocity_m_per_s: float
+    adhesion_N: float
+    mu_dynamic_pull: float
+    mu_static_pull: float
+    mu_dynamic_release: float
+    mu_static_release: float
+
+    def divided(self, n: int) -> Elements:
+        """Divide the tendon among N masses and N + 1 links: the only place that knows how.
+
+        Parameters
+        ----------
+        n : int
+            N.
+        """
+        phi = self.total_angle_rad / n
+        return Elements(
+            count=n,
+            mass_kg=self.mass_kg / n,
+            viscous_N_s_per_m=self.viscous_N_s_per_m / n,
+            bristle_stiffness_N_per_m=self.bristle_stiffness_N_per_m / n,
+            element_angle_rad=phi,
+            stiffness_N_per_m=self.stiffness_N_per_m * (n + 1),
+            relaxing_stiffness_N_per_m=self.relaxing_stiffness_N_per_m * (n + 1),
+            damping_N_s_per_m=self.damping_N_s_per_m * (n + 1),
+            relaxation_time_s=self.relaxation_time_s,
+            stribeck_velocity_m_per_s=self.stribeck_velocity_m_per_s,
+            adhesion_N=self.adhesion_N,
+            mu_dynamic_pull=equivalent_coefficient(self.mu_dynamic_pull, phi),
+            mu_static_pull=equivalent_coefficient(self.mu_static_pull, phi),
+            mu_dynamic_release=equivalent_coefficient(self.mu_dynamic_release, phi),
+            mu_static_release=equivalent_coefficient(self.mu_static_release, phi),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -296,23 +359,33 @@ class Transmission:
         n = self.path.segments if segments is None else segments
         if not n >= 1:
             raise ParameterError(f"segments must be >= 1, got {n}; 6 is a good start")
+        return self.whole(level).divided(n)
+
+    def whole(self, level: Level) -> "Whole":
+        """The numbers of the undivided tendon at a level, defaults resolved.
+
+        Parameters
+        ----------
+        level : Level
+        """
         tendon, friction, features = self.tendon, self.friction, level.features
-        sigma0 = friction.soft_bristle_stiffness_N_per_m if features.soft_bristle else friction.bristle_stiffness_N_per_m
-        phi = self.path.total_angle_rad / n
-        return Elements(
-            count=n,
-            mass_kg=tendon.mass_kg / n,
-            viscous_N_s_per_m=friction.viscous_N_s_per_m / n,
-            bristle_stiffness_N_per_m=sigma0 / n,
-            element_angle_rad=phi,
-            stiffness_N_per_m=tendon.stiffness_N_per_m * (n + 1),
-            relaxing_stiffness_N_per_m=tendon.relaxing_stiffness_N_per_m * (n + 1) if features.link_relaxes else 0.0,
-            damping_N_s_per_m=tendon.damping_N_s_per_m * (n + 1),
+        return Whole(
+            total_angle_rad=self.path.total_angle_rad,
+            mass_kg=tendon.mass_kg,
+            viscous_N_s_per_m=friction.viscous_N_s_per_m,
+            bristle_stiffness_N_per_m=(
+                friction.soft_bristle_stiffness_N_per_m
+                if features.soft_bristle
+                else friction.bristle_stiffness_N_per_m
+            ),
+            stiffness_N_per_m=tendon.stiffness_N_per_m,
+            relaxing_stiffness_N_per_m=tendon.relaxing_stiffness_N_per_m if features.link_relaxes else 0.0,
+            damping_N_s_per_m=tendon.damping_N_s_per_m,
             relaxation_time_s=tendon.relaxation_time_s,
             stribeck_velocity_m_per_s=friction.stribeck_velocity_m_per_s,
             adhesion_N=friction.adhesion_N,
-            mu_dynamic_pull=equivalent_coefficient(friction.mu_dynamic, phi),
-            mu_static_pull=equivalent_coefficient(friction.mu_static, phi),
-            mu_dynamic_release=equivalent_coefficient(friction.release_dynamic, phi),
-            mu_static_release=equivalent_coefficient(friction.release_static, phi),
+            mu_dynamic_pull=friction.mu_dynamic,
+            mu_static_pull=friction.mu_static,
+            mu_dynamic_release=friction.release_dynamic,
+            mu_static_release=friction.release_static,
         )

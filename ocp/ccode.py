@@ -113,7 +113,9 @@ def c_function(
         If an expression uses an operation that has no C spelling here.
     """
     names = [symbol.name() for symbol in inputs]
-    tape = ca.Function(name, [ca.vertcat(*inputs)], [ca.vertcat(*outputs.values())], {"cse": True})
+    # Dense, because the tape numbers the structural nonzeros of its output.
+    results = ca.densify(ca.vertcat(*outputs.values()))
+    tape = ca.Function(name, [ca.vertcat(*inputs)], [results], {"cse": True})
     out_names = list(outputs)
     constants = {"zero": literal(0.0, precision), "one": literal(1.0, precision)}
     suffix = "f" if precision is Precision.FLOAT else ""

@@ -168,21 +168,13 @@ def path_mass() -> Law:
 
 
 def path_mass_tangent() -> Law:
-    """Every slope of a path mass's balance and bristle force that a sensitivity needs.
-
-    Outputs `residual_by_X` and `f_s_by_X` for X in v, f_near, f_far, v_base, s_base, mass, b, p and the six bristle
-    parameters; those of the residual over v, f_near, f_far are in `path_mass` and left out here.
-    """
+    """Every slope of a path mass's balance (`r_by_X`) and bristle force (`s_by_X`) that a sensitivity needs."""
     m = _path_mass()
-    by_name = {symbol.name(): symbol for symbol in m.inputs}
     outputs: dict[str, ca.SX] = {}
-    for name, symbol in by_name.items():
-        if name == "H":
-            continue
-        if name not in ("v", "f_near", "f_far"):
-            outputs[f"residual_by_{name}"] = ca.jacobian(m.residual, symbol)
-        if name not in ("v_base", "mass", "b"):
-            outputs[f"f_s_by_{name}"] = ca.jacobian(m.f_s, symbol)
+    for symbol in m.inputs:
+        if (name := symbol.name()) != "H":
+            outputs[f"r_by_{name}"] = ca.jacobian(m.residual, symbol)
+            outputs[f"s_by_{name}"] = ca.jacobian(m.f_s, symbol)
     return Law(
         name="path_mass_tangent",
         comment="Slopes of a path mass's balance and bristle force over states and parameters.",
@@ -209,6 +201,39 @@ def end_mass() -> Law:
         inputs=inputs,
         outputs={"residual": residual, "by_v": ca.jacobian(residual, v), "by_f": ca.jacobian(residual, f)},
     )
+
+
+def link_tangent() -> Law:
+    """Slopes of a link's unclipped force and relaxed elongation over states and parameters."""
+    symbols, link = _link_parameters()
+    rate, e_base, z_base, step = _symbols("rate e_base z_base H")
+    end = implicit_link(rate, e_base, z_base, step, link)
+    outputs = {f"u_by_{s.name()}": ca.jacobian(end.unclipped_N, s) for s in (e_base, z_base, *symbols)}
+    outputs |= {f"z_by_{s.name()}": ca.jacobian(end.z, s) for s in (rate, e_base, z_base, symbols[2])}
+    return Law(
+        name="link_tangent",
+        comment="Slopes of a link's force before slack and of its relaxed elongation.",
+        inputs=(rate, e_base, z_base, step, *symbols),
+        outputs=outputs,
+    )
+
+
+def end_mass_tangent() -> Law:
+    """Slopes of an end mass's balance over bases, motor inputs and parameters."""
+    inputs = end_mass().inputs
+    residual = end_mass_residual(inputs)
+    kept = [s for s in inputs if s.name() not in ("v", "H", "pull")]
+    return Law(
+        name="end_mass_tangent",
+        comment="Slopes of an end mass's balance.",
+        inputs=inputs,
+        outputs={f"by_{s.name()}": ca.jacobian(residual, s) for s in kept},
+    )
+
+
+def tangent_laws() -> tuple[Law, ...]:
+    """The laws that forward sensitivities need beside `simulation_laws`."""
+    return (link_tangent(), path_mass_tangent(), end_mass_tangent())
 
 
 def _zero_of(expression: ca.SX, unknown: ca.SX) -> ca.SX:

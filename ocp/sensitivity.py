@@ -1,0 +1,275 @@
+"""Exact forward sensitivities of the simulation, differentiated step by step from CasADi's derivatives of the laws.
+
+Two questions share one routine: how the tensions change with the force at the knots of a piecewise linear profile
+(optimal control), and how they change with the parameters (identification).
+"""
+
+import ctypes
+import functools
+from dataclasses import dataclass, fields
+from enum import StrEnum
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonff.models.chain import Chain, ChainState
+from tendonff.models.errors import ParameterError
+from tendonff.models.transmission import Whole
+from tendonff.ocp.ccode import Precision
+from tendonff.ocp.compiled import load_library, print_laws, render_template
+from tendonff.ocp.compiled_stepper import PREFIX, ReportStruct, chain_numbers, chain_struct, pointer
+from tendonff.ocp.elements import simulation_laws, tangent_laws
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.simulate import describe_failure, force_inputs, tensions_of
+from tendonff.ocp.stepping import Array, Rows
+
+
+class Links(StrEnum):
+    """Which tensions a sensitivity reports.
+
+    Attributes
+    ----------
+    OUTPUT
+        f_{N+1} only.
+    ALL
+        f_1 .. f_{N+1}.
+    """
+
+    OUTPUT = "output"
+    ALL = "all"
+
+
+class Parameter(StrEnum):
+    """Parameters of the whole tendon that a sensitivity may be taken over: the fields of `Whole`."""
+
+    MASS = "mass_kg"
+    VISCOUS = "viscous_N_s_per_m"
+    BRISTLE_STIFFNESS = "bristle_stiffness_N_per_m"
+    STIFFNESS = "stiffness_N_per_m"
+    RELAXING_STIFFNESS = "relaxing_stiffness_N_per_m"
+    DAMPING = "damping_N_s_per_m"
+    RELAXATION_TIME = "relaxation_time_s"
+    STRIBECK_VELOCITY = "stribeck_velocity_m_per_s"
+    ADHESION = "adhesion_N"
+    MU_DYNAMIC_PULL = "mu_dynamic_pull"
+    MU_STATIC_PULL = "mu_static_pull"
+    MU_DYNAMIC_RELEASE = "mu_dynamic_release"
+    MU_STATIC_RELEASE = "mu_static_release"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensitivity:
+    """A run and its derivatives, rows at 0, h, 2 h ...
+
+    Parameters
+    ----------
+    tension_N : ndarray, shape (n, N + 1)
+        As `simulate` gives.
+    ends_m : ndarray, shape (n, 2)
+        q_a, q_l.
+    tension_slopes : ndarray, shape (n, links, directions)
+        d tension/d direction; links is 1 (the output) or N + 1.
+    ends_slopes : ndarray, shape (n, 2, directions), or None
+        d (q_a, q_l)/d direction.
+    """
+
+    tension_N: Array
+    ends_m: Array
+    tension_slopes: Array
+    ends_slopes: Array | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Directions:
+    """What the directions change: element numbers and start, or the knots of the force."""
+
+    width: int
+    numbers: Array | None
+    start: Array
+    knot: NDArray[np.intc] | None
+    weight: Array | None
+    window: int
+
+
+@functools.cache
+def _library() -> ctypes.CDLL:
+    parts = [
+        "#include <math.h>\n#include <stddef.h>\n",
+        render_template("stepper.h.j2", PREFIX, Precision.DOUBLE),
+        print_laws((*simulation_laws(), *tangent_laws()), PREFIX, Precision.DOUBLE),
+        render_template("stepper.c.j2", PREFIX, Precision.DOUBLE),
+        render_template("tangent.c.j2", PREFIX, Precision.DOUBLE),
+        f"int {PREFIX}_work_reals(int n) {{ return {PREFIX}_work_size(n); }}\n",
+    ]
+    library = load_library("\n".join(parts))
+    library.tff_tangent_run.restype = ctypes.c_long
+    return library
+
+
+def force_sensitivity(
+    chain: Chain,
+    force_N: Array,
+    step_s: float,
+    knot_rows: NDArray[np.int_],
+    *,
+    state: ChainState,
+    links: Links = Links.OUTPUT,
+    window: int = 0,
+) -> Sensitivity:
+    """How the tensions change with the force at the knots of a piecewise linear profile.
+
+    Parameters
+    ----------
+    chain : Chain
+    force_N : ndarray, shape (n,)
+        f_c1 at 0, h, 2 h ... [N].
+    step_s : float
+        h [s].
+    knot_rows : ndarray of int, shape (k,)
+        Rows of the knots: strictly increasing from 0 to n - 1.
+    state : ChainState
+        Start.
+    links : Links, optional
+    window : int, optional
+        Follow a knot's influence over so many later knots only; 0 follows it to the end.
+
+    Returns
+    -------
+    Sensitivity
+        One direction per knot, in N per N.
+    """
+    rows = np.asarray(knot_rows, dtype=np.int64)
+    if rows[0] != 0 or rows[-1] != len(force_N) - 1 or np.any(np.diff(rows) <= 0):
+        raise ParameterError(f"knot_rows must rise strictly from 0 to {len(force_N) - 1}, got {rows}")
+    at = np.arange(1, len(force_N))
+    left = np.clip(np.searchsorted(rows, at, side="right") - 1, 0, len(rows) - 2)
+    weight = (at - rows[left]) / (rows[left + 1] - rows[left])
+    directions = _Directions(
+        width=len(rows),
+        numbers=None,
+        start=np.zeros((4 * chain.count + 6, len(rows))),
+        knot=np.ascontiguousarray(left, dtype=np.intc),
+        weight=np.ascontiguousarray(weight),
+        window=window,
+    )
+    return _run(chain, force_N, step_s, state, directions, links, with_ends=False)
+
+
+def parameter_sensitivity(
+    whole: Whole,
+    chain: Chain,
+    force_N: Array,
+    step_s: float,
+    parameters: tuple[Parameter, ...],
+    *,
+    initial_tension_N: float,
+    links: Links = Links.OUTPUT,
+) -> Sensitivity:
+    """How the tensions and the end positions change with parameters of the whole tendon.
+
+    Parameters
+    ----------
+    whole : Whole
+        The parameters, of which `chain` is made.
+    chain : Chain
+    force_N : ndarray, shape (n,)
+        f_c1 at 0, h, 2 h ... [N].
+    step_s : float
+        h [s].
+    parameters : tuple of Parameter
+    initial_tension_N : float
+        T0 of the start at rest [N].
+    links : Links, optional
+
+    Returns
+    -------
+    Sensitivity
+        One direction per parameter, per its SI unit.
+    """
+    values = {f.name: getattr(whole, f.name) for f in fields(whole)}
+    symbols = {name: ca.SX.sym(name) for name in parameters}
+    symbolic = Chain(
+        elements=Whole(**{**values, **symbols}).divided(chain.count), level=chain.level, near=chain.near, far=chain.far
+    )
+    unknowns = ca.vertcat(*symbols.values())
+    at = [values[name] for name in parameters]
+    numbers = ca.vertcat(*chain_numbers(symbolic))
+    stretch = initial_tension_N / symbolic.elements.stiffness_N_per_m
+    n = chain.count
+    # The start at rest depends on the stiffness alone: e = z = T0/(k1 (N + 1)), q_a = q_l + sum of e.
+    start = ca.vertcat(
+        ca.SX.zeros(n + 2), ca.repmat(stretch, 2 * n + 2, 1), ca.SX.zeros(n), stretch * (n + 1), ca.SX(0)
+    )
+    slopes = ca.Function("slopes", [unknowns], [ca.jacobian(numbers, unknowns), ca.jacobian(start, unknowns)])
+    by_number, by_start = (np.ascontiguousarray(np.asarray(m.full())) for m in slopes(at))
+    directions = _Directions(
+        width=len(parameters), numbers=by_number, start=by_start, knot=None, weight=None, window=0
+    )
+    state = chain.rest_state(initial_tension_N)
+    return _run(chain, force_N, step_s, state, directions, links, with_ends=True)
+
+
+def _run(
+    chain: Chain,
+    force_N: Array,
+    step_s: float,
+    state: ChainState,
+    directions: _Directions,
+    links: Links,
+    *,
+    with_ends: bool,
+) -> Sensitivity:
+    library, n, width = _library(), chain.count, directions.width
+    inputs = np.ascontiguousarray(force_inputs(np.asarray(force_N, dtype=np.float64)))
+    rows = len(inputs) - 1
+    first_link = n if links is Links.OUTPUT else 0
+    x = state.vector()
+    x_old = x.copy()
+    dx = np.ascontiguousarray(directions.start)
+    dx_old = dx.copy()
+    work = np.empty(library.tff_work_reals(ctypes.c_int(n)) + 4 * n + 6)
+    tangent_work = np.empty(library.tff_tangent_reals(ctypes.c_int(n), ctypes.c_int(width)))
+    tension, ends = np.empty((rows + 1, n + 1)), np.empty((rows + 1, 2))
+    slopes = np.zeros((rows + 1, n + 1 - first_link, width))
+    ends_slopes = np.zeros((rows + 1, 2, width)) if with_ends else None
+    tension[0], ends[0] = tensions_of(chain, x)[0], x[-2:]
+    if ends_slopes is not None:
+        ends_slopes[0] = dx[-2:]
+    report = ReportStruct()
+    struct = chain_struct(chain, step_s)
+    done = library.tff_tangent_run(
+        ctypes.byref(struct),
+        pointer(inputs),
+        ctypes.c_long(rows),
+        ctypes.c_int(1),
+        pointer(x),
+        pointer(x_old),
+        pointer(work),
+        pointer(tension[1:]),
+        pointer(ends[1:]),
+        ctypes.byref(report),
+        ctypes.c_int(width),
+        pointer(directions.numbers),
+        ctypes.c_void_p(None if directions.knot is None else directions.knot.ctypes.data),
+        pointer(directions.weight),
+        ctypes.c_int(directions.window),
+        pointer(dx),
+        pointer(dx_old),
+        pointer(tangent_work),
+        ctypes.c_int(first_link),
+        pointer(slopes[1:]),
+        pointer(None if ends_slopes is None else ends_slopes[1:]),
+    )
+    if done < rows:
+        failed = Rows(
+            tension_N=tension[: done + 1],
+            ends_m=ends[: done + 1],
+            states=None,
+            iterations=report.iterations,
+            splits=report.splits,
+            residual_N=report.residual_N,
+            worst_mass=report.worst_mass,
+        )
+        raise SolveError(describe_failure(chain, failed, (done + 1) * step_s, step_s))
+    return Sensitivity(tension_N=tension, ends_m=ends, tension_slopes=slopes, ends_slopes=ends_slopes)
