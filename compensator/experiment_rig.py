@@ -19,7 +19,7 @@ import numpy as np
 
 from tendonff.compensator.files import FloatArray
 from tendonff.compensator.settings.experiment import MotorMode
-from tendonff.models.chain import Chain
+from tendonff.models.chain import Chain, ChainState
 from tendonff.models.fidelity import Level
 from tendonff.models.transmission import Transmission
 from tendonff.ocp.errors import SolveError
@@ -107,7 +107,7 @@ class Rig:
         self._time = 0.0
         self._modes: Modes = modes
         self._command = np.array([self._bumpless(modes[k], k) for k in (0, 1)])
-        self._simulator = self._new_simulator(modes)
+        self._simulator = self._new_simulator(modes, state)
 
     @property
     def end_tensions_N(self) -> tuple[float, float]:
@@ -136,7 +136,7 @@ class Rig:
         for k in (0, 1):
             if modes[k] is not self._modes[k]:
                 self._command[k] = self._bumpless(modes[k], k)
-        self._simulator = self._new_simulator(modes)
+        self._simulator = self._new_simulator(modes, self._simulator.state)
         self._modes = modes
 
     def advance(self, rates: FloatArray) -> RigRows:
@@ -181,11 +181,10 @@ class Rig:
             return tension
         return float(self._position[k]) + _OUTWARD[k] * tension / self._spec.stiffness(mode)
 
-    def _new_simulator(self, modes: Modes) -> Simulator:
-        """A simulator for the modes, from the present state."""
+    def _new_simulator(self, modes: Modes, state: ChainState) -> Simulator:
+        """A simulator for the modes, from a state."""
         near, far = (self._spec.stiffness(mode) for mode in modes)
         chain = self._chain.with_end_stiffness(near, far)
-        state = self._simulator.state if hasattr(self, "_simulator") else chain.rest_state(self._spec.start_tension_N)
         return Simulator(chain, self._spec.step_s, state, self._inputs(self._command[None, :], modes)[0])
 
     @staticmethod

@@ -88,6 +88,8 @@ def run(arguments: Sequence[str]) -> int:
     except MemoryError:
         say("error: not enough memory; use a larger step_s, fewer segments or a shorter file; nothing was written")
         return EXIT_SOLVE
+    if result == EXIT_INTERRUPTED:  # some versions of typer catch Ctrl-C and return the code instead
+        say("interrupted; nothing was written")
     return result if isinstance(result, int) else 0
 
 

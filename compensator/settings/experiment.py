@@ -114,7 +114,10 @@ class Experiment:
     hold_s : float, optional
         Length of the two holds [s], > 0. Default: five relaxation times, between 0.5 and 10 s.
     blend_s : float, optional
-        Time in which a command takes up and gives up its rate [s], > 0. Default 0.05.
+        Time in which a command takes up and gives up its rate [s], > 0. Default: one period of the two motors on the
+        load spring, which a blend of that length does not excite.
+    rest_s : float, optional
+        Rest after a command has stopped, before the next state [s], >= 0. Default 0.1.
     load_stiffness_N_per_m : float, optional
         Spring of a motor in mode L [N/m], > 0. Default: the load's stiffness.
     hold_stiffness_N_per_m : float, optional
@@ -131,7 +134,8 @@ class Experiment:
     high_tension_N: float | None = None
     pull_time_s: float | None = None
     hold_s: float | None = None
-    blend_s: float = 0.05
+    blend_s: float | None = None
+    rest_s: float = 0.1
     load_stiffness_N_per_m: float | None = None
     hold_stiffness_N_per_m: float | None = None
     fine_segments: int = 40
@@ -151,11 +155,12 @@ class Experiment:
             ("hold_s", "five relaxation times show all of the relaxation"),
             ("load_stiffness_N_per_m", "leave it out for the load's stiffness"),
             ("hold_stiffness_N_per_m", "leave it out for ten times the tendon's"),
-            ("blend_s", "0.05 is a good start"),
+            ("blend_s", "0.05 is a good start, or leave it out"),
         ):
             value = getattr(self, name)
             if value is not None:
                 require_number(name, value, above=0, hint=hint)
+        require_number("rest_s", self.rest_s, least=0, hint="0.1 is a good start")
         low, high = self.low_tension_N, self.high_tension_N
         if low is not None and high is not None and not low < high:
             raise ParameterError(f"high_tension_N must be > low_tension_N = {low:g}, got {high}")
