@@ -15,6 +15,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from tendonff.models.bounds import at_least
+
 NORMAL_FORCE_FLOOR_N = 1e-9
 """Least normal force in the bristle law [N]: its rate sigma0 abs(v)/(mu f_n) has no limit as a tendon goes slack."""
 
@@ -54,7 +56,7 @@ def normal_force(f_near: ca.SX, f_far: ca.SX, adhesion_N: ca.SX) -> ca.SX:
     adhesion_N : ca.SX
         p [N].
     """
-    return ca.fmax(f_near + f_far + 2 * adhesion_N, NORMAL_FORCE_FLOOR_N)
+    return at_least(f_near + f_far + 2 * adhesion_N, NORMAL_FORCE_FLOOR_N)
 
 
 def stribeck_coefficient(v: ca.SX, bristle: BristleParameters) -> ca.SX:
@@ -67,7 +69,7 @@ def stribeck_coefficient(v: ca.SX, bristle: BristleParameters) -> ca.SX:
     low = ca.if_else(pulling, bristle.mu_dynamic_pull, bristle.mu_dynamic_release)
     high = ca.if_else(pulling, bristle.mu_static_pull, bristle.mu_static_release)
     mu = low + (high - low) * ca.exp(-ca.fabs(v) / bristle.stribeck_velocity_m_per_s)
-    return ca.fmax(mu, COEFFICIENT_FLOOR)
+    return at_least(mu, COEFFICIENT_FLOOR)
 
 
 def bristle_rate(v: ca.SX, f_s: ca.SX, f_n: ca.SX, bristle: BristleParameters) -> ca.SX:
@@ -123,9 +125,9 @@ class ImplicitBristle:
         """
         half = (far_sum + self.resistance - self.drive) / 2
         product = far_sum * self.drive
-        root = ca.sqrt(ca.fmax(half * half + product, 0))
+        root = ca.sqrt(at_least(half * half + product, 0))
         # Two forms of the same root; each cancels on the other's side.
-        return ca.if_else(half > 0, product / ca.fmax(root + half, NORMAL_FORCE_FLOOR_N), root - half)
+        return ca.if_else(half > 0, product / at_least(root + half, NORMAL_FORCE_FLOOR_N), root - half)
 
 
 def implicit_bristle(v: ca.SX, base: ca.SX, step_s: ca.SX, bristle: BristleParameters) -> ImplicitBristle:

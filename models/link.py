@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from tendonff.models.bounds import at_least
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkParameters:
@@ -58,7 +60,7 @@ def unclipped_force(e: ca.SX, e_rate: ca.SX, z: ca.SX, link: LinkParameters) -> 
 
 def tendon_force(unclipped_N: ca.SX) -> ca.SX:
     """Force of a link that cannot push [N]: zero where `unclipped_force` is negative (slack)."""
-    return ca.fmax(unclipped_N, 0)
+    return at_least(unclipped_N, 0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
