@@ -8,13 +8,16 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
+from typing import Protocol
 
 import jinja2
 
 from tendonff.ocp.ccode import Precision, c_function, literal
-from tendonff.ocp.elements import Law
+from tendonff.ocp.elements import Law, inverse_laws, simulation_laws
 from tendonff.ocp.errors import CodeError
 from tendonff.ocp.scheme import (
     BDF2_CARRY,
@@ -23,6 +26,7 @@ from tendonff.ocp.scheme import (
     MAX_ITERATIONS,
     MAX_SPLITS,
     RESIDUAL_ROUNDING,
+    RESIDUAL_TOLERANCE_N,
 )
 
 
@@ -45,12 +49,83 @@ class Engine(StrEnum):
 
 
 _TEMPLATES = jinja2.Environment(
-    loader=jinja2.PackageLoader("tendonff.ocp"), undefined=jinja2.StrictUndefined, keep_trailing_newline=True
+    loader=jinja2.PackageLoader("tendonff.ocp"),
+    undefined=jinja2.StrictUndefined,
+    keep_trailing_newline=True,
+    trim_blocks=True,
 )
 _FLAGS = ("-O3", "-std=c99", "-shared", "-fPIC", "-fno-math-errno", "-ffp-contract=off")
 
 
-def render_template(name: str, prefix: str, precision: Precision) -> str:
+class LawCalls(Protocol):
+    """How generated code calls a law."""
+
+    def __call__(self, law: str, arguments: Mapping[str, str], end: str = "") -> str:
+        """C text of a call.
+
+        Parameters
+        ----------
+        law : str
+            Name of a law in `elements`.
+        arguments : mapping of str to str
+            C text of each input that belongs to the state, and of each output, by the law's own names.
+        end : str, optional
+            "near" or "far" for the laws of an end mass.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """Bounds of the loops of a generated step, and the balance that counts as solved.
+
+    Parameters
+    ----------
+    iterations, halvings, splits : int
+        Newton iterations, halvings of one, and halvings of the step.
+    rounding : float
+        Relative addition to the tolerance: rounding of the largest link force [-].
+    tolerance_N : float
+        Balance that counts as solved [N].
+    """
+
+    iterations: int = MAX_ITERATIONS
+    halvings: int = MAX_HALVINGS
+    splits: int = MAX_SPLITS
+    rounding: float = RESIDUAL_ROUNDING
+    tolerance_N: float = RESIDUAL_TOLERANCE_N
+
+
+@functools.cache
+def _law_table() -> dict[str, Law]:
+    return {law.name: law for law in (*simulation_laws(), *inverse_laws())}
+
+
+def struct_calls(prefix: str) -> LawCalls:
+    """Calls of laws whose parameters are fields of `<prefix>_chain *s`, with the weight in `H`.
+
+    Parameters
+    ----------
+    prefix : str
+    """
+
+    def call(law: str, arguments: Mapping[str, str], end: str = "") -> str:
+        known = _law_table()[law]
+
+        def argument(name: str) -> str:
+            if name in arguments:
+                return arguments[name]
+            return "H" if name == "H" else f"s->{end}{'_' if end else ''}{name}"
+
+        inputs = [argument(symbol.name()) for symbol in known.inputs]
+        return f"{prefix}_{law}({', '.join([*inputs, *(arguments[name] for name in known.outputs)])})"
+
+    return call
+
+
+def render_template(
+    name: str, prefix: str, precision: Precision, *, calls: LawCalls | None = None, limits: Limits | None = None
+) -> str:
     """One of the C templates with its real type, prefix and literals filled in.
 
     Parameters
@@ -60,14 +135,22 @@ def render_template(name: str, prefix: str, precision: Precision) -> str:
     prefix : str
         Prefix of every C name.
     precision : Precision
+    calls : LawCalls, optional
+        How laws are called where their parameters are folded in (`specialise`); default: parameters in a record.
+    limits : Limits, optional
+        Bounds of the loops; default: those of the scheme.
     """
 
     def number(value: float) -> str:
         return literal(value, precision)
 
-    single = precision is Precision.FLOAT
+    single, exported = precision is Precision.FLOAT, calls is not None
+    limits = limits or Limits()
     return _TEMPLATES.get_template(name).render(
         prefix=prefix,
+        exported=exported,
+        call=calls or struct_calls(prefix),
+        H="c->H" if exported else "H",
         real="float" if single else "double",
         fabs="fabsf" if single else "fabs",
         zero=number(0.0),
@@ -76,10 +159,11 @@ def render_template(name: str, prefix: str, precision: Precision) -> str:
         minus_one=number(-1.0),
         bdf2_carry=number(BDF2_CARRY),
         bdf2_weight=number(BDF2_WEIGHT),
-        rounding=number(1e-6 if single else RESIDUAL_ROUNDING),
-        max_iterations=MAX_ITERATIONS,
-        max_halvings=MAX_HALVINGS,
-        max_splits=MAX_SPLITS,
+        tolerance=number(limits.tolerance_N) if exported else "s->tolerance_N",
+        rounding=number(limits.rounding),
+        max_iterations=limits.iterations,
+        max_halvings=limits.halvings,
+        max_splits=limits.splits,
     )
 
 
