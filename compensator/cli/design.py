@@ -1,0 +1,22 @@
+"""`tendonff design`: the main job."""
+
+from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument
+from tendonff.compensator.cli.progress import progress, warn
+
+
+def design(scenario: ScenarioArgument, out: OutFolderOption) -> None:
+    """Design the actuator's force profile for a wanted output tension, and prove what it delivers."""
+    from tendonff.compensator.design import design as design_profile
+    from tendonff.compensator.design import write_design
+    from tendonff.compensator.design_table import print_scores
+    from tendonff.compensator.files import atomic_directory
+    from tendonff.compensator.scenario import load_scenario
+
+    loaded = load_scenario(scenario)
+    with progress("designing") as advance:
+        result = design_profile(loaded, advance=advance)
+    with progress("writing"), atomic_directory(out) as folder:
+        write_design(result, folder)
+    for warning in result.warnings:
+        warn(warning)
+    print_scores(result, out)

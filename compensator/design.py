@@ -1,0 +1,223 @@
+"""The main job: from a scenario to the force profile, with proof on every level and on a finer chain."""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from tendonff.compensator.compensators import (
+    Compensator,
+    FloatArray,
+    Plant,
+    Played,
+    binding_limits,
+    capstan_force,
+    exact_inverse,
+    play_and_score,
+)
+from tendonff.compensator.files import write_csv, write_json
+from tendonff.compensator.reference import Reference, noise_advice, sample_reference
+from tendonff.compensator.scenario import Scenario, scenario_hash
+from tendonff.compensator.settings.reference import CsvReference
+from tendonff.models.chain import Chain
+from tendonff.models.fidelity import Level
+from tendonff.ocp.inverse import InverseStatus
+from tendonff.ocp.limits import ForceLimits
+from tendonff.ocp.track import Tracking, track
+
+Advance = Callable[[int, int], None]
+
+FINE_SEGMENTS = 40
+FINE_REFINEMENT = 10
+"""The proof plant: so many masses, and so many steps to a row of the profile."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Design:
+    """Force profiles for one scenario and what each delivers.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    reference : Reference
+    forces_N : dict of Compensator to ndarray, shape (n,)
+        Profile of each compensator [N].
+    played : tuple of Played
+        Every compensator on every level.
+    proof : tuple of Played
+        Every compensator on the design level with more masses and a smaller step.
+    tracking : Tracking
+        How the optimal-control problem ended.
+    warnings : tuple of str
+        What the user should know.
+    """
+
+    scenario: Scenario
+    reference: Reference
+    forces_N: dict[Compensator, FloatArray]
+    played: tuple[Played, ...]
+    proof: tuple[Played, ...]
+    tracking: Tracking
+    warnings: tuple[str, ...]
+
+    @property
+    def level(self) -> Level:
+        """Fidelity level of the design model."""
+        return self.scenario.run.level
+
+    def on_level(self, compensator: Compensator, level: Level) -> Played:
+        """What a compensator delivers on a level."""
+        return next(p for p in self.played if p.compensator == compensator and p.plant.level is level)
+
+
+def _silent(_done: int, _total: int) -> None:
+    pass
+
+
+def design(scenario: Scenario, *, advance: Advance = _silent) -> Design:
+    """Design the force profile of a scenario by every compensator, and play each on every level.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    advance : callable, optional
+        Told parts done and parts in all.
+
+    Raises
+    ------
+    InputError
+        If the reference cannot be delivered.
+    SolveError
+        If a simulation fails.
+    """
+    transmission, level = scenario.transmission, scenario.run.level
+    total = 3 + len(Compensator) * (len(Level) + 1)
+    reference = sample_reference(scenario)
+    limits = ForceLimits.of(transmission.actuator)
+    warnings = list(reference.warnings)
+
+    inversion = exact_inverse(transmission, level, reference)
+    if inversion.status is InverseStatus.WOULD_PUSH:
+        warnings.append(f"inverse: {inversion.message}")
+    warnings += _noise_warning(scenario, reference)
+    advance(1, total)
+    start = reference.initial_tension_N
+    inverse_force = limits.apply(inversion.force_N, reference.step_s, start)
+    static_force = capstan_force(transmission, reference)
+    advance(2, total)
+    tracking = track(
+        Chain.of(transmission, level), reference.tension_N, reference.step_s, limits, initial_tension_N=start
+    )
+    if not tracking.message.startswith("optimal"):
+        warnings.append(f"optimal: {tracking.message}")
+    advance(3, total)
+    forces = {
+        Compensator.NONE: reference.tension_N,
+        Compensator.CAPSTAN: static_force,
+        Compensator.INVERSE: inverse_force,
+        Compensator.OPTIMAL: tracking.force_N,
+    }
+    warnings += binding_limits({"inverse": (inversion.force_N, inverse_force)})
+
+    played, proof = [], []
+    for compensator, force in forces.items():
+        for plant_level in Level:
+            plant = Plant(level=plant_level)
+            played.append(play_and_score(transmission, plant, compensator, force, reference))
+            advance(3 + len(played) + len(proof), total)
+        fine = Plant(level=level, segments=FINE_SEGMENTS, refinement=FINE_REFINEMENT)
+        proof.append(play_and_score(transmission, fine, compensator, force, reference))
+        advance(3 + len(played) + len(proof), total)
+    slack = [p for p in played if p.slack]
+    warnings += [f"{p.compensator} on {p.plant.level}: {p.slack}" for p in slack]
+    return Design(
+        scenario=scenario,
+        reference=reference,
+        forces_N=forces,
+        played=tuple(played),
+        proof=tuple(proof),
+        tracking=tracking,
+        warnings=tuple(warnings),
+    )
+
+
+def _noise_warning(scenario: Scenario, reference: Reference) -> list[str]:
+    """Warning of a noisy CSV reference that no filter was asked for."""
+    spec = scenario.reference
+    if not isinstance(spec, CsvReference) or spec.cutoff_Hz is not None:
+        return []
+    chain, step, start = Chain.of(scenario.transmission, scenario.run.level), reference.step_s, reference.initial_tension_N
+
+    def force_of(tension: FloatArray) -> FloatArray:
+        from tendonff.ocp.inverse import invert
+
+        return invert(chain, tension, step, initial_tension_N=start).force_N
+
+    advice = noise_advice(reference, force_of, file=spec.file)
+    return [] if advice is None else [advice.message]
+
+
+def summary(result: Design) -> dict[str, object]:
+    """The contents of `summary.json`.
+
+    Parameters
+    ----------
+    result : Design
+    """
+
+    def scores(played: tuple[Played, ...], compensator: Compensator) -> dict[str, object]:
+        return {p.plant.level.value: asdict(p.score) for p in played if p.compensator == compensator}
+
+    return {
+        "schema": 1,
+        "scenario": result.scenario.name,
+        "scenario_hash": scenario_hash(result.scenario),
+        "tool": f"tendonff {version('tendonff')}",
+        "design_level": result.level.value,
+        "reference_range_N": result.reference.range_N,
+        "compensators": {c.value: scores(result.played, c) for c in Compensator},
+        "proof": {
+            "segments": FINE_SEGMENTS,
+            "step_s": result.reference.step_s / FINE_REFINEMENT,
+            "compensators": {c.value: scores(result.proof, c) for c in Compensator},
+        },
+        "ocp": {
+            "status": result.tracking.status.value,
+            "message": result.tracking.message,
+            "iterations": result.tracking.iterations,
+            "build_s": result.tracking.build_s,
+            "solve_s": result.tracking.solve_s,
+        },
+        "warnings": list(result.warnings),
+    }
+
+
+def profile_columns(result: Design) -> dict[str, FloatArray]:
+    """The columns of `profile.csv`.
+
+    Parameters
+    ----------
+    result : Design
+    """
+    forces = {f"force_{c.value}_N": result.forces_N[c] for c in Compensator}
+    return {"time_s": result.reference.time_s, "reference_N": result.reference.tension_N, **forces}
+
+
+def write_design(result: Design, folder: Path) -> None:
+    """Write profile, summary and figures into an existing folder.
+
+    Parameters
+    ----------
+    result : Design
+    folder : Path
+        Usually the inside of `files.atomic_directory`.
+    """
+    from tendonff.compensator.design_figures import design_figures
+    from tendonff.compensator.plots import save_figure
+
+    write_csv(folder / "profile.csv", profile_columns(result))
+    write_json(folder / "summary.json", summary(result))
+    for name, figure in design_figures(result).items():
+        save_figure(figure, folder / name)
