@@ -15,6 +15,8 @@ from tendonff.models.transmission import Transmission
 
 _ORDER = 2  # of the Butterworth filter, run forwards and backwards: -6 dB at the cut-off, 24 dB per octave above
 _MAX_STEPS = 50_000_000
+_TRIAL_CUTOFFS_HZ = (100.0, 50.0, 20.0, 10.0, 5.0)
+_MOST_NOISE = 0.05  # of the range; a larger share is signal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -281,20 +283,26 @@ def noise_advice(
         None when the noise does not matter.
     """
     tension, rate = reference.tension_N, 1 / reference.step_s
-    cutoff = _cutoff_at_the_noise_floor(tension, rate)
-    if cutoff is None:
-        return None
-    smooth = low_pass(tension, cutoff, rate)
-    if not (smooth > 0).all():
-        return None  # the filter's own overshoot would be judged, not the noise
-    quiet = force_of(smooth)
-    force_noise = float(np.sqrt(np.mean((force_of(tension) - quiet) ** 2)))
-    if not force_noise > share * float(np.ptp(quiet)):
+    found = _cutoff_at_the_noise_floor(tension, rate)
+    # Noise that was logged slowly and interpolated has no floor: then the gentlest of a few filters that matters.
+    for cutoff in (found,) if found is not None else [f for f in _TRIAL_CUTOFFS_HZ if f < rate / 4]:
+        smooth = low_pass(tension, cutoff, rate)
+        if not (smooth > 0).all():
+            return None  # the filter's own overshoot would be judged, not the noise
+        quiet = force_of(smooth)
+        force_noise = float(np.sqrt(np.mean((force_of(tension) - quiet) ** 2)))
+        # Percentiles: a jump at the start makes one huge force that says nothing of the rest.
+        spread = float(np.subtract(*np.percentile(quiet, (99, 1))))
+        if force_noise > share * spread:
+            break
+    else:
         return None
     noise = float(np.sqrt(np.mean((tension - smooth) ** 2)))
+    if noise > _MOST_NOISE * float(np.ptp(tension)):
+        return None  # what the filter removes is the reference itself
     message = (
         f"{file}: noise of {noise:.2g} N rms in the samples becomes {force_noise:.3g} N rms in the force "
-        f"({100 * force_noise / max(float(np.ptp(quiet)), 1e-300):.0f} % of its range); "
+        f"({100 * force_noise / max(spread, 1e-300):.0f} % of its range); "
         f"set cutoff_Hz = {cutoff:.2g} in [reference] to filter it"
     )
     return NoiseAdvice(cutoff_Hz=float(f"{cutoff:.2g}"), noise_N=noise, force_noise_N=force_noise, message=message)
