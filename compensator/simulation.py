@@ -16,7 +16,7 @@ from tendonff.models.fidelity import Level
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import Simulator, describe_failure, force_inputs, tensions_of
 
-_CHUNK_VALUES = 1_000_000  # numbers in memory at a time
+_CHUNK_VALUES = 200_000  # numbers in memory at a time
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
