@@ -5,8 +5,6 @@ from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-import numpy as np
-
 from tendonff.compensator.compensators import (
     Compensator,
     FloatArray,
@@ -23,7 +21,7 @@ from tendonff.compensator.scenario import Scenario, scenario_hash
 from tendonff.compensator.settings.reference import CsvReference
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
-from tendonff.ocp.inverse import InverseStatus
+from tendonff.ocp.inverse import InverseStatus, invert
 from tendonff.ocp.limits import ForceLimits
 from tendonff.ocp.track import Tracking, track
 
@@ -148,11 +146,13 @@ def _noise_warning(scenario: Scenario, reference: Reference) -> list[str]:
     spec = scenario.reference
     if not isinstance(spec, CsvReference) or spec.cutoff_Hz is not None:
         return []
-    chain, step, start = Chain.of(scenario.transmission, scenario.run.level), reference.step_s, reference.initial_tension_N
+    chain, step, start = (
+        Chain.of(scenario.transmission, scenario.run.level),
+        reference.step_s,
+        reference.initial_tension_N,
+    )
 
     def force_of(tension: FloatArray) -> FloatArray:
-        from tendonff.ocp.inverse import invert
-
         return invert(chain, tension, step, initial_tension_N=start).force_N
 
     advice = noise_advice(reference, force_of, file=spec.file)
@@ -206,7 +206,7 @@ def profile_columns(result: Design) -> dict[str, FloatArray]:
 
 
 def write_design(result: Design, folder: Path) -> None:
-    """Write profile, summary and figures into an existing folder.
+    """Write profile, summary, figures and report into an existing folder.
 
     Parameters
     ----------
@@ -215,9 +215,13 @@ def write_design(result: Design, folder: Path) -> None:
         Usually the inside of `files.atomic_directory`.
     """
     from tendonff.compensator.design_figures import design_figures
+    from tendonff.compensator.design_report import design_report
     from tendonff.compensator.plots import save_figure
+    from tendonff.compensator.report import write_report
 
     write_csv(folder / "profile.csv", profile_columns(result))
     write_json(folder / "summary.json", summary(result))
-    for name, figure in design_figures(result).items():
+    figures = design_figures(result)
+    for name, figure in figures.items():
         save_figure(figure, folder / name)
+    write_report(folder / "report.html", design_report(result, figures))

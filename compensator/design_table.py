@@ -7,6 +7,7 @@ from rich.table import Table
 
 from tendonff.compensator.compensators import Compensator
 from tendonff.compensator.design import FINE_REFINEMENT, FINE_SEGMENTS, Design
+from tendonff.compensator.design_report import percent
 from tendonff.models.fidelity import Level
 
 
@@ -28,7 +29,7 @@ def print_scores(result: Design, folder: Path) -> None:
     for compensator in Compensator:
         scores = [result.on_level(compensator, level).score for level in Level]
         scores += [p.score for p in result.proof if p.compensator == compensator]
-        table.add_row(compensator.value, *[f"{s.rmse_percent_of_range:.3g}" for s in scores])
+        table.add_row(compensator.value, *[percent(s) for s in scores])
     console.print(table)
     console.print(f"* design level, also of the last column; range {result.reference.range_N:.4g} N")
     console.print(f"optimal control: {result.tracking.message}", soft_wrap=True)
