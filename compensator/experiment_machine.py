@@ -28,7 +28,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.compensator.experiment_rig import Rig, RigSpec
+from tendonff.compensator.experiment_rig import RigSpec
 from tendonff.compensator.files import FloatArray, InputError
 from tendonff.compensator.scenario import Scenario
 from tendonff.compensator.settings.experiment import EndTension, Experiment, ExperimentState, MotorMode
@@ -41,6 +41,7 @@ _HIGH_SHARE = 0.75  # of force_max_N: leaves room for an own table and for overs
 _CROSSING_MARGIN = 1.5  # a release goes this much further in T + p than the reversal needs to cross the path
 _LEAST_LOW_SHARE = 0.03  # of the high tension, where the wrap angle is too large for a reversal to cross
 _REACH_MARGIN = 1.1  # S2 and S7 go this much further than the static law says the sliding needs to reach the other end
+_LEAST_RAMP = 1.05  # factor of tension that S3 and S8 still have to go
 _PAUSE_S = 0.2  # of S1 and S10
 _PATIENCE = 3.0  # a ramp's longest time over its planned time
 
@@ -79,6 +80,8 @@ class StatePass:
         Row at which its condition or its longest time was reached and the commands began to stop.
     met : bool
         Its condition ended it; False: its longest time did.
+    end_forces_N : tuple of 2 (float or None)
+        Force commands at its end [N], for motors that act.
     """
 
     state: ExperimentState
@@ -86,6 +89,7 @@ class StatePass:
     last_row: int
     stop_row: int
     met: bool
+    end_forces_N: tuple[float | None, float | None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -192,7 +196,7 @@ def ten_states(
     # Motor 2 pulls and lets go in S6 and S7: seen from it, the directions of the law are exchanged.
     other_end = (high_N + p) * np.exp(-law.release_exponent)
     felt_by_1 = float(other_end * np.exp(-law.pull_exponent)) / _REACH_MARGIN - p
-    felt_by_2, felt_by_1 = min(felt_by_2, low_N + 0.9 * span), max(felt_by_1, low_N + 0.1 * span)
+    felt_by_2, felt_by_1 = min(felt_by_2, high_N / _LEAST_RAMP), max(felt_by_1, low_N * _LEAST_RAMP)
 
     def state(
         name: str,

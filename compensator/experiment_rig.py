@@ -114,6 +114,15 @@ class Rig:
         """f_1 and f_{N+1} now [N]."""
         return float(self._tension[0]), float(self._tension[-1])
 
+    @property
+    def forces_N(self) -> tuple[float | None, float | None]:
+        """Force commands of the motors that act [N]."""
+        near, far = (
+            float(command) if mode is MotorMode.ACT else None
+            for mode, command in zip(self._modes, self._command, strict=True)
+        )
+        return near, far
+
     def now(self) -> RigRows:
         """The present instant as one row."""
         state = self._simulator.state
@@ -124,20 +133,27 @@ class Rig:
             velocity_m_per_s=state.velocity_m_per_s[None, :],
         )
 
-    def switch(self, modes: Modes) -> None:
+    def switch(self, modes: Modes) -> FloatArray:
         """Change what the motors do, without a jump; a motor that keeps its mode keeps its command.
 
         Parameters
         ----------
         modes : tuple of 2 MotorMode
+
+        Returns
+        -------
+        ndarray, shape (2,)
+            Jump of each motor's pull [N].
         """
-        if modes == self._modes:
-            return
-        for k in (0, 1):
-            if modes[k] is not self._modes[k]:
-                self._command[k] = self._bumpless(modes[k], k)
-        self._simulator = self._new_simulator(modes, self._simulator.state)
-        self._modes = modes
+        before = self._motor_force(self._command[None, :], self._position[None, :])
+        if modes != self._modes:
+            for k in (0, 1):
+                if modes[k] is not self._modes[k]:
+                    self._command[k] = self._bumpless(modes[k], k)
+            self._simulator = self._new_simulator(modes, self._simulator.state)
+            self._modes = modes
+        jump: FloatArray = (self._motor_force(self._command[None, :], self._position[None, :]) - before)[0]
+        return jump
 
     def advance(self, rates: FloatArray) -> RigRows:
         """Move the commands at given rates.
@@ -171,7 +187,7 @@ class Rig:
             tension_N=rows.tension_N,
             position_m=rows.ends_m,
             force_N=self._motor_force(commands, rows.ends_m),
-            velocity_m_per_s=rows.states[:, : self._chain.count + 2],
+            velocity_m_per_s=rows.states[:, : self._chain.count + 2].copy(),  # the rest of the states can go
         )
 
     def _bumpless(self, mode: MotorMode, k: int) -> float:

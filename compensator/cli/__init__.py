@@ -11,6 +11,7 @@ from typing import Annotated, NoReturn, cast
 
 import typer
 
+from tendonff.compensator.cli.experiment import experiment
 from tendonff.compensator.cli.new import new
 from tendonff.compensator.cli.progress import say
 from tendonff.compensator.cli.simulate import simulate
@@ -54,6 +55,7 @@ def _root(
 
 app.command()(new)
 app.command()(simulate)
+app.command()(experiment)
 
 
 def run(arguments: Sequence[str]) -> int:

@@ -1,0 +1,20 @@
+"""`tendonff experiment`: the paper's ten-state test on two motors."""
+
+from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument
+from tendonff.compensator.cli.progress import say, warn
+
+
+def experiment(scenario: ScenarioArgument, out: OutFolderOption) -> None:
+    """Run the ten-state test on two motors, on all three fidelity levels."""
+    from tendonff.compensator.experiment import experiment as run_test
+    from tendonff.compensator.experiment import write_experiment
+    from tendonff.compensator.experiment_numbers import warnings_of
+    from tendonff.compensator.scenario import load_scenario
+
+    loaded = load_scenario(scenario)
+    result = run_test(loaded)
+    write_experiment(result, out, name=loaded.name)
+    for warning in warnings_of(result):
+        warn(warning)
+    states = len(result.plan.states)
+    say(f"{states} states in {result.fine.time_s[-1]:.4g} s on {len(result.runs)} levels; see {out / 'summary.json'}")

@@ -1,0 +1,79 @@
+"""The paper's experiment: ten states, two motors, seven tensions, three models.
+
+Rooms: `experiment_machine` (the states as data), `experiment_rig` (two motors on the chain), `experiment_run` (the
+machine on one level, its schedule on the others), `experiment_numbers` and `experiment_figures` (what they show).
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from tendonff.compensator.experiment_machine import plan_experiment
+from tendonff.compensator.experiment_numbers import summary_of
+from tendonff.compensator.experiment_run import SECTIONS, ExperimentResult, ExperimentRun, run_experiment
+from tendonff.compensator.files import atomic_directory, atomic_file, write_json
+from tendonff.compensator.scenario import Scenario
+
+__all__ = ["ExperimentResult", "ExperimentRun", "experiment", "write_experiment"]
+
+
+def experiment(scenario: Scenario) -> ExperimentResult:
+    """Run the two-motor test of a scenario on the three levels.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Its [experiment] table may be missing.
+
+    Raises
+    ------
+    InputError
+        The table asks for tensions or rates beyond the actuator's.
+    SolveError
+        A step could not be solved.
+    """
+    return run_experiment(plan_experiment(scenario), scenario.run.level, scenario.experiment.fine_segments)
+
+
+def write_experiment(result: ExperimentResult, folder: Path, *, name: str) -> dict[str, object]:
+    """Write `experiment_<level>.csv`, `summary.json` and the figures, all or nothing.
+
+    Parameters
+    ----------
+    result : ExperimentResult
+    folder : Path
+    name : str
+        Name of the scenario.
+
+    Returns
+    -------
+    dict
+        Contents of `summary.json`.
+    """
+    from tendonff.compensator.experiment_figures import draw_experiment
+
+    summary = summary_of(result, name)
+    with atomic_directory(folder) as partial:
+        for level, run in result.runs.items():
+            write_run(run, partial / f"experiment_{level}.csv")
+        draw_experiment(result, partial)
+        write_json(partial / "summary.json", summary)
+    return summary
+
+
+def write_run(run: ExperimentRun, path: Path) -> None:
+    """Write one run: `time_s,state,tension_1_N..tension_7_N,motor_1_position_m,...,motor_2_force_N`.
+
+    Parameters
+    ----------
+    run : ExperimentRun
+    path : Path
+    """
+    import pandas as pd
+
+    columns: dict[str, object] = {"time_s": np.round(run.time_s, 12), "state": run.state_names()}
+    columns |= {f"tension_{k + 1}_N": run.tension_N[:, k] for k in range(SECTIONS)}
+    columns |= {f"motor_{k + 1}_position_m": run.position_m[:, k] for k in (0, 1)}
+    columns |= {f"motor_{k + 1}_force_N": run.force_N[:, k] for k in (0, 1)}
+    with atomic_file(path) as partial:
+        pd.DataFrame(columns).to_csv(partial, index=False, lineterminator="\n")
