@@ -1,4 +1,12 @@
-"""Engine CASADI: the same step by CasADi's line-searched Newton, for machines without a C compiler."""
+"""Engine CASADI: the step of `templates/stepper.c.j2` without a C compiler.
+
+The ordinary step converges in a few full Newton moves. These are laid out as one CasADi function and accumulated over
+many steps inside CasADi. A step for which the line search would act, or that must be split, is taken by itself, with
+the decisions of the C code one by one: where a step is hard, another line search finds another time to split, and two
+engines would part ways.
+"""
+
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -8,6 +16,7 @@ from tendonff.ocp.elements import end_mass, link_force, link_gain, link_start, l
 from tendonff.ocp.scheme import (
     BDF2_CARRY,
     BDF2_WEIGHT,
+    MAX_HALVINGS,
     MAX_ITERATIONS,
     MAX_SPLITS,
     RESIDUAL_ROUNDING,
@@ -15,11 +24,131 @@ from tendonff.ocp.scheme import (
 )
 from tendonff.ocp.stepping import Array, Rows, StepperMemory
 
-_CHUNK = 256
+_CHUNKS = (256, 16)
+"""Numbers of steps that CasADi takes at once: the small one where hard steps are frequent, for it is taken again."""
+
+_FULL_MOVES = 3
+"""Newton moves of an ordinary step; most steps need one or two."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Outcome:
+    """One implicit step that was tried.
+
+    Parameters
+    ----------
+    solved : bool
+    x : ndarray, shape (4 N + 6,)
+        State at its end.
+    tension_N : ndarray, shape (N + 1,)
+    residual_N : float
+    worst_mass : int
+    iterations : int
+    """
+
+    solved: bool
+    x: Array
+    tension_N: Array
+    residual_N: float
+    worst_mass: int
+    iterations: int
+
+
+class _StepFunctions:
+    """The parts of one implicit step as CasADi functions, all of its weight H.
+
+    Parameters
+    ----------
+    chain : Chain
+    """
+
+    def __init__(self, chain: Chain) -> None:
+        n, elements, ends = chain.count, chain.elements, (chain.near, chain.far)
+        link = (
+            elements.stiffness_N_per_m,
+            elements.relaxing_stiffness_N_per_m,
+            elements.relaxation_time_s,
+            elements.damping_N_s_per_m,
+        )
+        path = (
+            elements.mass_kg,
+            elements.viscous_N_s_per_m,
+            elements.adhesion_N,
+            elements.bristle_stiffness_N_per_m,
+            elements.mu_dynamic_pull,
+            elements.mu_static_pull,
+            elements.mu_dynamic_release,
+            elements.mu_static_release,
+            elements.stribeck_velocity_m_per_s,
+        )
+        near, far = ((end.mass_kg, end.damping_N_s_per_m, end.stiffness_N_per_m) for end in ends)
+        gain_of, start_of, force_of = link_gain().function(), link_start().function(), link_force().function()
+        states_of, mass_of, end_of = link_states().function(), path_mass().function(), end_mass().function()
+
+        v, base, u, H = ca.SX.sym("v", n + 2), ca.SX.sym("base", 4 * n + 6), ca.SX.sym("u", 4), ca.SX.sym("H")
+        base_v, base_e, base_z, base_s, base_q = ca.vertsplit(
+            base, [0, n + 2, 2 * n + 3, 3 * n + 4, 4 * n + 4, 4 * n + 6]
+        )
+        f_c1, x_c1, f_c2, x_c2 = ca.vertsplit(u)
+        gain = gain_of(H, *link)
+        start = [start_of(base_e[i], base_z[i], H, *link) for i in range(n + 1)]
+        force, slope = zip(*(force_of(v[i] - v[i + 1], start[i], gain) for i in range(n + 1)), strict=True)
+
+        first, by_v, by_f = end_of(v[0], force[0], base_v[0], base_q[0], H, -1, f_c1, x_c1, *near)
+        residual, lower, diag, upper = [first], [ca.SX(0)], [by_v + by_f * slope[0]], [-by_f * slope[0]]
+        bristle = []
+        for i in range(1, n + 1):
+            balance, by_v, by_near, by_far, f_s = mass_of(
+                v[i], force[i - 1], force[i], base_v[i], base_s[i - 1], H, *path
+            )
+            residual.append(balance)
+            lower.append(by_near * slope[i - 1])
+            diag.append(by_v - by_near * slope[i - 1] + by_far * slope[i])
+            upper.append(-by_far * slope[i])
+            bristle.append(f_s)
+        last, by_v, by_f = end_of(v[n + 1], force[n], base_v[n + 1], base_q[1], H, 1, f_c2, x_c2, *far)
+        residual.append(last)
+        lower.append(by_f * slope[n])
+        diag.append(by_v - by_f * slope[n])
+
+        mass = ca.vertcat(near[0], *[elements.mass_kg] * n, far[0])
+        largest = ca.norm_inf(ca.vertcat(*start, mass * base_v / H))
+        self.tolerance = ca.Function(
+            "tolerance", [base, H], [RESIDUAL_TOLERANCE_N + RESIDUAL_ROUNDING * largest], {"cse": True}
+        )
+        balances = ca.vertcat(*residual)
+        move = _tridiagonal_move(residual, lower, diag, upper)
+        unknowns = [v, base, u, H]
+        self.balance = ca.Function("balance", unknowns, [balances], {"cse": True})
+        self.newton = ca.Function("newton", unknowns, [balances, move], {"cse": True})
+        links = [states_of(v[i] - v[i + 1], base_e[i], base_z[i], H, *link) for i in range(n + 1)]
+        end = ca.vertcat(
+            v,
+            *[e for e, _ in links],
+            *[z for _, z in links],
+            *bristle,
+            base_q[0] + H * v[0],
+            base_q[1] + H * v[n + 1],
+        )
+        self.finish = ca.Function("finish", unknowns, [end, ca.vertcat(*force)], {"cse": True})
+
+
+def _tridiagonal_move(residual: list[ca.SX], lower: list[ca.SX], diag: list[ca.SX], upper: list[ca.SX]) -> ca.SX:
+    """Newton's move: minus the tridiagonal matrix's inverse times the residual, by elimination."""
+    ratio, rest, pivot = [], [], diag[0]
+    for i in range(len(diag)):
+        rest.append((residual[i] - (lower[i] * rest[i - 1] if i else 0)) / pivot)
+        if i + 1 < len(diag):
+            ratio.append(upper[i] / pivot)
+            pivot = diag[i + 1] - lower[i + 1] * ratio[i]
+    move = [-rest[-1]]
+    for i in range(len(diag) - 2, -1, -1):
+        move.append(-rest[i] - ratio[i] * move[-1])
+    return ca.vertcat(*move[::-1])
 
 
 class CasadiStepper:
-    """Advance one chain by CasADi's `newton` root finder with line search and tridiagonal linear solver.
+    """Advance one chain by CasADi functions alone.
 
     Parameters
     ----------
@@ -29,126 +158,73 @@ class CasadiStepper:
     """
 
     def __init__(self, chain: Chain, step_s: float) -> None:
-        self._step_s = step_s
-        self._count = n = chain.count
-        link, bristle, elements = chain.link, chain.bristle, chain.elements
-        gain_of, start_of = link_gain().function(), link_start().function()
-        force_of, states_of = link_force().function(), link_states().function()
-        mass_of, end_of = path_mass().function(), end_mass().function()
-        link_numbers = (
-            link.stiffness_N_per_m,
-            link.relaxing_stiffness_N_per_m,
-            link.relaxation_time_s,
-            link.damping_N_s_per_m,
-        )
-        path_numbers = (
-            elements.mass_kg,
-            elements.viscous_N_s_per_m,
-            elements.adhesion_N,
-            bristle.bristle_stiffness_N_per_m,
-            bristle.mu_dynamic_pull,
-            bristle.mu_static_pull,
-            bristle.mu_dynamic_release,
-            bristle.mu_static_release,
-            bristle.stribeck_velocity_m_per_s,
-        )
-        v, base, u, weight = ca.SX.sym("v", n + 2), ca.SX.sym("base", 4 * n + 6), ca.SX.sym("u", 4), ca.SX.sym("H")
-        base_v, base_e, base_z, base_s, base_q = ca.vertsplit(
-            base, [0, n + 2, 2 * n + 3, 3 * n + 4, 4 * n + 4, 4 * n + 6]
-        )
-        f_c1, x_c1, f_c2, x_c2 = ca.vertsplit(u)
+        self._step_s, self._count = step_s, chain.count
+        self._functions = _StepFunctions(chain)
+        step = self._ordinary_step()
+        self._chunks = {size: step.mapaccum(f"chunk_{size}", size) for size in _CHUNKS}
 
-        gain = gain_of(weight, *link_numbers)
-        start = [start_of(base_e[i], base_z[i], weight, *link_numbers) for i in range(n + 1)]
-        force = [force_of(v[i] - v[i + 1], start[i], gain)[0] for i in range(n + 1)]
-        masses = [
-            mass_of(v[i], force[i - 1], force[i], base_v[i], base_s[i - 1], weight, *path_numbers)
-            for i in range(1, n + 1)
-        ]
-        near, far = (
-            (end.mass_kg, end.damping_N_s_per_m, end.stiffness_N_per_m) for end in (chain.near, chain.far)
-        )
-        residual = ca.vertcat(
-            end_of(v[0], force[0], base_v[0], base_q[0], weight, -1, f_c1, x_c1, *near)[0],
-            *[m[0] for m in masses],
-            end_of(v[n + 1], force[n], base_v[n + 1], base_q[1], weight, 1, f_c2, x_c2, *far)[0],
-        )
-        links = [states_of(v[i] - v[i + 1], base_e[i], base_z[i], weight, *link_numbers) for i in range(n + 1)]
-        end_state = ca.vertcat(
-            v,
-            *[e for e, _ in links],
-            *[z for _, z in links],
-            *[m[4] for m in masses],
-            base_q[0] + weight * v[0],
-            base_q[1] + weight * v[n + 1],
-        )
-        tolerance = RESIDUAL_TOLERANCE_N + RESIDUAL_ROUNDING * ca.norm_inf(ca.vertcat(*start))
-        balance = ca.Function("balance", [v, base, u, weight], [residual])
-        finish = ca.Function(
-            "finish", [v, base, u, weight], [end_state, ca.vertcat(*force), residual, tolerance], {"cse": True}
-        )
-        newton = ca.rootfinder(
-            "newton",
-            "newton",
-            balance,
-            {
-                "line_search": True,
-                "linear_solver": "tridiag",
-                "abstol": RESIDUAL_TOLERANCE_N,
-                "abstolStep": 0.0,
-                "max_iter": MAX_ITERATIONS,
-                "error_on_fail": False,
-            },
-        )
-        guess = ca.MX.sym("guess", n + 2)
-        base_mx, u_mx, weight_mx = ca.MX.sym("base", 4 * n + 6), ca.MX.sym("u", 4), ca.MX.sym("H")
-        solved = newton(guess, base_mx, u_mx, weight_mx)
-        self._solve = ca.Function(
-            "solve", [guess, base_mx, u_mx, weight_mx], list(finish(solved, base_mx, u_mx, weight_mx))
-        )
-        # One BDF2 step as a map of (x, x_old), accumulated over a chunk inside CasADi.
-        pair = ca.MX.sym("pair", 2 * (4 * n + 6))
+    def _ordinary_step(self) -> ca.Function:
+        """(x, x_old), inputs -> (x, x_old), tensions, whether full Newton moves with falling balance solve it."""
+        n, parts, weight = self._count, self._functions, BDF2_WEIGHT * self._step_s
+        pair, u = ca.MX.sym("pair", 2 * (4 * n + 6)), ca.MX.sym("u", 4)
         x, x_old = pair[: 4 * n + 6], pair[4 * n + 6 :]
-        x_next, f, r, tol = self._solve(
-            2 * x[: n + 2] - x_old[: n + 2], x + BDF2_CARRY * (x - x_old), u_mx, BDF2_WEIGHT * step_s
-        )
-        step = ca.Function("step", [pair, u_mx], [ca.vertcat(x_next, x), f, ca.norm_inf(r) - tol])
-        self._chunk = step.mapaccum("chunk", _CHUNK)
+        base = x + BDF2_CARRY * (x - x_old)
+        tolerance = parts.tolerance(base, weight)
+        v = 2 * x[: n + 2] - x_old[: n + 2]
+        answer, norm, solved, falling = v, ca.inf, ca.MX(0), ca.MX(1)
+        for k in range(_FULL_MOVES + 1):
+            if k < _FULL_MOVES:
+                residual, move = parts.newton(v, base, u, weight)
+            else:
+                residual, move = parts.balance(v, base, u, weight), 0
+            size = ca.norm_inf(residual)
+            falling = ca.logic_and(falling, size < norm)
+            here = ca.logic_and(ca.logic_not(solved), ca.logic_and(falling, size <= tolerance))
+            answer = ca.if_else(here, v, answer)
+            solved = ca.logic_or(solved, here)
+            v, norm = v + move, size
+        x_next, force = parts.finish(answer, base, u, weight)
+        return ca.Function("step", [pair, u], [ca.vertcat(x_next, x), force, solved])
 
     def advance(self, memory: StepperMemory, inputs: Array, record: bool) -> Rows:
         """See `stepping.Stepper`."""
         n = self._count
         states, tensions = np.empty((len(inputs), 4 * n + 6)), np.empty((len(inputs), n + 1))
-        splits, row, worst, residual = 0, 0, 0, 0.0
+        splits, row, iterations, easy = 0, 0, 0, True
+        last = _Outcome(
+            solved=True, x=memory.x, tension_N=np.zeros(n + 1), residual_N=0.0, worst_mass=0, iterations=0
+        )
         while row < len(inputs):
-            if not memory.fresh and len(inputs) - row >= _CHUNK:
-                good = self._advance_chunk(memory, inputs[row : row + _CHUNK], states[row:], tensions[row:])
-                row += good
-                if good == _CHUNK:
+            size = _CHUNKS[0] if easy and len(inputs) - row >= _CHUNKS[0] else _CHUNKS[1]
+            if not memory.fresh and len(inputs) - row >= size:
+                good = self._advance_chunk(memory, inputs[row : row + size], states[row:], tensions[row:])
+                row, easy = row + good, good == size
+                iterations += good  # at least; CasADi does not count
+                if good == size:
                     continue
-            solved, split, residual, worst = self._advance_one(memory, inputs[row], states[row], tensions[row])
-            splits += split
-            if not solved:
+            last, split = self._advance_one(memory, inputs[row])
+            iterations, splits = iterations + last.iterations, splits + split
+            if not last.solved:
                 break
+            states[row], tensions[row] = last.x, last.tension_N
             row += 1
-        ends = states[:row, -2:].copy()
         return Rows(
             tension_N=tensions[:row],
-            ends_m=ends,
+            ends_m=states[:row, -2:].copy(),
             states=states[:row] if record else None,
-            iterations=row,  # CasADi does not count inside a mapped root finder; at least one solve a row
+            iterations=iterations,
             splits=splits,
-            residual_N=residual,
-            worst_mass=worst,
+            residual_N=last.residual_N,
+            worst_mass=last.worst_mass,
         )
 
     def _advance_chunk(self, memory: StepperMemory, inputs: Array, states: Array, tensions: Array) -> int:
         """Advance a whole chunk; return the number of leading steps that are solved."""
         size = len(memory.x)
-        pairs, f, excess = (
-            np.asarray(m) for m in self._chunk(np.concatenate([memory.x, memory.x_old]), inputs.T)
+        pairs, f, solved = (
+            np.asarray(m) for m in self._chunks[len(inputs)](np.concatenate([memory.x, memory.x_old]), inputs.T)
         )
-        unsolved = np.flatnonzero(~(excess.ravel() <= 0))
+        unsolved = np.flatnonzero(solved.ravel() != 1)
         good = int(unsolved[0]) if unsolved.size else len(inputs)
         if good:
             states[:good] = pairs[:size, :good].T
@@ -158,37 +234,60 @@ class CasadiStepper:
             memory.inputs = inputs[good - 1].copy()
         return good
 
-    def _advance_one(
-        self, memory: StepperMemory, inputs: Array, state: Array, tension: Array
-    ) -> tuple[bool, int, float, int]:
-        """One step, split into implicit Euler pieces where it does not converge: (solved, split, residual, worst)."""
-        n, x, x_old = self._count, memory.x, memory.x_old
-        carry, weight = (0.0, 1.0) if memory.fresh else (BDF2_CARRY, BDF2_WEIGHT)
-        guess = x[: n + 2] + (0.0 if memory.fresh else 1.0) * (x[: n + 2] - x_old[: n + 2])
-        solved, x_next, f, residual, worst = self._solve_one(
-            guess, x + carry * (x - x_old), inputs, weight * self._step_s
-        )
-        split = int(not solved)
-        halvings = 0
-        while not solved and halvings < MAX_SPLITS:
-            halvings += 1
-            pieces, x_next = 2**halvings, x
-            for k in range(1, pieces + 1):
-                u = memory.inputs + (inputs - memory.inputs) * (k / pieces)
-                solved, x_next, f, residual, worst = self._solve_one(
-                    x_next[: n + 2], x_next, u, self._step_s / pieces
-                )
-                if not solved:
-                    break
-        if solved:
-            state[:], tension[:] = x_next, f
-            memory.x, memory.x_old, memory.inputs, memory.fresh = x_next.copy(), x.copy(), inputs.copy(), False
-        return solved, split, residual, worst
+    def _advance_one(self, memory: StepperMemory, inputs: Array) -> tuple[_Outcome, int]:
+        """One step, split into implicit Euler pieces where it does not converge, and whether it was split."""
+        x, n = memory.x, self._count
+        if memory.fresh:
+            end = self._solve(x[: n + 2], x, inputs, self._step_s)
+        else:
+            change = x - memory.x_old
+            guess = x[: n + 2] + change[: n + 2]
+            end = self._solve(guess, x + BDF2_CARRY * change, inputs, BDF2_WEIGHT * self._step_s)
+        split = int(not end.solved)
+        if split:  # pieces of h/2, h/4 ...: halved until one converges, doubled as soon as the time reached allows
+            level, left, now = 1, 2, x
+            while left > 0 and level <= MAX_SPLITS:
+                u = memory.inputs + (inputs - memory.inputs) * (1 - (left - 1) * 0.5**level)
+                end = self._solve(now[: n + 2], now, u, self._step_s * 0.5**level)
+                if end.solved:
+                    now, left = end.x, left - 1
+                    if level > 1 and left % 2 == 0:
+                        level, left = level - 1, left // 2
+                else:
+                    level, left = level + 1, 2 * left
+        if end.solved:
+            memory.x, memory.x_old, memory.inputs, memory.fresh = end.x.copy(), x.copy(), inputs.copy(), False
+        return end, split
 
-    def _solve_one(
-        self, guess: Array, base: Array, inputs: Array, weight: float
-    ) -> tuple[bool, Array, Array, float, int]:
-        x, f, residual, tolerance = (np.asarray(m).ravel() for m in self._solve(guess, base, inputs, weight))
-        worst = int(np.argmax(np.where(np.isnan(residual), np.inf, np.abs(residual))))
-        size = float(np.abs(residual[worst]))
-        return bool(size <= tolerance[0]), x, f, size, worst
+    def _solve(self, guess: Array, base: Array, inputs: Array, weight: float) -> _Outcome:
+        """One implicit step by Newton's method with backtracking on the largest balance."""
+        parts, v, iterations = self._functions, guess, 0
+        tolerance = float(parts.tolerance(base, weight))
+        residual, move = (np.asarray(m).ravel() for m in parts.newton(v, base, inputs, weight))
+        norm = _largest(residual)
+        while iterations < MAX_ITERATIONS and not norm <= tolerance:
+            iterations += 1
+            t = 1.0
+            for _ in range(MAX_HALVINGS):
+                trial = v + t * move
+                residual, next_move = (np.asarray(m).ravel() for m in parts.newton(trial, base, inputs, weight))
+                if (size := _largest(residual)) < norm:
+                    break
+                t /= 2
+            else:
+                break  # no descent: the caller splits the step
+            v, move, norm = trial, next_move, size
+        x, force = (np.asarray(m).ravel() for m in parts.finish(v, base, inputs, weight))
+        return _Outcome(
+            solved=norm <= tolerance,
+            x=x,
+            tension_N=force,
+            residual_N=norm,
+            worst_mass=int(np.argmax(np.where(np.isnan(residual), np.inf, np.abs(residual)))),
+            iterations=iterations,
+        )
+
+
+def _largest(residual: Array) -> float:
+    """Largest balance; NaN where one is."""
+    return float(np.max(np.abs(residual)))

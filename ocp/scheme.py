@@ -17,5 +17,5 @@ RESIDUAL_ROUNDING = 5e-14
 
 MAX_ITERATIONS = 50
 MAX_HALVINGS = 30
-MAX_SPLITS = 10
-"""A step is split at most this often, into 2, 4 ... 2^MAX_SPLITS pieces."""
+MAX_SPLITS = 20
+"""A step that does not converge is split into pieces of half its length; a piece is halved at most this often."""
