@@ -1,0 +1,123 @@
+"""python-control's view of the chain against the chain itself."""
+
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+
+from tendonff.models.chain import Chain
+from tendonff.models.fidelity import Level
+from tendonff.models.interop import as_iosystem, linear_system, link_impedance, output_names, state_names
+from tendonff.models.link import LinkParameters
+from tendonff.models.transmission import Actuator, Friction, Load, Path, Tendon, Transmission
+from tendonff.ocp.simulate import simulate
+
+FINGER = Transmission(
+    path=Path(total_angle_rad=2.0, segments=3, radius_m=0.03),
+    tendon=Tendon(
+        mass_kg=0.002,
+        stiffness_N_per_m=2e4,
+        relaxing_stiffness_N_per_m=6e3,
+        relaxation_time_s=0.4,
+        damping_N_s_per_m=2.0,
+    ),
+    friction=Friction(
+        mu_dynamic=0.2,
+        mu_static=0.25,
+        stribeck_velocity_m_per_s=0.005,
+        viscous_N_s_per_m=1.0,
+        bristle_stiffness_N_per_m=1e6,
+        soft_bristle_stiffness_N_per_m=2e4,
+        mu_dynamic_release=0.15,
+        adhesion_N=0.5,
+    ),
+    actuator=Actuator(
+        mass_kg=0.15, damping_N_s_per_m=5.0, force_min_N=0.0, force_max_N=200.0, force_rate_max_N_per_s=1e5
+    ),
+    load=Load(mass_kg=0.02, stiffness_N_per_m=3000.0, damping_N_s_per_m=2.0),
+)
+CHAIN = Chain.of(FINGER, Level.PRESLIDING)
+START_N = 30.0
+
+
+def test_the_iosystem_answers_a_force_as_the_simulator_does():
+    """An independent implicit Runge-Kutta method on the continuous equations, through a reversal."""
+    time = np.arange(0, 0.2, 5e-4)
+    force = START_N + 20 * np.sin(2 * np.pi * 5 * time)
+    chain = Chain.of(FINGER, Level.PRESLIDING, 2)
+    response = control.input_output_response(
+        as_iosystem(chain),
+        time,
+        force,
+        chain.rest_state(START_N).vector(),
+        solve_ivp_method="Radau",
+        solve_ivp_kwargs={"rtol": 1e-5, "atol": 1e-8},
+    )
+    played = simulate(chain, force, 5e-4)
+    assert response.output_labels == list(output_names(chain))
+    outputs = np.asarray(response.outputs)
+    error_N = np.abs(outputs[:3].T - played.tension_N).max()
+    assert error_N < 0.02 * np.ptp(played.output_tension_N)
+    assert np.abs(outputs[-1] - played.far_position_m).max() < 0.02 * np.ptp(played.far_position_m)
+
+
+def test_both_ends_are_inputs_on_request():
+    system = as_iosystem(CHAIN, both_ends=True)
+    assert system.input_labels == ["force_N", "actuator_rest_position_m", "load_force_N", "load_rest_position_m"]
+    x = CHAIN.rest_state(START_N).vector()
+    at_rest = system.dynamics(0, x, [START_N, 0, 0, 0])
+    assert at_rest == pytest.approx(np.zeros(len(x)), abs=1e-9)
+    released = system.dynamics(0, x, [START_N, 0, 1.0, 0])  # f_c2 pulls the load away from the actuator
+    assert released[CHAIN.count + 1] == pytest.approx(-1 / FINGER.load.mass_kg)
+
+
+@pytest.mark.parametrize("level", list(Level))
+def test_the_linear_system_is_the_slope_of_the_nonlinear_one(level):
+    """Central differences at a sliding state, where the signs of the velocities count."""
+    chain = Chain.of(FINGER, level)
+    force = START_N + 200 * np.arange(0, 0.1, 1e-3)
+    state = simulate(chain, force, 1e-3).final
+    linear, whole = linear_system(chain, state), as_iosystem(chain)
+    x, names = state.vector(), state_names(chain)
+    direction = np.zeros(len(x))
+    direction[names.index("v_1")] = 1e-6 * abs(x[names.index("v_1")])
+    slope = (whole.dynamics(0, x + direction, [0.0]) - whole.dynamics(0, x - direction, [0.0])) / 2
+    kept = [names.index(name) for name in linear.state_labels]
+    assert linear.A @ direction[kept] == pytest.approx(slope[kept], rel=1e-5, abs=1e-9 * np.abs(slope).max())
+
+
+def test_a_sticking_tendon_is_a_row_of_springs():
+    """Gain at rest, frequency zero: springs k1 (N+1) between bristles sigma0/N, against the load's spring."""
+    elements = CHAIN.elements
+    k, sigma, n = elements.stiffness_N_per_m, elements.bristle_stiffness_N_per_m, CHAIN.count
+    stiffness = np.diag([k, *[2 * k + sigma] * n, k + FINGER.load.stiffness_N_per_m])
+    stiffness -= k * (np.eye(n + 2, k=1) + np.eye(n + 2, k=-1))
+    positions = np.linalg.solve(stiffness, np.eye(n + 2)[0])  # one newton at the actuator
+    gain = control.dcgain(linear_system(CHAIN, CHAIN.rest_state(START_N))).ravel()
+    assert gain[:-2] == pytest.approx(k * -np.diff(positions), rel=1e-9)
+    assert gain[-2:] == pytest.approx(positions[[0, -1]], rel=1e-9)
+
+
+def test_the_linear_system_is_stable_and_small_steps_agree_with_the_simulator():
+    linear = linear_system(CHAIN, CHAIN.rest_state(START_N))
+    assert linear.nstates == 3 * CHAIN.count + 5
+    assert np.all(linear.poles().real < 0)
+    time = np.arange(0, 0.1, 1e-4)
+    small = 1e-4 * np.sin(2 * np.pi * 20 * time)
+    played = simulate(CHAIN, START_N + small, 1e-4).output_tension_N - START_N
+    expected = np.asarray(control.forced_response(linear, time, small).outputs[CHAIN.count])
+    assert played == pytest.approx(expected, abs=0.01 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("damping", [0.0, 3.0])
+def test_a_link_answers_a_steady_stretch_with_its_springs(damping):
+    """F/V at s = j w against k1/(j w) + k2 tau/(1 + j w tau) + c: springs and dampers side by side, eq. (7)."""
+    link = LinkParameters(
+        stiffness_N_per_m=2e4, relaxing_stiffness_N_per_m=6e3, relaxation_time_s=0.4, damping_N_s_per_m=damping
+    )
+    s = 1j * np.array([0.1, 2.0, 50.0])
+    expected = 2e4 / s + 6e3 * 0.4 / (1 + 0.4 * s) + damping
+    assert link_impedance(link)(s) == pytest.approx(expected, rel=1e-12)
+    elastic = link_impedance(replace(link, relaxing_stiffness_N_per_m=0.0))
+    assert elastic(s) == pytest.approx(2e4 / s + damping, rel=1e-12)
