@@ -149,7 +149,8 @@ class CapstanLaw:
         start = history[0] if initial_output_N is None else initial_output_N
         lows, highs = self.output_bounds_N(history)
         run = update.mapaccum("plays", len(history))
-        return np.maximum(np.asarray(run(start, lows, highs)).ravel(), 0.0)
+        output: Array = np.maximum(np.asarray(run(start, lows, highs)).ravel(), 0.0)
+        return output
 
     def profile_history_N(self, input_N: ArrayLike, shares: ArrayLike, initial_N: float | None = None) -> Array:
         """Tension along the path for any input history, started from uniform tension.

@@ -1,15 +1,16 @@
-"""The lumped chain: two end masses, N masses on the path, N + 1 links.
+r"""The lumped chain: two end masses, N masses on the path, N + 1 links.
 
 ::
 
     actuator                 tendon: N masses on the curved path, N+1 links                    load
     f_c1 -> [m_a] ~~f_1~~ (m_1) ~~f_2~~ (m_2) ~~ ... ~~ (m_N) ~~f_{N+1}~~ [m_l] -> f_c2
              |q_a            q_1          q_2               q_N              q_l|
-     x_c1 --/\\/\\ k_c1                                                 k_c2 /\\/\\-- x_c2
+     x_c1 --/\/\ k_c1                                                 k_c2 /\/\-- x_c2
     <------ pulling, positive                                        output tension = f_{N+1}
 
 Positions and velocities are positive towards the actuator, tensions are positive. The ends are symmetric: each may
-act (force f_c, k_c = 0) or load (k_c > 0 towards the rest position x_c). Palli, Borghesan, Melchiorri (ICRA 2010), Fig. 2.
+act (force f_c, k_c = 0) or load (k_c > 0 towards the rest position x_c). Fig. 2 of Palli, Borghesan, Melchiorri (ICRA
+2010).
 """
 
 from dataclasses import dataclass, replace
@@ -271,7 +272,8 @@ def chain_equations(chain: Chain) -> ChainEquations:
     near, far = chain.near, chain.far
     near_force = end_force(v[0], ends[0], f[0], -1, f_c1, x_c1, near)
     far_force = end_force(v[n + 1], ends[1], f[n], 1, f_c2, x_c2, far)
-    acceleration = ca.vertcat(near_force / near.mass_kg, (f[:-1] - f[1:] - f_f) / elements.mass_kg, far_force / far.mass_kg)
+    path_force = f[:-1] - f[1:] - f_f
+    acceleration = ca.vertcat(near_force / near.mass_kg, path_force / elements.mass_kg, far_force / far.mass_kg)
     return ChainEquations(
         state=ca.vertcat(v, e, z, f_s, ends),
         inputs=inputs,

@@ -42,7 +42,7 @@ class Path:
     def __post_init__(self) -> None:
         _require("total_angle_rad", self.total_angle_rad, least=0, hint="add up the absolute bending angles")
         if not (isinstance(self.segments, int) and 1 <= self.segments <= 10_000):
-            raise ParameterError(f"segments must be a whole number from 1 to 10000, got {self.segments}; 6 is a good start")
+            raise ParameterError(f"segments must be a whole number from 1 to 10000, got {self.segments}; try 6")
         _require("radius_m", self.radius_m, above=0, hint="give the bending radius in metres")
 
     @property
@@ -126,7 +126,8 @@ class Friction:
         _require("stribeck_velocity_m_per_s", self.stribeck_velocity_m_per_s, above=0, hint="0.001 to 0.05 is usual")
         _require("viscous_N_s_per_m", self.viscous_N_s_per_m, least=0, hint="use 0 for none")
         _require("bristle_stiffness_N_per_m", self.bristle_stiffness_N_per_m, above=0, hint="1e5 to 1e7 is stiff")
-        _require("soft_bristle_stiffness_N_per_m", self.soft_bristle_stiffness_N_per_m, above=0, hint="1e3 to 1e5 is soft")
+        soft = self.soft_bristle_stiffness_N_per_m
+        _require("soft_bristle_stiffness_N_per_m", soft, above=0, hint="1e3 to 1e5 is soft")
         if self.mu_dynamic_release is not None:
             _require("mu_dynamic_release", self.mu_dynamic_release, least=0, hint="leave it out to use mu_dynamic")
         if self.mu_static_release is not None:
@@ -187,7 +188,7 @@ class Actuator:
         _require("force_max_N", self.force_max_N, above=0, hint="give the motor's peak force")
         if self.force_max_N <= self.force_min_N:
             raise ParameterError(f"force_max_N must be > force_min_N = {self.force_min_N:g}, got {self.force_max_N}")
-        _require("force_rate_max_N_per_s", self.force_rate_max_N_per_s, above=0, hint="give a large number for no limit")
+        _require("force_rate_max_N_per_s", self.force_rate_max_N_per_s, above=0, hint="use a large number for none")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -135,7 +135,9 @@ class _StepFunctions:
 
 def _tridiagonal_move(residual: list[ca.SX], lower: list[ca.SX], diag: list[ca.SX], upper: list[ca.SX]) -> ca.SX:
     """Newton's move: minus the tridiagonal matrix's inverse times the residual, by elimination."""
-    ratio, rest, pivot = [], [], diag[0]
+    ratio: list[ca.SX] = []
+    rest: list[ca.SX] = []
+    pivot = diag[0]
     for i in range(len(diag)):
         rest.append((residual[i] - (lower[i] * rest[i - 1] if i else 0)) / pivot)
         if i + 1 < len(diag):

@@ -48,7 +48,7 @@ class Engine(StrEnum):
     CASADI = "casadi"
 
 
-_TEMPLATES = jinja2.Environment(
+_TEMPLATES = jinja2.Environment(  # noqa: S701 - C, not HTML
     loader=jinja2.PackageLoader("tendonff.ocp"),
     undefined=jinja2.StrictUndefined,
     keep_trailing_newline=True,

@@ -23,9 +23,11 @@ class ChainStruct(ctypes.Structure):
         *(
             (name, ctypes.c_double)
             for name in (
-                "step_s k1 k2 tau c mass b p sigma0 mu_dp mu_sp mu_dr mu_sr omega "
-                "near_mass near_damping near_stiffness far_mass far_damping far_stiffness tolerance_N"
-            ).split()
+                *("step_s", "k1", "k2", "tau", "c", "mass", "b", "p"),
+                *("sigma0", "mu_dp", "mu_sp", "mu_dr", "mu_sr", "omega"),
+                *("near_mass", "near_damping", "near_stiffness", "far_mass", "far_damping", "far_stiffness"),
+                "tolerance_N",
+            )
         ),
     )
 

@@ -278,7 +278,7 @@ def link_rate() -> Law:
 
 
 def path_mass_inverse() -> Law:
-    """Tension on the actuator's side of a mass whose motion and load side are known: the closed form of fact f_n = A + f_s."""
+    """Tension on the actuator's side of a mass whose motion and load side are known, where f_n = A + f_s."""
     v, f_far, v_base, s_base, step, mass, viscous, adhesion = _symbols("v f_far v_base s_base H mass b p")
     symbols, bristle = _bristle_parameters()
     without_bristle = f_far + friction_force(v, ca.SX(0), viscous) + mass * (v - v_base) / step
@@ -287,7 +287,7 @@ def path_mass_inverse() -> Law:
     )
     return Law(
         name="path_mass_inverse",
-        comment="Tension on the actuator's side of a mass [N], not below zero, and its bristle force [N], eqs. (4), (5).",
+        comment="Tension on the actuator's side [N], at least zero, and its bristle force [N], eqs. (4), (5).",
         inputs=(v, f_far, v_base, s_base, step, mass, viscous, adhesion, *symbols),
         outputs={"f_near": tendon_force(without_bristle + f_s), "f_s": f_s},
     )

@@ -16,7 +16,15 @@ from tendonff.models.chain import Chain, ChainState
 from tendonff.models.errors import ParameterError
 from tendonff.ocp.compiled import Engine, resolve_engine
 from tendonff.ocp.compiled_stepper import CompiledInverse
-from tendonff.ocp.elements import far_velocity, link_gain, link_rate, link_start, link_states, near_force, path_mass_inverse
+from tendonff.ocp.elements import (
+    far_velocity,
+    link_gain,
+    link_rate,
+    link_start,
+    link_states,
+    near_force,
+    path_mass_inverse,
+)
 from tendonff.ocp.scheme import BDF2_CARRY, BDF2_WEIGHT
 from tendonff.ocp.stepping import Array, InverseRows
 
@@ -131,7 +139,7 @@ def invert(
     return Inversion(
         status=status,
         message=message,
-        time_s=np.arange(len(reference)) * step_s,
+        time_s=np.arange(len(reference), dtype=np.float64) * step_s,
         force_N=np.concatenate([[tension], rows.force_N]),
         least_tension_N=least,
         states=None if rows.states is None else np.vstack([first, rows.states]),

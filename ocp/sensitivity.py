@@ -188,7 +188,7 @@ def parameter_sensitivity(
         One direction per parameter, per its SI unit.
     """
     values = {f.name: getattr(whole, f.name) for f in fields(whole)}
-    symbols = {name: ca.SX.sym(name) for name in parameters}
+    symbols: dict[str, ca.SX] = {name: ca.SX.sym(name) for name in parameters}
     symbolic = Chain(
         elements=Whole(**{**values, **symbols}).divided(chain.count), level=chain.level, near=chain.near, far=chain.far
     )

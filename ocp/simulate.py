@@ -244,7 +244,7 @@ def simulate(
     return Simulation(
         outcome=outcome,
         message=message,
-        time_s=np.arange(good) * step_s,
+        time_s=np.arange(good, dtype=np.float64) * step_s,
         force_N=force[:good],
         tension_N=tension,
         near_position_m=ends[:, 0],
