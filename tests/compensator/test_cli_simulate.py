@@ -32,6 +32,12 @@ def play(examples: Path, force: Path, out: Path, *extra: str, level: str = "pres
     return run(["simulate", scenario, "--level", level, "--force", str(force), "--out", str(out), *extra])
 
 
+def output_tension(examples: Path, step_s: float) -> np.ndarray:
+    chain = Chain.of(load_scenario(examples / "finger.toml").transmission, Level.PRESLIDING)
+    time = np.arange(round(1 / step_s) + 1) * step_s
+    return simulate(chain, np.interp(time, [0, 0.3, 0.55, 1], [30, 60, 20, 50]), step_s).output_tension_N
+
+
 @pytest.mark.parametrize("level", Level)
 def test_the_file_holds_what_the_simulator_computes(examples: Path, force: Path, tmp_path: Path, level: Level) -> None:
     assert play(examples, force, tmp_path / "O.csv", level=level) == 0
@@ -68,6 +74,8 @@ def test_the_check_states_an_error_that_shrinks_with_the_step(
         assert f"check: output tension against a run with step {step / 2:g} s: " in message
         assert "% of range" in message
         errors.append(float(message.split(" s: ")[1].split(" N rms")[0]))
+        coarse, fine = (output_tension(examples, step / k)[::k] for k in (1, 2))
+        assert errors[-1] == pytest.approx(np.sqrt(np.mean((coarse - fine)[1:] ** 2)), rel=1e-2)
     assert 0 < errors[1] < errors[0] / 2
 
 
@@ -76,6 +84,8 @@ def test_a_force_that_jumps_at_the_start_or_lets_the_tendon_go_slack_is_warned_o
 ) -> None:
     write_text(tmp_path / "F.csv", "time_s,force_N\n0,33\n0.01,0\n0.5,0\n")
     assert play(examples, tmp_path / "F.csv", tmp_path / "O.csv") == 0
+    first = read_csv(tmp_path / "O.csv", TENSIONS, increasing=None)
+    assert [float(first[name][0]) for name in TENSIONS] == pytest.approx([30.0] * 7)
     message = capsys.readouterr().err
     assert "warning: F.csv starts at 33 N, but the run starts at rest at 30 N: the force jumps by 3 N" in message
     assert "warning: the tendon goes slack at t = " in message

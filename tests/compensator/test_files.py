@@ -213,9 +213,16 @@ def test_impossible_targets_are_refused_before_any_work(tmp_path: Path) -> None:
         pytest.fail("the work was begun")
 
 
-def test_a_device_is_written_to_and_not_replaced() -> None:
-    write_text(Path(os.devnull), "gone")
-    assert not Path(os.devnull).is_file()
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_what_is_no_regular_file_is_written_to_and_not_replaced(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        write_text(tmp_path / "pipe", "through")
+        assert (tmp_path / "pipe").is_fifo()
+        assert os.read(reader, 100) == b"through"
+    finally:
+        os.close(reader)
 
 
 def test_json_takes_numpy_and_refuses_what_is_not_a_number(tmp_path: Path) -> None:

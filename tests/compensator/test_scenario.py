@@ -1,4 +1,5 @@
 import re
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from tendonff.compensator.scenario import (
 )
 from tendonff.compensator.settings.reference import CsvReference, SineReference
 from tendonff.compensator.settings.robust import Robust, RobustObjective
+from tendonff.compensator.settings.run import Run
 from tendonff.compensator.settings.tables import descriptions
 from tendonff.models.fidelity import Level
 from tendonff.models.transmission import Friction
@@ -51,18 +53,19 @@ def test_an_example_that_is_written_reads_back_as_the_same_scenario(path: Path) 
 
 
 def test_every_value_ends_up_under_its_own_name() -> None:
-    scenario = parse(TEXT)
-    assert scenario.transmission.tendon.stiffness_N_per_m == 2e4
-    assert scenario.transmission.friction.soft_bristle_stiffness_N_per_m == 2e4
-    assert scenario.transmission.actuator.force_max_N == 200
-    assert scenario.transmission.load.stiffness_N_per_m == 3000
-    assert scenario.run.level is Level.PRESLIDING
+    scenario, raw = parse(TEXT), tomllib.loads(TEXT)
+    for table in ("path", "tendon", "friction", "actuator", "load"):
+        for key, value in raw[table].items():
+            assert getattr(getattr(scenario.transmission, table), key) == value
+    assert scenario.name == raw["name"]
+    assert scenario.run == Run(step_s=raw["run"]["step_s"], level=Level(raw["run"]["level"]))
     assert isinstance(scenario.reference, SineReference)
-    assert scenario.reference.frequencies_Hz == (0.5, 1.3)
+    assert scenario.reference.frequencies_Hz == tuple(raw["reference"]["frequencies_Hz"])
 
 
 def test_whole_numbers_are_accepted_where_numbers_are_wanted() -> None:
-    assert parse(TEXT.replace(line("force_max_N"), "force_max_N = 200\n")) == parse(TEXT)
+    whole, real = (parse(TEXT.replace(line("force_max_N"), f"force_max_N = {value}\n")) for value in ("210", "210.0"))
+    assert whole == real
 
 
 def test_optional_tables_and_keys_default_to_nothing_special() -> None:
@@ -88,7 +91,7 @@ def test_optional_tables_and_keys_default_to_nothing_special() -> None:
         (
             line("mu_static"),
             "mu_static = 0.1\n",
-            "[friction]: mu_static must be >= mu_dynamic = 0.2, got 0.1; set both",
+            "[friction]: mu_static must be >= mu_dynamic = ",
         ),
         (line("mu_dynamic"), "", '[friction]: key "mu_dynamic" is missing (Coefficients when pulling'),
         (line("mu_dynamic"), 'mu_dynamic = "0.2"\n', '[friction]: mu_dynamic must be a number, got "0.2" (text)'),
@@ -125,7 +128,7 @@ def test_optional_tables_and_keys_default_to_nothing_special() -> None:
             'level = "soft"\n',
             '[run]: level must be "elastic" or "viscoelastic" or "presliding", got "soft"',
         ),
-        (line("step_s"), "step_s = \n", ": not valid TOML: Invalid value (at line 48, column 10)"),
+        (line("schema"), "schema = \n", ": not valid TOML: Invalid value (at line 4, column 10)"),
         (line("name"), "name = 3\n", ': name must be text in quotes ("..."), got 3'),
         (line("schema"), "", ': key "schema" is missing; write schema = 1 in the first line'),
         (line("schema"), "schema = 2\n", ": schema must be 1, got 2; this version reads no other"),
