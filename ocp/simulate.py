@@ -1,14 +1,17 @@
 """Forward simulation of the chain by one fixed-step scheme, whatever the engine."""
 
+import functools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
+import casadi as ca
 import numpy as np
 
-from tendonff.models.chain import Chain, ChainState, chain_equations
+from tendonff.models.chain import Chain, ChainState
 from tendonff.models.errors import ParameterError
+from tendonff.models.link import LinkParameters, tendon_force, unclipped_force
 from tendonff.ocp.casadi_stepper import CasadiStepper
 from tendonff.ocp.compiled import Engine, resolve_engine
 from tendonff.ocp.compiled_stepper import CompiledStepper
@@ -138,6 +141,17 @@ class Simulator:
         return self._stepper.advance(self._memory, np.asarray(inputs, dtype=np.float64), record)
 
 
+@functools.cache
+def _tension_law() -> ca.Function:
+    """Tension of a link over e, de/dt, z and its four numbers."""
+    e, rate, z = (ca.SX.sym(name) for name in ("e", "e_rate", "z"))
+    k1, k2, tau, c = numbers = [ca.SX.sym(name) for name in ("k1", "k2", "tau", "c")]
+    link = LinkParameters(
+        stiffness_N_per_m=k1, relaxing_stiffness_N_per_m=k2, relaxation_time_s=tau, damping_N_s_per_m=c
+    )
+    return ca.Function("tension", [e, rate, z, *numbers], [tendon_force(unclipped_force(e, rate, z, link))])
+
+
 def tensions_of(chain: Chain, states: Array) -> Array:
     """Tensions of recorded states, shape (rows, N + 1) [N].
 
@@ -146,11 +160,16 @@ def tensions_of(chain: Chain, states: Array) -> Array:
     chain : Chain
     states : ndarray, shape (rows, 4 N + 6)
     """
-    import casadi as ca
-
-    equations = chain_equations(chain)
-    tension = ca.Function("tension", [equations.state], [equations.tension_N])
-    return np.asarray(tension(np.atleast_2d(states).T)).T
+    n, link, x = chain.count, chain.link, np.atleast_2d(states)
+    e, z, rate = x[:, n + 2 : 2 * n + 3], x[:, 2 * n + 3 : 3 * n + 4], x[:, : n + 1] - x[:, 1 : n + 2]
+    numbers = (
+        link.stiffness_N_per_m,
+        link.relaxing_stiffness_N_per_m,
+        link.relaxation_time_s,
+        link.damping_N_s_per_m,
+    )
+    tension = _tension_law()(*(part.reshape(1, -1) for part in (e, rate, z)), *numbers)
+    return np.asarray(tension).reshape(e.shape)
 
 
 def force_inputs(force_N: Array) -> Array:
