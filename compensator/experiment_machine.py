@@ -19,8 +19,9 @@ S9    L         A_h       motor 2 holds its position: recovery, relaxation upwar
 S10   A         L         the motors change roles back and rest; the next S2 slides on to 1   none
 ====  ========  ========  ==================================================================  ========
 
-Every state takes up the rates of its commands over a blend, keeps them until its condition or its longest time, gives
-them up over a blend and rests, so that motors change their modes at standstill.
+A_h holds the position: under a held force a creeping tendon only lengthens, and its tensions stay. Every state takes up
+the rates of its commands over a blend, keeps them until its condition or its longest time, gives them up over a blend
+and rests, so that motors change their modes at standstill.
 """
 
 import math

@@ -15,6 +15,7 @@ from tendonff.compensator.experiment_machine import StatePass
 from tendonff.compensator.experiment_run import SECTIONS, ExperimentResult, ExperimentRun
 from tendonff.compensator.settings.experiment import MotorMode
 
+_BREAKAWAY = (0.05, 0.5)
 _LEAST_CHANGE = 0.01  # of range: an output that changes less has no transient to speak of
 
 
@@ -41,7 +42,7 @@ class Transient:
     change_N : float
         Change of the output tension over the state: of the end whose motor loads.
     width_s : float
-        Time from 10 % to 90 % of that change.
+        Time from 5 % to 50 % of that change: how gradually the output breaks away; the rest is slip on all levels.
     max_slope_N_per_s : float
         Largest rate of the output tension.
     """
@@ -181,10 +182,10 @@ def transient(run: ExperimentRun, done: StatePass) -> Transient | None:
         return None
     step = float(run.time_s[1] - run.time_s[0])
     share = (output - output[0]) / change
-    first, last = (int(np.argmax(share >= level)) for level in (0.1, 0.9))
+    first, last = (int(np.argmax(share >= level)) for level in _BREAKAWAY)
     return Transient(
         change_N=change,
-        width_s=(last - first) * step,
+        width_s=round((last - first) * step, 12),
         max_slope_N_per_s=float(np.abs(np.diff(output)).max()) / step,
     )
 
