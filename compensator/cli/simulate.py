@@ -24,11 +24,14 @@ def simulate(
     ] = False,
 ) -> None:
     """Simulate the chain under a force file, from rest at the scenario's initial tension."""
+    from tendonff.compensator.files import InputError
     from tendonff.compensator.scenario import load_scenario
     from tendonff.compensator.simulation import play_force, read_force
 
     loaded = load_scenario(scenario)
     profile = read_force(force)
+    if out.exists() and any(out.samefile(source) for source in (scenario, force)):
+        raise InputError(f"{out} is an input of this run; name another file for the result")
     with progress("simulating") as advance:
         played = play_force(loaded, level or loaded.run.level, profile, out, check=check, advance=advance)
     for warning in played.warnings:

@@ -109,6 +109,12 @@ def test_a_bad_force_file_is_one_message_exit_2_and_no_output(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["F.csv"]
 
 
+def test_the_result_never_replaces_an_input(examples: Path, force: Path, capsys: Capture) -> None:
+    assert play(examples, force, force.parent / "." / "F.csv") == 2
+    assert "F.csv is an input of this run" in capsys.readouterr().err
+    assert force.read_text(encoding="utf-8") == FORCE
+
+
 def test_a_single_row_gives_the_row_at_rest(examples: Path, tmp_path: Path) -> None:
     write_text(tmp_path / "F.csv", "time_s,force_N\n0,30\n")
     assert play(examples, tmp_path / "F.csv", tmp_path / "O.csv") == 0
