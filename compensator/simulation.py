@@ -2,17 +2,18 @@
 
 import math
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tendonff.compensator.files import CsvStream, FloatArray, InputError, open_csv, read_csv
+from tendonff.compensator.files import FloatArray, InputError, open_csv, read_csv
 from tendonff.compensator.reference import initial_tension
 from tendonff.compensator.scenario import Scenario
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
+from tendonff.ocp.crosscheck import StepHalving
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import Simulator, describe_failure, force_inputs, tensions_of
 
@@ -56,38 +57,12 @@ class PlayedForce:
     warnings : tuple of str
         What the user should know.
     check : str or None
-        Estimate of the discretisation error, in words, when it was asked for.
+        Estimate of the discretisation error, and whether the run is reproducible, in words, when it was asked for.
     """
 
     rows: int
     warnings: tuple[str, ...]
     check: str | None
-
-
-class _Error:
-    """Difference between a run and one with half the step, gathered chunk by chunk."""
-
-    def __init__(self) -> None:
-        self.squares = 0.0
-        self.peak = 0.0
-        self.rows = 0
-        self.lowest = math.inf
-        self.highest = -math.inf
-
-    def add(self, coarse: FloatArray, fine: FloatArray) -> None:
-        difference = coarse - fine
-        self.squares += float(difference @ difference)
-        self.peak = max(self.peak, float(np.abs(difference).max(initial=0.0)))
-        self.rows += len(difference)
-        self.lowest = min(self.lowest, float(coarse.min(initial=math.inf)))
-        self.highest = max(self.highest, float(coarse.max(initial=-math.inf)))
-
-    def text(self, step_s: float) -> str:
-        rms = math.sqrt(self.squares / max(self.rows, 1))
-        span = self.highest - self.lowest
-        percent = f" ({100 * rms / span:.2g} % and {100 * self.peak / span:.2g} % of range)" if span > 0 else ""
-        error = f"{rms:.3g} N rms, {self.peak:.3g} N at most{percent}"
-        return f"output tension against a run with step {step_s / 2:g} s: {error}"
 
 
 def read_force(path: Path) -> ForceProfile:
@@ -120,7 +95,7 @@ def play_force(
     out : Path
         File to write: `time_s,force_N,tension_1_N,...,actuator_position_m,load_position_m`.
     check : bool
-        Run with half the step as well and state the difference.
+        Run with a half and a quarter of the step as well and state the error estimate.
     advance : callable
         Told rows done and rows in all.
 
@@ -138,14 +113,21 @@ def play_force(
     start_tension = initial_tension(scenario)
     chain = Chain.of(scenario.transmission, level)
     names = ["time_s", "force_N", *(f"tension_{k}_N" for k in range(1, chain.count + 2))]
-    with open_csv(out, [*names, "actuator_position_m", "load_position_m"]) as stream:
+    size = max(1, _CHUNK_VALUES // (chain.count + 5))
+    pieces = [(first, min(first + size, total)) for first in range(1, total, size)]
+    columns = [*names, "actuator_position_m", "load_position_m"]
+    with open_csv(out, columns) as stream, ThreadPoolExecutor(max_workers=1) as worker:
         run = _Run(chain, profile, start_tension, step, check=check)
-        run.write_first(stream)
-        size = max(1, _CHUNK_VALUES // (chain.count + 5))
-        for first in range(1, total, size):
-            run.write_next(stream, np.arange(first, min(first + size, total)))
+        stream.write(run.first_row())
+        # Compiled steps leave the interpreter free to write what came before them.
+        computed = (worker.submit(run.next_rows, *piece) for piece in pieces)
+        coming = next(computed, None)
+        while coming is not None:
+            rows = coming.result()
+            coming = next(computed, None)
+            stream.write(rows)
             if advance is not None:
-                advance(min(first + size, total), total)
+                advance(round(rows[-1, 0] / step) + 1, total)
     warnings = []
     if (jump := abs(run.first_force - start_tension)) > 1e-6 * max(start_tension, 1.0):
         warnings.append(
@@ -157,7 +139,8 @@ def play_force(
             f"the tendon goes slack at t = {run.first_slack_s:.6g} s, and in {100 * run.slack_rows / total:.2g} % of "
             "the rows some link carries no tension: raise the force there"
         )
-    return PlayedForce(rows=total, warnings=tuple(warnings), check=run.error.text(step) if check else None)
+    found = run.halving.result().text if run.halving is not None else None
+    return PlayedForce(rows=total, warnings=tuple(warnings), check=found)
 
 
 class _Run:
@@ -172,34 +155,27 @@ class _Run:
         start = force_inputs(np.array([self.first_force]))[0]
         self._first = state.vector()
         self._simulator = Simulator(chain, step_s, state, start)
-        self._half = Simulator(chain, step_s / 2, state, start) if check else None
-        self.error = _Error()
+        self.halving = StepHalving(chain, step_s, state, self.first_force) if check else None
         self.slack_rows = 0
         self.first_slack_s = math.nan
 
-    def write_first(self, stream: CsvStream) -> None:
+    def first_row(self) -> FloatArray:
         """The row at rest."""
-        tension = tensions_of(self._chain, self._first)[0]
-        stream.write(np.concatenate([[0.0, self.first_force], tension, self._first[-2:]])[None, :])
-        self._note_slack(tension[None, :], np.zeros(1))
+        tension = tensions_of(self._chain, self._first)
+        self._note_slack(tension, np.zeros(1))
+        return np.concatenate([[0.0, self.first_force], tension[0], self._first[-2:]])[None, :]
 
-    def write_next(self, stream: CsvStream, k: NDArray[np.int64]) -> None:
-        """Rows k, which follow the last ones."""
-        time = k.astype(np.float64) * self._step
+    def next_rows(self, first: int, after: int) -> FloatArray:
+        """Rows first .. after - 1, which follow the last ones."""
+        time = np.arange(first, after, dtype=np.float64) * self._step
         force = self._profile.at(time)
         rows = self._simulator.advance(force_inputs(force))
-        good = len(rows.tension_N)
-        if good < len(k):
+        if (good := len(rows.tension_N)) < len(time):
             raise SolveError(describe_failure(self._chain, rows, float(time[good]), self._step))
-        stream.write(np.column_stack([time, force, rows.tension_N, rows.ends_m]))
         self._note_slack(rows.tension_N, time)
-        if self._half is not None:
-            fine_time = np.arange(2.0 * k[0] - 1, 2.0 * k[-1] + 0.5, dtype=np.float64) * (self._step / 2)
-            fine = self._half.advance(force_inputs(self._profile.at(fine_time)))
-            if len(fine.tension_N) < len(fine_time):
-                failed = float(fine_time[len(fine.tension_N)])
-                raise SolveError(describe_failure(self._chain, fine, failed, self._step / 2))
-            self.error.add(rows.tension_N[:, -1], fine.tension_N[1::2, -1])
+        if self.halving is not None:
+            self.halving.add(time, rows.tension_N[:, -1], self._profile.at)
+        return np.column_stack([time, force, rows.tension_N, rows.ends_m])
 
     def _note_slack(self, tension: FloatArray, time: FloatArray) -> None:
         slack = (tension <= 0).any(axis=1)

@@ -20,7 +20,7 @@ def simulate(
     ],
     level: LevelOption = None,
     check: Annotated[
-        bool, typer.Option("--check", help="Run with half the step as well and state the error estimate.")
+        bool, typer.Option("--check", help="Refine the step as well and state the error estimate.")
     ] = False,
 ) -> None:
     """Simulate the chain under a force file, from rest at the scenario's initial tension."""
