@@ -123,6 +123,37 @@ def test_changing_modes_at_rest_leaves_the_rig_at_rest(finger: Scenario, modes: 
     np.testing.assert_allclose(rows.force_N[-1], [near, far], atol=2e-3)
 
 
+@pytest.mark.parametrize("level", Level)
+def test_the_rig_is_the_same_from_both_ends(finger: Scenario, level: Level) -> None:
+    """What motor 1 does to f_1 .. f_7, motor 2 does to f_7 .. f_1, where friction has no preferred direction."""
+    spec = plan_experiment(finger).rig
+    ramp = np.concatenate([np.full(300, 200.0), np.full(400, -130.0)])
+    still = np.zeros_like(ramp)
+    one = Rig(spec, level, (A, L)).advance(np.column_stack([ramp, still]))
+    two = Rig(spec, level, (L, A)).advance(np.column_stack([still, ramp]))
+    np.testing.assert_allclose(two.tension_N[:, ::-1], one.tension_N, atol=1e-6)
+    np.testing.assert_allclose(two.force_N[:, ::-1], one.force_N, atol=1e-6)
+    np.testing.assert_allclose(-np.diff(two.position_m[:, ::-1], axis=0), np.diff(one.position_m, axis=0), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "motor", "met", "not_met"),
+    [("tension_1 >= 80", 0, 80.0, 79.9), ("tension_2<=4e1", 1, 40.0, 40.1)],
+)
+def test_a_condition_is_met_on_its_own_side_of_its_own_tension(
+    text: str, motor: int, met: float, not_met: float
+) -> None:
+    states = columns(until=["", text, ""]).own_states()
+    assert states is not None
+    until = states[1].until
+    assert until is not None
+    far_off = {0: (0.0, 500.0), 1: (500.0, 0.0)}[1 - motor]
+    for value, answer in ((met, True), (not_met, False)):
+        ends = list(far_off)
+        ends[motor] = value
+        assert until.met((ends[0], ends[1])) is answer
+
+
 def test_a_machine_takes_up_its_rate_keeps_it_until_its_condition_and_gives_it_up(finger: Scenario) -> None:
     state = ExperimentState(
         name="S",
