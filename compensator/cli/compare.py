@@ -1,0 +1,21 @@
+"""`tendonff compare`: how much model the task needs."""
+
+from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument
+from tendonff.compensator.cli.progress import progress, say, warn
+
+
+def compare(scenario: ScenarioArgument, out: OutFolderOption) -> None:
+    """Compare the fidelity levels: every compensator designed on each, played on each and on the capstan law."""
+    from tendonff.compensator.compare import compare as compare_levels
+    from tendonff.compensator.compare_report import write_comparison
+    from tendonff.compensator.files import atomic_directory
+    from tendonff.compensator.scenario import load_scenario
+
+    loaded = load_scenario(scenario)
+    with atomic_directory(out) as folder:  # entered first: a folder that cannot be written is known before the work
+        with progress("comparing") as advance:
+            result = compare_levels(loaded, advance=advance)
+        write_comparison(result, folder)
+    for warning in result.warnings:
+        warn(warning)
+    say(result.recommendation)
