@@ -1,0 +1,164 @@
+"""Many simulations at once, over the standard executor interface.
+
+Any `concurrent.futures.Executor` will do: threads or processes of this machine, or what Dask
+(`distributed.Client(...).get_executor()`) and others offer for many machines.
+"""
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from tendonff.models.chain import Chain, ChainState
+from tendonff.ocp.compiled import Engine
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.simulate import Simulation, simulate
+from tendonff.ocp.stepping import Array
+
+J = TypeVar("J")
+R = TypeVar("R")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Done(Generic[R]):
+    """What became of one job.
+
+    Parameters
+    ----------
+    index : int
+        Its place in the list of jobs.
+    value : object or None
+        Its result; None where it failed.
+    error : Exception or None
+        Why it failed.
+    """
+
+    index: int
+    value: R | None
+    error: Exception | None
+
+    def require(self) -> R:
+        """Return the result, or raise `SolveError` that names the job."""
+        if self.error is not None or self.value is None:
+            raise SolveError(f"job {self.index + 1} failed: {self.error}") from self.error
+        return self.value
+
+
+def run_jobs(
+    function: Callable[[J], R],
+    jobs: Sequence[J],
+    *,
+    executor: Executor | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Done[R]]:
+    """Apply a function to many jobs at once; a job that fails does not stop the others.
+
+    Parameters
+    ----------
+    function : callable
+        For other processes or machines: importable there, and jobs and results can be pickled.
+    jobs : sequence
+    executor : concurrent.futures.Executor, optional
+        Where they run; it stays open. Default: one thread per core, for compiled steps leave the interpreter free.
+    progress : callable, optional
+        Told jobs done and jobs in all, in this thread, whenever one ends.
+
+    Returns
+    -------
+    list of Done
+        In the order of the jobs.
+    """
+    if executor is None:
+        with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as threads:
+            return run_jobs(function, jobs, executor=threads, progress=progress)
+    futures: dict[Future[R], int] = {}
+    results: list[Done[R] | None] = [None] * len(jobs)
+    try:
+        for index, job in enumerate(jobs):
+            futures[executor.submit(function, job)] = index
+        for done, future in enumerate(as_completed(futures), start=1):
+            index = futures[future]
+            try:
+                results[index] = Done(index=index, value=future.result(), error=None)
+            except Exception as error:  # noqa: BLE001 - whatever a job raises is its result
+                results[index] = Done(index=index, value=None, error=error)
+            if progress is not None:
+                progress(done, len(jobs))
+    except BaseException:  # Ctrl-C, or an error of the progress callback: do not finish the rest first
+        for future in futures:
+            future.cancel()
+        raise
+    return [result for result in results if result is not None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulationJob:
+    """Arguments of one `simulate`.
+
+    Parameters
+    ----------
+    chain : Chain
+    force_N : ndarray, shape (n,)
+        f_c1 at 0, h, 2 h ... [N].
+    step_s : float
+        h [s].
+    initial_tension_N : float, optional
+        T0 of the start at rest [N]; default: the first force.
+    state : ChainState, optional
+        Start from here instead.
+    record : bool, optional
+        Keep every state.
+    engine : Engine, optional
+    """
+
+    chain: Chain
+    force_N: Array
+    step_s: float
+    initial_tension_N: float | None = None
+    state: ChainState | None = None
+    record: bool = False
+    engine: Engine = Engine.AUTO
+
+
+def run_simulation(job: SimulationJob) -> Simulation:
+    """Simulate one job.
+
+    Parameters
+    ----------
+    job : SimulationJob
+    """
+    return simulate(
+        job.chain,
+        job.force_N,
+        job.step_s,
+        initial_tension_N=job.initial_tension_N,
+        state=job.state,
+        record=job.record,
+        engine=job.engine,
+    )
+
+
+def simulate_batch(
+    jobs: Sequence[SimulationJob],
+    *,
+    executor: Executor | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Done[Simulation]]:
+    """Simulate many jobs at once.
+
+    Parameters
+    ----------
+    jobs : sequence of SimulationJob
+    executor : concurrent.futures.Executor, optional
+        See `run_jobs`.
+    progress : callable, optional
+        Told jobs done and jobs in all.
+
+    Returns
+    -------
+    list of Done
+        In the order of the jobs. A run whose step could not be solved is a result whose outcome says so; errors are
+        jobs that could not be run, such as a force that is not finite.
+    """
+    return run_jobs(run_simulation, jobs, executor=executor, progress=progress)
