@@ -215,9 +215,9 @@ def _hold(
     soft = 1 / tendon.stiffness_N_per_m + 1 / holding + 1 / max(chain.far.stiffness_N_per_m, 1e-9)
     rate = (high_N - start_N) * soft / _RAMP_S
     chunk = max(1, round(0.01 * _RAMP_S / step_s))
-    position = rest
+    position = float(rest)
     for _ in range(200):
-        moving = position + rate * step_s * np.arange(1, chunk + 1)
+        moving = position + rate * step_s * np.arange(1, chunk + 1, dtype=np.float64)
         tension = simulator.advance(_commands(moving)).tension_N
         position = float(moving[-1])
         if len(tension) < chunk or tension[-1, 0] >= high_N:
@@ -226,7 +226,7 @@ def _hold(
     near = simulator.advance(_commands(np.full(rows, position))).tension_N[:, 0]
     # The stop itself rings for a moment; relaxation is what comes after.
     settled = min(len(near) // 10, round(0.05 / step_s))
-    return np.arange(len(near) - settled) * step_s, near[settled:]
+    return np.arange(len(near) - settled, dtype=np.float64) * step_s, near[settled:]
 
 
 def _hold_s(transmission: Transmission) -> float:

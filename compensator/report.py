@@ -215,6 +215,7 @@ def render_report(report: Report) -> str:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        keep_trailing_newline=True,
     )
     provenance = report.provenance
     return environment.get_template("report.html.j2").render(

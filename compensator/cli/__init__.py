@@ -11,7 +11,9 @@ from typing import Annotated, NoReturn, cast
 
 import typer
 
+from tendonff.compensator.cli.compare import compare
 from tendonff.compensator.cli.experiment import experiment
+from tendonff.compensator.cli.explore import explore
 from tendonff.compensator.cli.new import new
 from tendonff.compensator.cli.progress import say
 from tendonff.compensator.cli.simulate import simulate
@@ -56,6 +58,8 @@ def _root(
 app.command()(new)
 app.command()(simulate)
 app.command()(experiment)
+app.command()(compare)
+app.command()(explore)
 
 
 def run(arguments: Sequence[str]) -> int:

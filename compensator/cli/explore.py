@@ -1,0 +1,43 @@
+"""`tendonff explore`: sliders for one scenario, in the browser."""
+
+from typing import Annotated
+
+import typer
+
+from tendonff.compensator.cli.options import ScenarioArgument
+from tendonff.compensator.cli.progress import say
+
+
+def explore(
+    scenario: ScenarioArgument,
+    port: Annotated[
+        int, typer.Option("--port", help="Port on this machine; 0 takes any that is free.", min=0, max=65535)
+    ] = 5006,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")] = True,
+) -> None:
+    """Explore one scenario in the browser: sliders for friction, angle, bristle, relaxation and rate limit."""
+    from tendonff.compensator.files import InputError
+    from tendonff.compensator.scenario import load_scenario
+
+    loaded = load_scenario(scenario)
+    try:
+        from tendonff.compensator.explore_page import make_server, page_url
+    except ModuleNotFoundError as error:
+        if error.name != "bokeh":
+            raise
+        raise InputError(
+            'explore needs Bokeh; install it by: pip install "tendonff[explore]", or "bokeh" alone'
+        ) from None
+    server = make_server(loaded, port)
+    server.start()
+    say(f"{page_url(server)} (this machine only; Ctrl-C ends it)")
+    if browser:
+        import webbrowser
+
+        server.io_loop.add_callback(webbrowser.open, page_url(server))
+    try:
+        server.io_loop.start()
+    except KeyboardInterrupt:  # the way to end it
+        pass
+    finally:
+        server.stop()
