@@ -221,9 +221,7 @@ class ChainEquations:
     tension_N: ca.SX
 
 
-def end_force(
-    v: ca.SX, q: ca.SX, tension: ca.SX, pull: ca.SX, f_c: ca.SX, x_c: ca.SX, end: End
-) -> ca.SX:
+def end_force(v: ca.SX, q: ca.SX, tension: ca.SX, pull: ca.SX, f_c: ca.SX, x_c: ca.SX, end: End) -> ca.SX:
     """Sum of the forces on an end mass, positive towards the actuator [N].
 
     Parameters

@@ -375,9 +375,7 @@ class Transmission:
             mass_kg=tendon.mass_kg,
             viscous_N_s_per_m=friction.viscous_N_s_per_m,
             bristle_stiffness_N_per_m=(
-                friction.soft_bristle_stiffness_N_per_m
-                if features.soft_bristle
-                else friction.bristle_stiffness_N_per_m
+                friction.soft_bristle_stiffness_N_per_m if features.soft_bristle else friction.bristle_stiffness_N_per_m
             ),
             stiffness_N_per_m=tendon.stiffness_N_per_m,
             relaxing_stiffness_N_per_m=tendon.relaxing_stiffness_N_per_m if features.link_relaxes else 0.0,

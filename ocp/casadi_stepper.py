@@ -193,9 +193,7 @@ class CasadiStepper:
         n = self._count
         states, tensions = np.empty((len(inputs), 4 * n + 6)), np.empty((len(inputs), n + 1))
         splits, row, iterations, easy = 0, 0, 0, True
-        last = _Outcome(
-            solved=True, x=memory.x, tension_N=np.zeros(n + 1), residual_N=0.0, worst_mass=0, iterations=0
-        )
+        last = _Outcome(solved=True, x=memory.x, tension_N=np.zeros(n + 1), residual_N=0.0, worst_mass=0, iterations=0)
         while row < len(inputs):
             size = _CHUNKS[0] if easy and len(inputs) - row >= _CHUNKS[0] else _CHUNKS[1]
             if not memory.fresh and len(inputs) - row >= size:

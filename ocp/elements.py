@@ -282,14 +282,30 @@ def path_mass_inverse() -> Law:
     v, f_far, v_base, s_base, step, mass, viscous, adhesion = _symbols("v f_far v_base s_base H mass b p")
     symbols, bristle = _bristle_parameters()
     without_bristle = f_far + friction_force(v, ca.SX(0), viscous) + mass * (v - v_base) / step
-    f_s = implicit_bristle(v, s_base, step, bristle).bristle_force_from_far_side(
-        f_far + without_bristle + 2 * adhesion
-    )
+    f_s = implicit_bristle(v, s_base, step, bristle).bristle_force_from_far_side(f_far + without_bristle + 2 * adhesion)
     return Law(
         name="path_mass_inverse",
         comment="Tension on the actuator's side [N], at least zero, and its bristle force [N], eqs. (4), (5).",
         inputs=(v, f_far, v_base, s_base, step, mass, viscous, adhesion, *symbols),
         outputs={"f_near": tendon_force(without_bristle + f_s), "f_s": f_s},
+    )
+
+
+def path_mass_drop() -> Law:
+    """What a mass whose motion and load side are known adds to the tension: friction and inertia.
+
+    `path_mass_inverse` without the sum, for arithmetic with few digits, and without the slack: f_i = f_{i+1} + drop.
+    """
+    v, f_far, v_base, s_base, step, mass, viscous, adhesion = _symbols("v f_far v_base s_base H mass b p")
+    symbols, bristle = _bristle_parameters()
+    inertia = mass * (v - v_base) / step
+    far_sum = 2 * f_far + friction_force(v, ca.SX(0), viscous) + inertia + 2 * adhesion
+    f_s = implicit_bristle(v, s_base, step, bristle).bristle_force_from_far_side(far_sum)
+    return Law(
+        name="path_mass_drop",
+        comment="Friction and inertia of a mass on the path [N], and its bristle force [N], eqs. (4), (5).",
+        inputs=(v, f_far, v_base, s_base, step, mass, viscous, adhesion, *symbols),
+        outputs={"drop": friction_force(v, f_s, viscous) + inertia, "f_s": f_s},
     )
 
 

@@ -203,9 +203,7 @@ def parameter_sensitivity(
     )
     slopes = ca.Function("slopes", [unknowns], [ca.jacobian(numbers, unknowns), ca.jacobian(start, unknowns)])
     by_number, by_start = (np.ascontiguousarray(np.asarray(m.full())) for m in slopes(at))
-    directions = _Directions(
-        width=len(parameters), numbers=by_number, start=by_start, knot=None, weight=None, window=0
-    )
+    directions = _Directions(width=len(parameters), numbers=by_number, start=by_start, knot=None, weight=None, window=0)
     state = chain.rest_state(initial_tension_N)
     return _run(chain, force_N, step_s, state, directions, links, with_ends=True)
 

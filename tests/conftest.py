@@ -7,6 +7,9 @@ import matplotlib as mpl
 import pytest
 from hypothesis import HealthCheck, settings
 
+from tendonff.models.transmission import Actuator, Friction, Load, Tendon, Transmission
+from tendonff.models.transmission import Path as TendonPath
+
 ROOT = Path(__file__).resolve().parents[1]
 
 mpl.use("Agg")
@@ -32,3 +35,37 @@ def measured_data() -> Path:
     if not (folder / "band_capstan").is_dir():
         pytest.skip("measured data not found; set TENDONFF_DATA to its folder")
     return folder
+
+
+@pytest.fixture(scope="session")
+def generic() -> Transmission:
+    """A transmission in which every term of the model acts, and no two values that could be mixed up are equal."""
+    return Transmission(
+        path=TendonPath(total_angle_rad=3.1, segments=6, radius_m=0.03),
+        tendon=Tendon(
+            mass_kg=0.002,
+            stiffness_N_per_m=2e4,
+            relaxing_stiffness_N_per_m=6e3,
+            relaxation_time_s=0.4,
+            damping_N_s_per_m=2.0,
+        ),
+        friction=Friction(
+            mu_dynamic=0.2,
+            mu_static=0.23,
+            stribeck_velocity_m_per_s=0.005,
+            viscous_N_s_per_m=1.0,
+            bristle_stiffness_N_per_m=1e6,
+            soft_bristle_stiffness_N_per_m=2e4,
+            mu_dynamic_release=0.15,
+            mu_static_release=0.18,
+            adhesion_N=0.5,
+        ),
+        actuator=Actuator(
+            mass_kg=0.15,
+            damping_N_s_per_m=5.0,
+            force_min_N=0.0,
+            force_max_N=200.0,
+            force_rate_max_N_per_s=1e5,
+        ),
+        load=Load(mass_kg=0.02, stiffness_N_per_m=3000.0, damping_N_s_per_m=2.0),
+    )

@@ -1,0 +1,87 @@
+import math
+from dataclasses import replace
+
+import casadi as ca
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tendonff.models.friction import BristleParameters, bristle_rate, implicit_bristle, stribeck_coefficient
+from tendonff.models.transmission import equivalent_coefficient
+
+BRISTLE = BristleParameters(
+    bristle_stiffness_N_per_m=2e5,
+    mu_dynamic_pull=0.06,
+    mu_static_pull=0.09,
+    mu_dynamic_release=0.04,
+    mu_static_release=0.07,
+    stribeck_velocity_m_per_s=5e-3,
+)
+speeds = st.floats(1e-6, 1.0)
+forces = st.floats(-30.0, 30.0)
+
+
+def number(expression: ca.SX) -> float:
+    return float(ca.evalf(expression))
+
+
+def mu(v: float, bristle: BristleParameters = BRISTLE) -> float:
+    return number(stribeck_coefficient(ca.SX(v), bristle))
+
+
+def rate(v: float, f_s: float, f_n: float) -> float:
+    return number(bristle_rate(ca.SX(v), ca.SX(f_s), ca.SX(f_n), BRISTLE))
+
+
+@given(v=speeds)
+def test_pulling_and_releasing_have_coefficients_of_their_own(v: float) -> None:
+    """mu_d + (mu_c - mu_d) e^{-abs(v)/omega}, eq. (5b), first power of the speed."""
+    assert mu(v) == pytest.approx(0.06 + 0.03 * math.exp(-v / 5e-3), rel=1e-12)
+    assert mu(-v) == pytest.approx(0.04 + 0.03 * math.exp(-v / 5e-3), rel=1e-12)
+
+
+@pytest.mark.parametrize("n", [1, 6, 40])
+def test_equivalent_coefficients_of_n_elements_multiply_to_the_capstan_ratio(n: int) -> None:
+    """((1 + mu_eq)/(1 - mu_eq))^N = e^{mu theta}, eqs. (4), (8), (9)."""
+    mu_eq = float(equivalent_coefficient(0.2, 3.1 / n))
+    assert ((1 + mu_eq) / (1 - mu_eq)) ** n == pytest.approx(math.exp(0.2 * 3.1), rel=1e-12)
+
+
+@given(v=st.floats(-1.0, 1.0), f_s=forces, f_n=st.floats(1e-3, 1e3))
+def test_the_bristle_never_gives_energy(v: float, f_s: float, f_n: float) -> None:
+    """d/dt f_s^2/(2 sigma0) <= f_s v: what is stored is at most what was put in."""
+    stored = f_s * rate(v, f_s, f_n) / 2e5
+    assert stored <= f_s * v + 1e-12 * max(1.0, abs(f_s * v))
+
+
+@given(v=speeds, f_n=st.floats(0.1, 100.0))
+def test_sliding_saturates_at_the_coefficient_times_the_normal_force(v: float, f_n: float) -> None:
+    assert rate(v, mu(v) * f_n, f_n) == pytest.approx(0.0, abs=1e-9 * 2e5 * v)
+    assert rate(-v, -mu(-v) * f_n, f_n) == pytest.approx(0.0, abs=1e-9 * 2e5 * v)
+
+
+@given(v=st.floats(-0.5, 0.5), base=forces, f_n=st.floats(0.01, 100.0), step=st.floats(1e-5, 1e-2))
+def test_the_implicit_bristle_satisfies_its_own_rule(v: float, base: float, f_n: float, step: float) -> None:
+    """f_s = base + H df_s/dt at the end of the step."""
+    f_s = number(implicit_bristle(ca.SX(v), ca.SX(base), ca.SX(step), BRISTLE).force(ca.SX(f_n)))
+    scale = abs(base) + step * 2e5 * abs(v) * (1 + abs(f_s) / (f_n * 0.04))
+    assert f_s == pytest.approx(base + step * rate(v, f_s, f_n), abs=1e-12 * scale + 1e-15)
+
+
+@given(v=st.floats(-0.5, 0.5), base=forces, far_sum=st.floats(1.0, 300.0), step=st.floats(1e-5, 1e-2))
+def test_the_two_directions_of_the_implicit_bristle_are_inverse(
+    v: float, base: float, far_sum: float, step: float
+) -> None:
+    """f_n = A + f_s, taken from the load's side, gives the f_s that f_n gives from the other."""
+    rule = implicit_bristle(ca.SX(v), ca.SX(base), ca.SX(step), BRISTLE)
+    f_s = number(rule.bristle_force_from_far_side(ca.SX(far_sum)))
+    f_n = far_sum + f_s
+    if f_n > 1e-3:
+        scale = abs(base) + step * 2e5 * abs(v) + far_sum
+        assert number(rule.force(ca.SX(f_n))) == pytest.approx(f_s, abs=1e-11 * scale * (1 + far_sum / f_n))
+
+
+def test_a_frictionless_path_runs_through_the_same_expression() -> None:
+    flat = replace(BRISTLE, mu_dynamic_pull=0.0, mu_static_pull=0.0, mu_dynamic_release=0.0, mu_static_release=0.0)
+    f_s = number(implicit_bristle(ca.SX(0.1), ca.SX(3.0), ca.SX(1e-3), flat).force(ca.SX(20.0)))
+    assert abs(f_s) < 1e-9

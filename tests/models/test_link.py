@@ -1,0 +1,77 @@
+import casadi as ca
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tendonff.models.link import LinkParameters, implicit_link, relaxation_rate, tendon_force, transfer_function
+from tendonff.models.link import unclipped_force as link_force
+
+LINK = LinkParameters(
+    stiffness_N_per_m=2e4, relaxing_stiffness_N_per_m=6e3, relaxation_time_s=0.4, damping_N_s_per_m=30.0
+)
+
+
+def response(elongation: np.ndarray, rate: np.ndarray, step_s: float) -> np.ndarray:
+    """Force of the link under a given motion from rest, by the law's own differential equation."""
+    e, e_rate, z, h = (ca.SX.sym(name) for name in ("e", "e_rate", "z", "h"))
+    slope = ca.Function("slope", [z, e], [relaxation_rate(e, z, LINK)])
+    e_mid, e_end = ca.SX.sym("e_mid"), ca.SX.sym("e_end")
+    k1 = slope(z, e)
+    k2 = slope(z + h / 2 * k1, e_mid)
+    k3 = slope(z + h / 2 * k2, e_mid)
+    k4 = slope(z + h * k3, e_end)
+    step = ca.Function(
+        "step", [z, e, e_mid, e_end], [ca.substitute(z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), h, step_s)]
+    )
+    run = step.mapaccum(len(elongation) // 2)
+    ends = np.asarray(run(0.0, elongation[:-2:2], elongation[1:-1:2], elongation[2::2])).ravel()
+    force = ca.Function("force", [e, e_rate, z], [link_force(e, e_rate, z, LINK)])
+    return np.asarray(force(elongation[2::2][None, :], rate[2::2][None, :], ends[None, :])).ravel()
+
+
+def test_the_step_response_is_that_of_the_transfer_function() -> None:
+    """F/V = [b_k (k1 + k2) s + k1 k2]/(b_k s^2 + k2 s), eq. (7), with the structural damping c beside it."""
+    h, count = 1e-3, 3000
+    numerator, denominator = transfer_function(LINK)
+    by_speed = control.tf(list(numerator), [*denominator, 0.0])  # F/V = F/(s E)
+    time = np.arange(count + 1) * h
+    speed = 0.01  # a step of velocity: a ramp of elongation
+    expected = control.step_response(speed * by_speed, T=time).outputs
+    fine = np.arange(2 * count + 1) * h / 2
+    force = response(speed * fine, np.full(fine.shape, speed), h)
+    assert force == pytest.approx(expected[1:], rel=1e-9)
+    # The three terms are seen: damping at once, both springs at first, the lasting one in the end.
+    assert expected[0] == pytest.approx(30.0 * speed, rel=1e-6)
+    slope = np.diff(expected) / (speed * h)
+    assert slope[0] == pytest.approx(2.6e4, rel=2e-3)
+    assert slope[-1] == pytest.approx(2e4, rel=2e-3)
+
+
+def test_without_damping_the_transfer_function_is_the_printed_one() -> None:
+    """b_k = k2 tau; both polynomials times k2."""
+    plain = LinkParameters(
+        stiffness_N_per_m=2e4, relaxing_stiffness_N_per_m=6e3, relaxation_time_s=0.4, damping_N_s_per_m=0.0
+    )
+    numerator, denominator = transfer_function(plain)
+    b_k = 6e3 * 0.4
+    assert np.array(numerator) * 6e3 == pytest.approx([0.0, b_k * 2.6e4, 2e4 * 6e3])
+    assert np.array(denominator) * 6e3 == pytest.approx([b_k, 6e3])
+
+
+@given(f=st.floats(-100.0, 100.0))
+def test_a_tendon_cannot_push(f: float) -> None:
+    assert float(ca.evalf(tendon_force(ca.SX(f)))) == max(f, 0.0)
+
+
+@given(
+    e_base=st.floats(-0.01, 0.01), z_base=st.floats(-0.01, 0.01), rate=st.floats(-1.0, 1.0), step=st.floats(1e-5, 1e-1)
+)
+def test_the_implicit_link_satisfies_its_own_rule(e_base: float, z_base: float, rate: float, step: float) -> None:
+    """e = base + H de/dt, z = base + H (e - z)/tau, and the force is that of the law there."""
+    end = implicit_link(ca.SX(rate), ca.SX(e_base), ca.SX(z_base), ca.SX(step), LINK)
+    e, z, force = (float(ca.evalf(x)) for x in (end.e, end.z, end.unclipped_N))
+    assert e == pytest.approx(e_base + step * rate, abs=1e-15)
+    assert z == pytest.approx(z_base + step * (e - z) / 0.4, abs=1e-14)
+    assert force == pytest.approx(2e4 * e + 6e3 * (e - z) + 30.0 * rate, abs=1e-9)
