@@ -124,7 +124,13 @@ def struct_calls(prefix: str) -> LawCalls:
 
 
 def render_template(
-    name: str, prefix: str, precision: Precision, *, calls: LawCalls | None = None, limits: Limits | None = None
+    name: str,
+    prefix: str,
+    precision: Precision,
+    *,
+    calls: LawCalls | None = None,
+    limits: Limits | None = None,
+    compliances: tuple[float, float] | None = None,
 ) -> str:
     """One of the C templates with its real type, prefix and literals filled in.
 
@@ -139,6 +145,9 @@ def render_template(
         How laws are called where their parameters are folded in (`specialise`); default: parameters in a record.
     limits : Limits, optional
         Bounds of the loops; default: those of the scheme.
+    compliances : tuple of float, optional
+        Compliance of the load's spring and lasting compliance of a link [m/N], for an inverse that keeps the load's
+        position and the elongations relative to them.
     """
 
     def number(value: float) -> str:
@@ -151,6 +160,9 @@ def render_template(
         exported=exported,
         call=calls or struct_calls(prefix),
         H="c->H" if exported else "H",
+        shifted=compliances is not None,
+        load_compliance="" if compliances is None else number(compliances[0]),
+        link_compliance="" if compliances is None else number(compliances[1]),
         real="float" if single else "double",
         fabs="fabsf" if single else "fabs",
         zero=number(0.0),

@@ -15,20 +15,20 @@ from tendonff.ocp.stepping import Array, InverseRows, Rows, StepperMemory
 PREFIX = "tff"
 
 
+CHAIN_NAMES = (
+    *("k1", "k2", "tau", "c", "mass", "b", "p"),
+    *("sigma0", "mu_dp", "mu_sp", "mu_dr", "mu_sr", "omega"),
+    *("near_mass", "near_damping", "near_stiffness", "far_mass", "far_damping", "far_stiffness"),
+)
+"""Names of `chain_numbers`, in order; those of the laws' arguments, with the end in front for the end masses."""
+
+
 class ChainStruct(ctypes.Structure):
     """`tff_chain` of stepper.h.j2, in its order."""
 
     _fields_ = (
         ("count", ctypes.c_int),
-        *(
-            (name, ctypes.c_double)
-            for name in (
-                *("step_s", "k1", "k2", "tau", "c", "mass", "b", "p"),
-                *("sigma0", "mu_dp", "mu_sp", "mu_dr", "mu_sr", "omega"),
-                *("near_mass", "near_damping", "near_stiffness", "far_mass", "far_damping", "far_stiffness"),
-                "tolerance_N",
-            )
-        ),
+        *((name, ctypes.c_double) for name in ("step_s", *CHAIN_NAMES, "tolerance_N")),
     )
 
 

@@ -3,7 +3,10 @@
 A law as `elements` states it takes every parameter and the weight H of the scheme as arguments. On a controller these
 are known beforehand, so everything that depends on them alone is evaluated here, in double precision: a number that is
 the same for every weight H becomes a literal, one that differs becomes a field of a coefficient record with one value
-per weight. What remains depends on the state only; divisions by a constant have become multiplications.
+per weight. What remains depends on the state only.
+
+Folding keeps the order of operations, so that double code gives the bits that the unfolded law gives. Where `reorder`
+allows it, constants are gathered and divisions by them become multiplications.
 """
 
 import math
@@ -95,11 +98,14 @@ class Specialiser:
     precision : Precision
     parameters : mapping of str to tuple of float
         Value of each known argument for each weight H.
+    reorder : bool, optional
+        Fewer operations at the price of other roundings.
     """
 
     prefix: str
     precision: Precision
     parameters: Mapping[str, Values]
+    reorder: bool = False
     coefficients: dict[str, Values] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -124,7 +130,7 @@ class Specialiser:
         """
         name = name or law.name
         known = dict(self.parameters) | {key: (value,) * self.weights for key, value in (fixed or {}).items()}
-        results = _trace(law, known, self.weights)
+        results = _Tape(self.reorder).run(law, known, self.weights)
         return self._print(law, name, results)
 
     def evaluate(self, law: Law) -> tuple[Values, ...]:
@@ -134,7 +140,7 @@ class Specialiser:
         ----------
         law : Law
         """
-        return tuple(_constant_of(node, law.name) for node in _trace(law, self.parameters, self.weights))
+        return tuple(_constant_of(node, law.name) for node in _Tape(False).run(law, self.parameters, self.weights))
 
     def _print(self, law: Law, name: str, results: Sequence[_Node]) -> SpecialisedLaw:
         real = "float" if self.precision is Precision.FLOAT else "double"
@@ -184,6 +190,9 @@ class Specialiser:
                 return f"({operands[0]} {mark} {operands[1]}) ? {operands[0]} : {operands[1]}"
             if node.op == ca.OP_NEG:
                 return f"-{operands[0]}"
+            if node.op == ca.OP_SIGN:
+                zero, one = literal(0.0, self.precision), literal(1.0, self.precision)
+                return f"({operands[0]} > {zero}) ? {one} : (({operands[0]} < {zero}) ? -{one} : {zero})"
             if node.op in _FUNCTIONS:
                 return f"{_FUNCTIONS[node.op]}{suffix}({operands[0]})"
             raise CodeError(f"{law.name}: CasADi operation {node.op} has no C spelling; add it to ocp.specialise")
@@ -214,124 +223,154 @@ def _constant_of(node: _Node, law: str) -> Values:
     return node.constant
 
 
-def _trace(law: Law, known: Mapping[str, Values], weights: int) -> list[_Node]:
-    """Run the law's instructions on nodes, folding what is known."""
-    tape = ca.Function(law.name, [ca.vertcat(*law.inputs)], [ca.vertcat(*law.outputs.values())], {"cse": True})
-    names = [symbol.name() for symbol in law.inputs]
-    table: dict[tuple[object, ...], _Node] = {}
-    register: dict[int, _Node] = {}
-    results: list[_Node | None] = [None] * len(law.outputs)
-    for k in range(tape.n_instructions()):
-        op, ins, outs = tape.instruction_id(k), tape.instruction_input(k), tape.instruction_output(k)
-        if op == ca.OP_CONST:
-            register[outs[0]] = _Node(None, constant=(tape.instruction_constant(k),) * weights)
-        elif op == ca.OP_INPUT:
-            name = names[ins[1]]
-            register[outs[0]] = (
-                _Node(None, constant=tuple(known[name]))
-                if name in known
-                else _shared(table, _Node(None, argument=name))
-            )
-        elif op == ca.OP_OUTPUT:
-            results[outs[1]] = register[ins[0]]
-        else:
-            operands = tuple(register[i] for i in ins[: 1 if op in _ONE_OPERAND else 2])
-            register[outs[0]] = _simplify(op, operands, table)
-    return [node for node in results if node is not None]
-
-
 _ONE_OPERAND = {ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE, ca.OP_INV, ca.OP_NOT, ca.OP_SIGN, *_FUNCTIONS}
 
 
-def _shared(table: dict[tuple[object, ...], _Node], node: _Node) -> _Node:
-    """The one node with this operation on these operands."""
-    key = (node.op, node.argument, *(id(o) if o.constant is None else o.constant for o in node.operands))
-    return table.setdefault(key, node)
+class _Tape:
+    """Runs the instructions of a law on nodes and folds what is known.
 
+    Parameters
+    ----------
+    reorder : bool
+        Gather constants and multiply instead of dividing.
+    """
 
-def _simplify(op: int, operands: tuple[_Node, ...], table: dict[tuple[object, ...], _Node]) -> _Node:
-    """A node for an operation, folded where its operands allow it."""
-    a = operands[0]
-    if op == ca.OP_SQ:
-        op, operands = ca.OP_MUL, (a, a)
-    elif op == ca.OP_TWICE:
-        op, operands = ca.OP_ADD, (a, a)
-    elif op == ca.OP_INV:
-        op, operands = ca.OP_DIV, (_Node(None, constant=(1.0,)), a)
-    a, b = operands[0], operands[-1]
-    if all(o.constant is not None for o in operands):
-        columns = [o.constant for o in operands if o.constant is not None]
-        count = max(len(column) for column in columns)
-        rows = zip(*(column if len(column) == count else column * count for column in columns), strict=True)
-        return _Node(None, constant=tuple(_EVALUATE[op](*row) for row in rows))
-    if op in _EVALUATE and (moved := _into_choice(op, operands, table)) is not None:
-        return moved
-    if op == ca.OP_DIV and (b.constant is not None or _is_choice(b)):
-        op, operands = ca.OP_MUL, (a, _simplify(ca.OP_DIV, (_Node(None, constant=(1.0,)), b), table))
-        b = operands[1]
-    if op == ca.OP_MUL:
-        for this, other in ((a, b), (b, a)):
-            if this.is_number(0):
-                return this
-            if this.is_number(1):
-                return other
-            if this.is_number(-1):
-                return _shared(table, _Node(ca.OP_NEG, (other,)))
-            if this.constant is not None and other.op == ca.OP_MUL:
-                for inner, rest in (other.operands, other.operands[::-1]):
+    def __init__(self, reorder: bool) -> None:
+        self._reorder = reorder
+        self._table: dict[tuple[object, ...], _Node] = {}
+
+    def run(self, law: Law, known: Mapping[str, Values], weights: int) -> list[_Node]:
+        """Nodes of the law's outputs.
+
+        Parameters
+        ----------
+        law : Law
+        known : mapping of str to tuple of float
+        weights : int
+        """
+        tape = ca.Function(law.name, [ca.vertcat(*law.inputs)], [ca.vertcat(*law.outputs.values())], {"cse": True})
+        names = [symbol.name() for symbol in law.inputs]
+        register: dict[int, _Node] = {}
+        results: dict[int, _Node] = {}
+        for k in range(tape.n_instructions()):
+            op, ins, outs = tape.instruction_id(k), tape.instruction_input(k), tape.instruction_output(k)
+            if op == ca.OP_CONST:
+                register[outs[0]] = _constant(tape.instruction_constant(k), weights)
+            elif op == ca.OP_INPUT:
+                name = names[ins[1]]
+                argument = _Node(None, argument=name)
+                register[outs[0]] = _Node(None, constant=tuple(known[name])) if name in known else self._shared(argument)
+            elif op == ca.OP_OUTPUT:
+                results[outs[1]] = register[ins[0]]
+            else:
+                operands = tuple(register[i] for i in ins[: 1 if op in _ONE_OPERAND else 2])
+                register[outs[0]] = self._simplify(op, operands)
+        return [results[k] for k in range(len(law.outputs))]
+
+    def _shared(self, node: _Node) -> _Node:
+        """The one node with this operation on these operands."""
+        key = (node.op, node.argument, *(id(o) if o.constant is None else o.constant for o in node.operands))
+        return self._table.setdefault(key, node)
+
+    def _simplify(self, op: int, operands: tuple[_Node, ...]) -> _Node:
+        """A node for an operation, folded where its operands allow it."""
+        a = operands[0]
+        if op == ca.OP_SQ:
+            op, operands = ca.OP_MUL, (a, a)
+        elif op == ca.OP_TWICE:
+            op, operands = ca.OP_ADD, (a, a)
+        elif op == ca.OP_INV:
+            op, operands = ca.OP_DIV, (_Node(None, constant=(1.0,)), a)
+        if all(o.constant is not None for o in operands):
+            columns = [o.constant for o in operands if o.constant is not None]
+            count = max(len(column) for column in columns)
+            rows = zip(*(column if len(column) == count else column * count for column in columns), strict=True)
+            return _Node(None, constant=tuple(_EVALUATE[op](*row) for row in rows))
+        if (moved := self._into_choice(op, operands)) is not None:
+            return moved
+        if self._reorder and (gathered := self._gathered(op, operands)) is not None:
+            return gathered
+        return self._without_neutral(op, operands) or self._shared(_Node(op, operands))
+
+    def _gathered(self, op: int, operands: tuple[_Node, ...]) -> _Node | None:
+        """Division by a constant as multiplication, and K1 (K2 x) as (K1 K2) x."""
+        a, b = operands[0], operands[-1]
+        if op == ca.OP_DIV and (b.constant is not None or _is_choice(b)):
+            return self._simplify(ca.OP_MUL, (a, self._simplify(ca.OP_DIV, (_Node(None, constant=(1.0,)), b))))
+        if op == ca.OP_NEG and a.op == ca.OP_MUL and any(o.constant is not None for o in a.operands):
+            return self._simplify(ca.OP_MUL, (a, _Node(None, constant=(-1.0,))))
+        if op == ca.OP_MUL:
+            for outer, product in ((a, b), (b, a)):
+                if outer.constant is None or product.op != ca.OP_MUL:
+                    continue
+                for inner, rest in (product.operands, product.operands[::-1]):
                     if inner.constant is not None:
-                        return _simplify(ca.OP_MUL, (rest, _simplify(ca.OP_MUL, (this, inner), table)), table)
-    if op == ca.OP_ADD:
-        if a.is_number(0):
-            return b
-        if b.is_number(0):
+                        return self._simplify(ca.OP_MUL, (rest, self._simplify(ca.OP_MUL, (outer, inner))))
+        return None
+
+    def _without_neutral(self, op: int, operands: tuple[_Node, ...]) -> _Node | None:
+        """x + 0, x - x, 1 x, 0 x, c ? x : x and their like: exact."""
+        a, b = operands[0], operands[-1]
+        if op == ca.OP_MUL:
+            for this, other in ((a, b), (b, a)):
+                if this.is_number(0):
+                    return this
+                if this.is_number(1):
+                    return other
+                if this.is_number(-1):
+                    return self._simplify(ca.OP_NEG, (other,))
+        if op == ca.OP_ADD:
+            if a.is_number(0) or b.is_number(0):
+                return b if a.is_number(0) else a
+            return self._selection(a, b) or self._selection(b, a)
+        if op == ca.OP_SUB:
+            if a is b:
+                return _Node(None, constant=(0.0,))
+            if b.is_number(0):
+                return a
+            if a.is_number(0):
+                return self._simplify(ca.OP_NEG, (b,))
+        if op == ca.OP_DIV and b.is_number(1):
             return a
-        if (chosen := _selection(a, b, table) or _selection(b, a, table)) is not None:
-            return chosen
-    if op == ca.OP_SUB:
-        if a is b:
-            return _Node(None, constant=(0.0,))
-        if b.is_number(0):
-            return a
-        if a.is_number(0):
-            return _shared(table, _Node(ca.OP_NEG, (b,)))
-    if op == ca.OP_NEG and a.op == ca.OP_NEG:
-        return a.operands[0]
-    if op == ca.OP_NEG and a.op == ca.OP_MUL and any(o.constant is not None for o in a.operands):
-        return _simplify(ca.OP_MUL, (a, _Node(None, constant=(-1.0,))), table)
-    if op == ca.OP_IF_ELSE_ZERO:
-        if a.constant is not None and len(set(map(bool, a.constant))) == 1:
-            return b if a.constant[0] else _Node(None, constant=(0.0,) * len(a.constant))
-        if b.is_number(0):
-            return b
-        zeros = (0.0,) * (len(b.constant) if b.constant is not None else 1)
-        return _shared(table, _Node(_SELECT, (a, b, _Node(None, constant=zeros))))
-    return _shared(table, _Node(op, operands))
+        if op == ca.OP_NEG and a.op == ca.OP_NEG:
+            return a.operands[0]
+        if op == ca.OP_IF_ELSE_ZERO:
+            if a.constant is not None and len(set(map(bool, a.constant))) == 1:
+                return b if a.constant[0] else _constant(0.0, len(a.constant))
+            if b.is_number(0):
+                return b
+            zero = _constant(0.0, len(b.constant) if b.constant is not None else 1)
+            return self._shared(_Node(_SELECT, (a, b, zero)))
+        return None
+
+    def _into_choice(self, op: int, operands: tuple[_Node, ...]) -> _Node | None:
+        """f(c ? K1 : K2, K3) as c ? f(K1, K3) : f(K2, K3), so that f is evaluated here and not on the controller."""
+        choices = [o for o in operands if _is_choice(o)]
+        if op not in _EVALUATE or not choices or any(o.constant is None and o is not choices[0] for o in operands):
+            return None
+        yes, no = (
+            self._simplify(op, tuple(o.operands[k] if o is choices[0] else o for o in operands)) for k in (1, 2)
+        )
+        if yes.constant == no.constant:
+            return yes
+        return self._shared(_Node(_SELECT, (choices[0].operands[0], yes, no)))
+
+    def _selection(self, first: _Node, second: _Node) -> _Node | None:
+        """(c ? x : 0) + (!c ? y : 0), CasADi's if_else, as c ? x : y; x alone where both are the same."""
+        if first.op != _SELECT or second.op != _SELECT:
+            return None
+        (c, x, x_else), (not_c, y, y_else) = first.operands, second.operands
+        if not (x_else.is_number(0) and y_else.is_number(0) and not_c.op == ca.OP_NOT and not_c.operands[0] is c):
+            return None
+        if x is y or (x.constant is not None and x.constant == y.constant):
+            return x
+        return self._shared(_Node(_SELECT, (c, x, y)))
+
+
+def _constant(value: float, weights: int) -> _Node:
+    return _Node(None, constant=(value,) * weights)
 
 
 def _is_choice(node: _Node) -> bool:
     """A choice between two constants."""
     return node.op == _SELECT and all(o.constant is not None for o in node.operands[1:])
-
-
-def _into_choice(op: int, operands: tuple[_Node, ...], table: dict[tuple[object, ...], _Node]) -> _Node | None:
-    """f(c ? K1 : K2, K3) as c ? f(K1, K3) : f(K2, K3), so that f is evaluated here and not on the controller."""
-    choices = [o for o in operands if _is_choice(o)]
-    if not choices or any(o.constant is None and o is not choices[0] for o in operands):
-        return None
-    yes, no = (_simplify(op, tuple(o.operands[k] if o is choices[0] else o for o in operands), table) for k in (1, 2))
-    if yes.constant == no.constant:
-        return yes
-    return _shared(table, _Node(_SELECT, (choices[0].operands[0], yes, no)))
-
-
-def _selection(first: _Node, second: _Node, table: dict[tuple[object, ...], _Node]) -> _Node | None:
-    """(c ? x : 0) + (!c ? y : 0), CasADi's if_else, as c ? x : y; x alone where both are the same."""
-    if first.op != _SELECT or second.op != _SELECT:
-        return None
-    (c, x, x_else), (not_c, y, y_else) = first.operands, second.operands
-    if not (x_else.is_number(0) and y_else.is_number(0) and not_c.op == ca.OP_NOT and not_c.operands[0] is c):
-        return None
-    if x is y or (x.constant is not None and x.constant == y.constant):
-        return x
-    return _shared(table, _Node(_SELECT, (c, x, y)))

@@ -1,0 +1,96 @@
+"""Golden vectors: what the exported C must answer, computed by the Python model."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tendonff.compensator.reference import Reference
+from tendonff.compensator.scenario import Scenario
+from tendonff.compensator.table import FloatArray, Table, table_force
+from tendonff.models.capstan import CapstanLaw
+from tendonff.models.chain import Chain
+from tendonff.ocp.ccode import Precision
+from tendonff.ocp.inverse import invert
+from tendonff.ocp.limits import ForceLimits
+from tendonff.ocp.simulate import simulate
+
+_ROWS = 1000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Golden:
+    """Inputs and answers, one row per sample.
+
+    Parameters
+    ----------
+    stride : int
+        Samples of the scenario's reference per row.
+    reference_N, plant_force_N : ndarray, shape (rows,)
+        Inputs, exact in the real type of the export.
+    columns : dict of str to ndarray, shape (rows,)
+        Answers: inverse, capstan, table (force within limits) and plant (output tension) [N].
+    """
+
+    stride: int
+    reference_N: FloatArray
+    plant_force_N: FloatArray
+    columns: dict[str, FloatArray]
+
+
+def rounded(values: FloatArray, precision: Precision) -> FloatArray:
+    """The nearest numbers of the real type.
+
+    Parameters
+    ----------
+    values : ndarray
+    precision : Precision
+    """
+    if precision is Precision.DOUBLE:
+        return values
+    return values.astype(np.float32).astype(np.float64)
+
+
+def answers(
+    scenario: Scenario, chain: Chain, table: Table, reference_N: FloatArray, precision: Precision
+) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Force for the plant, and the answer of each module to a reference that starts at rest at its first row.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    chain : Chain
+    table : Table
+    reference_N : ndarray, shape (rows,)
+        Exact in the real type.
+    precision : Precision
+    """
+    step, start = scenario.run.step_s, float(reference_N[0])
+    limits = ForceLimits.of(scenario.transmission.actuator)
+    wanted = {
+        "inverse": invert(chain, reference_N, step).force_N,
+        "capstan": CapstanLaw.of(scenario.transmission).input_history_N(reference_N, start),
+        "table": table_force(table, reference_N, start),
+    }
+    columns = {name: limits.apply(force, step, start) for name, force in wanted.items()}
+    force = rounded(columns["inverse"], precision)
+    columns["plant"] = simulate(chain, force, step, initial_tension_N=start).require().output_tension_N
+    return force, columns
+
+
+def golden_vectors(
+    scenario: Scenario, chain: Chain, table: Table, reference: Reference, precision: Precision
+) -> Golden:
+    """Golden vectors along the scenario's own reference, thinned so that its whole course fits.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    chain : Chain
+    table : Table
+    reference : Reference
+    precision : Precision
+    """
+    stride = max(1, -(-len(reference.tension_N) // _ROWS))
+    course = rounded(reference.tension_N[::stride], precision)
+    force, columns = answers(scenario, chain, table, course, precision)
+    return Golden(stride=stride, reference_N=course, plant_force_N=force, columns=columns)

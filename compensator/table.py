@@ -1,0 +1,227 @@
+"""The compensation table as a compensator: force over reference tension, branch and tension travelled since a reversal.
+
+The reference alone decides. While it rises the tendon is pulled, while it falls it is released; after a reversal the
+force goes over from one branch to the other along the tension that the reference has travelled since::
+
+    force |        pull  ______...          share = (travelled tension)/(T + p): what a reversal looks like in this
+          |      ___/                       measure hardly depends on where it happens, so few nodes do.
+          |    _/
+          |___/  <- a reversal out of full slip starts at share 0; one out of an unfinished transition starts at the
+          |         share where the force goes on without a jump
+          +---------------- tension travelled since the reversal
+
+The C of the export does the same operations in the same order.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonff.models.capstan import Branch
+from tendonff.models.errors import ParameterError
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BranchTable:
+    """Forces of one branch.
+
+    Parameters
+    ----------
+    share : ndarray, shape (m,)
+        Nodes of (tension since the reversal)/(T + p) [-], from 0 up; beyond the last the transition is over.
+    force_N : ndarray, shape (k, m)
+        Force at each reference node and share [N].
+    """
+
+    share: FloatArray
+    force_N: FloatArray
+
+    def __post_init__(self) -> None:
+        if not (self.share.size >= 2 and self.share[0] == 0 and np.all(np.diff(self.share) > 0)):
+            raise ParameterError(f"share must rise from 0 over at least two nodes, got {self.share}")
+        if not np.all(np.isfinite(self.force_N)):
+            raise ParameterError("force_N must be finite in every node of the table")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """Feedforward force over reference, branch and share of the transition.
+
+    Parameters
+    ----------
+    reference_N : ndarray, shape (k,)
+        Nodes of the reference tension T [N], rising.
+    adhesion_N : float
+        p [N].
+    pull, release : BranchTable
+    """
+
+    reference_N: FloatArray
+    adhesion_N: float
+    pull: BranchTable
+    release: BranchTable
+
+    def __post_init__(self) -> None:
+        if not (self.reference_N.size >= 2 and np.all(np.diff(self.reference_N) > 0)):
+            raise ParameterError(f"reference_N must rise over at least two nodes, got {self.reference_N}")
+        for name in Branch:
+            branch = self.branch(name)
+            if branch.force_N.shape != (self.reference_N.size, branch.share.size):
+                raise ParameterError(f"{name}: force_N must have one row per reference node and one column per share")
+
+    def branch(self, branch: Branch) -> BranchTable:
+        """Forces of a branch.
+
+        Parameters
+        ----------
+        branch : Branch
+        """
+        return self.pull if branch is Branch.PULL else self.release
+
+    @property
+    def nodes(self) -> int:
+        """Number of forces stored."""
+        return self.pull.force_N.size + self.release.force_N.size
+
+    def force_N(self, reference_N: FloatArray, branch: Branch, share: FloatArray) -> FloatArray:
+        """Bilinear interpolation, for many points at once [N].
+
+        Parameters
+        ----------
+        reference_N, share : ndarray, shape (n,)
+            Inside the table's range; a share beyond the last node means that the transition is over.
+        branch : Branch
+        """
+        table = self.branch(branch)
+        row, a = _locate(self.reference_N, reference_N)
+        column, b = _locate(table.share, share)
+        f = table.force_N
+        near, far = ((1 - a) * f[row, c] + a * f[row + 1, c] for c in (column, column + 1))
+        result: FloatArray = near + b * (far - near)
+        return result
+
+
+def _locate(nodes: FloatArray, values: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+    """Cell of each value and its place in the cell, 0 to 1."""
+    cell = np.clip(np.searchsorted(nodes, values, side="right") - 1, 0, len(nodes) - 2)
+    return cell, np.clip((values - nodes[cell]) / (nodes[cell + 1] - nodes[cell]), 0.0, 1.0)
+
+
+class TableCompensator:
+    """The table at work: feed it the reference sample by sample.
+
+    Parameters
+    ----------
+    table : Table
+    initial_tension_N : float
+        Uniform tension at rest before the start [N]; the force before the first change.
+
+    Raises
+    ------
+    ParameterError
+        If a reference lies outside the table.
+    """
+
+    def __init__(self, table: Table, initial_tension_N: float) -> None:
+        self._reference = table.reference_N.tolist()
+        self._branches = {b: (table.branch(b).share.tolist(), table.branch(b).force_N.tolist()) for b in Branch}
+        self._adhesion = table.adhesion_N
+        self._branch: Branch | None = None
+        self._last = self._force = initial_tension_N
+        self._turn = initial_tension_N  # where the reference turned, or would have to have turned
+
+    def step(self, reference_N: float) -> float:
+        """Force for the next sample [N].
+
+        Parameters
+        ----------
+        reference_N : float
+            Wanted tension [N].
+        """
+        low, high = self._reference[0], self._reference[-1]
+        if not low <= reference_N <= high:
+            raise ParameterError(f"the reference must stay from {low:.6g} to {high:.6g} N, got {reference_N}")
+        if reference_N == self._last:
+            return self._force
+        branch = Branch.PULL if reference_N > self._last else Branch.RELEASE
+        sign = 1.0 if branch is Branch.PULL else -1.0
+        shares, forces = self._branches[branch]
+        if branch is not self._branch:
+            share = self._share_of(shares, forces, sign)
+            self._turn = self._last - sign * (share * (self._last + self._adhesion))
+            self._branch = branch
+        row, a = _cell(self._reference, reference_N)
+        share = sign * (reference_N - self._turn) / (reference_N + self._adhesion)
+        column, b = _cell(shares, share)
+        near, far = (_between(forces[row][c], forces[row + 1][c], a) for c in (column, column + 1))
+        self._last, self._force = reference_N, near + b * (far - near)
+        return self._force
+
+    def _share_of(self, shares: list[float], forces: list[list[float]], sign: float) -> float:
+        """Share at which a branch, at the last reference, has the present force: bisection over its nodes."""
+        row, a = _cell(self._reference, self._last)
+        low, high = 0, len(shares) - 1
+        while high - low > 1:
+            middle = (low + high) // 2
+            if sign * (self._force - _between(forces[row][middle], forces[row + 1][middle], a)) >= 0:
+                low = middle
+            else:
+                high = middle
+        near, far = (_between(forces[row][c], forces[row + 1][c], a) for c in (low, high))
+        swing = far - near
+        place = (self._force - near) / swing if swing != 0 else 0.0
+        place = 0.0 if place < 0 else min(place, 1.0)
+        return shares[low] + place * (shares[high] - shares[low])
+
+
+def _between(near: float, far: float, place: float) -> float:
+    return near + place * (far - near)
+
+
+def _cell(nodes: list[float], value: float) -> tuple[int, float]:
+    """Cell of a value by bisection, and its place in the cell, 0 to 1."""
+    low, high = 0, len(nodes) - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if value >= nodes[middle]:
+            low = middle
+        else:
+            high = middle
+    place = (value - nodes[low]) / (nodes[high] - nodes[low])
+    return low, 0.0 if place < 0 else min(place, 1.0)
+
+
+def table_force(table: Table, reference_N: FloatArray, initial_tension_N: float | None = None) -> FloatArray:
+    """Force of the table for a reference course, before actuator limits, shape (n,) [N].
+
+    Parameters
+    ----------
+    table : Table
+    reference_N : ndarray, shape (n,)
+        Wanted tension at successive samples [N].
+    initial_tension_N : float, optional
+        Uniform tension at rest before the start [N]; default: the first reference.
+    """
+    start = float(reference_N[0]) if initial_tension_N is None else initial_tension_N
+    compensator = TableCompensator(table, start)
+    return np.array([compensator.step(float(t)) for t in reference_N])
+
+
+def table_range_N(reference_N: FloatArray, largest_N: float, margin: float = 0.05) -> tuple[float, float]:
+    """Range of reference tension that a table should cover: the reference's own and a margin [N].
+
+    Parameters
+    ----------
+    reference_N : ndarray, shape (n,)
+    largest_N : float
+        Largest deliverable tension [N]; the range does not exceed it where the reference does not.
+    margin : float, optional
+        Share of the range that is added at each end [-].
+    """
+    low, high = float(np.min(reference_N)), float(np.max(reference_N))
+    spread = max(high - low, 0.1 * high)
+    return max(low - margin * spread, 0.5 * low), max(min(high + margin * spread, largest_N), math.nextafter(high, math.inf))
