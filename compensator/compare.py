@@ -20,6 +20,7 @@ from tendonff.models.capstan import CapstanLaw
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.transmission import Transmission
+from tendonff.ocp.crosscheck import NUDGE
 from tendonff.ocp.inverse import InverseStatus
 from tendonff.ocp.limits import ForceLimits
 from tendonff.ocp.simulate import Outcome
@@ -30,8 +31,6 @@ CAPSTAN_PLANT: Literal["capstan"] = "capstan"
 
 REFINEMENTS = (4, 2, 1)
 """Steps to a row of the profile; the first gives the figures, the others the spread."""
-PERTURBATION = 1e-6
-"""Relative change of the force that stands for a solver's tolerance."""
 ENOUGH_PERCENT = 0.5
 """A simpler level is enough if its design costs no more than this on the most detailed plant [% of range]."""
 
@@ -55,8 +54,8 @@ class Entry:
     lag_s : float
         Delay of the output against the reference [s]; negative when it leads.
     spread_percent_of_range : float
-        Largest rms difference to replays with half the step, the whole step, and a force that is changed by one part
-        in a million [% of range]. Errors that differ by less are equal.
+        Largest rms difference to replays with half the step, the whole step, and a force that differs in the ninth
+        digit, which stands for a solver's tolerance [% of range]. Errors that differ by less are equal.
     """
 
     compensator: Compensator
@@ -244,7 +243,8 @@ def _replays(
         if played.outcome is Outcome.SLACK and refinement == REFINEMENTS[0]:
             warnings.append(f"{what}: {played.message}")
         yield played.output_tension_N[::refinement]
-    nudged = reference.initial_tension_N + (force_N - reference.initial_tension_N) * (1 + PERTURBATION)
+    # Steps are solved to rounding, so a tolerance is the last digits: the answer must not depend on them.
+    nudged = reference.initial_tension_N + (force_N - reference.initial_tension_N) * (1 + NUDGE)
     plant = Plant(level=level, refinement=REFINEMENTS[0])
     yield play(transmission, plant, nudged, reference).require().output_tension_N[:: REFINEMENTS[0]]
 

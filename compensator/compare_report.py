@@ -110,8 +110,8 @@ def compare_report(result: Comparison, figures: dict[str, Figure]) -> Report:
                         "A design is a force profile made with one model; a plant is the model that it is played on. "
                         "The static capstan law serves as a plant, too. Every replay takes a quarter of the step, so "
                         "that no design profits from sharing its plant's rounding; the spread is the largest rms "
-                        "difference to replays with half the step, the whole step, and a force changed by one part in "
-                        "a million. Errors that differ by less than their spreads are equal."
+                        "difference to replays with half the step, the whole step, and a force that differs in the "
+                        "ninth digit. Errors that differ by less than their spreads are equal."
                     ),
                     pictures["matrix"],
                     errors,

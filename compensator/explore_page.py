@@ -12,6 +12,7 @@ from bokeh.application import Application
 from bokeh.application.handlers import FunctionHandler
 from bokeh.document import Document
 from bokeh.layouts import column, gridplot, row
+from bokeh.models.formatters import CustomJSTickFormatter
 from bokeh.models.sources import ColumnDataSource
 from bokeh.models.ui.ui_element import UIElement
 from bokeh.models.widgets import Checkbox, Div, Slider
@@ -20,6 +21,7 @@ from bokeh.server.server import Server
 
 from tendonff.compensator.compensators import Compensator
 from tendonff.compensator.design_figures import COLOURS, LABELS
+from tendonff.compensator.design_report import percent
 from tendonff.compensator.explore import SHOWN, Curve, Explorer, Knobs
 from tendonff.compensator.files import InputError
 from tendonff.compensator.scenario import Scenario
@@ -48,9 +50,9 @@ class ExplorerPage:
         self._angle = _slider(
             "wrap angle [deg]", start.total_angle_deg, 0.0, max(360.0, 1.5 * start.total_angle_deg), 5.0, "0"
         )
-        self._bristle = _log_slider("bristle stiffness [N/m], log10", start.bristle_stiffness_N_per_m, 1.5)
-        self._relaxation = _log_slider("relaxation time [s], log10", start.relaxation_time_s, 1.5)
-        self._rate = _log_slider("rate limit of the force [N/s], log10", start.force_rate_max_N_per_s, 3.0)
+        self._bristle = _log_slider("bristle stiffness [N/m]", start.bristle_stiffness_N_per_m, 1.5)
+        self._relaxation = _log_slider("relaxation time [s]", start.relaxation_time_s, 1.5)
+        self._rate = _log_slider("rate limit of the force [N/s]", start.force_rate_max_N_per_s, 3.0)
         self._knows = Checkbox(label="the design knows the change", active=True)
         self._scores = Div(text="", sizing_mode="stretch_width")
         self._sources = {c: ColumnDataSource(data=_columns(None)) for c in SHOWN}
@@ -104,7 +106,7 @@ class ExplorerPage:
             return
         lines = "".join(
             f"<tr><td style='color:{COLOURS[c]}'>&#9632;</td><td>{escape(LABELS[c])}</td>"
-            f"<td style='text-align:right'>{curve.score.rmse_percent_of_range:.3g} %</td></tr>"
+            f"<td style='text-align:right'>{escape(percent(curve.score))} %</td></tr>"
             for c, curve in shown.curves.items()
         )
         notes = "".join(f"<p>{escape(note)}</p>" for note in shown.notes)
@@ -156,9 +158,10 @@ def _slider(title: str, value: float, start: float, end: float, step: float, sho
 
 
 def _log_slider(title: str, value: float, decades: float) -> Slider:
-    """Slider of the decimal logarithm, so many decades either way."""
+    """Slider of the decimal logarithm, so many decades either way; it shows the value itself."""
     centre = log10(value)
-    return Slider(title=title, value=centre, start=centre - decades, end=centre + decades, step=0.01, format="0.00")
+    shown = CustomJSTickFormatter(code="return String(Number((10 ** tick).toPrecision(3)))")
+    return Slider(title=title, value=centre, start=centre - decades, end=centre + decades, step=0.01, format=shown)
 
 
 def make_server(scenario: Scenario, port: int) -> Server:
