@@ -131,6 +131,7 @@ def render_template(
     calls: LawCalls | None = None,
     limits: Limits | None = None,
     compliances: tuple[float, float] | None = None,
+    masses_kg: tuple[float, float, float] | None = None,
 ) -> str:
     """One of the C templates with its real type, prefix and literals filled in.
 
@@ -148,6 +149,8 @@ def render_template(
     compliances : tuple of float, optional
         Compliance of the load's spring and lasting compliance of a link [m/N], for an inverse that keeps the load's
         position and the elongations relative to them.
+    masses_kg : tuple of float, optional
+        Near end, one mass on the path, far end, where they are folded in.
     """
 
     def number(value: float) -> str:
@@ -160,6 +163,7 @@ def render_template(
         exported=exported,
         call=calls or struct_calls(prefix),
         H="c->H" if exported else "H",
+        masses=("s->near_mass", "s->mass", "s->far_mass") if masses_kg is None else tuple(map(number, masses_kg)),
         shifted=compliances is not None,
         load_compliance="" if compliances is None else number(compliances[0]),
         link_compliance="" if compliances is None else number(compliances[1]),

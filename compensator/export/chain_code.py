@@ -119,6 +119,7 @@ def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -
     precision : Precision
     """
     limits = controller_limits(precision)
+    masses = (chain.near.mass_kg, chain.elements.mass_kg, chain.far.mass_kg)
     pieces = tuple((step_s / 2**k, 0.0) for k in range(1, limits.splits + 1))
     weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY), *pieces)
     folder = _specialiser(chain, weights, prefix, precision)
@@ -139,7 +140,7 @@ def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -
         header=render_template("stepper.h.j2", prefix, precision, calls=calls),
         record=_record(folder, weights),
         laws="\n".join(law.code for law in laws.values()),
-        body=render_template("stepper.c.j2", prefix, precision, calls=calls, limits=limits),
+        body=render_template("stepper.c.j2", prefix, precision, calls=calls, limits=limits, masses_kg=masses),
         rest=_rest(chain, precision),
     )
 
@@ -211,11 +212,13 @@ def _record(folder: Specialiser, weights: tuple[tuple[float, float], ...]) -> st
         *(f"    {real} {name};" for name in fields),
         f"}} {folder.prefix}_weights;",
         "",
-        f"static const {folder.prefix}_weights {folder.prefix}_sets[{len(weights)}] = {{",
+        f"static const {folder.prefix}_weights *{folder.prefix}_weights_of(int row)",
+        "{",
+        f"    static const {folder.prefix}_weights rows[{len(weights)}] = {{",
     ]
     for k in range(len(weights)):
-        lines.append("    { " + ", ".join(literal(column[k], folder.precision) for column in columns) + " },")
-    return "\n".join([*lines, "};", ""])
+        lines.append("        { " + ", ".join(literal(column[k], folder.precision) for column in columns) + " },")
+    return "\n".join([*lines, "    };", "", "    return &rows[row];", "}", ""])
 
 
 def _rest(chain: Chain, precision: Precision, *, relative: bool = False) -> str:
