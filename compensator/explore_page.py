@@ -55,7 +55,7 @@ class ExplorerPage:
         self._rate = _log_slider("rate limit of the force [N/s]", start.force_rate_max_N_per_s, 3.0)
         self._knows = Checkbox(label="the design knows the change", active=True)
         self._scores = Div(text="", sizing_mode="stretch_width")
-        self._sources = {c: ColumnDataSource(data=_columns(None)) for c in SHOWN}
+        self._sources = {c: ColumnDataSource(data={"time": [], "force": [], "output": [], "error": []}) for c in SHOWN}
         self._wanted = ColumnDataSource(data={"time": [], "tension": []})
         self._name = scenario.name
         self.update()
@@ -100,9 +100,7 @@ class ExplorerPage:
         try:
             shown = self._explorer.at(self.knobs(), design_knows=bool(self._knows.active))
         except TendonffError as error:
-            self._scores.text = f"<p role='alert'><b>Not possible:</b> {escape(str(error))}</p>"
-            for source in self._sources.values():
-                source.data = _columns(None)
+            self._scores.text = f"<p role='alert'><b>Not possible:</b> {escape(str(error))}</p><p>The curves show the last that was.</p>"
             return
         lines = "".join(
             f"<tr><td style='color:{COLOURS[c]}'>&#9632;</td><td>{escape(LABELS[c])}</td>"
@@ -147,9 +145,7 @@ class ExplorerPage:
         return gridplot(panels, sizing_mode="stretch_width", height=300, toolbar_location=None)
 
 
-def _columns(curve: Curve | None) -> dict[str, Any]:
-    if curve is None:
-        return {"time": [], "force": [], "output": [], "error": []}
+def _columns(curve: Curve) -> dict[str, Any]:
     return {"time": curve.time_s, "force": curve.force_N, "output": curve.output_N, "error": curve.error_N}
 
 

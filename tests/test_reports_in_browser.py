@@ -1,0 +1,215 @@
+"""Reports and the interactive page in a real browser: Chromium without a screen."""
+
+import shutil
+import threading
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.plots import new_figure
+from tendonff.compensator.report import FileNote, Picture, Provenance, Report, Section, Table, Text, write_report
+from tendonff.compensator.scenario import load_scenario
+
+selenium = pytest.importorskip("selenium", reason="selenium is not installed")
+from selenium import webdriver  # noqa: E402
+from selenium.webdriver.chrome.service import Service  # noqa: E402
+from selenium.webdriver.support.ui import WebDriverWait  # noqa: E402
+
+PHONE_WIDTH = 375
+READABLE_PX = 12
+
+
+@pytest.fixture(scope="module")
+def browser():
+    chromium = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    driver = shutil.which("chromedriver")
+    if chromium is None or driver is None:
+        pytest.skip("chromium and chromedriver (Debian: chromium, chromium-driver) are not installed")
+    options = webdriver.ChromeOptions()
+    options.binary_location = chromium
+    for flag in ("--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"):
+        options.add_argument(flag)
+    # No name resolves but this machine's own: a page that asked the network would fail to load it, and be seen.
+    options.add_argument("--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE localhost")
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    with webdriver.Chrome(options=options, service=Service(driver)) as opened:
+        opened.set_page_load_timeout(60)
+        yield opened
+
+
+@contextmanager
+def phone(browser):
+    """The viewport of a phone for the block."""
+    size = {"width": PHONE_WIDTH, "height": 700, "deviceScaleFactor": 2, "mobile": True}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    yield
+    browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+def complaints(browser):
+    return [entry for entry in browser.get_log("browser") if entry["level"] in ("WARNING", "SEVERE")]
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory, examples):
+    """Address of a report that holds every kind of block."""
+    figure, axes = new_figure()
+    time = np.linspace(0, 4, 4001)
+    axes[0, 0].plot(time, np.sin(time), label="a line")
+    axes[0, 0].set(xlabel="time [s]", ylabel="tension [N]")
+    dense, dense_axes = new_figure()
+    dense_axes[0, 0].scatter(np.sin(7 * np.arange(30_000)), np.cos(11 * np.arange(30_000)), s=1)
+    wide = Table(
+        caption="A wide table",
+        columns=("design", *(f"a plant with a long name {k}" for k in range(8))),
+        rows=(("inverse", *(1.0 / (k + 1) for k in range(8))),),
+    )
+    report = Report(
+        title="A design with <b>odd</b> & long names_without_any_place_to_break_that_go_on_and_on_and_on_and_on",
+        summary="The optimal profile leaves 0.12 % of range.",
+        warnings=("<script>document.title='broken into'</script>",),
+        sections=(
+            Section(title="Pictures", blocks=(Text("Look."), Picture(figure=figure, caption="A sine."))),
+            Section(title="More", blocks=(Picture(figure=dense, caption="Dots."), wide)),
+        ),
+        provenance=Provenance(scenario=load_scenario(examples / "finger.toml"), command="tendonff design finger.toml"),
+        files=(FileNote(name="profile.csv", content="the forces"),),
+    )
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    write_report(path, report)
+    return path.as_uri()
+
+
+def test_a_report_opens_from_disk_without_a_complaint(browser, page):
+    browser.get(page)
+    assert browser.title.startswith("A design")  # and no script of the warning's ran
+    assert complaints(browser) == []
+
+
+def test_every_figure_of_a_report_is_drawn(browser, page):
+    browser.get(page)
+    sizes = browser.execute_script(
+        "return [...document.images].map(i => [i.complete, i.naturalWidth, i.clientWidth, i.clientHeight])"
+    )
+    assert len(sizes) == 2
+    for complete, natural, width, height in sizes:
+        assert complete
+        assert natural > 0
+        assert width > 300
+        assert height > 50
+    dark = browser.execute_script(
+        """const i = document.images[0], c = document.createElement('canvas');
+        c.width = 200; c.height = 80;
+        const g = c.getContext('2d'); g.drawImage(i, 0, 0, 200, 80);
+        return [...g.getImageData(0, 0, 200, 80).data].filter((v, k) => k % 4 < 3 && v < 200).length"""
+    )
+    assert dark > 100  # something is drawn on the white
+
+
+def test_a_report_is_readable_on_a_phone(browser, page):
+    """Nothing but tables and figures reaches beyond the screen, those move sideways, and no text is small."""
+    with phone(browser):
+        browser.get(page)
+        inner, whole = browser.execute_script("return [window.innerWidth, document.documentElement.scrollWidth]")
+        assert whole <= inner <= PHONE_WIDTH
+        smallest = browser.execute_script(
+            """return Math.min(...[...document.querySelectorAll('body *')]
+                .filter(e => [...e.childNodes].some(n => n.nodeType == 3 && n.textContent.trim()))
+                .map(e => parseFloat(getComputedStyle(e).fontSize)))"""
+        )
+        assert smallest >= READABLE_PX
+        # A figure keeps the size at which its smallest text, 8 pt on 7.2 in, is readable.
+        figure_width = browser.execute_script("return document.images[0].clientWidth")
+        assert 8 * figure_width / (7.2 * 72) >= 8
+        scrollable = browser.execute_script(
+            """return [...document.querySelectorAll('.wide')].filter(e => e.scrollWidth > e.clientWidth)
+                .every(e => getComputedStyle(e).overflowX == 'auto')"""
+        )
+        assert scrollable
+
+
+def test_a_report_prints_all_of_itself(browser, page):
+    browser.get(page)
+    printed = browser.print_page()
+    assert len(printed) > 50_000  # base64 of a PDF that holds the figures
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    try:
+        cut = browser.execute_script(
+            "return [...document.images].some(i => i.getBoundingClientRect().right > window.innerWidth + 1)"
+        )
+    finally:
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+    assert not cut
+
+
+@pytest.fixture(scope="module")
+def explorer(examples):
+    """Address of a running interactive page."""
+    pytest.importorskip("bokeh", reason="bokeh is not installed")
+    import asyncio
+
+    from tendonff.compensator.explore_page import make_server, page_url
+
+    ready, done = threading.Event(), threading.Event()
+    found = {}
+
+    def serve():
+        asyncio.set_event_loop(asyncio.new_event_loop())
+        server = make_server(load_scenario(examples / "finger.toml"), 0)
+        server.start()
+        found["url"], found["stop"] = page_url(server), lambda: server.io_loop.add_callback(server.io_loop.stop)
+        found["addresses"] = {s.getsockname()[0] for s in server._http._sockets.values()}
+        server.io_loop.call_later(0, ready.set)
+        server.io_loop.start()
+        server.stop()
+        server.io_loop.close()
+        done.set()
+
+    threading.Thread(target=serve, daemon=True).start()
+    assert ready.wait(60)
+    yield found
+    found["stop"]()
+    assert done.wait(30)
+
+
+def scores(browser):
+    """Errors that the page shows, as text."""
+    return browser.execute_script(
+        "return [...Bokeh.documents[0]._all_models.values()].filter(m => m.type == 'Div').map(m => m.text).join(' ')"
+    )
+
+
+def move(browser, title, value):
+    browser.execute_script(
+        """for (const m of Bokeh.documents[0]._all_models.values())
+            if (m.type == 'Slider' && m.title.startsWith(arguments[0])) m.value = arguments[1]""",
+        title,
+        value,
+    )
+
+
+def test_the_interactive_page_follows_its_sliders(browser, explorer):
+    assert explorer["addresses"] == {"127.0.0.1"}
+    browser.get(explorer["url"])
+    wait = WebDriverWait(browser, 30)
+    wait.until(
+        lambda b: b.execute_script("return window.Bokeh && Bokeh.documents.length > 0 && Bokeh.index.roots.length")
+    )
+    before = scores(browser)
+    assert "exact inverse" in before
+    move(browser, "friction", 0.3)
+    wait.until(lambda b: scores(b) != before)
+    assert "Not possible" not in scores(browser)
+    move(browser, "wrap angle", 360.0)
+    move(browser, "friction", 0.5)
+    wait.until(lambda b: "Not possible" in scores(b))  # in words, not as a dead page
+    move(browser, "wrap angle", 180.0)
+    move(browser, "friction", 0.2)
+    wait.until(lambda b: scores(b) == before)
+    drawn = browser.execute_script(
+        "return [...Bokeh.documents[0]._all_models.values()].filter(m => m.type == 'ColumnDataSource')"
+        ".map(m => m.data[Object.keys(m.data)[0]].length)"
+    )
+    assert min(drawn) > 1000
+    assert complaints(browser) == []
