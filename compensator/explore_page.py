@@ -100,7 +100,8 @@ class ExplorerPage:
         try:
             shown = self._explorer.at(self.knobs(), design_knows=bool(self._knows.active))
         except TendonffError as error:
-            self._scores.text = f"<p role='alert'><b>Not possible:</b> {escape(str(error))}</p><p>The curves show the last that was.</p>"
+            why = escape(str(error))
+            self._scores.text = f"<p role='alert'><b>Not possible:</b> {why}</p><p>The curves are the last ones.</p>"
             return
         lines = "".join(
             f"<tr><td style='color:{COLOURS[c]}'>&#9632;</td><td>{escape(LABELS[c])}</td>"

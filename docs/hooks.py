@@ -1,0 +1,59 @@
+"""Pages that are made from the code: the API's list of modules, and the keys of a scenario file."""
+
+import re
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from mkdocs.plugins import event_priority
+
+ROOT = Path(__file__).resolve().parents[1]
+_MODULES = re.compile(r"<!-- modules of (\w+) -->")
+_KEYS = "<!-- keys of a scenario -->"
+
+
+@event_priority(100)  # before mkdocstrings reads its settings
+def on_config(config: Any) -> Any:
+    """Show mkdocstrings the folders under the names that they import as.
+
+    It reads sources without importing them, and there is no folder `tendonff` that holds the three packages.
+
+    Parameters
+    ----------
+    config : MkDocsConfig
+    """
+    names = Path(tempfile.mkdtemp(prefix="tendonff-docs-"))
+    (names / "tendonff").mkdir()
+    for package in ("models", "ocp", "compensator"):
+        (names / "tendonff" / package).symlink_to(ROOT / package, target_is_directory=True)
+    config.plugins["mkdocstrings"].config.handlers["python"]["paths"] = [str(names)]
+    return config
+
+
+def on_page_markdown(markdown: str, **_: object) -> str:
+    """Replace the markers of a page.
+
+    Parameters
+    ----------
+    markdown : str
+    """
+    markdown = _MODULES.sub(lambda found: "\n".join(_modules(found[1])), markdown)
+    return markdown.replace(_KEYS, _keys()) if _KEYS in markdown else markdown
+
+
+def _modules(package: str) -> list[str]:
+    """One directive for each public module of a package."""
+    folder = ROOT / package
+    names = [
+        ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        for path in sorted(folder.rglob("*.py"))
+        if not any(part.startswith("_") for part in path.relative_to(folder).with_suffix("").parts)
+        and "cli" not in path.relative_to(folder).parts  # described under commands
+    ]
+    return [f"::: tendonff.{name}\n" for name in names]
+
+
+def _keys() -> str:
+    """The commented scenario that `tendonff new` writes."""
+    template = (ROOT / "compensator" / "templates" / "scenario.toml").read_text(encoding="utf-8")
+    return f"```toml\n{template}```\n"

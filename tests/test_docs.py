@@ -1,0 +1,68 @@
+"""The documentation builds without a warning, holds every public name, and its examples run."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    pytest.importorskip("mkdocstrings", reason="mkdocstrings is not installed")
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
+    environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1", "DISABLE_MKDOCS_2_WARNING": "true"}
+    built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, env=environment)
+    assert built.returncode == 0, built.stdout + built.stderr
+    return folder
+
+
+@pytest.mark.parametrize("package", ["models", "ocp", "compensator"])
+def test_every_public_class_and_function_is_documented(site, package):
+    page = (site / "api" / f"{package}.html").read_text(encoding="utf-8")
+    missing = [
+        f"{module}.{name}"
+        for path in sorted((ROOT / package).glob("[!_]*.py"))
+        for module in [f"tendonff.{package}.{path.stem}"]
+        for name in re.findall(r"^(?:class|def) ([A-Za-z]\w*)", path.read_text(encoding="utf-8"), re.MULTILINE)
+        if f'id="{module}.{name}"' not in page
+    ]
+    assert not missing
+
+
+def test_the_pages_load_nothing_from_the_network(site):
+    for page in site.rglob("*.html"):
+        loaded = re.findall(r'<(?:script|img|link)[^>]*?(?:src|href)="([^"]+)"', page.read_text(encoding="utf-8"))
+        assert not [address for address in loaded if address.startswith(("http:", "https:", "//"))]
+
+
+def examples_of(page):
+    return re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+
+
+EXAMPLES = [
+    pytest.param(code, id=f"{page.relative_to(ROOT)}-{k}")
+    for page in PAGES
+    for k, code in enumerate(examples_of(page), start=1)
+]
+
+
+@pytest.mark.parametrize("code", EXAMPLES)
+def test_the_examples_of_the_documentation_run(code, tmp_path):
+    (tmp_path / "examples").symlink_to(ROOT / "examples", target_is_directory=True)
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_every_command_is_in_the_documentation():
+    from tendonff.compensator.cli import app
+
+    commands = {command.name or command.callback.__name__.replace("_", "-") for command in app.registered_commands}
+    text = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+    assert not [name for name in commands if f"tendonff {name} " not in text]
