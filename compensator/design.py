@@ -23,7 +23,8 @@ from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.ocp.inverse import InverseStatus, invert
 from tendonff.ocp.limits import ForceLimits
-from tendonff.ocp.track import Tracking, track
+from tendonff.ocp.track import track
+from tendonff.ocp.tracking import Tracking, TrackStatus
 
 Advance = Callable[[int, int], None]
 
@@ -108,8 +109,7 @@ def design(scenario: Scenario, *, advance: Advance = _silent) -> Design:
     tracking = track(
         Chain.of(transmission, level), reference.tension_N, reference.step_s, limits, initial_tension_N=start
     )
-    if not tracking.message.startswith("optimal"):
-        warnings.append(f"optimal: {tracking.message}")
+    warnings += _tracking_warnings(tracking)
     advance(3, total)
     forces = {
         Compensator.NONE: reference.tension_N,
@@ -139,6 +139,14 @@ def design(scenario: Scenario, *, advance: Advance = _silent) -> Design:
         tracking=tracking,
         warnings=tuple(warnings),
     )
+
+
+def _tracking_warnings(tracking: Tracking) -> list[str]:
+    """What limits the optimal profile, in the user's terms."""
+    if tracking.status is TrackStatus.EXACT:
+        return []
+    found = [] if tracking.status is TrackStatus.OPTIMAL else [f"optimal: {tracking.message}"]
+    return [*found, *tracking.reasons, *(f"optimal: {departure}" for departure in tracking.departures)]
 
 
 def _noise_warning(scenario: Scenario, reference: Reference) -> list[str]:

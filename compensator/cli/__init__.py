@@ -12,6 +12,7 @@ from typing import Annotated, NoReturn, cast
 import typer
 
 from tendonff.compensator.cli.compare import compare
+from tendonff.compensator.cli.design import design
 from tendonff.compensator.cli.experiment import experiment
 from tendonff.compensator.cli.explore import explore
 from tendonff.compensator.cli.new import new
@@ -57,6 +58,7 @@ def _root(
 
 app.command()(new)
 app.command()(simulate)
+app.command()(design)
 app.command()(experiment)
 app.command()(compare)
 app.command()(explore)

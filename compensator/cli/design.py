@@ -3,14 +3,17 @@
 from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument
 from tendonff.compensator.cli.progress import progress, warn
 
+EXIT_SOLVE = 1  # what was written is the best that was found
 
-def design(scenario: ScenarioArgument, out: OutFolderOption) -> None:
+
+def design(scenario: ScenarioArgument, out: OutFolderOption) -> int:
     """Design the actuator's force profile for a wanted output tension, and prove what it delivers."""
     from tendonff.compensator.design import design as design_profile
     from tendonff.compensator.design import write_design
     from tendonff.compensator.design_table import print_scores
     from tendonff.compensator.files import atomic_directory
     from tendonff.compensator.scenario import load_scenario
+    from tendonff.ocp.tracking import TrackStatus
 
     loaded = load_scenario(scenario)
     with progress("designing") as advance:
@@ -20,3 +23,4 @@ def design(scenario: ScenarioArgument, out: OutFolderOption) -> None:
     for warning in result.warnings:
         warn(warning)
     print_scores(result, out)
+    return EXIT_SOLVE if result.tracking.status in (TrackStatus.INFEASIBLE, TrackStatus.FAILED) else 0

@@ -1,5 +1,6 @@
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -41,9 +42,7 @@ def test_a_design_leaves_at_most_0_3_percent_on_its_own_level(designs, name, com
 
 @pytest.mark.parametrize("name", WITHOUT_STRIBECK)
 @pytest.mark.parametrize("compensator", [Compensator.INVERSE, Compensator.OPTIMAL])
-def test_a_design_leaves_at_most_0_3_percent_on_a_chain_of_40_masses_at_a_tenth_of_the_step(
-    designs, name, compensator
-):
+def test_a_design_leaves_at_most_0_3_percent_on_a_chain_of_40_masses_at_a_tenth_of_the_step(designs, name, compensator):
     proof = next(p for p in designs[name].proof if p.compensator == compensator)
     assert proof.score.rmse_percent_of_range <= 0.3
 
@@ -56,8 +55,6 @@ def test_without_compensation_more_than_15_percent_is_lost(designs, name):
 
 @pytest.mark.parametrize("level", list(Level))
 def test_the_finger_can_be_designed_on_every_level(examples, level):
-    from dataclasses import replace
-
     scenario = load_scenario(examples / "finger.toml")
     result = design(replace(scenario, run=replace(scenario.run, level=level)))
     for compensator in (Compensator.INVERSE, Compensator.OPTIMAL):
@@ -89,8 +86,7 @@ def test_the_capstan_force_is_the_static_law_where_the_limits_allow_it(examples)
     reference = sample_reference(scenario)
     force = capstan_force(scenario.transmission, reference)
     friction, theta = scenario.transmission.friction, scenario.transmission.path.total_angle_rad
-    rising = np.flatnonzero(np.diff(reference.tension_N) > 0) + 1
-    late = rising[len(rising) // 2]
+    late = int(np.argmax(reference.tension_N))  # the top of a smooth rise: the rate limit has long let go
     lifted = reference.tension_N[late] + friction.adhesion_N
     assert force[late] == pytest.approx(lifted * math.exp(friction.mu_dynamic * theta) - friction.adhesion_N)
 
