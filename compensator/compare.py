@@ -24,6 +24,8 @@ from tendonff.ocp.crosscheck import NUDGE
 from tendonff.ocp.inverse import InverseStatus
 from tendonff.ocp.limits import ForceLimits
 from tendonff.ocp.simulate import Outcome
+from tendonff.ocp.track import track
+from tendonff.ocp.tracking import TrackStatus
 
 Advance = Callable[[int, int], None]
 CAPSTAN_PLANT: Literal["capstan"] = "capstan"
@@ -181,8 +183,6 @@ def _forces(
     transmission: Transmission, level: Level, reference: Reference, warnings: list[str]
 ) -> dict[Compensator, FloatArray]:
     """Profile of each compensator designed on a level."""
-    from tendonff.ocp.track import track
-
     limits, start = ForceLimits.of(transmission.actuator), reference.initial_tension_N
     inversion = exact_inverse(transmission, level, reference)
     if inversion.status is InverseStatus.WOULD_PUSH:
@@ -190,6 +190,8 @@ def _forces(
     tracking = track(
         Chain.of(transmission, level), reference.tension_N, reference.step_s, limits, initial_tension_N=start
     )
+    if tracking.status not in (TrackStatus.EXACT, TrackStatus.OPTIMAL):
+        warnings.append(f"optimal designed on {level}: {tracking.message}")
     return {
         Compensator.NONE: reference.tension_N,
         Compensator.CAPSTAN: capstan_force(transmission, reference),

@@ -41,6 +41,16 @@ def on_page_markdown(markdown: str, **_: object) -> str:
     return markdown.replace(_KEYS, _keys()) if _KEYS in markdown else markdown
 
 
+def on_page_content(html: str, **_: object) -> str:
+    """Docstrings mark literal blocks by `::`, which Markdown takes as text.
+
+    Parameters
+    ----------
+    html : str
+    """
+    return html.replace("<p>::</p>\n", "").replace("::</p>", ":</p>")
+
+
 def _modules(package: str) -> list[str]:
     """One directive for each public module of a package."""
     folder = ROOT / package
