@@ -10,7 +10,7 @@ force goes over from one branch to the other along the tension that the referenc
           |         share where the force goes on without a jump
           +---------------- tension travelled since the reversal
 
-The C of the export does the same operations in the same order.
+What is interpolated is the ratio (force + p)/(T + p), which hardly depends on T either. The C of the export does the same operations in the same order.
 """
 
 import math
@@ -54,7 +54,7 @@ class Table:
     Parameters
     ----------
     reference_N : ndarray, shape (k,)
-        Nodes of the reference tension T [N], rising.
+        Nodes of the reference tension T [N], rising in equal steps.
     adhesion_N : float
         p [N].
     pull, release : BranchTable
@@ -68,6 +68,9 @@ class Table:
     def __post_init__(self) -> None:
         if not (self.reference_N.size >= 2 and np.all(np.diff(self.reference_N) > 0)):
             raise ParameterError(f"reference_N must rise over at least two nodes, got {self.reference_N}")
+        steps = np.diff(self.reference_N)
+        if not np.allclose(steps, steps.mean(), rtol=1e-9, atol=0):
+            raise ParameterError("reference_N must rise in equal steps: the cell is found by one multiplication")
         for name in Branch:
             branch = self.branch(name)
             if branch.force_N.shape != (self.reference_N.size, branch.share.size):
@@ -83,12 +86,28 @@ class Table:
         return self.pull if branch is Branch.PULL else self.release
 
     @property
+    def cells_per_N(self) -> float:
+        """Cells of the reference axis per newton [1/N]."""
+        return float((self.reference_N.size - 1) / (self.reference_N[-1] - self.reference_N[0]))
+
+    @property
     def nodes(self) -> int:
         """Number of forces stored."""
         return self.pull.force_N.size + self.release.force_N.size
 
+    def ratio(self, branch: Branch) -> FloatArray:
+        """(force + p)/(T + p) at the nodes of a branch, shape (k, m) [-].
+
+        Parameters
+        ----------
+        branch : Branch
+        """
+        p = self.adhesion_N
+        result: FloatArray = (self.branch(branch).force_N + p) / (self.reference_N[:, None] + p)
+        return result
+
     def force_N(self, reference_N: FloatArray, branch: Branch, share: FloatArray) -> FloatArray:
-        """Bilinear interpolation, for many points at once [N].
+        """Force by bilinear interpolation of the ratio, for many points at once [N].
 
         Parameters
         ----------
@@ -99,9 +118,9 @@ class Table:
         table = self.branch(branch)
         row, a = _locate(self.reference_N, reference_N)
         column, b = _locate(table.share, share)
-        f = table.force_N
+        f = self.ratio(branch)
         near, far = ((1 - a) * f[row, c] + a * f[row + 1, c] for c in (column, column + 1))
-        result: FloatArray = near + b * (far - near)
+        result: FloatArray = (near + b * (far - near)) * (reference_N + self.adhesion_N) - self.adhesion_N
         return result
 
 
@@ -127,11 +146,13 @@ class TableCompensator:
     """
 
     def __init__(self, table: Table, initial_tension_N: float) -> None:
-        self._reference = table.reference_N.tolist()
-        self._branches = {b: (table.branch(b).share.tolist(), table.branch(b).force_N.tolist()) for b in Branch}
+        self._low, self._high = float(table.reference_N[0]), float(table.reference_N[-1])
+        self._cells_per_N, self._last_row = table.cells_per_N, table.reference_N.size - 2
+        self._branches = {b: (table.branch(b).share.tolist(), table.ratio(b).tolist()) for b in Branch}
         self._adhesion = table.adhesion_N
         self._branch: Branch | None = None
         self._last = self._force = initial_tension_N
+        self._ratio = 1.0
         self._turn = initial_tension_N  # where the reference turned, or would have to have turned
 
     def step(self, reference_N: float) -> float:
@@ -142,38 +163,45 @@ class TableCompensator:
         reference_N : float
             Wanted tension [N].
         """
-        low, high = self._reference[0], self._reference[-1]
-        if not low <= reference_N <= high:
-            raise ParameterError(f"the reference must stay from {low:.6g} to {high:.6g} N, got {reference_N}")
+        if not self._low <= reference_N <= self._high:
+            raise ParameterError(
+                f"the reference must stay from {self._low:.6g} to {self._high:.6g} N, got {reference_N}"
+            )
         if reference_N == self._last:
             return self._force
         branch = Branch.PULL if reference_N > self._last else Branch.RELEASE
         sign = 1.0 if branch is Branch.PULL else -1.0
-        shares, forces = self._branches[branch]
+        shares, ratios = self._branches[branch]
+        row, a = self._row(reference_N)
         if branch is not self._branch:
-            share = self._share_of(shares, forces, sign)
+            share = self._share_of(shares, ratios[row], ratios[row + 1], a, sign)
             self._turn = self._last - sign * (share * (self._last + self._adhesion))
             self._branch = branch
-        row, a = _cell(self._reference, reference_N)
         share = sign * (reference_N - self._turn) / (reference_N + self._adhesion)
         column, b = _cell(shares, share)
-        near, far = (_between(forces[row][c], forces[row + 1][c], a) for c in (column, column + 1))
-        self._last, self._force = reference_N, near + b * (far - near)
+        near, far = (_between(ratios[row][c], ratios[row + 1][c], a) for c in (column, column + 1))
+        self._last, self._ratio = reference_N, near + b * (far - near)
+        self._force = self._ratio * (reference_N + self._adhesion) - self._adhesion
         return self._force
 
-    def _share_of(self, shares: list[float], forces: list[list[float]], sign: float) -> float:
-        """Share at which a branch, at the last reference, has the present force: bisection over its nodes."""
-        row, a = _cell(self._reference, self._last)
+    def _row(self, reference_N: float) -> tuple[int, float]:
+        """Cell of a reference and its place in the cell, 0 to 1."""
+        cells = (reference_N - self._low) * self._cells_per_N
+        row = min(int(cells), self._last_row)
+        return row, min(cells - row, 1.0)
+
+    def _share_of(self, shares: list[float], below: list[float], above: list[float], a: float, sign: float) -> float:
+        """Share at which a branch has the present ratio: bisection over the nodes of the reference below."""
         low, high = 0, len(shares) - 1
         while high - low > 1:
             middle = (low + high) // 2
-            if sign * (self._force - _between(forces[row][middle], forces[row + 1][middle], a)) >= 0:
+            if sign * (self._ratio - below[middle]) >= 0:
                 low = middle
             else:
                 high = middle
-        near, far = (_between(forces[row][c], forces[row + 1][c], a) for c in (low, high))
+        near, far = (_between(below[c], above[c], a) for c in (low, high))
         swing = far - near
-        place = (self._force - near) / swing if swing != 0 else 0.0
+        place = (self._ratio - near) / swing if swing != 0 else 0.0
         place = 0.0 if place < 0 else min(place, 1.0)
         return shares[low] + place * (shares[high] - shares[low])
 

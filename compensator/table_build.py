@@ -22,7 +22,7 @@ _APPROACH = 3000  # reference samples on the way to a reversal
 _SAMPLES = 3000  # reference samples after it
 _LARGEST_SHARE = {Branch.PULL: 0.9, Branch.RELEASE: 4.0}  # pulling cannot have turned below zero tension
 _LEAST_SHARE = 1e-4  # a transition shorter than this is a jump to any controller
-_CHECKED_REFERENCES = 9
+_CHECKED_REFERENCES = 25  # equal steps; 24 of them can be gathered into 1, 2, 3, 4, 6, 8, 12 or 24
 _CHECKED_SHARES = 500
 
 
@@ -37,6 +37,8 @@ class BuiltTable:
         Largest interpolation error that was allowed [N].
     error_N : float
         Largest interpolation error found on the swept points [N].
+    resolution_N : float
+        Tension travel within which a point counts as met [N]: steep steps need be no sharper than the samples.
     rate_N_per_s : float
         Rate of the reference in the sweeps [N/s].
     checked : int
@@ -46,6 +48,7 @@ class BuiltTable:
     table: Table
     bound_N: float
     error_N: float
+    resolution_N: float
     rate_N_per_s: float
     checked: int
 
@@ -56,6 +59,17 @@ class _Samples:
 
     share: FloatArray  # (m,)
     force_N: FloatArray  # (references, m)
+    low_N: FloatArray  # least and largest force within the resolution
+    high_N: FloatArray
+
+    def cut(self, last: int) -> "_Samples":
+        """The first `last` shares."""
+        return _Samples(
+            share=self.share[:last],
+            force_N=self.force_N[:, :last],
+            low_N=self.low_N[:, :last],
+            high_N=self.high_N[:, :last],
+        )
 
 
 def usual_rate(reference_N: FloatArray, step_s: float) -> float:
@@ -71,7 +85,7 @@ def usual_rate(reference_N: FloatArray, step_s: float) -> float:
     return float(np.median(moving)) if moving.size else 1.0
 
 
-def build_table(chain: Chain, range_N: tuple[float, float], *, bound_N: float, rate_N_per_s: float) -> BuiltTable:
+def build_table(chain: Chain, range_N: tuple[float, float], *, bound_N: float, rate_N_per_s: float, step_s: float) -> BuiltTable:
     """Sweep reversals and store the fewest nodes that keep the interpolation error under the bound.
 
     Parameters
@@ -83,6 +97,8 @@ def build_table(chain: Chain, range_N: tuple[float, float], *, bound_N: float, r
         Largest interpolation error [N], > 0.
     rate_N_per_s : float
         Rate of the reference in the sweeps [N/s], > 0.
+    step_s : float
+        Sample time of the controller [s], > 0: the table resolves a quarter of a sample's travel at that rate.
 
     Raises
     ------
@@ -92,18 +108,19 @@ def build_table(chain: Chain, range_N: tuple[float, float], *, bound_N: float, r
     low, high = range_N
     if not 0 < low < high < math.inf:
         raise ParameterError(f"range_N must be two finite numbers, 0 < least < largest, got {low} and {high}")
-    for name, value in (("bound_N", bound_N), ("rate_N_per_s", rate_N_per_s)):
+    for name, value in (("bound_N", bound_N), ("rate_N_per_s", rate_N_per_s), ("step_s", step_s)):
         if not 0 < value < math.inf:
             raise ParameterError(f"{name} must be a finite number > 0, got {value}")
     light = _without_masses(chain)
-    references = np.geomspace(low, high, _CHECKED_REFERENCES)
-    dense = {b: _sample_branch(light, b, references, rate_N_per_s, bound_N) for b in Branch}
+    references = np.linspace(low, high, _CHECKED_REFERENCES)
+    resolution = 0.25 * rate_N_per_s * step_s
+    dense = {b: _sample_branch(light, b, references, rate_N_per_s, bound_N, resolution) for b in Branch}
     p = chain.elements.adhesion_N
     tables = [_choose_nodes(references, dense, p, bound_N, split) for split in (0.97, 0.9, 0.75, 0.5)]
     table = min(tables, key=lambda t: t.nodes)
     error = max(float(np.abs(_errors(table, references, dense[b], b)).max()) for b in Branch)
     checked = sum(d.force_N.size for d in dense.values())
-    return BuiltTable(table=table, bound_N=bound_N, error_N=error, rate_N_per_s=rate_N_per_s, checked=checked)
+    return BuiltTable(table=table, bound_N=bound_N, error_N=error, resolution_N=resolution, rate_N_per_s=rate_N_per_s, checked=checked)
 
 
 def _without_masses(chain: Chain) -> Chain:
@@ -141,23 +158,26 @@ def sweep(chain: Chain, branch: Branch, turn_N: float, end_N: float, rate_N_per_
     return way, force
 
 
-def _sample_branch(chain: Chain, branch: Branch, references: FloatArray, rate: float, bound: float) -> _Samples:
+def _sample_branch(
+    chain: Chain, branch: Branch, references: FloatArray, rate: float, bound: float, resolution: float
+) -> _Samples:
     """Force over share for every reference, cut where the transition is over everywhere.
 
     Sweeps are repeated over the shorter way, and so in finer steps, as long as the transition fills little of them.
     """
     most = _LARGEST_SHARE[branch]
     while True:
-        samples = _sample_shares(chain, branch, references, rate, most)
+        samples = _sample_shares(chain, branch, references, rate, most, resolution)
         over = np.all(np.abs(samples.force_N - samples.force_N[:, -1:]) <= 0.25 * bound, axis=0)
         last = int(np.flatnonzero(~over)[-1]) + 2 if not over.all() else 2
         if samples.share[last - 1] > 0.2 * most or most < _LEAST_SHARE:
-            last = max(2, min(last, samples.share.size))
-            return _Samples(share=samples.share[:last], force_N=samples.force_N[:, :last])
+            return samples.cut(max(2, min(last, samples.share.size)))
         most = max(3.0 * float(samples.share[last - 1]), 0.5 * _LEAST_SHARE)
 
 
-def _sample_shares(chain: Chain, branch: Branch, references: FloatArray, rate: float, most: float) -> _Samples:
+def _sample_shares(
+    chain: Chain, branch: Branch, references: FloatArray, rate: float, most: float, resolution: float
+) -> _Samples:
     """Force over share, up to `most`, for every reference."""
     p = chain.elements.adhesion_N
     sign = 1.0 if branch is Branch.RELEASE else -1.0
@@ -174,30 +194,25 @@ def _sample_shares(chain: Chain, branch: Branch, references: FloatArray, rate: f
     force_N = np.empty_like(turned)
     for j in range(shares.size):
         force_N[:, j] = np.interp(np.maximum(turned[:, j], floor), turns, travel[:, j]) * (references + p) - p
-    return _Samples(share=shares, force_N=force_N)
+    low, high = np.empty_like(force_N), np.empty_like(force_N)
+    for k, reference in enumerate(references):
+        near = resolution / (float(reference) + p)
+        around = [np.interp(shares + shift, shares, force_N[k]) for shift in (-near, -0.5 * near, 0.5 * near, near)]
+        low[k], high[k] = np.min([force_N[k], *around], axis=0), np.max([force_N[k], *around], axis=0)
+    return _Samples(share=shares, force_N=force_N, low_N=low, high_N=high)
 
 
 def _choose_nodes(
     references: FloatArray, dense: dict[Branch, _Samples], adhesion_N: float, bound: float, split: float
 ) -> Table:
-    """Fewest shares for a part of the bound, then fewest references for all of it; both by the longest reach."""
-    columns = {b: _longest_reach(d.share, d.force_N, split * bound) for b, d in dense.items()}
-    rows: list[int] = [0]
-    while rows[-1] < len(references) - 1:
-        for reach in range(len(references) - 1, rows[-1], -1):
-            trial = _table(references, dense, [rows[-1], reach], columns, adhesion_N)
-            inside = slice(rows[-1], reach + 1)
-            worst = max(
-                float(np.abs(_errors(trial, references[inside], _rows(d, inside), b)).max()) for b, d in dense.items()
-            )
-            if worst <= bound or reach == rows[-1] + 1:
-                rows.append(reach)
-                break
-    return _table(references, dense, rows, columns, adhesion_N)
-
-
-def _rows(samples: _Samples, rows: slice) -> _Samples:
-    return _Samples(share=samples.share, force_N=samples.force_N[rows])
+    """Fewest shares for a part of the bound, by the longest reach, then fewest equal steps of the reference for all."""
+    columns = {b: _longest_reach(d, split * bound) for b, d in dense.items()}
+    steps = len(references) - 1
+    for gathered in (24, 12, 8, 6, 4, 3, 2, 1):
+        table = _table(references, dense, list(range(0, steps + 1, gathered)), columns, adhesion_N)
+        if all(np.abs(_errors(table, references, d, b)).max() <= bound for b, d in dense.items()):
+            break
+    return table
 
 
 def _table(
@@ -211,27 +226,32 @@ def _table(
 
 
 def _errors(table: Table, references: FloatArray, samples: _Samples, branch: Branch) -> FloatArray:
-    """Interpolated minus swept force [N]."""
+    """How far the interpolated force leaves the swept one, within the resolution [N]."""
     shape = samples.force_N.shape
     grid_t = np.broadcast_to(references[:, None], shape).ravel()
     grid_s = np.broadcast_to(samples.share, shape).ravel()
-    result: FloatArray = table.force_N(grid_t, branch, grid_s).reshape(shape) - samples.force_N
+    return _outside(table.force_N(grid_t, branch, grid_s).reshape(shape), samples.low_N, samples.high_N)
+
+
+def _outside(value: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+    result: FloatArray = np.maximum(np.maximum(low - value, value - high), 0.0)
     return result
 
 
-def _longest_reach(share: FloatArray, force_N: FloatArray, bound: float) -> list[int]:
+def _longest_reach(samples: _Samples, bound: float) -> list[int]:
     """Nodes such that straight lines between them stay within the bound: each reaches as far as it can.
 
     Longest reach gives the fewest nodes of all choices that take their forces from the samples.
     """
-    nodes = [0]
+    share, force_N, nodes = samples.share, samples.force_N, [0]
     while nodes[-1] < share.size - 1:
         first = nodes[-1]
         reach = first + 1
         for last in range(share.size - 1, first + 1, -1):
-            place = (share[first : last + 1] - share[first]) / (share[last] - share[first])
+            inside = slice(first, last + 1)
+            place = (share[inside] - share[first]) / (share[last] - share[first])
             line = force_N[:, [first]] + place * (force_N[:, [last]] - force_N[:, [first]])
-            if np.abs(line - force_N[:, first : last + 1]).max() <= bound:
+            if _outside(line, samples.low_N[:, inside], samples.high_N[:, inside]).max() <= bound:
                 reach = last
                 break
         nodes.append(reach)

@@ -25,7 +25,7 @@ BOUND_SHARE = 0.005
 """Interpolation error that a table may have unless told otherwise, as a share of the reference's range."""
 
 FORMULA = (
-    "force = bilinear(reference_N, share), share = tension_since_reversal_N/(reference_N + adhesion_N); "
+    "(force_N + adhesion_N)/(reference_N + adhesion_N) = bilinear(reference_N, share), share = tension_since_reversal_N/(reference_N + adhesion_N); "
     "tension_since_reversal_N = abs(reference_N - turn_N), branch = pull while the reference rises, release while it "
     "falls; at a reversal turn_N is set so that the force goes on without a jump (out of full slip: the reference of the "
     "reversal); beyond the last share the force of the last share holds"
@@ -117,6 +117,7 @@ def scenario_table(
         covered_range(scenario, reference),
         bound_N=BOUND_SHARE * span if bound_N is None else bound_N,
         rate_N_per_s=usual_rate(reference.tension_N, reference.step_s) if rate_N_per_s is None else rate_N_per_s,
+        step_s=reference.step_s,
     )
 
 
@@ -250,6 +251,7 @@ def table_summary(tables: ScenarioTables) -> dict[str, object]:
             "rate_N_per_s": built.rate_N_per_s,
             "bound_N": built.bound_N,
             "interpolation_error_N": built.error_N,
+            "resolution_N": built.resolution_N,
             "checked_points": built.checked,
             "nodes": table.nodes,
             "reference_N": table.reference_N,

@@ -19,7 +19,7 @@ from tendonff.compensator.scenario import Scenario, scenario_hash
 from tendonff.compensator.table import FloatArray
 from tendonff.compensator.table_build import BuiltTable
 from tendonff.compensator.table_files import covered_range, scenario_table
-from tendonff.models.capstan import CapstanLaw
+from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.ocp.ccode import Precision, literal
@@ -224,9 +224,11 @@ def _table_context(built: BuiltTable) -> dict[str, object]:
         f"Interpolation error at most {built.error_N:.3g} N (bound {built.bound_N:.3g} N); made for a reference that",
         f"moves at {built.rate_N_per_s:.4g} N/s. Bilinear in the reference and in the share.",
     )
-    longest = max(len(table.pull.share), len(table.release.share), len(table.reference_N))
+    longest = max(len(table.pull.share), len(table.release.share))
     return {
         "table": table,
+        "pull_ratios": table.ratio(Branch.PULL),
+        "release_ratios": table.ratio(Branch.RELEASE),
         "table_notes": "\n".join(f" * {note}" for note in notes),
         "halvings": math.ceil(math.log2(longest)),
     }
@@ -251,7 +253,7 @@ def _context(
     state = {
         "inverse": _padded(output + (2 * reals + 2 + past) * size + 4, size),
         "capstan": output + 2 * size,
-        "table": _padded(output + 3 * size + 4, size),
+        "table": _padded(output + 4 * size + 8, size),
         "plant": _padded((2 * reals + 2) * size + 16, size),
         "profile": _padded(output + 4, size),
     }
@@ -282,7 +284,7 @@ def _context(
             "limits": controller_limits(precision),
             "state_bytes": state,
             "table_bytes": size
-            * (built.table.nodes + sum(map(len, (built.table.reference_N, built.table.pull.share, built.table.release.share)))),
+            * (built.table.nodes + len(built.table.pull.share) + len(built.table.release.share)),
             "profile_bytes": size * len(profile),
             "measured": measured(precision),
         }
