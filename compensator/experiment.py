@@ -35,28 +35,34 @@ def experiment(scenario: Scenario) -> ExperimentResult:
     return run_experiment(plan_experiment(scenario), scenario.run.level, scenario.experiment.fine_segments)
 
 
-def write_experiment(result: ExperimentResult, folder: Path, *, name: str) -> dict[str, object]:
-    """Write `experiment_<level>.csv`, `summary.json` and the figures, all or nothing.
+def write_experiment(result: ExperimentResult, folder: Path, scenario: Scenario) -> dict[str, object]:
+    """Write `experiment_<level>.csv`, `summary.json`, the figures and `report.html`, all or nothing.
 
     Parameters
     ----------
     result : ExperimentResult
     folder : Path
-    name : str
-        Name of the scenario.
+    scenario : Scenario
+        That it was made for.
 
     Returns
     -------
     dict
         Contents of `summary.json`.
     """
-    from tendonff.compensator.experiment_figures import draw_experiment
+    from tendonff.compensator.experiment_figures import experiment_figures
+    from tendonff.compensator.experiment_report import experiment_report
+    from tendonff.compensator.plots import save_figure
+    from tendonff.compensator.report import write_report
 
-    summary = summary_of(result, name)
+    summary = summary_of(result, scenario.name)
+    figures = experiment_figures(result)
     with atomic_directory(folder) as partial:
         for level, run in result.runs.items():
             write_run(run, partial / f"experiment_{level}.csv")
-        draw_experiment(result, partial)
+        for name, figure in figures.items():
+            save_figure(figure, partial / name)
+        write_report(partial / "report.html", experiment_report(result, scenario, figures))
         write_json(partial / "summary.json", summary)
     return summary
 

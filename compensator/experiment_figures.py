@@ -1,6 +1,5 @@
 """Pictures of the two-motor test, after the paper's Figs. 4, 8, 9 and 10."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from tendonff.compensator.experiment_machine import StatePass
 from tendonff.compensator.experiment_numbers import driven_motor, holds, reversals
 from tendonff.compensator.experiment_run import SECTIONS, ExperimentResult, ExperimentRun
 from tendonff.compensator.files import FloatArray
-from tendonff.compensator.plots import BLUE, GREY, INK, LINE_STYLES, VERMILION, figure_style, new_figure, save_figure
+from tendonff.compensator.plots import BLUE, GREY, INK, LINE_STYLES, VERMILION, figure_style, new_figure
 from tendonff.models.fidelity import Level
 
 _LEVEL_LOOK: dict[Level, dict[str, Any]] = {
@@ -195,17 +194,12 @@ def hysteresis_figure(result: ExperimentResult) -> Figure:
     return figure
 
 
-def draw_experiment(result: ExperimentResult, folder: Path) -> list[Path]:
-    """Write all figures into a folder.
+def experiment_figures(result: ExperimentResult) -> dict[str, Figure]:
+    """All figures by file name; without the details where the states have no hold and no reversal.
 
     Parameters
     ----------
     result : ExperimentResult
-    folder : Path
-
-    Returns
-    -------
-    list of Path
     """
     figures = {
         "experiment_distribution": distribution_figure(result),
@@ -213,8 +207,4 @@ def draw_experiment(result: ExperimentResult, folder: Path) -> list[Path]:
         "experiment_details": details_figure(result),
         "experiment_hysteresis": hysteresis_figure(result),
     }
-    written: list[Path] = []
-    for name, figure in figures.items():
-        if figure is not None:
-            written += save_figure(figure, folder / name)
-    return written
+    return {name: figure for name, figure in figures.items() if figure is not None}

@@ -13,8 +13,8 @@ def experiment(scenario: ScenarioArgument, out: OutFolderOption) -> None:
 
     loaded = load_scenario(scenario)
     result = run_test(loaded)
-    write_experiment(result, out, name=loaded.name)
+    write_experiment(result, out, loaded)
     for warning in warnings_of(result):
         warn(warning)
     states = len(result.plan.states)
-    say(f"{states} states in {result.fine.time_s[-1]:.4g} s on {len(result.runs)} levels; see {out / 'summary.json'}")
+    say(f"{states} states in {result.fine.time_s[-1]:.4g} s on {len(result.runs)} levels; see {out / 'report.html'}")
