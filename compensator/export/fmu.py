@@ -1,0 +1,257 @@
+"""`tendonff export-fmu`: the exported C as a co-simulation unit for FMI 2.0 and 3.0, sources included."""
+
+import hashlib
+import io
+import platform
+import re
+import subprocess
+import sys
+import tempfile
+import zipfile
+from dataclasses import dataclass
+from enum import StrEnum
+from importlib.metadata import version
+from importlib.resources import files
+from pathlib import Path
+
+import jinja2
+import numpy as np
+
+from tendonff.compensator.export.c_project import Exported, check_prefix, export_project
+from tendonff.compensator.scenario import Scenario, scenario_hash
+from tendonff.models.chain import Chain
+from tendonff.models.fidelity import Level
+from tendonff.ocp.compiled import find_compiler
+from tendonff.ocp.errors import CodeError
+
+_TEMPLATES = jinja2.Environment(  # noqa: S701 - the one place with markup escapes what it inserts
+    loader=jinja2.PackageLoader("tendonff.compensator", "templates/fmu"),
+    undefined=jinja2.StrictUndefined,
+    keep_trailing_newline=True,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+_MACHINES = {"x86_64": "x86_64", "AMD64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
+
+
+class Kind(StrEnum):
+    """What the unit computes.
+
+    Attributes
+    ----------
+    INVERSE
+        Reference tension in, force out, within the actuator's limits.
+    PLANT
+        Force in, output tension and end positions out.
+    """
+
+    INVERSE = "inverse"
+    PLANT = "plant"
+
+
+class FmiVersion(StrEnum):
+    """Version of the interface."""
+
+    V2 = "2.0"
+    V3 = "3.0"
+
+    @property
+    def headers(self) -> tuple[str, ...]:
+        """The standard's header files, under the 2-clause BSD licence that they state."""
+        types = "fmi2TypesPlatform.h" if self is FmiVersion.V2 else "fmi3PlatformTypes.h"
+        letter = self.value[0]
+        return types, f"fmi{letter}FunctionTypes.h", f"fmi{letter}Functions.h"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Variable:
+    """One line of the model description."""
+
+    name: str
+    text: str
+    unit: str
+    start: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fmu:
+    """A unit, ready to be written.
+
+    Parameters
+    ----------
+    content : bytes
+        The archive.
+    has_binary : bool
+        Whether it holds a binary for this machine; the sources are always there.
+    """
+
+    content: bytes
+    has_binary: bool
+
+
+def build_fmu(
+    scenario: Scenario, kind: Kind, fmi: FmiVersion, *, prefix: str = "tff", level: Level | None = None
+) -> Fmu:
+    """Wrap the exported C of a scenario.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    kind : Kind
+    fmi : FmiVersion
+    prefix : str, optional
+        Prefix of the C names.
+    level : Level, optional
+        Fidelity level; default: the scenario's own.
+
+    Raises
+    ------
+    CodeError
+        If the compiler refuses the sources.
+    """
+    check_prefix(prefix)
+    level = level or scenario.run.level
+    exported = export_project(scenario, prefix=prefix, level=level, profile_N=np.zeros(1))  # a unit plays no profile
+    identifier = f"{prefix}_{kind}"
+    compiled = [f"{prefix}_limits.c", f"{prefix}_{kind}.c"]
+    wrapper = "fmi2.c" if fmi is FmiVersion.V2 else "fmi3.c"
+    sources = {name: exported.files[name] for name in compiled}
+    for name in ("types", "limits", kind.value):
+        sources[f"{prefix}_{name}.h"] = exported.files[f"{prefix}_{name}.h"]
+    headers = files("tendonff.compensator").joinpath("templates", "fmu", "headers")
+    for name in fmi.headers:
+        sources[name] = headers.joinpath(name).read_text(encoding="utf-8")
+    compiled.append(wrapper)
+    context = _context(scenario, exported, kind, level, prefix, identifier, compiled)
+    context["token"] = _token(sources, context, fmi)
+    sources["model.h"] = _render("model.h.j2", context)
+    declared = sources[fmi.headers[1]]
+    implemented = set(re.findall(r"\b(fmi[23]\w+)\(", _TEMPLATES.get_template(f"{wrapper}.j2").render(context | {"stubs": ""})))
+    sources[wrapper] = _render(f"{wrapper}.j2", context | {"stubs": stubs(declared, implemented)})
+    members = {f"sources/{name}": text.encode() for name, text in sources.items()}
+    members["modelDescription.xml"] = _render(f"modelDescription{fmi.value[0]}.xml.j2", context).encode()
+    if fmi is FmiVersion.V3:
+        members["sources/buildDescription.xml"] = _render("buildDescription.xml.j2", context).encode()
+    binary = _compile(sources, compiled)
+    if binary is not None:
+        members[f"binaries/{_platform(fmi)}/{identifier}.so"] = binary
+    return Fmu(content=_archive(members), has_binary=binary is not None)
+
+
+def stubs(header: str, implemented: set[str]) -> str:
+    """Definitions that refuse, for every function of a header that a wrapper leaves out.
+
+    Parameters
+    ----------
+    header : str
+        Text of fmi2FunctionTypes.h or fmi3FunctionTypes.h.
+    implemented : set of str
+        Functions that exist already.
+    """
+    code = re.sub(r"/\*.*?\*/", "", header, flags=re.DOTALL)
+    found = re.findall(r"typedef\s+(fmi[23]Status)\s+(fmi[23]\w+)TYPE\s*\(([^;]*?)\)\s*;", code)
+    lines = []
+    for status, name, arguments in found:
+        if name in implemented:
+            continue
+        named = [_named(" ".join(a.split()), k) for k, a in enumerate(arguments.split(","))]
+        lines.append(f"{status} {name}({', '.join(named)})\n{{\n    return {status[:4]}Error;\n}}\n")
+    return "\n".join(lines)
+
+
+def _named(argument: str, index: int) -> str:
+    """An argument with a name, which a definition needs and a typedef may leave out."""
+    bare = re.sub(r"\b(const|struct|unsigned)\b", "", argument)
+    words = re.findall(r"\w+", bare)
+    if argument == "void" or len(words) > 1:
+        return argument
+    return re.sub(r"(\[\])?$", rf" a{index}\1", argument, count=1)
+
+
+def _context(
+    scenario: Scenario, exported: Exported, kind: Kind, level: Level, prefix: str, identifier: str, compiled: list[str]
+) -> dict[str, object]:
+    reference = exported.reference
+    rest = Chain.of(scenario.transmission, level).rest_state(reference.initial_tension_N)
+    initial = repr(reference.initial_tension_N)
+    tension = _Variable(name="tension", text="output tension", unit="N", start=initial)
+    force = _Variable(name="force", text="force of the actuator, within its limits", unit="N", start=initial)
+    if kind is Kind.INVERSE:
+        variable = _Variable(name="reference", text="wanted output tension", unit="N", start=initial)
+        outputs = [force]
+    else:
+        variable = _Variable(name="force", text="force of the actuator", unit="N", start=initial)
+        near, far = repr(rest.near_position_m), repr(rest.far_position_m)
+        outputs = [
+            tension,
+            _Variable(name="actuator_position", text="positive towards the actuator", unit="m", start=near),
+            _Variable(name="load_position", text="positive towards the actuator", unit="m", start=far),
+        ]
+    name = " ".join(scenario.name.replace("*/", "* /").split())
+    return {
+        "prefix": prefix,
+        "kind": kind,
+        "identifier": identifier,
+        "compiled": compiled,
+        "description": f"{kind} of the tendon chain, level {level}: {name}",
+        "version": version("tendonff"),
+        "input": variable,
+        "outputs": outputs,
+        "initial": initial,
+        "step": repr(scenario.run.step_s),
+        "stop": repr(float(reference.time_s[-1])),
+        "provenance": f' * Scenario "{name}", hash {scenario_hash(scenario)}, level {level}; tendonff {version("tendonff")}.',
+    }
+
+
+def _token(sources: dict[str, str], context: dict[str, object], fmi: FmiVersion) -> str:
+    """Identifier that changes with anything that the unit holds."""
+    parts = [fmi.value, repr(sorted((k, str(v)) for k, v in context.items())), *(sources[k] for k in sorted(sources))]
+    digest = hashlib.sha256("\0".join(parts).encode()).hexdigest()
+    return f"{{{digest[:8]}-{digest[8:12]}-{digest[12:16]}-{digest[16:20]}-{digest[20:32]}}}"
+
+
+def _render(template: str, context: dict[str, object]) -> str:
+    return _TEMPLATES.get_template(template).render(context)
+
+
+def _platform(fmi: FmiVersion) -> str:
+    machine = _MACHINES[platform.machine()]
+    if fmi is FmiVersion.V2:
+        return "linux64" if machine == "x86_64" else f"{machine}-linux"
+    return f"{machine}-linux"
+
+
+def _compile(sources: dict[str, str], compiled: list[str]) -> bytes | None:
+    """A shared library for this machine, or None where there is no compiler or the system is not Linux."""
+    compiler = find_compiler()
+    if compiler is None or not sys.platform.startswith("linux") or platform.machine() not in _MACHINES:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        for name, text in sources.items():
+            (Path(folder) / name).write_text(text, encoding="utf-8")
+        run = subprocess.run(
+            [
+                *(compiler, "-std=c99", "-O2", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno"),
+                *("-Wno-unused-parameter", "-s", "-Wl,--build-id=none", "-o", "unit.so", *compiled, "-lm"),
+            ],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if run.returncode != 0:
+            raise CodeError(f"{compiler} failed with status {run.returncode} on the unit's sources: {run.stderr[:500]}")
+        return (Path(folder) / "unit.so").read_bytes()
+
+
+def _archive(members: dict[str, bytes]) -> bytes:
+    """A zip archive without dates: equal members give equal bytes."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in sorted(members):
+            info = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
+            info.compress_type = zipfile.ZIP_DEFLATED
+            info.external_attr = 0o644 << 16
+            archive.writestr(info, members[name])
+    return stream.getvalue()
