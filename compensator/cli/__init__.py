@@ -15,9 +15,13 @@ from tendonff.compensator.cli.compare import compare
 from tendonff.compensator.cli.design import design
 from tendonff.compensator.cli.experiment import experiment
 from tendonff.compensator.cli.explore import explore
+from tendonff.compensator.cli.identify import identify
+from tendonff.compensator.cli.export_c import export_c
+from tendonff.compensator.cli.export_fmu import export_fmu
 from tendonff.compensator.cli.new import new
 from tendonff.compensator.cli.progress import say
 from tendonff.compensator.cli.simulate import simulate
+from tendonff.compensator.cli.table import table
 from tendonff.models.errors import TendonffError
 
 EXIT_SOLVE, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130
@@ -62,6 +66,10 @@ app.command()(design)
 app.command()(experiment)
 app.command()(compare)
 app.command()(explore)
+app.command()(identify)
+app.command()(table)
+app.command()(export_c)
+app.command()(export_fmu)
 
 
 def run(arguments: Sequence[str]) -> int:

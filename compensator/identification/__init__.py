@@ -1,0 +1,1 @@
+"""Identification of a transmission's parameters from measured tensions (and positions) at both ends."""

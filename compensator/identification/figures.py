@@ -1,0 +1,161 @@
+"""Figures of an identification: model against measurement over time, as loops, what is left, and relaxation."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from tendonff.compensator.identification.reading import Array
+from tendonff.compensator.identification.result import Curve, Identification
+from tendonff.compensator.identification.suggest import Excitation
+from tendonff.compensator.plots import BLUE, GREY, INK, ORANGE, VERMILION, new_figure, save_figure
+from tendonff.compensator.settings.measurement import Explain
+
+MOST_PANELS = 4
+MOST_POINTS = 4000
+
+
+def draw(found: Identification, folder: Path) -> list[Path]:
+    """Write every figure that the data has material for.
+
+    Parameters
+    ----------
+    found : Identification
+    folder : Path
+
+    Returns
+    -------
+    list of Path
+    """
+    chosen = _chosen(found.curves)
+    written = [*_over_time(found, chosen, folder), *_loops(found, chosen, folder), *_residuals(found, chosen, folder)]
+    if any(c.elongation_m is not None for c in chosen):
+        written += _relaxation(chosen, folder)
+    return written
+
+
+def _chosen(curves: Sequence[Curve]) -> list[Curve]:
+    """The longest pieces, validation first: one per file, as many as fit on a page."""
+    longest: dict[str, Curve] = {}
+    for curve in curves:
+        if curve.name not in longest or len(curve.time_s) > len(longest[curve.name].time_s):
+            longest[curve.name] = curve
+    ordered = sorted(longest.values(), key=lambda c: (c.role != "validate", c.name))
+    return ordered[:MOST_PANELS]
+
+
+def _thin(*columns: Array) -> list[Array]:
+    step = max(1, len(columns[0]) // MOST_POINTS)
+    return [c[::step] for c in columns]
+
+
+def _measured(found: Identification, curve: Curve) -> Array:
+    return curve.output_N if found.explain is Explain.OUTPUT else curve.input_N
+
+
+def _title(curve: Curve) -> str:
+    return f"{curve.name} ({'validation' if curve.role == 'validate' else 'fitted'})"
+
+
+def _over_time(found: Identification, curves: Sequence[Curve], folder: Path) -> list[Path]:
+    figure, axes = new_figure(len(curves), 1)
+    other = "input" if found.explain is Explain.OUTPUT else "output"
+    for ax, curve in zip(axes[:, 0], curves, strict=True):
+        given = curve.input_N if found.explain is Explain.OUTPUT else curve.output_N
+        t, x, y, m = _thin(curve.time_s, given, _measured(found, curve), curve.model_N)
+        ax.plot(t, x, color=GREY, lw=0.8, label=f"{other}, measured")
+        ax.plot(t, y, color=INK, lw=1.4, label=f"{found.explain}, measured")
+        ax.plot(t, m, color=VERMILION, lw=1.0, ls="--", label=f"{found.explain}, model")
+        ax.set_title(_title(curve))
+        ax.set_ylabel("tension [N]")
+        ax.margins(x=0.01)
+    axes[-1, 0].set_xlabel("time [s]")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=3)
+    return save_figure(figure, folder / "time")
+
+
+def _loops(found: Identification, curves: Sequence[Curve], folder: Path) -> list[Path]:
+    columns = min(2, len(curves))
+    rows = -(-len(curves) // columns)
+    figure, axes = new_figure(rows, columns, height_in=2.8 * rows + 0.5)
+    for ax, curve in zip(axes.ravel(), curves, strict=False):
+        x, y, m = _thin(curve.input_N, curve.output_N, curve.model_N)
+        ax.plot(x, y, color=INK, lw=0.9, label="measured")
+        if found.explain is Explain.OUTPUT:
+            ax.plot(x, m, color=VERMILION, lw=0.9, ls="--", label="model")
+        else:
+            ax.plot(m, y, color=VERMILION, lw=0.9, ls="--", label="model")
+        ax.set_title(_title(curve))
+        ax.set_xlabel("input tension [N]")
+        ax.set_ylabel("output tension [N]")
+    for ax in axes.ravel()[len(curves) :]:
+        ax.set_axis_off()
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=2)
+    return save_figure(figure, folder / "loop")
+
+
+def _residuals(found: Identification, curves: Sequence[Curve], folder: Path) -> list[Path]:
+    figure, axes = new_figure(len(curves), 1, height_in=1.7 * len(curves) + 0.5)
+    for ax, curve in zip(axes[:, 0], curves, strict=True):
+        measured = _measured(found, curve)
+        span = max(float(np.ptp(measured)), 1e-300)
+        t, left = _thin(curve.time_s, 100 * (curve.model_N - measured) / span)
+        ax.axhline(0, color=INK, lw=0.6)
+        ax.plot(t, left, color=BLUE, lw=0.8)
+        rms = float(np.sqrt(np.mean(left**2)))
+        ax.set_title(f"{_title(curve)}: rms {rms:.2g} % of range")
+        ax.set_ylabel("model less\nmeasured [%]")
+        ax.margins(x=0.01)
+    axes[-1, 0].set_xlabel("time [s]")
+    return save_figure(figure, folder / "residuals")
+
+
+def _relaxation(curves: Sequence[Curve], folder: Path) -> list[Path]:
+    shown = [c for c in curves if c.elongation_m is not None][:2]
+    figure, axes = new_figure(len(shown), 2, height_in=2.6 * len(shown) + 0.5)
+    for (over, loop), curve in zip(axes, shown, strict=True):
+        assert curve.elongation_m is not None  # noqa: S101 - chosen so
+        assert curve.model_elongation_m is not None  # noqa: S101
+        t, x, m, f = _thin(curve.time_s, 1e3 * curve.elongation_m, 1e3 * curve.model_elongation_m, curve.input_N)
+        over.plot(t, x, color=INK, lw=1.2, label="measured")
+        over.plot(t, m, color=VERMILION, lw=0.9, ls="--", label="model")
+        over.set_title(_title(curve))
+        over.set_xlabel("time [s]")
+        over.set_ylabel("elongation [mm]")
+        loop.plot(x, f, color=INK, lw=0.8)
+        loop.plot(m, f, color=VERMILION, lw=0.8, ls="--")
+        loop.set_xlabel("elongation [mm]")
+        loop.set_ylabel("input tension [N]")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=2)
+    return save_figure(figure, folder / "relaxation")
+
+
+def draw_suggestion(excitation: Excitation, folder: Path) -> list[Path]:
+    """Figure of a suggested excitation, its parts marked.
+
+    Parameters
+    ----------
+    excitation : Excitation
+    folder : Path
+    """
+    figure, axes = new_figure(1, 1, height_in=2.8)
+    ax = axes[0, 0]
+    ax.plot(*_thin(excitation.time_s, excitation.force_N), color=BLUE)
+    for number, part in enumerate(excitation.parts):
+        start = float(part.split(" s:", maxsplit=1)[0])
+        ax.axvline(start, color=ORANGE, lw=0.8, ls=":")
+        ax.annotate(
+            str(number + 1),
+            (start, 1.0),
+            xycoords=("data", "axes fraction"),
+            xytext=(3, -9),
+            textcoords="offset points",
+        )
+    names = [part.split(": ", maxsplit=1)[1].split(":", maxsplit=1)[0] for part in excitation.parts]
+    ax.set_title("; ".join(f"{k + 1} {name}" for k, name in enumerate(names)), fontsize=7)
+    ax.set_xlabel("time [s]")
+    ax.set_ylabel("actuator force [N]")
+    return save_figure(figure, folder / "suggested_force")

@@ -1,0 +1,227 @@
+"""Measured files as they are: columns found, units made SI, rows that cannot be used taken out and reported."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonff.compensator.files import InputError, open_text, suggestion
+from tendonff.compensator.settings.measurement import Measurement
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+OUT_OF_ORDER_ROWS = 5
+"""A clock that is back on its way after so many rows had rows out of order; one that stays behind has jumped."""
+
+
+class Dirt(StrEnum):
+    """What can be wrong with a measurement."""
+
+    MISSING = "missing values"
+    DUPLICATE = "repeated time stamps"
+    OUT_OF_ORDER = "time stamps out of order"
+    CLOCK_JUMP = "clock jumping back"
+    GAP = "gaps"
+    UNEVEN = "uneven clock"
+    SPIKE = "spikes"
+    NEGATIVE = "negative readings"
+    BIAS = "biased cell"
+    SLACK = "slack"
+    SHORT = "short pieces"
+    SKIPPED = "rows left out at the start"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One kind of dirt in one file, and what was done about it.
+
+    Parameters
+    ----------
+    dirt : Dirt
+    count : int
+        Rows or places concerned.
+    times_s : tuple of float
+        The first few of them [s].
+    text : str
+        In words, with what was done.
+    """
+
+    dirt: Dirt
+    count: int
+    times_s: tuple[float, ...]
+    text: str
+
+
+def finding(dirt: Dirt, times_s: Sequence[float] | Array, action: str, count: int | None = None) -> Finding:
+    """A finding with its count and first times in the text.
+
+    Parameters
+    ----------
+    dirt : Dirt
+    times_s : sequence of float
+        Where.
+    action : str
+        What was done.
+    count : int, optional
+        Default: the number of times.
+    """
+    number = len(times_s) if count is None else count
+    first = tuple(float(t) for t in times_s[:5])
+    where = ", ".join(f"{t:.4g}" for t in first)
+    at = f" (at t = {where}{' ...' if len(times_s) > len(first) else ''} s)" if first else ""
+    return Finding(dirt=dirt, count=number, times_s=first, text=f"{dirt}: {number}{at}; {action}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Raw:
+    """Usable rows of one file in SI units, in the order of time.
+
+    Parameters
+    ----------
+    name : str
+        File name.
+    time_s, input_N, output_N : ndarray, shape (n,)
+        Time rises strictly.
+    input_m, output_m : ndarray, shape (n,), or None
+        Positions, where the file has them.
+    breaks : tuple of int
+        First rows after a clock that jumped back.
+    findings : tuple of Finding
+    """
+
+    name: str
+    time_s: Array
+    input_N: Array
+    output_N: Array
+    input_m: Array | None
+    output_m: Array | None
+    breaks: tuple[int, ...]
+    findings: tuple[Finding, ...]
+
+
+def _table(path: Path, columns: dict[str, str]) -> dict[str, Array]:
+    """The wanted columns as numbers, NaN where a cell is none."""
+    import pandas as pd
+
+    with open_text(path) as stream:
+        try:
+            frame = pd.read_csv(stream, skipinitialspace=True, on_bad_lines="skip", low_memory=False, index_col=False)
+        except UnicodeDecodeError:
+            raise InputError(f"{path.name} is not UTF-8 text; save it as UTF-8 with commas") from None
+        except (ValueError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+            raise InputError(f"{path.name} cannot be read as a table: {error}") from None
+    frame.columns = [str(name).strip() for name in frame.columns]
+    found: dict[str, Array] = {}
+    for key, name in columns.items():
+        if name in frame.columns:
+            found[key] = pd.to_numeric(frame[name], errors="coerce").to_numpy(dtype=np.float64)
+        elif key in ("time", "input", "output"):
+            option = f"--{key}-column"
+            near = suggestion(name, [str(c) for c in frame.columns])
+            raise InputError(f'{path.name}: column "{name}" is missing{near} (choose one with {option})')
+    return found
+
+
+def read_measurement(path: Path, how: Measurement) -> Raw:
+    """Read one measured file, tolerant of dirt but never silent about it.
+
+    Parameters
+    ----------
+    path : Path
+    how : Measurement
+        Names of columns, units, rows to skip.
+
+    Raises
+    ------
+    InputError
+        If columns are missing or fewer than ten rows are usable.
+    """
+    path = Path(path)
+    columns = {
+        "time": how.time_column,
+        "input": how.input_column,
+        "output": how.output_column,
+        "input_position": how.input_position_column,
+        "output_position": how.output_position_column,
+    }
+    table = _table(path, columns)
+    scales = {
+        "time": how.time_scale,
+        "input": how.input_scale,
+        "output": how.output_scale,
+        "input_position": how.input_position_scale,
+        "output_position": how.output_position_scale,
+    }
+    data = {key: values * scales[key] for key, values in table.items()}
+    findings: list[Finding] = []
+    bad = ~np.isfinite(np.stack(list(data.values()))).all(axis=0)
+    if bad.any():
+        findings.append(finding(Dirt.MISSING, _times(data["time"], bad), "rows left out", int(bad.sum())))
+        data = {key: values[~bad] for key, values in data.items()}
+    if how.skip_s > 0 and len(data["time"]):
+        early = data["time"] < data["time"][0] + how.skip_s
+        findings.append(finding(Dirt.SKIPPED, [], f"the first {how.skip_s:g} s, as asked", int(early.sum())))
+        data = {key: values[~early] for key, values in data.items()}
+    keep, time, breaks = _mend_clock(data["time"], findings)
+    if keep.sum() < 10:
+        raise InputError(
+            f"{path.name} has {int(keep.sum())} usable rows of {len(bad)}; at least 10 are needed"
+            + (f" ({'; '.join(f.text for f in findings)})" if findings else "")
+        )
+    kept = {key: np.ascontiguousarray(values[keep]) for key, values in data.items()}
+    return Raw(
+        name=path.name,
+        time_s=time,
+        input_N=kept["input"],
+        output_N=kept["output"],
+        input_m=kept.get("input_position"),
+        output_m=kept.get("output_position"),
+        breaks=breaks,
+        findings=tuple(findings),
+    )
+
+
+def _times(time: Array, where: Mask) -> Array:
+    """Times of the rows, those that have one."""
+    chosen = time[where]
+    return chosen[np.isfinite(chosen)]
+
+
+def _mend_clock(time: Array, findings: list[Finding]) -> tuple[Mask, Array, tuple[int, ...]]:
+    """Rows to keep, their times in strictly rising order, and first kept rows after a jump back."""
+    n = len(time)
+    keep = np.ones(n, dtype=bool)
+    if n < 2:
+        return keep, time.copy(), ()
+    step = np.diff(time)
+    usual = float(np.median(step[step > 0])) if np.any(step > 0) else 1.0
+    jumps = [int(k) + 1 for k in np.flatnonzero(step < 0)]
+    mended = time.copy()
+    breaks, jump_times = [], []
+    for k in jumps:
+        ahead = mended[k : k + OUT_OF_ORDER_ROWS + 1]
+        if np.any(ahead > mended[k - 1]):
+            continue  # a few rows out of order: dropped below
+        if mended[k] >= mended[:k].max():
+            continue  # the rows before were out of order
+        jump_times.append(float(mended[k - 1]))
+        breaks.append(k)
+        mended[k:] += mended[:k].max() + usual - mended[k]
+    if breaks:
+        findings.append(finding(Dirt.CLOCK_JUMP, jump_times, "a new piece starts there, its history is not known"))
+    highest = np.maximum.accumulate(mended)
+    late = np.zeros(n, dtype=bool)
+    late[1:] = mended[1:] <= highest[:-1]
+    repeated = late.copy()
+    repeated[1:] &= mended[1:] == highest[:-1]
+    if repeated.any():
+        findings.append(finding(Dirt.DUPLICATE, time[repeated], "the first row of each was kept"))
+    if (disordered := late & ~repeated).any():
+        findings.append(finding(Dirt.OUT_OF_ORDER, time[disordered], "rows left out"))
+    keep &= ~late
+    index = np.cumsum(keep) - 1
+    return keep, mended[keep], tuple(int(index[k]) for k in breaks if k < n)

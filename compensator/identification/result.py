@@ -1,0 +1,238 @@
+"""What identification answers, as data and as `fit.json`."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from tendonff.compensator.identification.gross import GrossRatio
+from tendonff.compensator.identification.reading import Array, Finding
+from tendonff.compensator.identification.static import FileError
+from tendonff.compensator.scenario import Scenario
+from tendonff.compensator.settings.measurement import Explain
+
+POOR_PERCENT = 10.0
+"""A law that leaves more than this share of the range does not describe the device."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """One value.
+
+    Parameters
+    ----------
+    name : str
+        Key of the scenario file, or what it is.
+    value : float
+        Estimate, or the scenario's value where the data cannot tell.
+    standard_error : float or None
+    interval : tuple of 2 floats, or None
+        95 %.
+    identifiable : bool
+    why : str
+        Where the value comes from, or what keeps the data from telling and which experiment would tell.
+    scenario : float or None
+        The scenario's own value.
+    """
+
+    name: str
+    value: float
+    standard_error: float | None
+    interval: tuple[float, float] | None
+    identifiable: bool
+    why: str
+    scenario: float | None = None
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain values; what is not a finite number becomes null."""
+        finite = self.interval is not None and all(math.isfinite(v) for v in self.interval)
+        return {
+            "estimate": self.value,
+            "standard_error": self.standard_error if _is_finite(self.standard_error) else None,
+            "interval_95": list(self.interval) if finite and self.interval is not None else None,
+            "identifiable": self.identifiable,
+            "why": self.why,
+            "scenario": self.scenario,
+        }
+
+
+def _is_finite(value: float | None) -> bool:
+    return value is not None and math.isfinite(value)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Law:
+    """One of the laws that were compared.
+
+    Parameters
+    ----------
+    name : str
+    stage : str
+        "static" or "dynamic".
+    free_values : int
+    fit_percent, validation_percent : float
+        Rms in percent of the range of the explained channel.
+    chosen : bool
+    """
+
+    name: str
+    stage: str
+    free_values: int
+    fit_percent: float
+    validation_percent: float
+    chosen: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FileResult:
+    """One measured file.
+
+    Parameters
+    ----------
+    role : str
+        "fit" or "validate".
+    error : FileError
+    findings : tuple of Finding
+    """
+
+    role: str
+    error: FileError
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Curve:
+    """Measurement and model of one piece, for the figures.
+
+    Parameters
+    ----------
+    name, role : str
+        Of the file.
+    time_s, input_N, output_N, model_N : ndarray, shape (n,)
+        `model_N` is the explained channel.
+    elongation_m, model_elongation_m : ndarray, shape (n,), or None
+    """
+
+    name: str
+    role: str
+    time_s: Array
+    input_N: Array
+    output_N: Array
+    model_N: Array
+    elongation_m: Array | None = None
+    model_elongation_m: Array | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Identification:
+    """Everything that a set of measurements told about a scenario.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        With what was identified put in.
+    explain : Explain
+        Channel that the model explains.
+    law : str
+        The chosen law.
+    described : bool
+        The law describes the device.
+    estimates : tuple of Estimate
+    correlation_names : tuple of str
+    correlation : ndarray, shape (k, k)
+    laws : tuple of Law
+    files : tuple of FileResult
+    fit_percent, validation_percent : float or None
+        Rms over all files of that role in percent of their common range; None without validation files.
+    gross : tuple of GrossRatio
+    warnings : tuple of str
+    curves : tuple of Curve
+    """
+
+    scenario: Scenario
+    explain: Explain
+    law: str
+    described: bool
+    estimates: tuple[Estimate, ...]
+    correlation_names: tuple[str, ...]
+    correlation: Array
+    laws: tuple[Law, ...]
+    files: tuple[FileResult, ...]
+    fit_percent: float
+    validation_percent: float | None
+    gross: tuple[GrossRatio, ...]
+    warnings: tuple[str, ...]
+    curves: tuple[Curve, ...]
+
+    def estimate(self, name: str) -> Estimate:
+        """The estimate of that name."""
+        return next(e for e in self.estimates if e.name == name)
+
+    def as_json(self) -> dict[str, Any]:
+        """Contents of `fit.json`."""
+        return {
+            "schema": 1,
+            "explains": str(self.explain),
+            "law": self.law,
+            "law_describes_the_device": self.described,
+            "fit_percent_of_range": self.fit_percent,
+            "validation_percent_of_range": self.validation_percent,
+            "files": [_file(f) for f in self.files],
+            "estimates": {e.name: e.as_json() for e in self.estimates},
+            "correlation": {"names": list(self.correlation_names), "matrix": self.correlation.tolist()},
+            "laws": [_law(law) for law in self.laws],
+            "gross_sliding": {str(g.branch): _gross(g) for g in self.gross},
+            "warnings": list(self.warnings),
+        }
+
+
+def _file(result: FileResult) -> dict[str, Any]:
+    return {
+        "name": result.error.name,
+        "role": result.role,
+        "rms_N": result.error.rms_N,
+        "range_N": result.error.range_N,
+        "rms_percent_of_range": result.error.percent,
+        "findings": [
+            {"kind": str(f.dirt), "count": f.count, "times_s": list(f.times_s), "text": f.text} for f in result.findings
+        ],
+    }
+
+
+def _law(law: Law) -> Mapping[str, Any]:
+    return {
+        "name": law.name,
+        "stage": law.stage,
+        "free_values": law.free_values,
+        "fit_percent_of_range": law.fit_percent if math.isfinite(law.fit_percent) else None,
+        "validation_percent_of_range": law.validation_percent if math.isfinite(law.validation_percent) else None,
+        "chosen": law.chosen,
+    }
+
+
+def _gross(ratio: GrossRatio) -> Mapping[str, Any]:
+    return {
+        "ln_input_over_output": ratio.log_ratio,
+        "interval_5_to_95_percent": None if ratio.interval is None else list(ratio.interval),
+        "rows": ratio.rows,
+        "why_not": ratio.reason or None,
+    }
+
+
+def summary_lines(found: Identification) -> Sequence[str]:
+    """The answer in a few lines of text.
+
+    Parameters
+    ----------
+    found : Identification
+    """
+    against = "" if found.validation_percent is None else f", {found.validation_percent:.2f} % on validation files"
+    lines = [f"law: {found.law}; error {found.fit_percent:.2f} % of range on fitted files{against}"]
+    lines += [
+        f"  {e.name} = {e.value:.5g}  (95 %: {e.interval[0]:.5g} to {e.interval[1]:.5g})"
+        for e in found.estimates
+        if e.identifiable and e.interval is not None
+    ]
+    if found.described:
+        lines += [f"  {e.name} = {e.value:.5g} kept: {e.why}" for e in found.estimates if not e.identifiable]
+    return lines

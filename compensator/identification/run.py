@@ -1,0 +1,271 @@
+"""`identify`: measured files in, parameters with their honesty out."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from tendonff.compensator.files import InputError
+from tendonff.compensator.identification import dynamic, tendon
+from tendonff.compensator.identification.answers import dynamic_answer, static_answer
+from tendonff.compensator.identification.cleaning import Record, clean
+from tendonff.compensator.identification.gross import GrossRatio, gross_ratios
+from tendonff.compensator.identification.reading import Dirt, read_measurement
+from tendonff.compensator.identification.reasons import circumstances
+from tendonff.compensator.identification.result import (
+    POOR_PERCENT,
+    Curve,
+    FileResult,
+    Identification,
+    Law,
+)
+from tendonff.compensator.identification.smoothing import low_pass
+from tendonff.compensator.identification.stages import StaticStage, choose_explain, static_stage
+from tendonff.compensator.identification.static import FileError, errors_of, middle_of, pooled_percent, respond
+from tendonff.compensator.scenario import Scenario
+from tendonff.compensator.settings.measurement import Explain
+from tendonff.models.fidelity import Level
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.fit_dynamic import DynamicParameter
+from tendonff.ocp.fit_static import StaticParameter
+
+P, D = StaticParameter, DynamicParameter
+
+
+def _quiet(_: str) -> None:
+    pass
+
+
+def identify(
+    scenario: Scenario,
+    data: Sequence[Path],
+    validate: Sequence[Path] = (),
+    *,
+    static_only: bool = False,
+    say: Callable[[str], None] = _quiet,
+) -> Identification:
+    """Fit the scenario's transmission to measured files.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Path, masses and load are taken from it, and every value that the data cannot tell; its table [measurement]
+        says how the files are to be read.
+    data : sequence of Path
+        Files to fit.
+    validate : sequence of Path, optional
+        Files that decide which law is chosen; without them the last third of each file of `data` does.
+    static_only : bool, optional
+        Stop after the static stage.
+    say : callable, optional
+        Told what is being done.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be used.
+    """
+    if not data:
+        raise InputError("no measured file given; name at least one with --data")
+    if scenario.transmission.path.total_angle_rad == 0:
+        raise InputError(
+            "total_angle_rad is 0: without a wrap angle friction has no coefficient; give the path's angle"
+        )
+    how = scenario.measurement
+    say("reading")
+    records = [clean(read_measurement(path, how), how) for path in data]
+    judges = [clean(read_measurement(path, how), how) for path in validate]
+    warnings = [f"{r.name}: {f.text}" for r in (*records, *judges) for f in r.findings if f.dirt is not Dirt.SKIPPED]
+    gross = gross_ratios(records)
+    say("static stage")
+    explain = choose_explain(records, how.explain)
+    stage = static_stage(records, judges, explain)
+    chain: dynamic.DynamicFit | None = None
+    signed = any(r.signed for r in (*records, *judges))
+    if explain is Explain.OUTPUT and not static_only and not signed and stage.validation_percent < 3 * POOR_PERCENT:
+        start = _start(scenario, stage)
+        if all(r.has_positions for r in records):
+            say("tendon stage")
+            lengths = tendon.fit_tendon(records, stage.fit.values, scenario.transmission.tendon)
+            if lengths.explained >= tendon.EXPLAINED_ENOUGH:
+                start |= {D(k): v for k, v in lengths.values.items()}
+        try:
+            chain = dynamic.fit_dynamic(
+                records, scenario.transmission, start, validation=judges, biases=_biased(stage, records), say=say
+            )
+            answer = _Answer(records, judges, stage, chain)
+        except SolveError as error:
+            warnings.append(f"the dynamic stage found no answer ({error}); the static law is reported")
+            chain = None
+    if chain is None:
+        answer = _Answer(records, judges, stage, None)
+    left = answer.judged_percent if answer.validation_percent is None else answer.validation_percent
+    described = left <= POOR_PERCENT
+    if not described:
+        warnings.append(_no_law(left, stage, gross))
+    now = circumstances(records)
+    if chain is not None:
+        estimates, names, correlation = dynamic_answer(scenario, chain, now, described=described)
+    else:
+        estimates, names, correlation = static_answer(scenario, stage, now, described=described)
+    return Identification(
+        scenario=_fitted(scenario, {e.name: e.value for e in estimates if e.identifiable}, described=described),
+        explain=explain,
+        law=answer.law,
+        described=described,
+        estimates=estimates,
+        correlation_names=names,
+        correlation=correlation,
+        laws=answer.laws,
+        files=answer.files,
+        fit_percent=answer.fit_percent,
+        validation_percent=answer.validation_percent,
+        gross=gross,
+        warnings=tuple(warnings),
+        curves=answer.curves,
+    )
+
+
+def _start(scenario: Scenario, stage: StaticStage) -> dict[DynamicParameter, float]:
+    """What the static stage hands on."""
+    theta, values = scenario.transmission.path.total_angle_rad, stage.fit.values
+    return {
+        D.MU_PULL: max(values[P.PULL] / theta, 1e-4),
+        D.MU_RELEASE: max(values[P.RELEASE] / theta, 1e-4),
+    }
+
+
+def _biased(stage: StaticStage, records: Sequence[Record]) -> bool:
+    """The static law wants a bias of the input cell beyond its doubt."""
+    name = P.INPUT_BIAS.value
+    if name not in stage.fit.solution.values:
+        return False
+    size = abs(stage.fit.solution.values[name])
+    span = max(float(np.ptp(r.joined("input_N"))) for r in records)
+    return size > 3 * stage.fit.solution.standard_error(name) and size > 0.005 * span
+
+
+def _no_law(left: float, stage: StaticStage, gross: Sequence[GrossRatio]) -> str:
+    shown = [
+        f"{g.branch} {g.log_ratio:.3g} ({g.interval[0]:.3g} to {g.interval[1]:.3g})"
+        for g in gross
+        if g.log_ratio is not None and g.interval is not None
+    ]
+    ratios = f"; ln(T_in/T_out) in gross sliding: {', '.join(shown)}" if shown else ""
+    return (
+        f"no law explains these files: the best, {stage.fit.model.name}, leaves {left:.3g} % of the range "
+        f"(more than {POOR_PERCENT:g} %). A transmission driven at its input end alone does not behave like this: "
+        f"is the output end, or the path itself, driven? No value was taken over into the fitted scenario{ratios}"
+    )
+
+
+class _Answer:
+    """Errors, laws and curves of the final law."""
+
+    def __init__(
+        self,
+        records: Sequence[Record],
+        judges: Sequence[Record],
+        stage: StaticStage,
+        chain: dynamic.DynamicFit | None,
+    ) -> None:
+        self._stage, self._chain = stage, chain
+        self._explain = stage.fit.explain
+        self._middle = middle_of(records)
+        fitted, judged = self._errors(records), self._errors(judges)
+        self.files = (
+            *(FileResult(role="fit", error=e, findings=r.findings) for e, r in zip(fitted, records, strict=True)),
+            *(FileResult(role="validate", error=e, findings=r.findings) for e, r in zip(judged, judges, strict=True)),
+        )
+        self.fit_percent = pooled_percent(fitted, records, self._explain)
+        self.validation_percent = pooled_percent(judged, judges, self._explain) if judges else None
+        self.laws: tuple[Law, ...] = stage.laws
+        self.law = stage.fit.model.name
+        self.judged_percent = stage.validation_percent
+        if chain is not None:
+            span = max(float(np.ptp(np.concatenate([r.joined("output_N") for r in records]))), 1e-300)
+            found = [
+                Law(
+                    name=law.name,
+                    stage="dynamic",
+                    free_values=law.size,
+                    fit_percent=100 * law.fit_rms_N / span,
+                    validation_percent=100 * law.validation_rms_N / span,
+                    chosen=law.chosen,
+                )
+                for law in chain.laws
+            ]
+            self.laws = (*(replace(law, chosen=False) for law in stage.laws), *found)
+            chosen = next(law for law in found if law.chosen)
+            self.law, self.judged_percent = chosen.name, chosen.validation_percent
+        self.curves = tuple(
+            curve
+            for role, some in (("fit", records), ("validate", judges))
+            for r in some
+            for curve in self._curves(r, role)
+        )
+
+    def _errors(self, records: Sequence[Record]) -> tuple[FileError, ...]:
+        if not records:
+            return ()
+        if self._chain is not None:
+            return dynamic.errors_of(self._chain, records)
+        return errors_of(self._stage.fit, records, self._middle)
+
+    def _curves(self, record: Record, role: str) -> list[Curve]:
+        found = []
+        for run, piece in zip(dynamic.runs_of([record]), record.pieces, strict=True):
+            moved = modelled = None
+            if self._chain is not None:
+                response = self._chain.model.respond(self._chain.values, run.drive)
+                model = low_pass(response.output_N, record.step_s, record.cutoff_Hz)
+                if record.has_positions:
+                    moved = run.elongation - run.elongation.mean()
+                    modelled = low_pass(response.elongation_m, record.step_s, record.cutoff_Hz)
+                    modelled = modelled - modelled.mean()
+            else:
+                model = respond(self._stage.fit.values, piece, self._explain, self._middle).prediction_N
+            found.append(
+                Curve(
+                    name=record.name,
+                    role=role,
+                    time_s=piece.time_s,
+                    input_N=piece.input_N,
+                    output_N=piece.output_N,
+                    model_N=model,
+                    elongation_m=moved,
+                    model_elongation_m=modelled,
+                )
+            )
+        return found
+
+
+def _fitted(scenario: Scenario, values: dict[str, float], *, described: bool) -> Scenario:
+    """The scenario with the identified values; ratios of what was not identified to what was stay as they are."""
+    if not described or not values:
+        return scenario
+    t = scenario.transmission
+    f = t.friction
+    mu = values.get("mu_dynamic", f.mu_dynamic)
+    release = values.get("mu_dynamic_release", f.release_dynamic)
+    ratio = f.mu_static / f.mu_dynamic if f.mu_dynamic > 0 else 1.0
+    release_ratio = f.release_static / f.release_dynamic if f.release_dynamic > 0 else ratio
+    friction = replace(
+        f,
+        mu_dynamic=mu,
+        mu_static=max(values.get("mu_static", ratio * mu), mu),
+        mu_dynamic_release=release,
+        mu_static_release=max(values.get("mu_static_release", release_ratio * release), release),
+        soft_bristle_stiffness_N_per_m=values.get("soft_bristle_stiffness_N_per_m", f.soft_bristle_stiffness_N_per_m),
+        **{k: values.get(k, getattr(f, k)) for k in ("stribeck_velocity_m_per_s", "viscous_N_s_per_m", "adhesion_N")},
+    )
+    names = ("stiffness_N_per_m", "relaxing_stiffness_N_per_m", "relaxation_time_s", "damping_N_s_per_m")
+    cable = replace(t.tendon, **{k: values.get(k, getattr(t.tendon, k)) for k in names})
+    level = Level.PRESLIDING if "soft_bristle_stiffness_N_per_m" in values else scenario.run.level
+    return replace(
+        scenario,
+        name=f"{scenario.name}, fitted",
+        transmission=replace(t, friction=friction, tendon=cable),
+        run=replace(scenario.run, level=level),
+    )

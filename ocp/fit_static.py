@@ -1,0 +1,193 @@
+"""Static laws driven by measured histories, with exact sensitivities for least squares.
+
+Two questions about the same friction on the path::
+
+    output from input    T_out is the play of T_in: one driven end, the load moves only with the tendon.
+    input from output    T_in is T_out plus the friction of a bristle that the measured motion of the input end strains:
+                         the output tension may be imposed by anything. One element carries the whole wrap angle, so
+                         that in gross sliding T_in + p = (T_out + p) e^{+-mu theta} holds exactly, eqs. (4), (8), (9).
+
+Both are recursions over the samples. State and output of one sample are CasADi expressions built from the laws of
+`models`; their derivatives over the parameters are carried along by the chain rule (forward mode).
+"""
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonff.models.capstan import play
+from tendonff.models.friction import BristleParameters, implicit_bristle
+
+Array = NDArray[np.float64]
+
+LIFTED_FLOOR_N = 1e-9
+"""Least T + p in the play law [N]: below it the tendon is slack and the law has no meaning."""
+
+STIFF_N_PER_M = 1e12
+"""Bristle without presliding."""
+
+
+class StaticParameter(StrEnum):
+    """Parameters of the static laws.
+
+    Attributes
+    ----------
+    PULL, RELEASE
+        mu theta in either direction [-].
+    ADHESION
+        p, added to the tension in the friction law [N]; also the pre-tension of a closed loop.
+    INPUT_BIAS, OUTPUT_BIAS
+        What the cells read at zero tension [N].
+    GUIDE
+        Stiffness of whatever pulls on the input end beside the tendon [N/m].
+    BRISTLE
+        sigma0 of the whole path [N/m]; only in the law that uses the motion.
+    """
+
+    PULL = "pull_exponent"
+    RELEASE = "release_exponent"
+    ADHESION = "adhesion_N"
+    INPUT_BIAS = "input_bias_N"
+    OUTPUT_BIAS = "output_bias_N"
+    GUIDE = "guide_stiffness_N_per_m"
+    BRISTLE = "bristle_stiffness_N_per_m"
+
+
+ORDER = tuple(StaticParameter)
+NEUTRAL: Mapping[StaticParameter, float] = {
+    **dict.fromkeys(StaticParameter, 0.0),
+    StaticParameter.BRISTLE: STIFF_N_PER_M,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Response:
+    """Prediction of one channel and its derivatives.
+
+    Parameters
+    ----------
+    prediction_N : ndarray, shape (n,)
+    slopes : ndarray, shape (n, 7)
+        Over the parameters in the order of `StaticParameter`.
+    """
+
+    prediction_N: Array
+    slopes: Array
+
+
+def output_from_input(values: Mapping[StaticParameter, float], input_N: Array, first_output_N: float) -> Response:
+    """T_out by the play law from the history of T_in.
+
+    Parameters
+    ----------
+    values : mapping of StaticParameter to float
+    input_N : ndarray, shape (n,)
+        Measured input.
+    first_output_N : float
+        Measured output at the first sample: the memory starts there, within its bounds.
+    """
+    signals = np.stack([input_N, np.full_like(input_N, first_output_N)])
+    return _run(_play_step(), values, signals)
+
+
+def input_from_output(
+    values: Mapping[StaticParameter, float], output_N: Array, input_m: Array, first_input_N: float
+) -> Response:
+    """T_in from T_out and the motion of the input end.
+
+    Parameters
+    ----------
+    values : mapping of StaticParameter to float
+    output_N : ndarray, shape (n,)
+        Measured output.
+    input_m : ndarray, shape (n,)
+        Measured position of the input end, positive towards the actuator; the guide's force is zero at 0.
+    first_input_N : float
+        Measured input at the first sample: the bristle starts there.
+    """
+    before = np.concatenate([input_m[:1], input_m[:-1]])
+    signals = np.stack([output_N, input_m, before, np.full_like(output_N, first_input_N)])
+    return _run(_bristle_step(), values, signals)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Step:
+    """Functions of one law: start (parameters, signals) and step (state and slopes, signals, parameters)."""
+
+    start: ca.Function
+    step: ca.Function
+
+
+def _with_slopes(state: ca.SX, signals: ca.SX, parameters: ca.SX, start: ca.SX, after: ca.SX, output: ca.SX) -> _Step:
+    """Carry the derivatives of a scalar state along with it."""
+    count = parameters.numel()
+    slopes = ca.SX.sym("slopes", 1, count)
+    after_slopes = ca.jacobian(after, state) * slopes + ca.jacobian(after, parameters)
+    output_slopes = ca.jacobian(output, state) * slopes + ca.jacobian(output, parameters)
+    whole = ca.vertcat(state, slopes.T)
+    return _Step(
+        start=ca.Function("start", [signals, parameters], [ca.vertcat(start, ca.jacobian(start, parameters).T)]),
+        step=ca.Function(
+            "step",
+            [whole, signals, parameters],
+            [ca.vertcat(after, after_slopes.T), ca.vertcat(output, output_slopes.T)],
+            {"cse": True},
+        ),
+    )
+
+
+@functools.cache
+def _play_step() -> _Step:
+    w, signals, parameters = ca.SX.sym("w"), ca.SX.sym("signals", 2), ca.SX.sym("parameters", len(ORDER))
+    at = dict(zip(ORDER, ca.vertsplit(parameters), strict=True))
+    p, bias_in, bias_out = (
+        at[k] for k in (StaticParameter.ADHESION, StaticParameter.INPUT_BIAS, StaticParameter.OUTPUT_BIAS)
+    )
+    lifted = ca.fmax(signals[0] - bias_in + p, LIFTED_FLOOR_N)
+    low = lifted * ca.exp(-at[StaticParameter.PULL])
+    high = lifted * ca.exp(at[StaticParameter.RELEASE])
+    after = play(w, low, high)
+    # The memory is T_out + p; the samples of the output enter only through the first of them.
+    return _with_slopes(w, signals, parameters, signals[1] - bias_out + p, after, after - p + bias_out)
+
+
+@functools.cache
+def _bristle_step() -> _Step:
+    f_s, signals, parameters = ca.SX.sym("f_s"), ca.SX.sym("signals", 4), ca.SX.sym("parameters", len(ORDER))
+    at = dict(zip(ORDER, ca.vertsplit(parameters), strict=True))
+    out, q, q_before, first = ca.vertsplit(signals)
+    far = out - at[StaticParameter.OUTPUT_BIAS]
+    # Without speed dependence the law knows no time: with a unit step the velocity is the travel of the sample.
+    pull, release = (ca.tanh(at[k] / 2) for k in (StaticParameter.PULL, StaticParameter.RELEASE))
+    bristle = BristleParameters(
+        bristle_stiffness_N_per_m=at[StaticParameter.BRISTLE],
+        mu_dynamic_pull=pull,
+        mu_static_pull=pull,
+        mu_dynamic_release=release,
+        mu_static_release=release,
+        stribeck_velocity_m_per_s=1.0,
+    )
+    far_sum = ca.fmax(2 * (far + at[StaticParameter.ADHESION]), LIFTED_FLOOR_N)
+    after = implicit_bristle(q - q_before, f_s, ca.SX(1), bristle).bristle_force_from_far_side(far_sum)
+    beside = at[StaticParameter.INPUT_BIAS] + at[StaticParameter.GUIDE] * q
+    return _with_slopes(f_s, signals, parameters, first - beside - far, after, far + after + beside)
+
+
+@functools.lru_cache(maxsize=64)
+def _accumulated(kind: int, count: int) -> ca.Function:
+    step = (_play_step if kind == 0 else _bristle_step)().step
+    return step.mapaccum(f"run_{kind}_{count}", count)
+
+
+def _run(law: _Step, values: Mapping[StaticParameter, float], signals: Array) -> Response:
+    numbers = ca.DM([values.get(k, NEUTRAL[k]) for k in ORDER])
+    run = _accumulated(0 if law is _play_step() else 1, signals.shape[1])
+    start = law.start(signals[:, 0], numbers)
+    _, found = run(start, signals, ca.repmat(numbers, 1, signals.shape[1]))
+    rows = np.asarray(found).T
+    return Response(prediction_N=rows[:, 0].copy(), slopes=rows[:, 1:].copy())

@@ -1,0 +1,240 @@
+"""Robust nonlinear least squares with exact Jacobians, and what it says about its own uncertainty."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.stats import t as student
+
+from tendonff.ocp.errors import SolveError
+
+Array = NDArray[np.float64]
+Blocks = NDArray[np.int_]
+
+SINGULAR = 1e-9
+"""Singular values of the scaled Jacobian below this share of the largest: the data does not see that direction."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unknown:
+    """One number to find.
+
+    Parameters
+    ----------
+    name : str
+    start : float
+    low, high : float
+        Bounds; start is moved inside them.
+    scale : float
+        Typical size [unit of the value], > 0; for a logarithmic unknown, of its logarithm.
+    logarithmic : bool
+        Search over ln(value): for positive values known to a factor only.
+    """
+
+    name: str
+    start: float
+    low: float
+    high: float
+    scale: float
+    logarithmic: bool = False
+
+    def inside(self, value: float) -> float:
+        """`value` as the search sees it."""
+        return float(np.log(value)) if self.logarithmic else value
+
+    def outside(self, x: float) -> float:
+        """Inverse of `inside`."""
+        return float(np.exp(x)) if self.logarithmic else float(x)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Residuals:
+    """Weighted differences between model and measurement.
+
+    Parameters
+    ----------
+    values : ndarray, shape (m,)
+        In units of their expected size.
+    slopes : ndarray, shape (m, unknowns)
+        Over the values of the unknowns.
+    blocks : ndarray of int, shape (m,)
+        Rows of one block may be correlated, rows of different blocks are taken as independent.
+    """
+
+    values: Array
+    slopes: Array
+    blocks: Blocks
+
+
+Evaluate = Callable[[Mapping[str, float]], Residuals]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Solution:
+    """Minimiser and its uncertainty.
+
+    Parameters
+    ----------
+    values : dict of str to float
+    covariance : ndarray, shape (k, k)
+        Of the values, in the order of `values`; infinite variance where the data does not see a value.
+    degrees : int
+        Independent blocks less unknowns: degrees of freedom of Student's t.
+    residuals : Residuals
+        At the minimiser.
+    cost : float
+    evaluations : int
+    at_bound : tuple of str
+        Unknowns that ended on a bound.
+    """
+
+    values: dict[str, float]
+    covariance: Array
+    degrees: int
+    residuals: Residuals
+    cost: float
+    evaluations: int
+    at_bound: tuple[str, ...]
+
+    def standard_error(self, name: str) -> float:
+        """Standard error of one value."""
+        k = list(self.values).index(name)
+        return float(np.sqrt(max(self.covariance[k, k], 0.0)))
+
+    def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
+        """Confidence interval of one value.
+
+        Parameters
+        ----------
+        name : str
+        level : float, optional
+        """
+        reach = float(student.ppf(0.5 + level / 2, max(self.degrees, 1))) * self.standard_error(name)
+        return self.values[name] - reach, self.values[name] + reach
+
+    def correlation(self) -> Array:
+        """Correlation matrix of the values, shape (k, k); zero with values that the data does not see."""
+        deviation = np.sqrt(np.clip(np.diag(self.covariance), 0, None))
+        seen = np.isfinite(deviation) & (deviation > 0)
+        found = np.eye(len(deviation))
+        if seen.any():
+            part = self.covariance[np.ix_(seen, seen)] / np.outer(deviation[seen], deviation[seen])
+            found[np.ix_(seen, seen)] = np.clip(part, -1, 1)
+        return found
+
+
+def solve(
+    evaluate: Evaluate, unknowns: Sequence[Unknown], *, robust: bool = True, most: int = 60, tolerance: float = 1e-8
+) -> Solution:
+    """Minimise the residuals: soft-l1 loss (quadratic below one unit, linear above) or plain squares.
+
+    Parameters
+    ----------
+    evaluate : callable
+        Residuals at given values.
+    unknowns : sequence of Unknown
+    robust : bool, optional
+    most : int, optional
+        Largest number of evaluations.
+    tolerance : float, optional
+
+    Returns
+    -------
+    Solution
+
+    Raises
+    ------
+    SolveError
+        If the residuals are not finite at the start.
+    """
+    low = np.array([u.inside(u.low) if u.low > 0 or not u.logarithmic else -np.inf for u in unknowns])
+    high = np.array([u.inside(u.high) for u in unknowns])
+    start = np.clip([u.inside(u.start) for u in unknowns], low, high)
+    memory: dict[bytes, Residuals] = {}
+
+    def at(x: Array) -> Residuals:
+        key = x.tobytes()
+        if key not in memory:
+            if len(memory) > 4:
+                memory.pop(next(iter(memory)))
+            memory[key] = evaluate({u.name: u.outside(v) for u, v in zip(unknowns, x, strict=True)})
+        return memory[key]
+
+    def slopes(x: Array) -> Array:
+        stretch = np.array([u.outside(v) if u.logarithmic else 1.0 for u, v in zip(unknowns, x, strict=True)])
+        return at(x).slopes * stretch
+
+    if not np.isfinite(at(start).values).all():
+        raise SolveError("the model has no finite answer at the start of the fit; check units and signs of the data")
+    found = least_squares(
+        lambda x: at(x).values,
+        start,
+        jac=slopes,
+        bounds=(low, high),
+        x_scale=[u.scale for u in unknowns],
+        loss="soft_l1" if robust else "linear",
+        max_nfev=most,
+        xtol=tolerance,
+        ftol=tolerance,
+        gtol=1e-12,
+    )
+    residuals = at(found.x)
+    values = {u.name: u.outside(v) for u, v in zip(unknowns, found.x, strict=True)}
+    covariance, degrees = block_covariance(residuals, robust=robust)
+    bound = tuple(u.name for u, active in zip(unknowns, found.active_mask, strict=True) if active != 0)
+    return Solution(
+        values=values,
+        covariance=covariance,
+        degrees=degrees,
+        residuals=residuals,
+        cost=float(found.cost),
+        evaluations=int(found.nfev),
+        at_bound=bound,
+    )
+
+
+def block_covariance(residuals: Residuals, *, robust: bool) -> tuple[Array, int]:
+    """Covariance of the values that stands correlated residuals: H^-1 (sum over blocks of g g') H^-1, g = J' r.
+
+    Parameters
+    ----------
+    residuals : Residuals
+    robust : bool
+        The loss was soft-l1.
+
+    Returns
+    -------
+    covariance : ndarray, shape (k, k)
+    degrees : int
+        Degrees of freedom, >= 1.
+    """
+    r, jacobian = residuals.values, residuals.slopes
+    weight = 1 / np.sqrt(1 + r * r) if robust else np.ones_like(r)
+    count = jacobian.shape[1]
+    size = np.sqrt((weight[:, None] * jacobian**2).sum(axis=0))
+    covariance = np.full((count, count), 0.0)
+    seen = size > 0
+    names, index = np.unique(residuals.blocks, return_inverse=True)
+    degrees = max(len(names) - count, 1)
+    if seen.any():
+        scaled = jacobian[:, seen] / size[seen]
+        _, s, vt = np.linalg.svd(np.sqrt(weight)[:, None] * scaled, full_matrices=False)
+        blind = s < SINGULAR * s[0]
+        inverse = (vt.T / np.where(blind, np.inf, s) ** 2) @ vt
+        score = np.zeros((len(names), scaled.shape[1]))
+        np.add.at(score, index, scaled * (weight * r)[:, None])
+        factor = len(names) / max(len(names) - count, 1)
+        clustered = factor * inverse @ (score.T @ score) @ inverse
+        # The blocks' own scatter is a noisy estimate; never fall below what independent rows would give.
+        rows = max(len(r) - count, 1)
+        plain = inverse * float((weight * r * r).sum() / rows)
+        excess = np.sqrt(np.maximum(np.diag(plain) / np.maximum(np.diag(clustered), 1e-300), 1.0))
+        clustered = clustered * np.outer(excess, excess)
+        part = clustered / np.outer(size[seen], size[seen])
+        lost = (np.abs(vt[blind]) > 1e-3).any(axis=0) if blind.any() else np.zeros(scaled.shape[1], dtype=bool)
+        part[lost, lost] = np.inf
+        covariance[np.ix_(seen, seen)] = part
+    covariance[~seen, ~seen] = np.inf
+    return covariance, degrees
