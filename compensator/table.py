@@ -252,4 +252,6 @@ def table_range_N(reference_N: FloatArray, largest_N: float, margin: float = 0.0
     """
     low, high = float(np.min(reference_N)), float(np.max(reference_N))
     spread = max(high - low, 0.1 * high)
-    return max(low - margin * spread, 0.5 * low), max(min(high + margin * spread, largest_N), math.nextafter(high, math.inf))
+    return max(low - margin * spread, 0.5 * low), max(
+        min(high + margin * spread, largest_N), math.nextafter(high, math.inf)
+    )

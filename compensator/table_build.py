@@ -85,7 +85,9 @@ def usual_rate(reference_N: FloatArray, step_s: float) -> float:
     return float(np.median(moving)) if moving.size else 1.0
 
 
-def build_table(chain: Chain, range_N: tuple[float, float], *, bound_N: float, rate_N_per_s: float, step_s: float) -> BuiltTable:
+def build_table(
+    chain: Chain, range_N: tuple[float, float], *, bound_N: float, rate_N_per_s: float, step_s: float
+) -> BuiltTable:
     """Sweep reversals and store the fewest nodes that keep the interpolation error under the bound.
 
     Parameters
@@ -120,7 +122,9 @@ def build_table(chain: Chain, range_N: tuple[float, float], *, bound_N: float, r
     table = min(tables, key=lambda t: t.nodes)
     error = max(float(np.abs(_errors(table, references, dense[b], b)).max()) for b in Branch)
     checked = sum(d.force_N.size for d in dense.values())
-    return BuiltTable(table=table, bound_N=bound_N, error_N=error, resolution_N=resolution, rate_N_per_s=rate_N_per_s, checked=checked)
+    return BuiltTable(
+        table=table, bound_N=bound_N, error_N=error, resolution_N=resolution, rate_N_per_s=rate_N_per_s, checked=checked
+    )
 
 
 def _without_masses(chain: Chain) -> Chain:
@@ -133,7 +137,9 @@ def _without_masses(chain: Chain) -> Chain:
     )
 
 
-def sweep(chain: Chain, branch: Branch, turn_N: float, end_N: float, rate_N_per_s: float) -> tuple[FloatArray, FloatArray]:
+def sweep(
+    chain: Chain, branch: Branch, turn_N: float, end_N: float, rate_N_per_s: float
+) -> tuple[FloatArray, FloatArray]:
     """Reference and force from a reversal out of full slip at `turn_N` to `end_N`, samples at equal steps [N].
 
     Parameters

@@ -7,19 +7,13 @@ without double arithmetic, so they are printed here as `static` functions of pla
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 
 import casadi as ca
 
 from tendonff.ocp.errors import CodeError
+from tendonff.ocp.precision import Precision
 
-
-class Precision(StrEnum):
-    """Real type of generated C."""
-
-    DOUBLE = "double"
-    FLOAT = "float"
-
+__all__ = ["CFunction", "Precision", "c_function", "literal"]
 
 _BINARY = {
     ca.OP_ADD: "{0} + {1}",

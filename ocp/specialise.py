@@ -259,7 +259,9 @@ class _Tape:
             elif op == ca.OP_INPUT:
                 name = names[ins[1]]
                 argument = _Node(None, argument=name)
-                register[outs[0]] = _Node(None, constant=tuple(known[name])) if name in known else self._shared(argument)
+                register[outs[0]] = (
+                    _Node(None, constant=tuple(known[name])) if name in known else self._shared(argument)
+                )
             elif op == ca.OP_OUTPUT:
                 results[outs[1]] = register[ins[0]]
             else:
@@ -309,7 +311,7 @@ class _Tape:
         return None
 
     def _without_neutral(self, op: int, operands: tuple[_Node, ...]) -> _Node | None:
-        """x + 0, x - x, 1 x, 0 x, c ? x : x and their like: exact."""
+        """X + 0, x - x, 1 x, 0 x, c ? x : x and their like: exact."""
         a, b = operands[0], operands[-1]
         if op == ca.OP_MUL:
             for this, other in ((a, b), (b, a)):
@@ -348,9 +350,7 @@ class _Tape:
         choices = [o for o in operands if _is_choice(o)]
         if op not in _EVALUATE or not choices or any(o.constant is None and o is not choices[0] for o in operands):
             return None
-        yes, no = (
-            self._simplify(op, tuple(o.operands[k] if o is choices[0] else o for o in operands)) for k in (1, 2)
-        )
+        yes, no = (self._simplify(op, tuple(o.operands[k] if o is choices[0] else o for o in operands)) for k in (1, 2))
         if yes.constant == no.constant:
             return yes
         return self._shared(_Node(_SELECT, (choices[0].operands[0], yes, no)))

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
@@ -22,17 +23,23 @@ from tendonff.compensator.table_files import covered_range, scenario_table
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
-from tendonff.ocp.ccode import Precision, literal
-from tendonff.ocp.track import track
+from tendonff.ocp.ccode import literal
 from tendonff.ocp.limits import ForceLimits
+from tendonff.ocp.precision import Precision
+from tendonff.ocp.track import track
 
 SOURCES = ("limits", "inverse", "capstan", "table", "profile", "plant")
 _HEADERS = ("types", "limits", "inverse", "capstan", "table_data", "table", "profile", "plant")
 _MODULES = ("inverse", "capstan", "table", "profile", "plant")
 _KEYWORDS = frozenset(
-    "auto break case char const continue default do double else enum extern float for goto if inline int long register "
-    "restrict return short signed sizeof static struct switch typedef union unsigned void volatile while main nan "
-    "class new delete this template public private try catch throw bool true false".split()
+    re.findall(
+        r"\w+",
+        """
+        auto break case char const continue default do double else enum extern float for goto if inline int
+        long register restrict return short signed sizeof static struct switch typedef union unsigned void
+        volatile while main nan class new delete this template public private try catch throw bool true false
+        """,
+    )
 )
 _TEMPLATES = jinja2.Environment(  # noqa: S701 - C has no markup to escape
     loader=jinja2.PackageLoader("tendonff.compensator", "templates/c"),
@@ -73,7 +80,7 @@ def check_prefix(prefix: str) -> str:
     good = prefix.isascii() and prefix.isidentifier() and not prefix.startswith("_") and len(prefix) <= 24
     if not good or prefix.endswith("_") or "__" in prefix or prefix.lower() in _KEYWORDS:
         raise InputError(
-            f'--prefix must be a C identifier of at most 24 letters, digits and single underscores inside, got "{prefix}"; '
+            f'--prefix must be a C identifier of at most 24 letters, digits and single underscores, got "{prefix}"; '
             'the default is "tff"'
         )
     return prefix
@@ -189,7 +196,7 @@ def _naming(scenario: Scenario, level: Level, precision: Precision, prefix: str)
 
     name = " ".join(scenario.name.replace("*/", "* /").split())
     lines = (
-        f"Scenario \"{name}\", hash {scenario_hash(scenario)}, level {level}.",
+        f'Scenario "{name}", hash {scenario_hash(scenario)}, level {level}.',
         f"Written by tendonff {version('tendonff')} export-c --precision {precision} --prefix {prefix}.",
     )
     return {
@@ -283,8 +290,7 @@ def _context(
             "tolerance": "0.02" if precision is Precision.FLOAT else "1e-9",
             "limits": controller_limits(precision),
             "state_bytes": state,
-            "table_bytes": size
-            * (built.table.nodes + len(built.table.pull.share) + len(built.table.release.share)),
+            "table_bytes": size * (built.table.nodes + len(built.table.pull.share) + len(built.table.release.share)),
             "profile_bytes": size * len(profile),
             "measured": measured(precision),
         }
@@ -346,5 +352,3 @@ def _design_json(
         },
     }
     return json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
-
-

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tendonff.models.chain import Chain
-from tendonff.ocp.ccode import Precision, literal
+from tendonff.ocp.ccode import literal
 from tendonff.ocp.compiled import LawCalls, Limits, render_template
 from tendonff.ocp.compiled_stepper import CHAIN_NAMES, chain_numbers
 from tendonff.ocp.elements import (
@@ -20,6 +20,7 @@ from tendonff.ocp.elements import (
     path_mass_drop,
     path_mass_inverse,
 )
+from tendonff.ocp.precision import Precision
 from tendonff.ocp.scheme import BDF2_CARRY, BDF2_WEIGHT, RESIDUAL_ROUNDING, RESIDUAL_TOLERANCE_N
 from tendonff.ocp.specialise import SpecialisedLaw, Specialiser
 
@@ -166,7 +167,9 @@ def _specialiser(
     parameters["H"] = tuple(weight for weight, _ in weights)
     folder = Specialiser(prefix=prefix, precision=precision, parameters=parameters)
     (gain,) = folder.evaluate(link_gain())
-    return Specialiser(prefix=prefix, precision=precision, parameters=parameters | {"gain": gain}, reorder=precision is Precision.FLOAT)
+    return Specialiser(
+        prefix=prefix, precision=precision, parameters=parameters | {"gain": gain}, reorder=precision is Precision.FLOAT
+    )
 
 
 def _snapped(numbers: dict[str, float]) -> dict[str, float]:

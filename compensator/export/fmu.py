@@ -9,7 +9,6 @@ import sys
 import tempfile
 import zipfile
 from dataclasses import dataclass
-from enum import StrEnum
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
@@ -18,6 +17,7 @@ import jinja2
 import numpy as np
 
 from tendonff.compensator.export.c_project import Exported, check_prefix, export_project
+from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.scenario import Scenario, scenario_hash
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
@@ -32,35 +32,6 @@ _TEMPLATES = jinja2.Environment(  # noqa: S701 - the one place with markup escap
     lstrip_blocks=True,
 )
 _MACHINES = {"x86_64": "x86_64", "AMD64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
-
-
-class Kind(StrEnum):
-    """What the unit computes.
-
-    Attributes
-    ----------
-    INVERSE
-        Reference tension in, force out, within the actuator's limits.
-    PLANT
-        Force in, output tension and end positions out.
-    """
-
-    INVERSE = "inverse"
-    PLANT = "plant"
-
-
-class FmiVersion(StrEnum):
-    """Version of the interface."""
-
-    V2 = "2.0"
-    V3 = "3.0"
-
-    @property
-    def headers(self) -> tuple[str, ...]:
-        """The standard's header files, under the 2-clause BSD licence that they state."""
-        types = "fmi2TypesPlatform.h" if self is FmiVersion.V2 else "fmi3PlatformTypes.h"
-        letter = self.value[0]
-        return types, f"fmi{letter}FunctionTypes.h", f"fmi{letter}Functions.h"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,7 +97,9 @@ def build_fmu(
     context["token"] = _token(sources, context, fmi)
     sources["model.h"] = _render("model.h.j2", context)
     declared = sources[fmi.headers[1]]
-    implemented = set(re.findall(r"\b(fmi[23]\w+)\(", _TEMPLATES.get_template(f"{wrapper}.j2").render(context | {"stubs": ""})))
+    implemented = set(
+        re.findall(r"\b(fmi[23]\w+)\(", _TEMPLATES.get_template(f"{wrapper}.j2").render(context | {"stubs": ""}))
+    )
     sources[wrapper] = _render(f"{wrapper}.j2", context | {"stubs": stubs(declared, implemented)})
     members = {f"sources/{name}": text.encode() for name, text in sources.items()}
     members["modelDescription.xml"] = _render(f"modelDescription{fmi.value[0]}.xml.j2", context).encode()

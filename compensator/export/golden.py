@@ -9,9 +9,9 @@ from tendonff.compensator.scenario import Scenario
 from tendonff.compensator.table import FloatArray, Table, table_force
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.chain import Chain
-from tendonff.ocp.ccode import Precision
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.limits import ForceLimits
+from tendonff.ocp.precision import Precision
 from tendonff.ocp.simulate import simulate
 
 _ROWS = 1000

@@ -1,0 +1,34 @@
+"""`tendonff export-c`: C99 for the controller."""
+
+from typing import Annotated
+
+import typer
+
+from tendonff.compensator.cli.options import LevelOption, OutFolderOption, ScenarioArgument
+from tendonff.compensator.cli.progress import progress, say, warn
+from tendonff.ocp.precision import Precision
+
+PrefixOption = Annotated[str, typer.Option("--prefix", metavar="NAME", help="Prefix of every C name and file.")]
+
+
+def export_c(
+    scenario: ScenarioArgument,
+    out: OutFolderOption,
+    precision: Annotated[
+        Precision, typer.Option("--precision", help="Real type of all arithmetic.")
+    ] = Precision.DOUBLE,
+    prefix: PrefixOption = "tff",
+    level: LevelOption = None,
+) -> None:
+    """Write C99 for the controller: inverse, capstan law, table, optimal profile, and the chain for tests."""
+    from tendonff.compensator.export.c_project import export_project, write_project
+    from tendonff.compensator.files import atomic_directory
+    from tendonff.compensator.scenario import load_scenario
+
+    loaded = load_scenario(scenario)
+    with progress("exporting"), atomic_directory(out) as folder:
+        exported = export_project(loaded, precision=precision, prefix=prefix, level=level)
+        write_project(exported, folder)
+    for warning in exported.reference.warnings:
+        warn(warning)
+    say(f"{len(exported.files)} files in {out}; `make test` there compares them with the Python model")

@@ -1,0 +1,39 @@
+"""`tendonff export-fmu`: co-simulation units."""
+
+from typing import Annotated
+
+import typer
+
+from tendonff.compensator.cli.export_c import PrefixOption
+from tendonff.compensator.cli.options import LevelOption, OutFolderOption, ScenarioArgument
+from tendonff.compensator.cli.progress import progress, say, warn
+from tendonff.compensator.export.kinds import FmiVersion, Kind
+
+
+def export_fmu(
+    scenario: ScenarioArgument,
+    out: OutFolderOption,
+    kind: Annotated[Kind, typer.Option("--kind", help="What the unit computes.")] = Kind.INVERSE,
+    fmi: Annotated[
+        FmiVersion | None, typer.Option("--fmi", help="Version of FMI; default: both.", show_default=False)
+    ] = None,
+    prefix: PrefixOption = "tff",
+    level: LevelOption = None,
+) -> None:
+    """Wrap the exported C for Simulink, dSPACE or Modelica: co-simulation units with their sources."""
+    from tendonff.compensator.export.fmu import build_fmu
+    from tendonff.compensator.files import atomic_directory
+    from tendonff.compensator.scenario import load_scenario
+
+    loaded = load_scenario(scenario)
+    complete = True
+    names = []
+    with progress("exporting"), atomic_directory(out) as folder:
+        for each in FmiVersion if fmi is None else (fmi,):
+            unit = build_fmu(loaded, kind, each, prefix=prefix, level=level)
+            names.append(f"{prefix}_{kind}_fmi{each.value[0]}.fmu")
+            (folder / names[-1]).write_bytes(unit.content)
+            complete = complete and unit.has_binary
+    if not complete:
+        warn("no binary was made here (a C compiler on Linux makes one); the unit holds its sources")
+    say(f"{', '.join(names)} in {out}")

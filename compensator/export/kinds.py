@@ -1,0 +1,32 @@
+"""Options of the co-simulation units; light, because the command line imports them."""
+
+from enum import StrEnum
+
+
+class Kind(StrEnum):
+    """What the unit computes.
+
+    Attributes
+    ----------
+    INVERSE
+        Reference tension in, force out, within the actuator's limits.
+    PLANT
+        Force in, output tension and end positions out.
+    """
+
+    INVERSE = "inverse"
+    PLANT = "plant"
+
+
+class FmiVersion(StrEnum):
+    """Version of the interface."""
+
+    V2 = "2.0"
+    V3 = "3.0"
+
+    @property
+    def headers(self) -> tuple[str, ...]:
+        """The standard's header files, under the 2-clause BSD licence that they state."""
+        types = "fmi2TypesPlatform.h" if self is FmiVersion.V2 else "fmi3PlatformTypes.h"
+        letter = self.value[0]
+        return types, f"fmi{letter}FunctionTypes.h", f"fmi{letter}Functions.h"
