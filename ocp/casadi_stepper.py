@@ -237,12 +237,13 @@ class CasadiStepper:
     def _advance_one(self, memory: StepperMemory, inputs: Array) -> tuple[_Outcome, int]:
         """One step, split into implicit Euler pieces where it does not converge, and whether it was split."""
         x, n = memory.x, self._count
-        if memory.fresh:
-            end = self._solve(x[: n + 2], x, inputs, self._step_s)
-        else:
-            change = x - memory.x_old
-            guess = x[: n + 2] + change[: n + 2]
-            end = self._solve(guess, x + BDF2_CARRY * change, inputs, BDF2_WEIGHT * self._step_s)
+        change = np.zeros_like(x) if memory.fresh else x - memory.x_old
+        base = x + BDF2_CARRY * change
+        weight = self._step_s * (1.0 if memory.fresh else BDF2_WEIGHT)
+        for guess in (x + change, np.zeros_like(x), x):  # extrapolated, then at rest, then as before
+            end = self._solve(guess[: n + 2], base, inputs, weight)
+            if end.solved:
+                break
         split = int(not end.solved)
         if split:  # pieces of h/2, h/4 ...: halved until one converges, doubled as soon as the time reached allows
             level, left, now = 1, 2, x

@@ -166,9 +166,8 @@ class StepHalving:
         order = math.log2(first / second) if first > 0 and second > 0 else math.nan
         order = min(max(order, 0.5), 2.0)  # keeps NaN
         gain = 2.0 ** (order if order > 0 else 1.0)
-        apart = self._nudge_peak > SPREAD_LIMIT * span or (
-            second > _LEAST_GAIN * first and self._peaks[4] > SPREAD_LIMIT * span
-        )
+        limit = max(SPREAD_LIMIT * span, 1000 * NUDGE * abs(self._highest))
+        apart = self._nudge_peak > limit or (second > _LEAST_GAIN * first and self._peaks[4] > limit)
         return StepCheck(
             step_s=self._step_s,
             range_N=span,

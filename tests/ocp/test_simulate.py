@@ -227,13 +227,13 @@ def test_a_very_large_wrap_keeps_the_far_end_still(generic: Transmission) -> Non
     assert loose.tension_N[-1, -1] == pytest.approx(30.0, abs=0.01)
 
 
-@pytest.mark.parametrize(("step", "least_splits", "most_percent"), [(0.01, 3, 0.8), (0.005, 3, 0.3), (0.002, 3, 0.1)])
+@pytest.mark.parametrize(("step", "least_splits", "most_percent"), [(0.01, 2, 0.6), (0.005, 1, 0.25), (0.002, 1, 0.06)])
 def test_a_step_that_does_not_converge_is_split_and_comes_out_right(
     generic: Transmission, step: float, least_splits: int, most_percent: float
 ) -> None:
     """A bristle of 1e9 N/m at steps of milliseconds, nearly slack: splits happen, and the error still falls."""
     rig = without_stribeck(generic, bristle_stiffness_N_per_m=1e9)
-    chain = Chain.of(rig, Level.VISCOELASTIC, 2)
+    chain = Chain.of(rig, Level.VISCOELASTIC, 6)
     time = np.arange(0.0, 1.5, step)
     force = 30 + 29.9 * np.sin(2 * np.pi * time) * np.minimum(time / 0.2, 1)
     run = simulate(chain, force, step).require()

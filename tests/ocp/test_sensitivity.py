@@ -1,0 +1,98 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tendonff.models.chain import Chain
+from tendonff.models.errors import ParameterError
+from tendonff.models.fidelity import Level
+from tendonff.models.transmission import Transmission
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.sensitivity import Links, Parameter, force_sensitivity, parameter_sensitivity
+from tendonff.ocp.simulate import simulate
+
+Array = NDArray[np.float64]
+STEP = 1e-3
+ROWS = 600
+
+
+def force() -> Array:
+    time = np.arange(ROWS) * STEP
+    return 30 + 15 * np.sin(2 * np.pi * 2.3 * time) * np.minimum(time / 0.1, 1)
+
+
+def knots() -> NDArray[np.int_]:
+    return np.array([0, 40, 90, 200, 350, 351, 480, ROWS - 1])
+
+
+@pytest.mark.parametrize("level", [Level.VISCOELASTIC, Level.PRESLIDING])
+def test_force_sensitivity_is_the_slope_of_central_differences(generic: Transmission, level: Level) -> None:
+    chain = Chain.of(generic, level, 3)
+    start = chain.rest_state(30.0)
+    found = force_sensitivity(chain, force(), STEP, knots(), state=start, links=Links.ALL)
+    plain = simulate(chain, force(), STEP, state=start).require()
+    assert np.array_equal(found.tension_N, plain.tension_N)
+    assert found.tension_slopes.shape == (ROWS, 4, len(knots()))
+    delta = 1e-5
+    for k in range(len(knots())):
+        unit = np.zeros(len(knots()))
+        unit[k] = delta
+        change = np.interp(np.arange(ROWS), knots(), unit)
+        up, down = (simulate(chain, force() + sign * change, STEP, state=start).require().tension_N for sign in (1, -1))
+        slope = (up - down)[1:] / (2 * delta)
+        assert np.abs(slope).max() > 1e-3
+        # A difference across a reversal mixes two branches, so a few rows differ.
+        error = np.abs(found.tension_slopes[1:, :, k] - slope) / np.abs(slope).max()
+        assert np.quantile(error, 0.98) < 1e-4
+        assert error.max() < 0.05
+    output = force_sensitivity(chain, force(), STEP, knots(), state=start)
+    assert np.array_equal(output.tension_slopes[:, 0, :], found.tension_slopes[:, -1, :])
+
+
+def test_a_window_forgets_old_knots_and_nothing_else(generic: Transmission) -> None:
+    chain = Chain.of(generic, Level.PRESLIDING, 3)
+    start, rows = chain.rest_state(30.0), np.arange(0, ROWS + 1, 24)
+    rows[-1] = ROWS - 1
+    whole = force_sensitivity(chain, force(), STEP, rows, state=start).tension_slopes[:, 0, :]
+    short = force_sensitivity(chain, force(), STEP, rows, state=start, window=6).tension_slopes[:, 0, :]
+    kept = short != 0
+    assert short[kept] == pytest.approx(whole[kept], rel=1e-9, abs=1e-12)
+    assert (kept.sum(axis=1) <= 6).all()
+    assert kept[-20:, -6:].all()
+
+
+@pytest.mark.parametrize("parameter", Parameter)
+def test_parameter_sensitivity_is_the_slope_of_central_differences(generic: Transmission, parameter: Parameter) -> None:
+    whole = generic.whole(Level.PRESLIDING)
+    chain = Chain.of(generic, Level.PRESLIDING, 3)
+    found = parameter_sensitivity(whole, chain, force(), STEP, (parameter,), initial_tension_N=30.0, links=Links.ALL)
+    assert found.ends_slopes is not None
+    value = getattr(whole, parameter.value)
+    delta = 1e-6 * value
+    runs = []
+    for sign in (1, -1):
+        moved = replace(whole, **{parameter.value: value + sign * delta}).divided(3)
+        runs.append(simulate(replace(chain, elements=moved), force(), STEP, initial_tension_N=30.0).require())
+    slope = (runs[0].tension_N - runs[1].tension_N) / (2 * delta)
+    error = np.abs(found.tension_slopes[..., 0] - slope) / np.abs(slope).max()
+    # A difference that straddles a reversal mixes two branches, so a few rows differ.
+    assert np.quantile(error, 0.98) < 1e-4
+    assert error.max() < 0.02
+    near = (runs[0].near_position_m - runs[1].near_position_m) / (2 * delta)
+    assert np.quantile(np.abs(found.ends_slopes[:, 0, 0] - near) / np.abs(near).max(), 0.98) < 1e-4
+
+
+def test_knots_that_do_not_span_the_force_are_refused(generic: Transmission) -> None:
+    chain = Chain.of(generic, Level.PRESLIDING, 3)
+    for rows in ([0, 100], [5, ROWS - 1], [0, 50, 50, ROWS - 1]):
+        with pytest.raises(ParameterError, match=f"knot_rows must rise strictly from 0 to {ROWS - 1}"):
+            force_sensitivity(chain, force(), STEP, np.array(rows), state=chain.rest_state(30.0))
+
+
+def test_a_run_that_fails_says_when(generic: Transmission) -> None:
+    chain = Chain.of(generic, Level.PRESLIDING, 3)
+    broken = force()
+    broken[50] = 1e200
+    with pytest.raises(SolveError, match=r"simulation stopped at t = 0\.05 s"):
+        force_sensitivity(chain, broken, STEP, knots(), state=chain.rest_state(30.0))
