@@ -22,6 +22,7 @@ _RAMP_S = 1.0
 _MOVED = 0.02  # of the loop's output range: the output counts as moving
 _HOLD_RELAXATION_TIMES = 5.0
 _HOLD_S = (0.5, 10.0)
+_MOST_ROWS = 100_000.0  # of one ramp
 _STIFF = 10.0  # holding motor against tendon
 
 
@@ -137,7 +138,7 @@ def level_traits(transmission: Transmission, level: Level | None, reference: Ref
     law, step, start = CapstanLaw.of(transmission), reference.step_s, reference.initial_tension_N
     low, high = _probe_forces(transmission, law, reference)
     ramp_s = max(_RAMP_S, (high - low) / (0.5 * transmission.actuator.force_rate_max_N_per_s), 20 * step)
-    rows = round(ramp_s / step)
+    rows = round(min(ramp_s / step, _MOST_ROWS))  # an actuator that hardly moves is probed faster than it can
     force = np.concatenate(
         [
             np.linspace(start, high, rows, endpoint=False),

@@ -24,6 +24,8 @@ from tendonff.models.transmission import Transmission
 
 Array = NDArray[np.float64]
 
+_LARGEST_EXPONENT = 100.0  # e^100 newtons for one: beyond any tendon, and far below overflow
+
 
 class Branch(StrEnum):
     """Direction in which the tendon slips on the whole path.
@@ -79,6 +81,13 @@ class CapstanLaw:
             value = getattr(self, name)
             if not 0 <= value < math.inf:  # NaN fails too
                 raise ParameterError(f"{name} must be a finite number >= 0, got {value}; use 0 for none")
+        for name in ("pull_exponent", "release_exponent"):
+            value = getattr(self, name)
+            if value > _LARGEST_EXPONENT:
+                raise ParameterError(
+                    f"{name} = mu theta must be at most {_LARGEST_EXPONENT:g}, got {value:g}: no tension gets through; "
+                    "check the friction coefficients, and total_angle_rad, which is in radians"
+                )
 
     @classmethod
     def of(cls, transmission: Transmission) -> "CapstanLaw":
