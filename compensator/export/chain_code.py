@@ -167,9 +167,8 @@ def _specialiser(
     parameters["H"] = tuple(weight for weight, _ in weights)
     folder = Specialiser(prefix=prefix, precision=precision, parameters=parameters)
     (gain,) = folder.evaluate(link_gain())
-    return Specialiser(
-        prefix=prefix, precision=precision, parameters=parameters | {"gain": gain}, reorder=precision is Precision.FLOAT
-    )
+    reorder = precision is Precision.FLOAT
+    return Specialiser(prefix=prefix, precision=precision, parameters=parameters | {"gain": gain}, reorder=reorder)
 
 
 def _snapped(numbers: dict[str, float]) -> dict[str, float]:
@@ -209,8 +208,8 @@ def _record(folder: Specialiser, weights: tuple[tuple[float, float], ...]) -> st
     ]
     lines = [
         "/* What depends on the weight H [s] of the scheme: one row for the first step (implicit Euler), one for every",
-        " * later step (second-order backward differences; `carry` is the share of the last change in the base), and one",
-        " * for each halving of a step, where there are halvings. Fields are named after the law that needs them. */",
+        " * later step (second-order backward differences; `carry` is the share of the last change in the base), and",
+        " * one for each halving of a step, where there are any. Fields are named after the law that needs them. */",
         "typedef struct {",
         *(f"    {real} {name};" for name in fields),
         f"}} {folder.prefix}_weights;",
@@ -219,8 +218,8 @@ def _record(folder: Specialiser, weights: tuple[tuple[float, float], ...]) -> st
         "{",
         f"    static const {folder.prefix}_weights rows[{len(weights)}] = {{",
     ]
-    for k in range(len(weights)):
-        lines.append("        { " + ", ".join(literal(column[k], folder.precision) for column in columns) + " },")
+    rows = ([literal(column[k], folder.precision) for column in columns] for k in range(len(weights)))
+    lines += [f"        {{ {', '.join(row)} }}," for row in rows]
     return "\n".join([*lines, "    };", "", "    return &rows[row];", "}", ""])
 
 
