@@ -66,3 +66,10 @@ def test_every_command_is_in_the_documentation():
     commands = {command.name or command.callback.__name__.replace("_", "-") for command in app.registered_commands}
     text = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
     assert not [name for name in commands if f"tendonff {name} " not in text]
+
+
+def test_the_figure_of_the_readme_can_be_drawn_again(tmp_path):
+    script, target = ROOT / "examples" / "readme_figure.py", tmp_path / "finger.png"
+    subprocess.run([sys.executable, str(script), str(target)], check=True, timeout=300)
+    assert target.read_bytes().startswith(b"\x89PNG")
+    assert (ROOT / "docs" / "finger.png").is_file()

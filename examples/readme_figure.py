@@ -1,0 +1,44 @@
+"""The figure of the README: what arrives at the fingertip, with and without compensation.
+
+python examples/readme_figure.py docs/finger.png
+"""
+
+import sys
+from pathlib import Path
+
+from tendonff.compensator.compensators import Compensator
+from tendonff.compensator.design import Design, design
+from tendonff.compensator.design_figures import COLOURS, STYLES
+from tendonff.compensator.plots import INK, figure_style, new_figure, save_figure
+from tendonff.compensator.scenario import load_scenario
+
+SHOWN = {Compensator.NONE: "the wish itself as force", Compensator.INVERSE: "the force that tendonff finds"}
+
+
+def draw(result: Design, target: Path) -> None:
+    """Draw force and tension for a design.
+
+    Parameters
+    ----------
+    result : Design
+    target : Path
+        PNG file.
+    """
+    time = result.reference.time_s
+    with figure_style():
+        figure, axes = new_figure(1, 2, height_in=2.9)
+        applied, arrived = axes[0]
+        for compensator, label in SHOWN.items():
+            style = {"color": COLOURS[compensator], "linestyle": STYLES[compensator]}
+            played = next(p for p in result.proof if p.compensator == compensator)
+            applied.plot(time, result.forces_N[compensator], label=label, **style)
+            arrived.plot(time, played.output_N, linewidth=2.6, **style)
+        arrived.plot(time, result.reference.tension_N, color=INK, linewidth=0.8, label="wanted")
+        applied.set(xlabel="time [s]", ylabel="actuator force [N]", title="What you apply")
+        arrived.set(xlabel="time [s]", ylabel="tension at the fingertip [N]", title="What arrives (black: wanted)")
+        figure.legend(*applied.get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    save_figure(figure, target.with_suffix(""), formats=("png",))
+
+
+if __name__ == "__main__":
+    draw(design(load_scenario(Path(__file__).with_name("finger.toml"))), Path(sys.argv[1]))
