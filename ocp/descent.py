@@ -172,42 +172,49 @@ def best_change(model: LocalModel, change: Change, trust_N: float, penalty_N: fl
     trust_N : float
     penalty_N : float
     """
-    k, rows = len(model.gradient), len(model.low)
-    hessian = model.hessian + 1e-9 * max(float(np.diag(model.hessian).max()), 1e-300) * np.eye(k)
-    gradient, low, high = model.gradient, np.maximum(change.low_N, -trust_N), np.minimum(change.high_N, trust_N)
-    constraint, row_low, row_high = change.slope, change.slope_low, change.slope_high
-    if rows:  # the last unknown is by how much the tension rows are missed
-        small = 1e-6 * float(np.diag(hessian).max())
-        hessian = np.block([[hessian, np.zeros((k, 1))], [np.zeros((1, k)), np.full((1, 1), small)]])
-        gradient = np.append(gradient, penalty_N)
-        low, high = np.append(low, 0.0), np.append(high, 1e6)
-        ones = np.ones((rows, 1))
-        constraint = sp.vstack(
-            [
-                sp.hstack([change.slope, sp.csc_array((len(change.slope_low), 1))]),
-                sp.csc_array(np.hstack([model.rows, ones])),
-                sp.csc_array(np.hstack([model.rows, -ones])),
-            ]
-        ).tocsc()
-        open_row = np.full(rows, np.inf)
-        row_low = np.concatenate([row_low, model.low, -open_row])
-        row_high = np.concatenate([row_high, open_row, model.high])
-    solution = _solve(hessian, gradient, constraint, row_low, row_high, low, high)
+    k = len(model.gradient)
+    hessian, gradient = model.hessian, model.gradient
+    low, high = np.maximum(change.low_N, -trust_N), np.minimum(change.high_N, trust_N)
+    rows, row_low, row_high = change.slope, change.slope_low, change.slope_high
+    if len(model.low):
+        missed = max(float(model.low.max()), float((-model.high).max()), 0.0)  # by no change at all
+        tension, far = sp.csc_array(model.rows), 1e9
+        if missed > 0:  # the last unknown is the share of that which remains
+            hessian = np.pad(hessian, (0, 1))
+            hessian[k, k] = 1e-6 * float(np.diag(hessian).max())
+            gradient = np.append(gradient, penalty_N * missed)
+            low, high = np.append(low, 0.0), np.append(high, 1.0)
+            column = np.full((len(model.low), 1), missed)
+            rows = sp.hstack([rows, sp.csc_array((len(row_low), 1))])
+            tension = sp.vstack([sp.hstack([tension, column]), sp.hstack([tension, -column])])
+            open_row = np.full(len(model.low), far)
+            row_low = np.concatenate([row_low, model.low, -open_row])
+            row_high = np.concatenate([row_high, open_row, np.minimum(model.high, far)])
+        else:
+            row_low = np.concatenate([row_low, model.low])
+            row_high = np.concatenate([row_high, np.minimum(model.high, far)])
+        rows = sp.vstack([rows, tension])
+    solution = _solve(hessian, gradient, rows, row_low, row_high, low, high)
     return None if solution is None else solution[:k]
 
 
 def _solve(
-    hessian: Array, gradient: Array, constraint: sp.csc_array, row_low: Array, row_high: Array, low: Array, high: Array
+    hessian: Array, gradient: Array, constraint: sp.sparray, row_low: Array, row_high: Array, low: Array, high: Array
 ) -> Array | None:
     """CasADi's interface to DAQP: a dense dual active-set method; exact on active bounds, deterministic."""
-    scale = 1 / max(float(np.abs(np.diag(hessian)).max()), 1e-300)  # its tolerances are absolute
-    h, a = ca.DM(hessian * scale), ca.DM(sp.csc_matrix(constraint))
-    solver = ca.conic("change", "daqp", {"h": h.sparsity(), "a": a.sparsity()}, {"error_on_fail": False})
-    found = solver(h=h, g=gradient * scale, a=a, lba=row_low, uba=row_high, lbx=low, ubx=high)
-    x = np.asarray(found["x"].full()).ravel()
-    if not (solver.stats()["success"] and np.all(np.isfinite(x))):
-        return None
-    return np.clip(x, low, high)
+    scale, k = 1 / max(float(np.diag(hessian).max()), 1e-300), len(gradient)  # its tolerances are absolute
+    a = ca.DM(sp.csc_matrix(constraint))
+    solver = ca.conic(
+        "change", "daqp", {"h": ca.Sparsity.dense(k, k), "a": a.sparsity()}, {"error_on_fail": False}
+    )
+    for damping in (1e-9, 1e-7, 1e-5):  # where the tendon sticks the Hessian is singular
+        damped = hessian * scale + damping * np.eye(k)
+        h = ca.DM(ca.Sparsity.dense(k, k), damped.ravel())
+        found = solver(h=h, g=gradient * scale, a=a, lba=row_low, uba=row_high, lbx=low, ubx=high)
+        x = np.asarray(found["x"].full()).ravel()
+        if solver.stats()["success"] and np.all(np.isfinite(x)):
+            return np.clip(x, low, high)
+    return None
 
 
 def descend(
@@ -243,40 +250,80 @@ def descend(
         Never worse than the profile it started from.
     """
     shape = knot_shape(knots)
-    trust, smallest = rules.trust_N, 1e-4 * rules.trust_N
-    promise, poor = np.inf, 0
+    trust, promise, poor = rules.trust_N, np.inf, 0
     for iteration in range(1, rules.iterations + 1):
         model = local_model(plants, goal, force_N, judgement, knots, shape, reach_N=2 * trust)
         room = room_for_change(force_N, goal.step_s, limits, knots, shape)
-        improved, gain = False, 0.0
-        while trust >= smallest:
-            move = best_change(model, room, trust, goal.penalty_N)
-            if move is None:
-                trust /= 4
-                continue
-            promise = _promise(model, goal, move, judgement)
-            trial = limits.apply(force_N + shape @ move, goal.step_s, float(force_N[0]))  # only rounding is left to clip
-            if promise <= 0.1 * rules.tolerance:
-                break
-            outcome = judge(plants, goal, trial)
-            gain = (judgement.merit - outcome.merit) / judgement.merit
-            ratio, size = gain / promise, float(np.abs(move).max())
-            if ratio > 0.75 and size > 0.9 * trust:
-                trust *= 2
-            elif ratio < 0.25:
-                trust = size / 3
-            if gain > 0:
-                force_N, judgement, improved = trial, outcome, True
-                break
+        step = _step(plants, goal, limits, force_N, judgement, model, room, trust, rules)
+        trust, promise, gain = step.trust_N, step.promise, 0.0
+        if step.judgement is not None:
+            gain = 1 - step.judgement.merit / judgement.merit
+            force_N, judgement = step.force_N, step.judgement
         if tell is not None:
             tell()
         poor = poor + 1 if gain < rules.tolerance else 0
-        if promise <= 0.1 * rules.tolerance or poor >= 2:
+        if promise <= 0.1 * rules.tolerance or poor >= 2 or (step.judgement is None and promise <= rules.tolerance):
             return _descent(force_N, judgement, Ending.CONVERGED, iteration, promise, trust)
-        if not improved:
-            ending = Ending.CONVERGED if promise <= rules.tolerance else Ending.STALLED
-            return _descent(force_N, judgement, ending, iteration, promise, trust)
+        if step.judgement is None:
+            return _descent(force_N, judgement, Ending.STALLED, iteration, promise, trust)
     return _descent(force_N, judgement, Ending.ITERATIONS, rules.iterations, promise, trust)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Step:
+    """Outcome of one iteration; no judgement where nothing better was found."""
+
+    force_N: Array
+    judgement: Judgement | None
+    promise: float
+    trust_N: float
+
+
+_SHARES = (1.0, 0.5, 0.25, 0.1)  # of a change, tried in turn: the limits are convex, so any share keeps them
+_TRIALS = 4  # quadratic programs for one linearisation
+
+
+def _step(
+    plants: tuple[Plant, ...],
+    goal: Goal,
+    limits: ForceLimits,
+    force_N: Array,
+    judgement: Judgement,
+    model: LocalModel,
+    room: Change,
+    trust: float,
+    rules: Rules,
+) -> _Step:
+    """Solve the quadratic program, and go as far along its answer as the simulation agrees."""
+    promise = np.inf
+    for _ in range(_TRIALS):
+        move = best_change(model, room, trust, goal.penalty_N)
+        if move is None:
+            trust /= 4
+            continue
+        promise = _promise(model, goal, move, judgement)
+        if promise <= 0.1 * rules.tolerance:
+            break
+        size, change = float(np.abs(move).max()), room.shape @ move
+        best: tuple[Array, Judgement, float] | None = None
+        for share in _SHARES:
+            trial = np.clip(force_N + share * change, limits.minimum_N, limits.maximum_N)  # rounding
+            outcome = judge(plants, goal, trial)
+            if best is not None and outcome.merit >= best[1].merit:
+                break
+            if outcome.merit < judgement.merit:
+                best = (trial, outcome, share)
+            if judgement.merit - outcome.merit > 0.5 * promise * judgement.merit * share * (2 - share):
+                break
+        if best is None:
+            trust = _SHARES[-1] * size / 2
+            continue
+        if best[2] == 1 and size > 0.9 * trust:
+            trust *= 2
+        elif best[2] < 1:
+            trust = 2 * best[2] * size
+        return _Step(force_N=best[0], judgement=best[1], promise=promise, trust_N=trust)
+    return _Step(force_N=force_N, judgement=None, promise=promise, trust_N=trust)
 
 
 def _promise(model: LocalModel, goal: Goal, move: Array, judgement: Judgement) -> float:

@@ -218,4 +218,5 @@ def improve(
         descents.append(found)
         if found.judgement.merit < best[0].merit:
             best = (found.judgement, found.force_N)
-    return Improvement(force_N=best[1], judgement=best[0], descents=tuple(descents), knots=len(knots))
+    force = limits.apply(best[1], h, float(clipped_N[0]))  # what rounding of the quadratic programs left
+    return Improvement(force_N=force, judgement=best[0], descents=tuple(descents), knots=len(knots))
