@@ -1,0 +1,339 @@
+"""Forward simulation side by side: ours against the integrators a user would otherwise take, on the same equations.
+
+    python benchmarks/simulate.py            everything, less than ten minutes
+    python benchmarks/simulate.py --quick    the main table only, less than one
+
+1. The finger example under a smooth force, one row per millisecond. Every way gives the tensions at the same rows; the
+   error is that of the output tension against `cvodes` at a tolerance of 1e-11. The adaptive ways are run at several
+   tolerances, in two settings: with the force as rows (what a force file is: the integrator starts anew at each row),
+   and with the force as a formula of time, so that they may step across rows. SciPy has the analytic Jacobian.
+   *Matched* marks, of each way, the cheapest run that is at least as accurate as ours.
+2. Growth with the number of masses.
+3. Implicit Euler against BDF2, the same stepper with other coefficients.
+4. The error at the examples' own step against a run with 10 us.
+5. The marginal cost of a row of `tendonff simulate`: a file of 200 s against one of 20 s.
+
+Times are the least of a few repetitions, without building and compiling.
+"""
+
+import math
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from tendonff.compensator.reference import initial_tension, sample_reference
+from tendonff.compensator.scenario import load_scenario
+from tendonff.models.chain import Chain, chain_equations
+from tendonff.models.fidelity import Level
+from tendonff.models.transmission import Transmission
+from tendonff.ocp import compiled, compiled_stepper
+from tendonff.ocp.compiled import Engine
+from tendonff.ocp.crosscheck import Adaptive, AdaptiveIntegrator
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.inverse import invert
+from tendonff.ocp.simulate import Simulator, force_inputs, simulate
+
+Array = NDArray[np.float64]
+EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
+STEP = 1e-3
+START_N = 30.0
+
+
+def force_at(t: ca.SX | Array | float) -> ca.SX | Array | float:
+    """Smooth force with reversals [N], for numbers, arrays and expressions."""
+    return (
+        START_N + 15 * ca.sin(4 * math.pi * t) * (1 - ca.exp(-20 * t * t))
+        if isinstance(t, ca.SX)
+        else (START_N + 15 * np.sin(4 * math.pi * t) * (1 - np.exp(-20 * np.square(t))))
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """One way at one tolerance."""
+
+    way: str
+    setting: str
+    us_per_row: float
+    percent: float
+
+
+def least_time(run: Callable[[], Array], repetitions: int) -> tuple[float, Array]:
+    """Least time of a few runs [s], and the result."""
+    best, result = math.inf, np.empty(0)
+    for _ in range(repetitions):
+        begin = time.perf_counter()
+        result = run()
+        best = min(best, time.perf_counter() - begin)
+    return best, result
+
+
+def percent_of_range(output: Array, reference: Array) -> float:
+    """Rms difference in % of the reference's range."""
+    return 100 * math.sqrt(float(np.mean((output - reference) ** 2))) / float(np.ptp(reference))
+
+
+def ours(chain: Chain, rows: int, engine: Engine, step_s: float = STEP) -> Callable[[], Array]:
+    """Our stepper from rest over rows of the smooth force."""
+    force = np.asarray(force_at(np.arange(rows + 1) * step_s))
+    inputs, start = force_inputs(force), chain.rest_state(START_N)
+
+    def run() -> Array:
+        simulator = Simulator(chain, step_s, start, inputs[0], engine)
+        return np.concatenate([[START_N], simulator.advance(inputs[1:]).tension_N[:, -1]])
+
+    if engine is Engine.COMPILED:
+        return run
+    prepared = [Simulator(chain, step_s, start, inputs[0], engine) for _ in range(3)]  # building them is not the run
+    return lambda: np.concatenate([[START_N], prepared.pop().advance(inputs[1:]).tension_N[:, -1]])
+
+
+def by_rows(chain: Chain, rows: int, solver: Adaptive, tolerance: float) -> Callable[[], Array]:
+    """SUNDIALS through CasADi with the force as rows."""
+    integrator = AdaptiveIntegrator(chain, STEP, rows, solver=solver, tolerance=tolerance, scale_N=START_N)
+    force = np.asarray(force_at(np.arange(rows + 1) * STEP))
+    state = chain.rest_state(START_N)
+    return lambda: integrator.run(state, force)[:, -1]
+
+
+def in_time(chain: Chain, rows: int, solver: str, options: dict[str, object]) -> Callable[[], Array]:
+    """A CasADi integrator with the force as a formula of time."""
+    equations, t = chain_equations(chain), ca.SX.sym("t")
+    rate, tension = ca.substitute(
+        [equations.rate, equations.tension_N[-1]], [equations.inputs], [ca.vertcat(force_at(t), 0, 0, 0)]
+    )
+    grid = np.arange(1, rows + 1) * STEP
+    dae = {"t": t, "x": equations.state, "ode": rate}
+    integrator = ca.integrator("integrator", solver, dae, 0.0, grid, options)
+    output = ca.Function("output", [equations.state, t], [tension], {"cse": True})
+    start = chain.rest_state(START_N).vector()
+    return lambda: np.concatenate([[START_N], np.asarray(output(integrator(x0=start)["xf"], grid[None, :])).ravel()])
+
+
+def scipy_in_time(chain: Chain, rows: int, method: str, tolerance: float) -> Callable[[], Array]:
+    """SciPy's `solve_ivp` with compiled-in CasADi functions for rate and Jacobian."""
+    equations = chain_equations(chain)
+    x, u = equations.state, equations.inputs
+    rate = ca.Function("rate", [x, u[0]], [ca.substitute(equations.rate, u[1:], ca.SX.zeros(3))], {"cse": True})
+    slope = ca.Function("slope", [x, u[0]], [ca.jacobian(rate(x, u[0]), x)], {"cse": True})
+    output = ca.Function("output", [x, u[0]], [ca.substitute(equations.tension_N[-1], u[1:], ca.SX.zeros(3))])
+    grid = np.arange(rows + 1) * STEP
+    sparse = method in ("Radau", "BDF")
+
+    def jacobian(t: float, y: Array) -> object:
+        value = slope(y, float(force_at(t)))
+        return value.sparse() if sparse else value.full()
+
+    def run() -> Array:
+        found = solve_ivp(
+            lambda t, y: rate(y, float(force_at(t))).full().ravel(),
+            (0.0, float(grid[-1])),
+            chain.rest_state(START_N).vector(),
+            method=method,
+            t_eval=grid,
+            rtol=tolerance,
+            atol=tolerance * scales(chain),
+            jac=jacobian,
+        )
+        if not found.success:
+            raise SolveError(found.message)
+        return np.asarray(output(found.y, np.asarray(force_at(grid))[None, :])).ravel()
+
+    return run
+
+
+def scales(chain: Chain) -> Array:
+    """Typical size of every state, as `AdaptiveIntegrator` has it."""
+    n = chain.count
+    stretch = START_N / chain.elements.stiffness_N_per_m
+    return np.concatenate(
+        [np.full(n + 2, 1e-2), np.full(2 * n + 2, stretch), np.full(n, START_N), np.full(2, stretch * (n + 1))]
+    )
+
+
+def main_table(chain: Chain, rows: int, quick: bool) -> list[Line]:
+    """Every way on one chain."""
+    _, reference = least_time(by_rows(chain, rows, Adaptive.CVODES, 1e-11), 1)
+    lines: list[Line] = []
+
+    def add(way: str, setting: str, make: Callable[[], Callable[[], Array]], repetitions: int = 2) -> None:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                seconds, output = least_time(make(), repetitions)
+        except (RuntimeError, SolveError, ValueError) as error:
+            print(f"    {way}, {setting}: failed, {str(error).strip().splitlines()[-1][:90]}")
+            return
+        percent = percent_of_range(output, reference) if np.isfinite(output).all() else math.inf
+        lines.append(Line(way=way, setting=setting, us_per_row=1e6 * seconds / rows, percent=percent))
+
+    add("ours, compiled", "1 ms", lambda: ours(chain, rows, Engine.COMPILED), 5)
+    add("ours, CasADi", "1 ms", lambda: ours(chain, rows, Engine.CASADI), 3)
+    for solver in Adaptive:
+        for tolerance in (1e-3, 1e-4, 1e-5, 1e-6):
+            add(
+                f"{solver}, force in rows", f"{tolerance:.0e}", lambda s=solver, e=tolerance: by_rows(chain, rows, s, e)
+            )
+            options = {"reltol": tolerance, "abstol": 1e-3 * tolerance, "max_num_steps": 200_000}
+            add(
+                f"{solver}, force in time",
+                f"{tolerance:.0e}",
+                lambda s=solver, o=options: in_time(chain, rows, s.value, o),
+            )
+    if quick:
+        return lines
+    for order in (1, 2, 3):
+        options = {
+            "number_of_finite_elements": 1,
+            "interpolation_order": order,
+            "collocation_scheme": "radau",
+            "rootfinder": "newton",
+            "rootfinder_options": {"line_search": True, "error_on_fail": True, "abstol": 1e-9},
+        }
+        add("collocation (Radau)", f"order {order}", lambda o=options: in_time(chain, rows, "collocation", o), 1)
+    for method in ("Radau", "BDF", "LSODA"):
+        for tolerance in (1e-3, 1e-4, 1e-5):
+            add(
+                f"SciPy {method}", f"{tolerance:.0e}", lambda m=method, e=tolerance: scipy_in_time(chain, rows, m, e), 1
+            )
+    return lines
+
+
+def print_table(title: str, lines: list[Line]) -> None:
+    """Time, error and ratio of every way; the cheapest matched run of each way is marked."""
+    base = lines[0]
+    print(f"\n{title}\n    {'way':28s} {'setting':>8s} {'us/row':>10s} {'error %':>9s} {'times ours':>11s}")
+    for line in lines:
+        rivals = [o.us_per_row for o in lines if o.way == line.way and o.percent <= base.percent]
+        mark = "  matched" if line.percent <= base.percent and line.us_per_row == min(rivals) else ""
+        ratio = line.us_per_row / base.us_per_row
+        print(
+            f"    {line.way:28s} {line.setting:>8s} {line.us_per_row:10.2f} {line.percent:9.4f} {ratio:11.1f}"
+            f"{mark if line is not base else ''}"
+        )
+
+
+def growth(rig: Transmission) -> None:
+    """Cost against the number of masses."""
+    print("\nGrowth with N, presliding: us/row (and per mass)")
+    for n in (6, 40, 200, 1000):
+        chain, rows = Chain.of(rig, Level.PRESLIDING, n), 2000
+        ours(chain, 2, Engine.COMPILED)()
+        seconds, _ = least_time(ours(chain, rows, Engine.COMPILED), 3)
+        text = f"    N = {n:4d}: ours, compiled {1e6 * seconds / rows:8.2f} ({1e6 * seconds / rows / n:.3f})"
+        if n <= 200:
+            seconds, _ = least_time(ours(chain, 600, Engine.CASADI), 2)
+            text += f", CasADi {1e6 * seconds / 600:8.1f}"
+            few = max(20, 4000 // n)
+            seconds, _ = least_time(by_rows(chain, few, Adaptive.CVODES, 1e-4), 1)
+            text += f", cvodes at 1e-4 {1e6 * seconds / few:10.0f}"
+        print(text)
+
+
+def euler_against_bdf2(rig: Transmission) -> None:
+    """The decision for the scheme: error and cost of both, by printing the stepper with Euler's coefficients."""
+    print("\nImplicit Euler against BDF2: error in % of range at N = 6 against cvodes at 1e-11, us/row")
+    steps = (4e-3, 2e-3, 1e-3, 5e-4)
+    original = compiled.BDF2_CARRY, compiled.BDF2_WEIGHT
+    for level in (Level.VISCOELASTIC, Level.PRESLIDING):
+        chain = Chain.of(rig, level, 6)
+        _, reference = least_time(by_rows(chain, 2000, Adaptive.CVODES, 1e-11), 1)
+        for name, (carry, weight) in (("BDF2", original), ("implicit Euler", (0.0, 1.0))):
+            compiled.BDF2_CARRY, compiled.BDF2_WEIGHT = carry, weight
+            compiled_stepper._source.cache_clear()
+            compiled_stepper._library.cache_clear()
+            cells = []
+            for step in steps:
+                rows = round(2.0 / step)
+                seconds, output = least_time(ours(chain, rows, Engine.COMPILED, step), 3)
+                every = max(1, round(STEP / step))
+                at = reference[:: max(1, round(step / STEP))]
+                cells.append(
+                    f"{1e3 * step:g} ms {percent_of_range(output[::every], at):.4f} % {1e6 * seconds / rows:.2f} us"
+                )
+            print(f"    {level:13s} {name:15s} " + "   ".join(cells))
+        compiled.BDF2_CARRY, compiled.BDF2_WEIGHT = original
+        compiled_stepper._source.cache_clear()
+        compiled_stepper._library.cache_clear()
+
+
+def examples_error() -> None:
+    """Error of the examples at their own step, under their reference as force and under its exact inverse."""
+    print("\nError at the example's step against 10 us, rms in % of range (reference as force / inverse as force)")
+    for path in sorted(EXAMPLES.glob("*.toml")):
+        scenario = load_scenario(path)
+        wanted, step, start = (
+            sample_reference(scenario).tension_N[:4001],
+            scenario.run.step_s,
+            initial_tension(scenario),
+        )
+        parts = round(step / 1e-5)
+        at, fine_at = np.arange(len(wanted)), np.arange((len(wanted) - 1) * parts + 1) / parts
+        cells = []
+        for level in Level:
+            chain = Chain.of(scenario.transmission, level)
+            errors = []
+            for force in (wanted, invert(chain, wanted, step, initial_tension_N=start).force_N):
+                coarse = simulate(chain, force, step, initial_tension_N=start).output_tension_N
+                fine = simulate(chain, np.interp(fine_at, at, force), step / parts, initial_tension_N=start)
+                errors.append(percent_of_range(coarse, fine.output_tension_N[::parts]))
+            cells.append(f"{level} {errors[0]:.4f} / {errors[1]:.4f}")
+        print(f"    {path.stem:16s} " + "   ".join(cells))
+
+
+def command_line() -> None:
+    """Marginal cost of a row of `tendonff simulate`."""
+    print("\nCommand line, N = 40, presliding: marginal cost of a row between files of 20 s and 200 s")
+    text = (EXAMPLES / "finger.toml").read_text(encoding="utf-8").replace("segments = 6 ", "segments = 40 ")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "scenario.toml").write_text(text, encoding="utf-8")
+        best = {}
+        for seconds in (20, 200):
+            t = np.arange(round(seconds / STEP) + 1) * STEP
+            rows = np.column_stack([t, np.asarray(force_at(t))])
+            np.savetxt(folder / "F.csv", rows, fmt="%.9g", delimiter=",", header="time_s,force_N", comments="")
+            command = [sys.executable, "-m", "tendonff.compensator.cli", "simulate", "scenario.toml"]
+            command += ["--level", "presliding", "--force", "F.csv", "--out", "O.csv"]
+            times = []
+            for _ in range(3):
+                begin = time.perf_counter()
+                subprocess.run(command, cwd=folder, check=True)
+                times.append(time.perf_counter() - begin)
+            best[seconds] = min(times)
+    chain = Chain.of(load_scenario(EXAMPLES / "finger.toml").transmission, Level.PRESLIDING, 40)
+    stepper, _ = least_time(ours(chain, 20_000, Engine.COMPILED), 3)
+    row = 1e6 * (best[200] - best[20]) / 180_000
+    print(f"    {row:.2f} us per row, of which the stepper takes {1e6 * stepper / 20_000:.2f} us")
+
+
+def main() -> None:
+    quick = "--quick" in sys.argv[1:]
+    begin = time.perf_counter()
+    rig = load_scenario(EXAMPLES / "finger.toml").transmission
+    cases = [(6, Level.PRESLIDING, 1000), (6, Level.VISCOELASTIC, 1000), (40, Level.PRESLIDING, 400)]
+    if not quick:
+        cases.append((40, Level.VISCOELASTIC, 400))
+    for n, level, rows in cases:
+        tables = main_table(Chain.of(rig, level, n), rows, quick)
+        print_table(f"Finger, {level}, N = {n}, {rows} rows", tables)
+    if not quick:
+        growth(rig)
+        euler_against_bdf2(rig)
+        examples_error()
+        command_line()
+    print(f"\n{time.perf_counter() - begin:.0f} s in all")
+
+
+if __name__ == "__main__":
+    main()
