@@ -149,7 +149,9 @@ def judge_tensions(tensions_N: tuple[Array, ...], goal: Goal, force_N: Array) ->
     high = max(float(t[1:].max()) for t in tensions_N)
     beyond = max(goal.bounds.low_N - low, high - goal.bounds.high_N, 0.0)
     effort = goal.effort_weight * float(np.mean(force_N**2))
-    merit = order_mean(squares, goal.power)[0] + effort + goal.penalty_N * beyond
+    # A slack link carries no force however slack it is, so its depth says nothing: the cost of slack is its own.
+    slack = goal.penalty_N * float(np.ptp(goal.reference_N)) if low <= 0 else 0.0
+    merit = order_mean(squares, goal.power)[0] + effort + goal.penalty_N * beyond + slack
     return Judgement(merit=merit, squares=squares, beyond_N=beyond, tensions_N=tensions_N)
 
 

@@ -162,6 +162,31 @@ def nearest_profile(
     return force_N if move is None else limits.apply(force_N + shape @ move, step_s, float(force_N[0]))
 
 
+def _taut_start(plants: tuple[Plant, ...], goal: Goal, clipped_N: Array) -> tuple[Judgement, Array]:
+    """The clipped profile, or the largest part of its changes that breaks no tension bound; from rest, none breaks one."""
+    first = (judge(plants, goal, clipped_N), clipped_N)
+    if first[0].beyond_N == 0:
+        return first
+    for share in (0.95, 0.8, 0.6, 0.4, 0.2, 0.0):
+        mixed = clipped_N[0] + share * (clipped_N - clipped_N[0])
+        judgement = judge(plants, goal, mixed)
+        if judgement.beyond_N == 0:
+            return judgement, mixed
+    return first
+
+
+def _as_far_as_taut(
+    plants: tuple[Plant, ...], goal: Goal, best: tuple[Judgement, Array], force_N: Array
+) -> tuple[Judgement, Array]:
+    """The profile, or as much of its difference from the best one as breaks no bound that the best one keeps."""
+    for share in (1.0, 0.7, 0.4, 0.1):
+        mixed = best[1] + share * (force_N - best[1])
+        judgement = judge(plants, goal, mixed)
+        if np.isfinite(judgement.merit) and judgement.beyond_N <= best[0].beyond_N:
+            return judgement, mixed
+    return best
+
+
 def improve(
     plants: tuple[Plant, ...],
     goal: Goal,
@@ -196,7 +221,7 @@ def improve(
         Never worse than the clipped force.
     """
     n, h = len(clipped_N), goal.step_s
-    best, force = (judge(plants, goal, clipped_N), clipped_N), clipped_N
+    best, force = _taut_start(plants, goal, clipped_N), clipped_N
     start = nearest_profile(wanted_N, clipped_N, h, limits, even_knots(n, max(spacing // 4, 1)), goal.penalty_N)
     descents: list[Descent] = []
     left = rules.iterations
@@ -208,9 +233,7 @@ def improve(
             knots = refined_knots(knots, limited_rows(best[1], h, limits))
         force = start if stage == 0 else best[1]
         force = straightened(force, knots, limited_rows(force, h, limits))
-        judgement = judge(plants, goal, force)
-        if not np.isfinite(judgement.merit):
-            judgement, force = best
+        judgement, force = _as_far_as_taut(plants, goal, best, force)
         found = descend(
             plants, goal, limits, force, judgement, knots, replace(rules, iterations=max(left // (3 - stage), 1)), tell
         )

@@ -135,7 +135,8 @@ def track_plants(
         best, status = 0, TrackStatus.EXACT
     else:
         try:
-            force, improvements = _search(plants, goal, limits, clipped, inversion.force_N, options, progress)
+            taut = _taut_limits(plants, goal, limits, inversion.force_N, float(clipped[0]))
+            force, improvements = _search(plants, goal, taut, float(clipped[0]), inversion.force_N, options, progress)
             candidates.insert(0, (judge(plants, goal, force), force))
         except (CodeError, SolveError) as error:
             note = f"; the search stopped: {error}"
@@ -159,6 +160,19 @@ def track_plants(
         limits,
         nominal,
     )
+
+
+_FLOORS = (1.0, 4.0, 16.0, 64.0, 256.0)
+
+
+def _taut_limits(plants: tuple[Plant, ...], goal: Goal, limits: ForceLimits, wanted: Array, start_N: float) -> ForceLimits:
+    """Limits whose least force keeps the tendon taut: a search that starts slack sees no slope."""
+    for floor in (limits.minimum_N, *(goal.bounds.low_N * share for share in _FLOORS)):
+        if limits.minimum_N <= floor < min(limits.maximum_N, start_N):
+            taut = replace(limits, minimum_N=floor)
+            if judge(plants, goal, taut.apply(wanted, goal.step_s, start_N)).beyond_N == 0:
+                return taut
+    return limits
 
 
 def _status(judgement: Judgement, improvements: tuple[Improvement, ...]) -> TrackStatus:
@@ -190,20 +204,20 @@ def _search(
     plants: tuple[Plant, ...],
     goal: Goal,
     limits: ForceLimits,
-    clipped: Array,
+    start_N: float,
     wanted: Array,
     options: TrackOptions,
     progress: Progress | None,
 ) -> tuple[Array, tuple[Improvement, ...]]:
     """Improve window by window; the plants keep moving on the profile that was kept."""
-    rows, spacing = len(clipped), coarse_spacing(goal.reference_N)
+    rows, spacing = len(wanted), coarse_spacing(goal.reference_N)
     length, overlap = KNOTS_PER_WINDOW * spacing, KNOTS_OF_OVERLAP * spacing
     if options.window_s is not None:
         length = max(round(options.window_s / goal.step_s), 2)
         overlap = max(min(overlap, length), 1)
     pieces = list(windows(rows, length, overlap))
-    simulators = [Simulator(p.chain, goal.step_s, p.state, force_inputs(clipped[:1])[0]) for p in plants]
-    force, improvements = clipped[:1], []
+    simulators = [Simulator(p.chain, goal.step_s, p.state, force_inputs(np.array([start_N]))[0]) for p in plants]
+    force, improvements = np.array([start_N]), []
     rules = Rules(
         iterations=options.max_iterations, tolerance=options.tolerance, trust_N=0.1 * float(np.ptp(goal.reference_N)) + 1e-6
     )
