@@ -14,6 +14,7 @@ from tendonff.compensator.table import BranchTable, FloatArray, Table
 from tendonff.models.capstan import Branch
 from tendonff.models.chain import Chain, ChainState
 from tendonff.models.errors import ParameterError
+from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import invert
 
 _TINY_MASS_KG = 1e-9
@@ -128,12 +129,11 @@ def build_table(
 
 
 def _without_masses(chain: Chain) -> Chain:
-    light = {"mass_kg": _TINY_MASS_KG}
     return replace(
         chain,
-        elements=replace(chain.elements, **light),
-        near=replace(chain.near, **light),
-        far=replace(chain.far, **light),
+        elements=replace(chain.elements, mass_kg=_TINY_MASS_KG),
+        near=replace(chain.near, mass_kg=_TINY_MASS_KG),
+        far=replace(chain.far, mass_kg=_TINY_MASS_KG),
     )
 
 
@@ -156,7 +156,8 @@ def sweep(
     start = max(0.2 * (turn_N + p) - p, 0.02 * turn_N) if branch is Branch.RELEASE else turn_N + 4.0 * (turn_N + p)
     approach = np.linspace(start, turn_N, _APPROACH + 1)
     arrived = invert(chain, approach, abs(turn_N - start) / _APPROACH / rate_N_per_s, record=True)
-    assert arrived.states is not None
+    if arrived.states is None:
+        raise SolveError("the sweep to the reversal kept no states")
     way = np.linspace(turn_N, end_N, _SAMPLES + 1)
     state = ChainState.from_vector(arrived.states[-1])
     force = invert(chain, way, abs(end_N - turn_N) / _SAMPLES / rate_N_per_s, state=state).force_N

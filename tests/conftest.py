@@ -69,3 +69,13 @@ def generic() -> Transmission:
         ),
         load=Load(mass_kg=0.02, stiffness_N_per_m=3000.0, damping_N_s_per_m=2.0),
     )
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Print what tests measured (`record_property("figure", text)`), from every worker."""
+    reports = [r for r in terminalreporter.stats.get("passed", []) if getattr(r, "when", "") == "call"]
+    figures = sorted({str(text) for r in reports for name, text in r.user_properties if name == "figure"})
+    if figures:
+        terminalreporter.section("measured figures")
+        for figure in figures:
+            terminalreporter.line(figure)

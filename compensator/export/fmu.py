@@ -97,9 +97,7 @@ def build_fmu(
     context["token"] = _token(sources, context, fmi)
     sources["model.h"] = _render("model.h.j2", context)
     declared = sources[fmi.headers[1]]
-    implemented = set(
-        re.findall(r"\b(fmi[23]\w+)\(", _TEMPLATES.get_template(f"{wrapper}.j2").render(context | {"stubs": ""}))
-    )
+    implemented = set(re.findall(r"\b(fmi[23]\w+)\(", _render(f"{wrapper}.j2", context | {"stubs": ""})))
     sources[wrapper] = _render(f"{wrapper}.j2", context | {"stubs": stubs(declared, implemented)})
     members = {f"sources/{name}": text.encode() for name, text in sources.items()}
     members["modelDescription.xml"] = _render(f"modelDescription{fmi.value[0]}.xml.j2", context).encode()
@@ -160,6 +158,7 @@ def _context(
             _Variable(name="actuator_position", text="positive towards the actuator", unit="m", start=near),
             _Variable(name="load_position", text="positive towards the actuator", unit="m", start=far),
         ]
+    release = version("tendonff")
     name = " ".join(scenario.name.replace("*/", "* /").split())
     return {
         "prefix": prefix,
@@ -167,13 +166,13 @@ def _context(
         "identifier": identifier,
         "compiled": compiled,
         "description": f"{kind} of the tendon chain, level {level}: {name}",
-        "version": version("tendonff"),
+        "version": release,
         "input": variable,
         "outputs": outputs,
         "initial": initial,
         "step": repr(scenario.run.step_s),
         "stop": repr(float(reference.time_s[-1])),
-        "provenance": f' * Scenario "{name}", hash {scenario_hash(scenario)}, level {level}; tendonff {version("tendonff")}.',
+        "provenance": f' * Scenario "{name}", hash {scenario_hash(scenario)}, level {level}; tendonff {release}.',
     }
 
 

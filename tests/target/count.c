@@ -1,7 +1,7 @@
 /* QEMU plugin: instructions between calls of two marker functions, by turns of several kinds.
  *
  * -plugin libcount.so,begin=ADDRESS,end=ADDRESS,kinds=K: the k-th pair of markers belongs to kind k mod K. At exit one
- * line per kind: kind, pairs, fewest and most instructions. Kind 0 shall be an empty pair; its count is taken off.
+ * line per kind: kind, pairs, fewest, most and mean instructions. Kind 0 shall be an empty pair; its count is taken off.
  * The prototypes stand here because distributions ship QEMU without its plugin header.
  */
 #include <inttypes.h>
@@ -29,7 +29,7 @@ void qemu_plugin_register_atexit_cb(qemu_plugin_id_t, void (*)(qemu_plugin_id_t,
 
 static uint64_t count, begun, begin_address, end_address;
 static unsigned kinds = 1, turn;
-static uint64_t pairs[MOST_KINDS], least[MOST_KINDS], most[MOST_KINDS];
+static uint64_t pairs[MOST_KINDS], least[MOST_KINDS], most[MOST_KINDS], sum[MOST_KINDS];
 
 static void begin(unsigned cpu, void *data)
 {
@@ -49,6 +49,7 @@ static void end(unsigned cpu, void *data)
     if (taken > most[turn]) {
         most[turn] = taken;
     }
+    sum[turn] += taken;
     pairs[turn]++;
     turn = (turn + 1) % kinds;
 }
@@ -76,7 +77,8 @@ static void finish(qemu_plugin_id_t id, void *data)
     (void)id;
     (void)data;
     for (k = 0; k < kinds; k++) {
-        fprintf(stderr, "count %u %" PRIu64 " %" PRIu64 " %" PRIu64 "\n", k, pairs[k], least[k] - least[0], most[k] - least[0]);
+        fprintf(stderr, "count %u %" PRIu64 " %" PRIu64 " %" PRIu64 " %.1f\n", k, pairs[k], least[k] - least[0],
+                most[k] - least[0], pairs[k] ? ((double)sum[k] / (double)pairs[k]) - (double)least[0] : 0.0);
     }
 }
 

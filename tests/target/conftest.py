@@ -1,0 +1,203 @@
+"""Exported folders, compilers and the emulated controllers."""
+
+import os
+import shutil
+import subprocess
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.export.c_project import export_project, write_project
+from tendonff.compensator.reference import sample_reference
+from tendonff.compensator.scenario import Scenario, load_scenario
+from tendonff.models.chain import Chain
+from tendonff.ocp.inverse import invert
+from tendonff.ocp.precision import Precision
+
+HERE = Path(__file__).parent
+MODULES = ("limits", "inverse", "capstan", "table", "plant")
+KINDS = ("inverse", "capstan", "table", "plant")
+HOST_FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Board:
+    """An emulated controller."""
+
+    name: str
+    precision: Precision
+    machine: str
+    flags: tuple[str, ...]
+
+
+M4F = Board(
+    name="Cortex-M4F float",
+    precision=Precision.FLOAT,
+    machine="mps2-an386",
+    flags=("-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard", "-mthumb"),
+)
+M7 = Board(
+    name="Cortex-M7 double",
+    precision=Precision.DOUBLE,
+    machine="mps2-an500",
+    flags=("-mcpu=cortex-m7", "-mfpu=fpv5-d16", "-mfloat-abi=hard", "-mthumb"),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answers:
+    """What one run of bench.c said."""
+
+    hashes: tuple[str, ...]
+    shown: np.ndarray  # (rows, modules)
+    counts: dict[str, tuple[int, int, float]]  # least, most and mean instructions of a call
+
+
+def need(*tools: str) -> None:
+    """Skip where a tool is missing."""
+    for tool in tools:
+        if shutil.which(tool) is None:
+            pytest.skip(f"{tool} is not installed")
+
+
+def run(*command: str | Path, **options: object) -> subprocess.CompletedProcess[str]:
+    """Run a command and show what it said if it fails."""
+    done = subprocess.run([str(c) for c in command], capture_output=True, text=True, check=False, **options)  # type: ignore[call-overload]
+    assert done.returncode == 0, f"{' '.join(map(str, command))}\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}"
+    return done
+
+
+@pytest.fixture(scope="session")
+def toolbox() -> object:
+    """The helpers of this folder, for its tests."""
+
+    class Toolbox:
+        need, run = staticmethod(need), staticmethod(run)
+        here, modules, kinds, m4f, m7 = HERE, MODULES, KINDS, M4F, M7
+        host_flags = HOST_FLAGS
+        write_reference = staticmethod(write_reference)
+        answers = staticmethod(answers)
+        on_board = staticmethod(on_board)
+        on_host = staticmethod(on_host)
+        code_size = staticmethod(code_size)
+
+    return Toolbox()
+
+
+@pytest.fixture(scope="session")
+def exported(tmp_path_factory: pytest.TempPathFactory, examples: Path) -> Callable[..., Path]:
+    """Folder of the exported C of an example, made once."""
+    made: dict[tuple[str, Precision, int | None], Path] = {}
+
+    def folder(precision: Precision, example: str = "finger", segments: int | None = None) -> Path:
+        key = (example, precision, segments)
+        if key not in made:
+            scenario = load_scenario(examples / f"{example}.toml")
+            if segments is not None:
+                path = replace(scenario.transmission.path, segments=segments)
+                scenario = replace(scenario, transmission=replace(scenario.transmission, path=path))
+            made[key] = tmp_path_factory.mktemp(f"{example}_{precision}")
+            write_project(export_project(scenario, precision=precision, profile_N=_profile(scenario)), made[key])
+        return made[key]
+
+    return folder
+
+
+def _profile(scenario: Scenario) -> np.ndarray:
+    """A profile that costs nothing to find."""
+    reference = sample_reference(scenario)
+    chain = Chain.of(scenario.transmission, scenario.run.level)
+    start = reference.initial_tension_N
+    return invert(chain, reference.tension_N, reference.step_s, initial_tension_N=start).force_N
+
+
+@pytest.fixture(scope="session")
+def course(examples: Path) -> Callable[[str], np.ndarray]:
+    """Reference of an example, sampled."""
+    return lambda example: sample_reference(load_scenario(examples / f"{example}.toml")).tension_N
+
+
+def write_reference(folder: Path, reference: np.ndarray, precision: Precision) -> None:
+    """Write reference.h for bench.c."""
+    suffix = "f" if precision is Precision.FLOAT else ""
+    numbers = ",\n".join(f"{float(v):.17e}{suffix}" for v in reference)
+    text = f"#define ROWS {len(reference)}\nstatic const tff_real reference[ROWS] = {{\n{numbers}\n}};\n"
+    (folder / "reference.h").write_text(text)
+
+
+def answers(text: str, precision: Precision) -> Answers:
+    """Read what bench.c and the counter wrote."""
+    lines = [line.split() for line in text.splitlines()]
+    kind = np.float32 if precision is Precision.FLOAT else np.float64
+    width = 8 if precision is Precision.FLOAT else 16
+    rows = [[bytes.fromhex(word[-width:])[::-1] for word in words] for words in lines if len(words) == len(KINDS)]
+    shown = np.array([[np.frombuffer(b, dtype=kind)[0] for b in row] for row in rows], dtype=np.float64)
+    hashes = next(tuple(words[1:]) for words in lines if words[:1] == ["hash"])
+    found = {int(words[1]): words[2:] for words in lines if words[:1] == ["count"]}
+    counts = {
+        name: (int(found[k + 1][1]), int(found[k + 1][2]), float(found[k + 1][3]))
+        for k, name in enumerate(KINDS)
+        if k + 1 in found
+    }
+    return Answers(hashes=hashes, shown=shown, counts=counts)
+
+
+def on_host(source: Path, folder: Path, precision: Precision) -> Answers:
+    """Run bench.c on this machine."""
+    need("gcc")
+    files = [source / f"tff_{name}.c" for name in MODULES]
+    run("gcc", *HOST_FLAGS, "-DHOST", "-I", folder, "-I", source, HERE / "bench.c", *files, "-lm", "-o", folder / "host")
+    return answers(run(folder / "host").stderr, precision)
+
+
+def on_board(board: Board, source: Path, folder: Path) -> tuple[Answers, Path]:
+    """Run bench.c on an emulated controller and count instructions; returns the image too."""
+    need("arm-none-eabi-gcc", "qemu-system-arm", "gcc")
+    image, counter = folder / "bench.elf", folder / "libcount.so"
+    files = [source / f"tff_{name}.c" for name in MODULES]
+    run(
+        *("arm-none-eabi-gcc", *board.flags, "-std=gnu11", "-O2", "-ffp-contract=off", "-fno-math-errno"),
+        *("-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections", "-nostartfiles"),
+        *("--specs=nano.specs", "--specs=nosys.specs", "-I", folder, "-I", source, "-T", HERE / "mps2.ld"),
+        *(HERE / "startup.c", HERE / "bench.c", *files, "-lm", "-o", image),
+    )
+    run("gcc", "-O2", "-shared", "-fPIC", "-o", counter, HERE / "count.c")
+    symbols = {words[2]: words[0] for line in run("arm-none-eabi-nm", image).stdout.splitlines() if len(words := line.split()) == 3}
+    plugin = f"{counter},begin=0x{symbols['mark_begin']},end=0x{symbols['mark_end']},kinds={len(KINDS) + 1}"
+    done = run(
+        *("qemu-system-arm", "-M", board.machine, "-nographic", "-monitor", "none", "-serial", "none"),
+        *("-semihosting-config", "enable=on,target=native", "-plugin", plugin, "-kernel", image),
+        timeout=100,
+    )
+    return answers(done.stderr + done.stdout, board.precision), image
+
+
+def code_size(board: Board, source: Path, folder: Path) -> tuple[int, dict[str, int]]:
+    """Bytes of code and constants of all modules but the profile, and the stack of the two step functions."""
+    total, stack = 0, {}
+    for name in MODULES:
+        target = folder / f"{name}.o"
+        run(
+            *("arm-none-eabi-gcc", *board.flags, "-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno"),
+            *("-fstack-usage", "-I", source, "-c", source / f"tff_{name}.c", "-o", target),
+        )
+        total += int(run("arm-none-eabi-size", target).stdout.splitlines()[1].split()[0])
+        for line in target.with_suffix(".su").read_text().splitlines():
+            where, size, _ = line.split("\t")
+            stack[where.split(":")[-1]] = int(size)
+    inverse = stack["tff_inverse_step"] + stack["tff_output_set"]
+    plant = stack["tff_plant_step"] + stack.get("tff_chain_solve", 0) + stack.get("tff_chain_evaluate", 0)
+    return total, {"inverse": inverse, "plant": plant}
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """These tests share an expensive fixture: keep them on one worker where the scheduler can."""
+    for item in items:
+        if item.path.is_relative_to(HERE):
+            item.add_marker(pytest.mark.xdist_group("target"))
+
+
+UPDATE_MEASURED = bool(os.environ.get("TENDONFF_UPDATE_MEASURED"))

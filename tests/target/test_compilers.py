@@ -1,0 +1,87 @@
+"""The exported C under every compiler and checker that is here."""
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tendonff.ocp.precision import Precision
+
+STRICT = ("-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror", "-O2")
+LANGUAGES = {
+    "gcc": ("-std=c99",),
+    "clang": ("-std=c99",),
+    "g++": ("-x", "c++", "-std=c++11"),
+    "clang++": ("-x", "c++", "-std=c++11"),
+}
+
+
+@pytest.mark.parametrize("precision", Precision)
+@pytest.mark.parametrize("compiler", LANGUAGES)
+def test_strict_compilers_have_nothing_to_say_in_c_and_in_cplusplus(toolbox, exported, compiler, precision, tmp_path):
+    toolbox.need(compiler)
+    folder = exported(precision)
+    for source in sorted(folder.glob("*.c")):
+        toolbox.run(compiler, *LANGUAGES[compiler], *STRICT, "-c", source, "-o", tmp_path / "x.o")
+
+
+@pytest.mark.parametrize("precision", Precision)
+def test_a_copied_folder_passes_its_own_test_elsewhere(toolbox, exported, precision, tmp_path):
+    toolbox.need("make", "cc")
+    folder = shutil.copytree(exported(precision), tmp_path / "elsewhere")
+    said = toolbox.run("make", "test", cwd=folder).stdout
+    assert "self test passed" in said
+    assert said.count("passes") == 8
+
+
+def test_the_self_test_fails_when_the_code_is_wrong(toolbox, exported, tmp_path):
+    toolbox.need("make", "cc")
+    folder = shutil.copytree(exported(Precision.DOUBLE), tmp_path / "broken")
+    source = folder / "tff_capstan.c"
+    source.write_text(re.sub(r"(PULL_RATIO )([0-9.]+)", r"\g<1>1.8744", source.read_text()))
+    done = subprocess.run(["make", "test"], cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode != 0
+    assert "SELF TEST FAILED" in done.stdout
+
+
+def test_cmake_builds_and_tests_the_folder(toolbox, exported, tmp_path):
+    toolbox.need("cmake", "ctest", "cc")
+    toolbox.run("cmake", "-S", exported(Precision.DOUBLE), "-B", tmp_path)
+    toolbox.run("cmake", "--build", tmp_path)
+    assert "100% tests passed" in toolbox.run("ctest", cwd=tmp_path).stdout
+    assert toolbox.run(tmp_path / "example").stdout.startswith("time_s,reference_N,force_N,tension_N,status\n")
+
+
+@pytest.mark.parametrize("precision", Precision)
+def test_sanitizers_find_nothing_in_fuzzed_input_and_limits_hold(toolbox, exported, precision, tmp_path):
+    toolbox.need("gcc")
+    folder = exported(precision)
+    files = [folder / f"tff_{name}.c" for name in toolbox.modules]
+    program = tmp_path / "fuzz"
+    sanitize = ("-g", "-O1", "-fsanitize=address,undefined,float-divide-by-zero,float-cast-overflow", "-fno-sanitize-recover=all")
+    toolbox.run("gcc", "-std=c99", *sanitize, "-I", folder, toolbox.here / "fuzz.c", *files, "-lm", "-o", program)
+    assert toolbox.run(program).stdout == "0 failures\n"
+
+
+@pytest.mark.parametrize("precision", Precision)
+def test_cppcheck_and_its_misra_rules_are_quiet(toolbox, exported, precision, tmp_path):
+    """One advisory rule is set aside: 8.9 wants the table's arrays inside the function that reads them."""
+    toolbox.need("cppcheck")
+    folder = shutil.copytree(exported(precision), tmp_path / "c")
+    files = sorted(folder.glob("tff_*.c"))
+    toolbox.run(
+        *("cppcheck", "--std=c99", "--quiet", "--enable=warning,style,performance,portability"),
+        *("--suppress=missingIncludeSystem", "--error-exitcode=1", "-I", folder, *files),
+    )
+    addon = next((p for p in Path("/usr").glob("*/**/cppcheck/addons/misra.py")), None)
+    if addon is None:
+        pytest.skip("cppcheck's misra.py is not installed")
+    hits = []
+    for file in files:
+        toolbox.run("cppcheck", "--std=c99", "--quiet", "--dump", "-I", folder, file)
+        said = subprocess.run([sys.executable, addon, f"{file}.dump"], capture_output=True, text=True, check=False)
+        hits += [line for line in (said.stdout + said.stderr).splitlines() if "[misra-c2012" in line]
+    assert [hit for hit in hits if not ("8.9]" in hit and "tff_table_data.h" in hit)] == []

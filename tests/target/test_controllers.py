@@ -1,0 +1,114 @@
+"""The exported C on emulated controllers: bits, instructions, memory."""
+
+import json
+import re
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tendonff.ocp.precision import Precision
+
+CEILINGS = {"inverse": 3000, "capstan": 200, "plant": 120_000}
+TABLE_MOST, TABLE_MEAN = 300, 200  # a reversal costs a second search
+HOST_CEILINGS = {"inverse": 1500, "capstan": 200, "table": 200}
+
+
+@pytest.mark.parametrize("board", ["m4f", "m7"])
+def test_a_controller_gives_the_bits_of_the_host_within_the_instruction_ceilings(
+    toolbox, exported, course, board, tmp_path, record_property
+):
+    """Without Stribeck the code needs + - * / sqrt only, which are exact to the last bit everywhere."""
+    board = getattr(toolbox, board)
+    source = exported(board.precision)
+    toolbox.write_reference(tmp_path, course("finger"), board.precision)
+    there, image = toolbox.on_board(board, source, tmp_path)
+    here = toolbox.on_host(source, tmp_path, board.precision)
+    assert there.hashes == here.hashes
+    most = {name: there.counts[name][1] for name in toolbox.kinds}
+    means = {name: round(there.counts[name][2]) for name in toolbox.kinds}
+    size, stack = toolbox.code_size(board, source, tmp_path)
+    for name in toolbox.kinds:
+        record_property("figure", f"{board.name}, N = 6, {name}: {most[name]} instructions at most, {means[name]} mean")
+    record_property("figure", f"{board.name}, N = 6: {size} bytes of code and constants, stack {stack}")
+    assert all(most[name] <= ceiling for name, ceiling in CEILINGS.items())
+    assert most["table"] <= TABLE_MOST
+    assert means["table"] <= TABLE_MEAN
+    assert size < 16 * 1024
+    if board.precision is Precision.FLOAT:
+        assert "__aeabi_d" not in toolbox.run("arm-none-eabi-nm", image).stdout
+
+
+def test_the_figures_in_the_readme_are_those_measured(toolbox, exported, course, tmp_path):
+    """Within a fifth, for compilers differ; TENDONFF_UPDATE_MEASURED=path writes the file anew."""
+    import os
+
+    stored = json.loads(files("tendonff.compensator").joinpath("export", "measured.json").read_text(encoding="utf-8"))
+    fresh: dict[str, dict[str, object]] = {}
+    for precision in Precision:
+        fresh[precision] = {"note": ", GCC 12.2", "calls": len(course("finger")), "rows": []}
+    for board in (toolbox.m4f, toolbox.m7):
+        for segments in (6, 40):
+            folder = tmp_path / f"{board.machine}{segments}"
+            folder.mkdir()
+            source = exported(board.precision, "finger", None if segments == 6 else segments)
+            toolbox.write_reference(folder, course("finger"), board.precision)
+            there, _ = toolbox.on_board(board, source, folder)
+            size, stack = toolbox.code_size(board, source, folder)
+            row = {"target": board.name.rsplit(" ", 1)[0], "masses": segments}
+            row |= {name: there.counts[name][1] for name in toolbox.kinds}
+            row |= {"code": size, "stack_inverse": stack["inverse"], "stack_plant": stack["plant"]}
+            fresh[board.precision]["rows"].append(row)  # type: ignore[attr-defined]
+    if target := os.environ.get("TENDONFF_UPDATE_MEASURED"):
+        Path(target).write_text(json.dumps(fresh, indent=2) + "\n")
+    for precision in Precision:
+        for now, then in zip(fresh[precision]["rows"], stored[precision]["rows"], strict=True):
+            assert now.keys() == then.keys()
+            for name, value in now.items():
+                assert then[name] == value or then[name] == pytest.approx(value, rel=0.2), name
+
+
+def test_with_stribeck_a_controller_stays_within_a_millinewton_of_the_host(toolbox, exported, course, tmp_path, record_property):
+    """exp differs by an ulp between maths libraries."""
+    source = exported(Precision.FLOAT, "finger_stribeck")
+    toolbox.write_reference(tmp_path, course("finger_stribeck"), Precision.FLOAT)
+    there, _ = toolbox.on_board(toolbox.m4f, source, tmp_path)
+    here = toolbox.on_host(source, tmp_path, Precision.FLOAT)
+    difference = np.abs(there.shown - here.shown).max(axis=0)
+    record_property("figure", f"Cortex-M4F float with Stribeck against the host: {difference[0]:.2g} N (inverse)")
+    assert difference[0] < 1e-3
+    assert there.counts["inverse"][1] <= CEILINGS["inverse"]
+
+
+@pytest.mark.parametrize("name", HOST_CEILINGS)
+def test_the_host_stays_within_its_instruction_ceilings(toolbox, exported, course, name, tmp_path, record_property):
+    toolbox.need("valgrind", "gcc")
+    source = exported(Precision.DOUBLE)
+    rows = course("finger")[::4]
+    toolbox.write_reference(tmp_path, rows, Precision.DOUBLE)
+    toolbox.on_host(source, tmp_path, Precision.DOUBLE)
+    said = toolbox.run(
+        *("valgrind", "--tool=callgrind", f"--callgrind-out-file={tmp_path / 'out'}"),
+        *(f"--toggle-collect=tff_{name}_step", tmp_path / "host"),
+    ).stderr
+    mean = int(re.search(r"Collected : (\d+)", said)[1]) / len(rows)
+    record_property("figure", f"x86-64 double, N = 6, {name}: {mean:.0f} instructions mean")
+    assert 20 < mean <= HOST_CEILINGS[name]
+
+
+@pytest.mark.parametrize("precision", Precision)
+def test_every_record_is_as_small_as_the_readme_says_and_under_a_kilobyte(toolbox, exported, precision, tmp_path, record_property):
+    toolbox.need("gcc")
+    folder = exported(precision)
+    names = ("inverse", "capstan", "table", "plant", "profile")
+    main = "".join(f'#include "tff_{n}.h"\n' for n in names) + "#include <stdio.h>\nint main(void) {\n"
+    main += "".join(f'printf("{n} %u\\n", (unsigned)sizeof(tff_{n}));\n' for n in names) + "return 0; }\n"
+    (tmp_path / "size.c").write_text(main)
+    toolbox.run("gcc", "-I", folder, tmp_path / "size.c", "-o", tmp_path / "size")
+    sizes = dict(line.split() for line in toolbox.run(tmp_path / "size").stdout.splitlines())
+    readme = (folder / "README.md").read_text()
+    record_property("figure", f"{precision}, N = 6, bytes of state: {', '.join(f'{k} {v}' for k, v in sizes.items())}")
+    assert all(int(size) < 1024 for size in sizes.values())
+    assert f"inverse {sizes['inverse']} bytes, capstan {sizes['capstan']}, table {sizes['table']}, plant {sizes['plant']}" in readme
+    assert f"profile {sizes['profile']}." in readme
