@@ -110,7 +110,23 @@ class Picture:
     caption: str
 
 
-Block = Text | Table | Picture
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PictureFile:
+    """A figure that was written already; its content is taken into the page.
+
+    Parameters
+    ----------
+    path : Path
+        PNG file.
+    caption : str
+        What to see in it, in words.
+    """
+
+    path: Path
+    caption: str
+
+
+Block = Text | Table | Picture | PictureFile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -260,6 +276,8 @@ def _prepared(block: Block) -> dict[str, object]:
             }
         case Picture():
             return {"kind": "picture", "caption": block.caption, "source": figure_uri(block.figure)}
+        case PictureFile():
+            return {"kind": "picture", "caption": block.caption, "source": _uri("image/png", block.path.read_bytes())}
 
 
 def _is_number(cell: Cell) -> bool:
@@ -298,6 +316,10 @@ def figure_uri(figure: Figure) -> str:
     content, media = _drawn(figure, "svg", {"Date": None}), "image/svg+xml"
     if len(content) > _LARGEST_SVG_BYTES:
         content, media = _drawn(figure, "png", {"Software": None}), "image/png"
+    return _uri(media, content)
+
+
+def _uri(media: str, content: bytes) -> str:
     return f"data:{media};base64,{base64.b64encode(content).decode('ascii')}"
 
 

@@ -1,15 +1,19 @@
 """Reports and the interactive page in a real browser: Chromium without a screen."""
 
+import re
 import shutil
 import threading
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from tendonff.compensator.cli import run
+from tendonff.compensator.files import read_csv, write_csv
 from tendonff.compensator.plots import new_figure
 from tendonff.compensator.report import FileNote, Picture, Provenance, Report, Section, Table, Text, write_report
-from tendonff.compensator.scenario import load_scenario
+from tendonff.compensator.scenario import load_scenario, scenario_to_toml
 
 selenium = pytest.importorskip("selenium", reason="selenium is not installed")
 from selenium import webdriver  # noqa: E402
@@ -141,6 +145,54 @@ def test_a_report_prints_all_of_itself(browser, page):
     finally:
         browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
     assert not cut
+
+
+@pytest.fixture(scope="module")
+def small(examples, tmp_path_factory):
+    """A scenario file that every command is quick with."""
+    scenario = load_scenario(examples / "finger.toml")
+    scenario = replace(
+        scenario,
+        reference=replace(scenario.reference, duration_s=1.5, fade_in_s=0.2),
+        run=replace(scenario.run, step_s=2e-3),
+        experiment=replace(scenario.experiment, fine_segments=8, hold_s=0.5, pull_time_s=0.5),
+    )
+    path = tmp_path_factory.mktemp("small") / "small.toml"
+    path.write_text(scenario_to_toml(scenario), encoding="utf-8")
+    return path
+
+
+def arguments_of(command, scenario, folder):
+    """The command line that makes a report; `identify` gets what `simulate` measured."""
+    if command != "identify":
+        return [command, str(scenario), "--out", str(folder)]
+    force, played, data = (folder.with_name(name) for name in ("f.csv", "played.csv", "data.csv"))
+    force.write_text("time_s,force_N\n0,30\n1,80\n2,15\n3,60\n4,20\n5,30\n", encoding="utf-8")
+    assert run(["simulate", str(scenario), "--force", str(force), "--out", str(played)]) == 0
+    columns = read_csv(played, ("time_s", "tension_1_N", "tension_7_N", "actuator_position_m", "load_position_m"))
+    names = ("time_s", "input_tension_N", "output_tension_N", "input_position_m", "output_position_m")
+    write_csv(data, dict(zip(names, columns.values(), strict=True)))
+    return [command, str(scenario), "--data", str(data), "--static", "--out", str(folder)]
+
+
+@pytest.mark.parametrize("command", ["design", "compare", "experiment", "table", "identify"])
+def test_the_report_of_every_command_opens_and_is_readable(browser, small, tmp_path, command):
+    folder = tmp_path / "out"
+    assert run(arguments_of(command, small, folder)) == 0
+    with phone(browser):
+        browser.get((folder / "report.html").as_uri())
+        assert complaints(browser) == []
+        inner, whole = browser.execute_script("return [window.innerWidth, document.documentElement.scrollWidth]")
+        assert whole <= inner
+        drawn = browser.execute_script("return [...document.images].map(i => i.complete && i.naturalWidth > 0)")
+        assert drawn
+        assert all(drawn)
+        text = browser.execute_script("return document.body.innerText")
+    assert f"tendonff {command} small.toml" in text
+    assert not re.search(r"\b(nan|None|inf)\b|<[a-z]+>|\{\{", text)
+    assert str(tmp_path) not in text
+    for link in browser.execute_script("return [...document.links].map(a => a.getAttribute('href'))"):
+        assert link.startswith("#") or (folder / link).is_file()
 
 
 @pytest.fixture(scope="module")

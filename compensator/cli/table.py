@@ -37,14 +37,19 @@ def table(
 ) -> None:
     """Tabulate the feedforward force over reference, branch and tension since the last reversal."""
     from tendonff.compensator.files import atomic_directory
+    from tendonff.compensator.report import write_report
     from tendonff.compensator.scenario import load_scenario
     from tendonff.compensator.table_files import make_tables, write_tables
+    from tendonff.compensator.table_report import table_report
 
     loaded = load_scenario(scenario)
     angle_axis, rate_axis = _numbers(angles, "--angles"), _numbers(rates, "--rates")
+    options = {"--level": level, "--bound": bound, "--angles": angles, "--rates": rates}
+    given = [f"{name} {value}" for name, value in options.items() if value is not None]
     with progress("tabulating"), atomic_directory(out) as folder:
         tables = make_tables(loaded, level=level, bound_N=bound, angles_rad=angle_axis, rates_N_per_s=rate_axis)
         write_tables(tables, folder)
+        write_report(folder / "report.html", table_report(tables, folder, options=" ".join(given)))
     for warning in tables.reference.warnings:
         warn(warning)
     built = tables.runs[0].built

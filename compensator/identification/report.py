@@ -1,0 +1,107 @@
+"""The report of an identification."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from tendonff.compensator.identification.result import Identification
+from tendonff.compensator.report import Block, FileNote, PictureFile, Provenance, Report, Section, Table, Text
+
+_CAPTIONS = {
+    "time": "What was measured, and what the law makes of it.",
+    "loop": "The same as loops: tension against tension.",
+    "residuals": "What the law leaves unexplained. Structure in here is physics that the law lacks.",
+    "relaxation": "Elongation, measured and modelled.",
+}
+
+
+def identification_report(found: Identification, folder: Path, inputs: Sequence[Path] = ()) -> Report:
+    """The page of an identification.
+
+    Parameters
+    ----------
+    found : Identification
+    folder : Path
+        Where its figures lie.
+    inputs : sequence of Path, optional
+        The measured files.
+    """
+    validated = found.validation_percent
+    judged = "" if validated is None else f", and {validated:.2g} % on files that it did not see"
+    verdict = (
+        f"The {found.law} law describes the device: it leaves {found.fit_percent:.2g} % of range{judged}."
+        if found.described
+        else f"No law describes the device: the best, {found.law}, leaves {found.fit_percent:.2g} % of range{judged}."
+    )
+    estimates = Table(
+        caption="Estimates; a value that the data cannot tell is the scenario's own",
+        columns=("value", "estimate", "standard error", "95 % interval", "told by the data", "why"),
+        rows=[
+            (e.name, e.value, e.standard_error, _interval(e.interval), e.identifiable, e.why) for e in found.estimates
+        ],
+        digits=4,
+    )
+    laws = Table(
+        caption="Laws that were compared, rms in % of range",
+        columns=("law", "stage", "free values", "fitted files", "validation files", "chosen"),
+        rows=[(w.name, w.stage, w.free_values, w.fit_percent, w.validation_percent, w.chosen) for w in found.laws],
+    )
+    files = Table(
+        caption="Error by file",
+        columns=("file", "role", "rms", "range", "% of its range", "what was found in it"),
+        rows=[
+            (
+                f.error.name,
+                f.role,
+                f.error.rms_N,
+                f.error.range_N,
+                f.error.percent,
+                "; ".join(finding.text for finding in f.findings) or "nothing unusual",
+            )
+            for f in found.files
+        ],
+    )
+    sliding = Table(
+        caption="Gross sliding, before any model: ln of input over output tension",
+        columns=("branch", "ln ratio", "5 to 95 %", "rows", "remark"),
+        rows=[(str(g.branch), g.log_ratio, _interval(g.interval), g.rows, g.reason) for g in found.gross],
+    )
+    pictures: list[Block] = [
+        PictureFile(path=folder / f"{name}.png", caption=caption)
+        for name, caption in _CAPTIONS.items()
+        if (folder / f"{name}.png").is_file()
+    ]
+    excitation = folder / "suggested_force.png"
+    after: list[Block] = [
+        Text(
+            "suggested_force.csv is a force for the next measurement on this rig; it excites what the data so far "
+            "could not tell."
+        )
+    ]
+    if excitation.is_file():
+        after.append(PictureFile(path=excitation, caption="The suggested force."))
+    name = found.scenario.source.name
+    data = "".join(f" --{'data' if f.role == 'fit' else 'validate'} {f.error.name}" for f in found.files)
+    return Report(
+        title=f"Identification: {found.scenario.name}",
+        summary=verdict,
+        warnings=found.warnings,
+        sections=(
+            Section(title="Estimates", blocks=(estimates,)),
+            Section(title="Model and measurement", blocks=pictures),
+            Section(title="Which law", blocks=(laws, sliding)),
+            Section(title="The files", blocks=(files,)),
+            Section(title="What to measure next", blocks=after),
+        ),
+        provenance=Provenance(
+            scenario=found.scenario, command=f"tendonff identify {name}{data} --out DIR", inputs=inputs
+        ),
+        files=(
+            FileNote(name="fitted.toml", content="the scenario with the estimates put in; the one printed below"),
+            FileNote(name="fit.json", content="estimates, intervals, correlations and errors for other programs"),
+            FileNote(name="suggested_force.csv", content="a force to play for the next measurement"),
+        ),
+    )
+
+
+def _interval(bounds: tuple[float, float] | None) -> str | None:
+    return None if bounds is None else f"{bounds[0]:.4g} to {bounds[1]:.4g}"
