@@ -283,6 +283,13 @@ def _report(work: _Work, goal: Goal, options: TrackOptions, limits: ForceLimits,
         bounds = options.minimum_tension_N, options.maximum_tension_N
         told = reasons(law_of(nominal), reference, work.inversion.force_N, h, limits, *bounds)
     left = f"{rms:.3g} N rms ({100 * rms / span:.2g} % of range) remain, the clipped inverse leaves {clipped_rms:.3g} N"
+    plants = len(work.judgement.squares)
+    if plants > 1:
+        worst_rms = float(np.sqrt(work.judgement.squares.max()))
+        left = (
+            f"{worst_rms:.3g} N rms remain on the worst of {plants} plants where the clipped inverse leaves "
+            f"{clipped_rms:.3g} N; {rms:.3g} N ({100 * rms / span:.2g} % of range) on the nominal one"
+        )
     effort = f"{iterations} iterations, {work.solve_s:.2g} s"
     message = {
         TrackStatus.EXACT: f"no limit binds: the exact inverse is the optimum, {rms:.2g} N rms remain; no iteration needed",
