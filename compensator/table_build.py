@@ -177,9 +177,9 @@ def _sample_branch(
         samples = _sample_shares(chain, branch, references, rate, most, resolution)
         over = np.all(np.abs(samples.force_N - samples.force_N[:, -1:]) <= 0.25 * bound, axis=0)
         last = int(np.flatnonzero(~over)[-1]) + 2 if not over.all() else 2
-        if samples.share[last - 1] > 0.2 * most or most < _LEAST_SHARE:
+        if samples.share[last - 1] > 0.6 * most or most < _LEAST_SHARE:
             return samples.cut(max(2, min(last, samples.share.size)))
-        most = max(3.0 * float(samples.share[last - 1]), 0.5 * _LEAST_SHARE)
+        most = max(1.5 * float(samples.share[last - 1]), 0.5 * _LEAST_SHARE)
 
 
 def _sample_shares(

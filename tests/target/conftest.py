@@ -149,7 +149,9 @@ def on_host(source: Path, folder: Path, precision: Precision) -> Answers:
     """Run bench.c on this machine."""
     need("gcc")
     files = [source / f"tff_{name}.c" for name in MODULES]
-    run("gcc", *HOST_FLAGS, "-DHOST", "-I", folder, "-I", source, HERE / "bench.c", *files, "-lm", "-o", folder / "host")
+    run(
+        "gcc", *HOST_FLAGS, "-DHOST", "-I", folder, "-I", source, HERE / "bench.c", *files, "-lm", "-o", folder / "host"
+    )
     return answers(run(folder / "host").stderr, precision)
 
 
@@ -165,7 +167,11 @@ def on_board(board: Board, source: Path, folder: Path) -> tuple[Answers, Path]:
         *(HERE / "startup.c", HERE / "bench.c", *files, "-lm", "-o", image),
     )
     run("gcc", "-O2", "-shared", "-fPIC", "-o", counter, HERE / "count.c")
-    symbols = {words[2]: words[0] for line in run("arm-none-eabi-nm", image).stdout.splitlines() if len(words := line.split()) == 3}
+    symbols = {
+        words[2]: words[0]
+        for line in run("arm-none-eabi-nm", image).stdout.splitlines()
+        if len(words := line.split()) == 3
+    }
     plugin = f"{counter},begin=0x{symbols['mark_begin']},end=0x{symbols['mark_end']},kinds={len(KINDS) + 1}"
     done = run(
         *("qemu-system-arm", "-M", board.machine, "-nographic", "-monitor", "none", "-serial", "none"),

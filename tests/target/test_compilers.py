@@ -61,7 +61,12 @@ def test_sanitizers_find_nothing_in_fuzzed_input_and_limits_hold(toolbox, export
     folder = exported(precision)
     files = [folder / f"tff_{name}.c" for name in toolbox.modules]
     program = tmp_path / "fuzz"
-    sanitize = ("-g", "-O1", "-fsanitize=address,undefined,float-divide-by-zero,float-cast-overflow", "-fno-sanitize-recover=all")
+    sanitize = (
+        "-g",
+        "-O1",
+        "-fsanitize=address,undefined,float-divide-by-zero,float-cast-overflow",
+        "-fno-sanitize-recover=all",
+    )
     toolbox.run("gcc", "-std=c99", *sanitize, "-I", folder, toolbox.here / "fuzz.c", *files, "-lm", "-o", program)
     assert toolbox.run(program).stdout == "0 failures\n"
 

@@ -69,7 +69,9 @@ def test_the_figures_in_the_readme_are_those_measured(toolbox, exported, course,
                 assert then[name] == value or then[name] == pytest.approx(value, rel=0.2), name
 
 
-def test_with_stribeck_a_controller_stays_within_a_millinewton_of_the_host(toolbox, exported, course, tmp_path, record_property):
+def test_with_stribeck_a_controller_stays_within_a_millinewton_of_the_host(
+    toolbox, exported, course, tmp_path, record_property
+):
     """exp differs by an ulp between maths libraries."""
     source = exported(Precision.FLOAT, "finger_stribeck")
     toolbox.write_reference(tmp_path, course("finger_stribeck"), Precision.FLOAT)
@@ -98,7 +100,9 @@ def test_the_host_stays_within_its_instruction_ceilings(toolbox, exported, cours
 
 
 @pytest.mark.parametrize("precision", Precision)
-def test_every_record_is_as_small_as_the_readme_says_and_under_a_kilobyte(toolbox, exported, precision, tmp_path, record_property):
+def test_every_record_is_as_small_as_the_readme_says_and_under_a_kilobyte(
+    toolbox, exported, precision, tmp_path, record_property
+):
     toolbox.need("gcc")
     folder = exported(precision)
     names = ("inverse", "capstan", "table", "plant", "profile")
@@ -110,5 +114,8 @@ def test_every_record_is_as_small_as_the_readme_says_and_under_a_kilobyte(toolbo
     readme = (folder / "README.md").read_text()
     record_property("figure", f"{precision}, N = 6, bytes of state: {', '.join(f'{k} {v}' for k, v in sizes.items())}")
     assert all(int(size) < 1024 for size in sizes.values())
-    assert f"inverse {sizes['inverse']} bytes, capstan {sizes['capstan']}, table {sizes['table']}, plant {sizes['plant']}" in readme
+    assert (
+        f"inverse {sizes['inverse']} bytes, capstan {sizes['capstan']}, table {sizes['table']}, plant {sizes['plant']}"
+        in readme
+    )
     assert f"profile {sizes['profile']}." in readme
