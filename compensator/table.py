@@ -10,7 +10,8 @@ force goes over from one branch to the other along the tension that the referenc
           |         share where the force goes on without a jump
           +---------------- tension travelled since the reversal
 
-What is interpolated is the ratio (force + p)/(T + p), which hardly depends on T either. The C of the export does the same operations in the same order.
+What is interpolated is the ratio (force + p)/(T + p), which hardly depends on T either. The C of the export does the
+same operations in the same order.
 """
 
 import math
@@ -188,11 +189,13 @@ class TableCompensator:
         """Cell of a reference and its place in the cell, 0 to 1."""
         cells = (reference_N - self._low) * self._cells_per_N
         row = min(int(cells), self._last_row)
-        return row, min(cells - row, 1.0)
+        return row, cells - row
 
     def _share_of(self, shares: list[float], below: list[float], above: list[float], a: float, sign: float) -> float:
         """Share at which a branch has the present ratio: bisection over the nodes of the reference below."""
         low, high = 0, len(shares) - 1
+        if sign * (self._ratio - below[1]) < 0:  # out of full slip: the usual reversal
+            high = 1
         while high - low > 1:
             middle = (low + high) // 2
             if sign * (self._ratio - below[middle]) >= 0:
@@ -219,8 +222,7 @@ def _cell(nodes: list[float], value: float) -> tuple[int, float]:
             low = middle
         else:
             high = middle
-    place = (value - nodes[low]) / (nodes[high] - nodes[low])
-    return low, 0.0 if place < 0 else min(place, 1.0)
+    return low, min((value - nodes[low]) / (nodes[high] - nodes[low]), 1.0)
 
 
 def table_force(table: Table, reference_N: FloatArray, initial_tension_N: float | None = None) -> FloatArray:

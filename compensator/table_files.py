@@ -10,7 +10,7 @@ import numpy as np
 
 from tendonff.compensator.compensators import Plant, Score, play_and_score
 from tendonff.compensator.files import InputError, write_json, write_text
-from tendonff.compensator.plots import BLUE, VERMILION, new_figure, save_figure
+from tendonff.compensator.plots import BLUE, VERMILION, figure_style, new_figure, save_figure
 from tendonff.compensator.reference import Reference, largest_tension, sample_reference
 from tendonff.compensator.scenario import Scenario, scenario_hash
 from tendonff.compensator.table import BranchTable, FloatArray, Table, table_force, table_range_N
@@ -25,10 +25,12 @@ BOUND_SHARE = 0.005
 """Interpolation error that a table may have unless told otherwise, as a share of the reference's range."""
 
 FORMULA = (
-    "(force_N + adhesion_N)/(reference_N + adhesion_N) = bilinear(reference_N, share), share = tension_since_reversal_N/(reference_N + adhesion_N); "
-    "tension_since_reversal_N = abs(reference_N - turn_N), branch = pull while the reference rises, release while it "
-    "falls; at a reversal turn_N is set so that the force goes on without a jump (out of full slip: the reference of the "
-    "reversal); beyond the last share the force of the last share holds"
+    "(force_N + adhesion_N)/(reference_N + adhesion_N) = bilinear(reference_N, share); "
+    "share = tension_since_reversal_N/(reference_N + adhesion_N); "
+    "tension_since_reversal_N = abs(reference_N - turn_N); "
+    "branch = pull while the reference rises, release while it falls; "
+    "at a reversal turn_N is set so that the force goes on without a jump (out of full slip: the reference there); "
+    "beyond the last share the force of the last share holds"
 )
 
 
@@ -290,7 +292,8 @@ def write_tables(tables: ScenarioTables, folder: Path) -> None:
     write_text(folder / "table.csv", table_csv(tables))
     write_json(folder / "table.json", json.loads(json.dumps(table_summary(tables), default=np.ndarray.tolist)))
     write_text(folder / "table.h", table_header(tables.scenario, tables.runs[0].built, tables.level))
-    _draw(tables, folder)
+    with figure_style():
+        _draw(tables, folder)
 
 
 def _draw(tables: ScenarioTables, folder: Path) -> None:
@@ -320,5 +323,5 @@ def _draw(tables: ScenarioTables, folder: Path) -> None:
         right.plot(nodes.share * (middle + p), at_nodes, ".", color=colours[branch], markersize=4)
     left.set(xlabel="reference tension [N]", ylabel="force [N]", title="slip (thick) and reversals (thin)")
     left.legend(loc="upper left")
-    right.set(xlabel="tension since the reversal [N]", title=f"transition at {middle:.3g} N, nodes of the table")
+    right.set(xlabel="tension since the reversal [N]", title=f"transition at {middle:.3g} N and its nodes")
     save_figure(figure, folder / "table")

@@ -258,10 +258,10 @@ class _Tape:
                 register[outs[0]] = _constant(tape.instruction_constant(k), weights)
             elif op == ca.OP_INPUT:
                 name = names[ins[1]]
-                argument = _Node(None, argument=name)
-                register[outs[0]] = (
-                    _Node(None, constant=tuple(known[name])) if name in known else self._shared(argument)
-                )
+                if name in known:
+                    register[outs[0]] = _Node(None, constant=tuple(known[name]))
+                else:
+                    register[outs[0]] = self._shared(_Node(None, argument=name))
             elif op == ca.OP_OUTPUT:
                 results[outs[1]] = register[ins[0]]
             else:

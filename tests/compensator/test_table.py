@@ -104,7 +104,7 @@ def test_the_force_lies_between_the_branches_for_any_history(built, seed):
 
 
 def test_a_reference_outside_the_table_is_refused_by_value(built):
-    with pytest.raises(ParameterError, match="must stay from .* got 99"):
+    with pytest.raises(ParameterError, match=r"must stay from .* got 99"):
         TableCompensator(built.table, 30.0).step(99.0)
 
 
