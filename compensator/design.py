@@ -1,5 +1,6 @@
 """The main job: from a scenario to the force profile, with proof on every level and on a finer chain."""
 
+import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
@@ -15,14 +16,23 @@ from tendonff.compensator.compensators import (
     exact_inverse,
     play_and_score,
 )
+from tendonff.compensator.design_robustness import (
+    Robustness,
+    robustness,
+    robustness_summary,
+    robustness_warnings,
+    samples_of,
+)
 from tendonff.compensator.files import write_csv, write_json
 from tendonff.compensator.reference import Reference, noise_advice, sample_reference
 from tendonff.compensator.scenario import Scenario, scenario_hash
 from tendonff.compensator.settings.reference import CsvReference
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
+from tendonff.ocp.foresight import Foresight, foresee
 from tendonff.ocp.inverse import InverseStatus, invert
 from tendonff.ocp.limits import ForceLimits
+from tendonff.ocp.robust import Objective, Sample, track_robust
 from tendonff.ocp.track import track
 from tendonff.ocp.tracking import Tracking, TrackStatus
 
@@ -49,6 +59,10 @@ class Design:
         Every compensator on the design level with more masses and a smaller step.
     tracking : Tracking
         How the optimal-control problem ended.
+    foresight : Foresight
+        Where friction that weakens with speed makes feedforward fail.
+    robustness : Robustness or None
+        Error bands under the scenario's uncertainty; None where all is certain.
     warnings : tuple of str
         What the user should know.
     """
@@ -59,6 +73,8 @@ class Design:
     played: tuple[Played, ...]
     proof: tuple[Played, ...]
     tracking: Tracking
+    foresight: Foresight
+    robustness: Robustness | None
     warnings: tuple[str, ...]
 
     @property
@@ -92,7 +108,7 @@ def design(scenario: Scenario, *, advance: Advance = _silent) -> Design:
         If a simulation fails.
     """
     transmission, level = scenario.transmission, scenario.run.level
-    total = 3 + len(Compensator) * (len(Level) + 1)
+    total = 4 + len(Compensator) * (len(Level) + 1)
     reference = sample_reference(scenario)
     limits = ForceLimits.of(transmission.actuator)
     warnings = list(reference.warnings)
@@ -106,9 +122,8 @@ def design(scenario: Scenario, *, advance: Advance = _silent) -> Design:
     inverse_force = limits.apply(inversion.force_N, reference.step_s, start)
     static_force = capstan_force(transmission, reference)
     advance(2, total)
-    tracking = track(
-        Chain.of(transmission, level), reference.tension_N, reference.step_s, limits, initial_tension_N=start
-    )
+    samples = samples_of(scenario)
+    tracking = _track(scenario, samples, reference, limits)
     warnings += _tracking_warnings(tracking)
     advance(3, total)
     forces = {
@@ -118,16 +133,28 @@ def design(scenario: Scenario, *, advance: Advance = _silent) -> Design:
         Compensator.OPTIMAL: tracking.force_N,
     }
     warnings += binding_limits({"inverse": (inversion.force_N, inverse_force)})
+    foresight = foresee(
+        Chain.of(transmission, level),
+        reference.tension_N,
+        reference.step_s,
+        force_N=tracking.force_N,
+        initial_tension_N=start,
+    )
+    warnings += foresight.warnings
+    bands = robustness(scenario, samples, forces, reference) if len(samples) > 1 else None
+    if bands is not None:
+        warnings += robustness_warnings(bands)
+    advance(4, total)
 
     played, proof = [], []
     for compensator, force in forces.items():
         for plant_level in Level:
             plant = Plant(level=plant_level)
             played.append(play_and_score(transmission, plant, compensator, force, reference))
-            advance(3 + len(played) + len(proof), total)
+            advance(4 + len(played) + len(proof), total)
         fine = Plant(level=level, segments=FINE_SEGMENTS, refinement=FINE_REFINEMENT)
         proof.append(play_and_score(transmission, fine, compensator, force, reference))
-        advance(3 + len(played) + len(proof), total)
+        advance(4 + len(played) + len(proof), total)
     slack = [p for p in played if p.slack]
     warnings += [f"{p.compensator} on {p.plant.level}: {p.slack}" for p in slack]
     return Design(
@@ -137,7 +164,21 @@ def design(scenario: Scenario, *, advance: Advance = _silent) -> Design:
         played=tuple(played),
         proof=tuple(proof),
         tracking=tracking,
+        foresight=foresight,
+        robustness=bands,
         warnings=tuple(warnings),
+    )
+
+
+def _track(scenario: Scenario, samples: tuple[Sample, ...], reference: Reference, limits: ForceLimits) -> Tracking:
+    """The optimal profile, for the nominal parameters or for all that the uncertainty admits."""
+    level, start = scenario.run.level, reference.initial_tension_N
+    if len(samples) == 1:
+        chain = Chain.of(scenario.transmission, level)
+        return track(chain, reference.tension_N, reference.step_s, limits, initial_tension_N=start)
+    objective = Objective(scenario.robust.objective.value)
+    return track_robust(
+        samples, level, reference.tension_N, reference.step_s, limits, objective, initial_tension_N=start
     )
 
 
@@ -146,7 +187,13 @@ def _tracking_warnings(tracking: Tracking) -> list[str]:
     if tracking.status is TrackStatus.EXACT:
         return []
     found = [] if tracking.status is TrackStatus.OPTIMAL else [f"optimal: {tracking.message}"]
-    return [*found, *tracking.reasons, *(f"optimal: {departure}" for departure in tracking.departures)]
+    found += tracking.reasons
+    if tracking.departures:
+        worst = max(tracking.departures, key=lambda departure: abs(departure.peak_error_N))
+        found.append(
+            f"optimal: off the reference by more than 1 % in {len(tracking.departures)} stretches; most {worst}"
+        )
+    return found
 
 
 def _noise_warning(scenario: Scenario, reference: Reference) -> list[str]:
@@ -194,12 +241,26 @@ def summary(result: Design) -> dict[str, object]:
         "ocp": {
             "status": result.tracking.status.value,
             "message": result.tracking.message,
+            "reasons": list(result.tracking.reasons),
+            "departures": [asdict(departure) for departure in result.tracking.departures],
             "iterations": result.tracking.iterations,
             "build_s": result.tracking.build_s,
             "solve_s": result.tracking.solve_s,
         },
+        "foresight": {
+            "unstable_share": result.foresight.unstable_share,
+            "largest_growth_per_s": result.foresight.largest_growth_per_s,
+            "expected_error_N": finite(result.foresight.expected_error_N),
+            "stretches": [asdict(stretch) for stretch in result.foresight.stretches],
+        },
+        "robust": None if result.robustness is None else robustness_summary(result.robustness),
         "warnings": list(result.warnings),
     }
+
+
+def finite(value: float) -> float | None:
+    """The value, or None (null in JSON) where it is not a finite number."""
+    return value if math.isfinite(value) else None
 
 
 def profile_columns(result: Design) -> dict[str, FloatArray]:

@@ -95,6 +95,7 @@ def design_report(result: Design, figures: dict[str, Figure]) -> Report:
             Section(title="What the actuator does", blocks=(pictures["force"], Text(tracking.message), solver)),
             Section(title="Hysteresis", blocks=(pictures["loop"],)),
             Section(title="How much the model matters", blocks=(pictures["error"],)),
+            *_robust_section(result),
         ),
         provenance=Provenance(
             scenario=result.scenario, command=f"tendonff design {result.scenario.source.name} --out DIR"
@@ -104,3 +105,35 @@ def design_report(result: Design, figures: dict[str, Figure]) -> Report:
             FileNote(name="summary.json", content="errors, solver status and warnings for other programs"),
         ),
     )
+
+
+def _robust_section(result: Design) -> tuple[Section, ...]:
+    """What the scenario's uncertainty does to each profile; nothing where all is certain."""
+    found = result.robustness
+    if found is None:
+        return ()
+    span = result.reference.range_N
+    rows = tuple(
+        (
+            LABELS[compensator],
+            *(
+                100 * value / span
+                for value in (band.nominal_rms_N, band.least_rms_N, band.median_rms_N, band.worst_rms_N)
+            ),
+            f"{100 * band.amplification:+.2g}",
+            f"{100 * (band.worst_sample.mu - 1):+.3g}",
+        )
+        for compensator, band in found.bands.items()
+    )
+    table = Table(
+        caption=f"Error over {len(found.samples)} samples of the parameters, % of range rms; over-compensation: "
+        "largest swing of the output beyond the wanted one, %",
+        columns=("profile", "nominal", "least", "median", "worst", "over-compensation", "mu at the worst [%]"),
+        rows=rows,
+    )
+    note = Text(
+        f"The optimal profile is made for the {found.objective.value} case. A profile that moves the output more than "
+        "was asked for is on the dangerous side: in a loop it adds energy that the friction, overestimated, does not "
+        "take away."
+    )
+    return (Section(title="When the parameters are not exact", blocks=(table, note)),)

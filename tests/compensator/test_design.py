@@ -9,9 +9,10 @@ import pytest
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.compensators import Compensator, Plant, capstan_force, play, score
-from tendonff.compensator.design import Design, design
+from tendonff.compensator.design import Design, design, summary
 from tendonff.compensator.reference import sample_reference
 from tendonff.compensator.scenario import load_scenario
+from tendonff.compensator.settings.robust import Robust
 from tendonff.models.fidelity import Level
 
 WITHOUT_STRIBECK = ["finger", "bowden", "surgical"]
@@ -117,13 +118,13 @@ def test_the_command_writes_everything_in_the_contract(examples, tmp_path, capsy
     assert list(profile.columns) == COLUMNS
     assert len(profile) == 4001
     assert profile.notna().all().all()
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert summary["schema"] == 1
+    written = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert written["schema"] == 1
     for name in ("none", "capstan", "inverse", "optimal"):
         for level in ("elastic", "viscoelastic", "presliding"):
-            assert set(summary["compensators"][name][level]) == {"rmse_N", "rmse_percent_of_range", "peak_error_N"}
-    assert {"status", "iterations", "build_s", "solve_s"} <= set(summary["ocp"])
-    assert isinstance(summary["warnings"], list)
+            assert set(written["compensators"][name][level]) == {"rmse_N", "rmse_percent_of_range", "peak_error_N"}
+    assert {"status", "iterations", "build_s", "solve_s"} <= set(written["ocp"])
+    assert isinstance(written["warnings"], list)
     for figure in ("tension", "force", "loop", "error"):
         assert (tmp_path / "out" / f"{figure}.png").stat().st_size > 10_000
     assert "presliding*" in capsys.readouterr().out
@@ -158,3 +159,47 @@ def test_a_really_measured_trace_can_be_the_reference(examples, measured_data, t
     assert any("removed" in w for w in conditioned.warnings)
     inverse = next(p for p in conditioned.proof if p.compensator == Compensator.INVERSE)
     assert inverse.score.rmse_percent_of_range <= 0.3
+
+
+@pytest.fixture(scope="module")
+def uncertain(examples: Path) -> Design:
+    scenario = load_scenario(examples / "finger.toml")
+    return design(replace(scenario, robust=Robust(mu=0.15, bristle_stiffness=0.2, samples=4)))
+
+
+def test_under_uncertainty_every_compensator_gets_an_error_band(uncertain):
+    assert set(uncertain.robustness.bands) == set(Compensator)
+    for band in uncertain.robustness.bands.values():
+        assert band.least_rms_N <= band.nominal_rms_N <= band.worst_rms_N
+
+
+def test_the_robust_profile_is_better_than_the_inverse_in_the_worst_case(uncertain):
+    bands = uncertain.robustness.bands
+    assert bands[Compensator.OPTIMAL].worst_rms_N < bands[Compensator.INVERSE].worst_rms_N
+
+
+def test_over_compensation_is_warned_of_where_friction_is_less_than_thought(uncertain):
+    inverse = uncertain.robustness.bands[Compensator.INVERSE]
+    assert inverse.amplification > 0
+    assert inverse.amplified_sample.mu < 1
+    assert any("over-compensates" in w for w in uncertain.warnings)
+
+
+def test_a_certain_scenario_has_no_error_band(designs):
+    assert designs["finger"].robustness is None
+    assert summary(designs["finger"])["robust"] is None
+
+
+def test_sliding_that_weakens_with_speed_is_foreseen_with_the_error_to_expect(examples):
+    """A stiff bristle, slow sliding and mu_static = 1.5 mu_dynamic: unstable under any feedforward."""
+    scenario = load_scenario(examples / "finger_stribeck.toml")
+    friction = replace(scenario.transmission.friction, mu_static=1.5 * scenario.transmission.friction.mu_dynamic)
+    stiff = replace(
+        scenario,
+        transmission=replace(scenario.transmission, friction=friction),
+        run=replace(scenario.run, level=Level.ELASTIC),
+    )
+    result = design(stiff)
+    assert result.foresight.stretches
+    assert any("unstable" in w or "stick" in w for w in result.warnings)
+    assert result.foresight.expected_error_N > 0.01 * result.reference.range_N
