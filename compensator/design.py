@@ -146,7 +146,8 @@ def design(scenario: Scenario, *, advance: Advance = _silent) -> Design:
         warnings += robustness_warnings(bands)
     advance(4, total)
 
-    played, proof = [], []
+    played: list[Played] = []
+    proof: list[Played] = []
     for compensator, force in forces.items():
         for plant_level in Level:
             plant = Plant(level=plant_level)
