@@ -151,7 +151,7 @@ def _compliances(chain: Chain, precision: Precision) -> tuple[float, float] | No
 
     A float holds a position of centimetres to nanometres only, which a stiff bristle turns into newtons over a hold.
     Relative to what the tension alone would cause, positions are small and their rounding harmless. Double code keeps
-    the states themselves, and with them the bits of the Python model.
+    the states themselves, and so agrees with the Python model to rounding.
     """
     if precision is Precision.DOUBLE:
         return None
