@@ -102,7 +102,7 @@ def static_answer(scenario: Scenario, stage: StaticStage, now: Circumstances, *,
         own = _scenario_value(scenario, dynamic_name)
         why = reason(dynamic_name, now, scenario.transmission)
         if fit.explain is Explain.INPUT and dynamic_name is not D.VISCOUS and dynamic_name is not D.STRIBECK_VELOCITY:
-            why = f"the output tension is imposed: the stages that would tell {dynamic_name} need a load that only follows"
+            why = f"the output tension is imposed: what would tell {dynamic_name} needs a load that only follows"
         estimates.append(_kept(dynamic_name, own or 0.0, own, why if described else NOT_DESCRIBED))
     return tuple(estimates), tuple(free), correlation
 

@@ -19,8 +19,8 @@ LONGEST_BRIDGE_S, LONGEST_BRIDGE_ROWS = 1.0, 1000
 BRIDGE_DEGREE = 5
 
 SPIKE_SIGMAS, SPIKE_ROWS, SPIKE_RANGE, SPIKE_WINDOW_ROWS = 10.0, 2, 0.02, 101
-"""A spike leaves the running median by so many deviations of its surroundings, for so many rows at most, and by at least
-a share of the range: what rings or chatters for longer is the measurement's own."""
+"""A spike leaves the running median by so many deviations of its surroundings, for so many rows at most, and by at
+least a share of the range: what rings or chatters for longer is the measurement's own."""
 
 LEAST_PIECE_S = 0.25
 SIGNED_SHARE = 0.05
@@ -268,7 +268,10 @@ def _on_grid(raw: Raw, rows: slice, replaced: Mask, step: float) -> tuple[dict[s
     good_time = time[keep]
     nearest = np.clip(np.searchsorted(good_time, grid_time), 1, len(good_time) - 1)
     width = good_time[nearest] - good_time[nearest - 1]
-    return grid, np.asarray(width < 2.5 * step)
+    good = np.asarray(width < 2.5 * step)
+    nearest_row = np.rint((time[replaced] - time[0]) / step).astype(np.int64)
+    good[np.clip(nearest_row, 0, count - 1)] = False
+    return grid, good
 
 
 def _judge_signs(pieces: list[Piece], findings: list[Finding]) -> bool:

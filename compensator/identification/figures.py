@@ -8,7 +8,7 @@ import numpy as np
 from tendonff.compensator.identification.reading import Array
 from tendonff.compensator.identification.result import Curve, Identification
 from tendonff.compensator.identification.suggest import Excitation
-from tendonff.compensator.plots import BLUE, GREY, INK, ORANGE, VERMILION, new_figure, save_figure
+from tendonff.compensator.plots import BLUE, GREY, INK, ORANGE, VERMILION, figure_style, new_figure, save_figure
 from tendonff.compensator.settings.measurement import Explain
 
 MOST_PANELS = 4
@@ -28,6 +28,11 @@ def draw(found: Identification, folder: Path) -> list[Path]:
     list of Path
     """
     chosen = _chosen(found.curves)
+    with figure_style():
+        return _draw_all(found, chosen, folder)
+
+
+def _draw_all(found: Identification, chosen: Sequence[Curve], folder: Path) -> list[Path]:
     written = [*_over_time(found, chosen, folder), *_loops(found, chosen, folder), *_residuals(found, chosen, folder)]
     if any(c.elongation_m is not None for c in chosen):
         written += _relaxation(chosen, folder)
@@ -141,6 +146,11 @@ def draw_suggestion(excitation: Excitation, folder: Path) -> list[Path]:
     excitation : Excitation
     folder : Path
     """
+    with figure_style():
+        return _draw_excitation(excitation, folder)
+
+
+def _draw_excitation(excitation: Excitation, folder: Path) -> list[Path]:
     figure, axes = new_figure(1, 1, height_in=2.8)
     ax = axes[0, 0]
     ax.plot(*_thin(excitation.time_s, excitation.force_N), color=BLUE)

@@ -5,13 +5,14 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonff.compensator.identification.cleaning import Piece, Record
 from tendonff.compensator.identification.reading import Array, Mask
 from tendonff.models.capstan import Branch
 
 FAST_SHARE, TRAVEL_SHARE = 0.5, 0.4
-"""Gross sliding: faster than a share of the usual top speed, and further from the reversal than a share of the stroke."""
+"""Gross sliding: faster than a share of the usual top speed, further from the reversal than a share of the stroke."""
 
 LEAST_ROWS = 50
 MOST_REFUSED = 0.05
@@ -80,8 +81,8 @@ def _judge(branch: Branch, ratios: Array, total: int, refused: int) -> GrossRati
         reason = f"{total} rows slide fast and far enough from a reversal, {LEAST_ROWS} are needed; use longer strokes"
     elif refused > MOST_REFUSED * total:
         reason = (
-            f"{100 * refused / total:.3g} % of the sliding rows have a reading at or below zero, where ln(T_in/T_out) is "
-            "undefined: a biased cell or signed data; zero the cells without tension and measure again"
+            f"{100 * refused / total:.3g} % of the sliding rows have a reading at or below zero, where ln(T_in/T_out) "
+            "is undefined: a biased cell or signed data; zero the cells without tension and measure again"
         )
     else:
         low, middle, high = (float(v) for v in np.percentile(ratios, [5, 50, 95]))
@@ -101,7 +102,7 @@ def _sliding(piece: Piece, step_s: float, branch: Branch) -> Mask:
     return np.asarray(moving & (travelled > TRAVEL_SHARE * float(np.ptp(q))))
 
 
-def last_reversal(q: Array) -> Array:
+def last_reversal(q: Array) -> NDArray[np.int64]:
     """Row of the last reversal of a motion, whose chatter below 2 % of the stroke does not count.
 
     Parameters

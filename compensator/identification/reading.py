@@ -158,7 +158,7 @@ def read_measurement(path: Path, how: Measurement) -> Raw:
     }
     data = {key: values * scales[key] for key, values in table.items()}
     findings: list[Finding] = []
-    bad = ~np.isfinite(np.stack(list(data.values()))).all(axis=0)
+    bad: Mask = np.asarray(~np.isfinite(np.stack(list(data.values()))).all(axis=0))
     if bad.any():
         findings.append(finding(Dirt.MISSING, _times(data["time"], bad), "rows left out", int(bad.sum())))
         data = {key: values[~bad] for key, values in data.items()}

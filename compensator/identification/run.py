@@ -9,6 +9,7 @@ import numpy as np
 from tendonff.compensator.files import InputError
 from tendonff.compensator.identification import dynamic, tendon
 from tendonff.compensator.identification.answers import dynamic_answer, static_answer
+from tendonff.compensator.identification.chain_task import runs_of
 from tendonff.compensator.identification.cleaning import Record, clean
 from tendonff.compensator.identification.gross import GrossRatio, gross_ratios
 from tendonff.compensator.identification.reading import Dirt, read_measurement
@@ -24,7 +25,6 @@ from tendonff.compensator.identification.smoothing import low_pass
 from tendonff.compensator.identification.stages import StaticStage, choose_explain, static_stage
 from tendonff.compensator.identification.static import FileError, errors_of, middle_of, pooled_percent, respond
 from tendonff.compensator.scenario import Scenario
-from tendonff.compensator.settings.measurement import Explain
 from tendonff.models.fidelity import Level
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fit_dynamic import DynamicParameter
@@ -78,22 +78,20 @@ def identify(
     judges = [clean(read_measurement(path, how), how) for path in validate]
     warnings = [f"{r.name}: {f.text}" for r in (*records, *judges) for f in r.findings if f.dirt is not Dirt.SKIPPED]
     gross = gross_ratios(records)
+    say("first look")
+    explain, coarse = choose_explain(records, how.explain, scenario.transmission)
     say("static stage")
-    explain = choose_explain(records, how.explain)
     stage = static_stage(records, judges, explain)
     chain: dynamic.DynamicFit | None = None
-    signed = any(r.signed for r in (*records, *judges))
-    if explain is Explain.OUTPUT and not static_only and not signed and stage.validation_percent < 3 * POOR_PERCENT:
+    if coarse is not None and not static_only and coarse.percent < 3 * POOR_PERCENT:
         start = _start(scenario, stage)
-        if all(r.has_positions for r in records):
-            say("tendon stage")
-            lengths = tendon.fit_tendon(records, stage.fit.values, scenario.transmission.tendon)
-            if lengths.explained >= tendon.EXPLAINED_ENOUGH:
-                start |= {D(k): v for k, v in lengths.values.items()}
         try:
-            chain = dynamic.fit_dynamic(
-                records, scenario.transmission, start, validation=judges, biases=_biased(stage, records), say=say
-            )
+            if all(r.has_positions for r in records):
+                say("tendon stage")
+                lengths = tendon.fit_tendon(records, stage.fit.values, scenario.transmission.tendon)
+                if lengths.explained >= tendon.EXPLAINED_ENOUGH:
+                    coarse = _better(coarse, dynamic.fit_coarse(records, scenario.transmission, _with(start, lengths)))
+            chain = dynamic.fit_dynamic(coarse, start, validation=judges, biases=_biased(stage, records), say=say)
             answer = _Answer(records, judges, stage, chain)
         except SolveError as error:
             warnings.append(f"the dynamic stage found no answer ({error}); the static law is reported")
@@ -133,7 +131,16 @@ def _start(scenario: Scenario, stage: StaticStage) -> dict[DynamicParameter, flo
     return {
         D.MU_PULL: max(values[P.PULL] / theta, 1e-4),
         D.MU_RELEASE: max(values[P.RELEASE] / theta, 1e-4),
+        D.ADHESION: values[P.ADHESION],
     }
+
+
+def _with(start: dict[DynamicParameter, float], lengths: tendon.TendonFit) -> dict[DynamicParameter, float]:
+    return start | {D(name): value for name, value in lengths.values.items()}
+
+
+def _better(one: dynamic.CoarseFit, other: dynamic.CoarseFit) -> dynamic.CoarseFit:
+    return one if one.solution.cost <= other.solution.cost else other
 
 
 def _biased(stage: StaticStage, records: Sequence[Record]) -> bool:
@@ -215,7 +222,7 @@ class _Answer:
 
     def _curves(self, record: Record, role: str) -> list[Curve]:
         found = []
-        for run, piece in zip(dynamic.runs_of([record]), record.pieces, strict=True):
+        for run, piece in zip(runs_of([record]), record.pieces, strict=True):
             moved = modelled = None
             if self._chain is not None:
                 response = self._chain.model.respond(self._chain.values, run.drive)

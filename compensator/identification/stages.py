@@ -2,11 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonff.compensator.files import InputError
 from tendonff.compensator.identification.cleaning import Piece, Record
+from tendonff.compensator.identification.dynamic import CoarseFit, fit_coarse
 from tendonff.compensator.identification.result import POOR_PERCENT, Law
 from tendonff.compensator.identification.smoothing import Quiet
 from tendonff.compensator.identification.static import (
@@ -20,6 +23,10 @@ from tendonff.compensator.identification.static import (
     pooled_percent,
 )
 from tendonff.compensator.settings.measurement import Explain
+from tendonff.models.transmission import Transmission
+from tendonff.ocp.errors import SolveError
+
+T = TypeVar("T", NDArray[np.float64], NDArray[np.bool_])
 
 TRAINING_SHARE = 0.65
 """Without validation files a law is fitted to this share of each piece and judged on the rest."""
@@ -48,14 +55,20 @@ class StaticStage:
     validation_percent: float
 
 
-def choose_explain(records: Sequence[Record], wanted: Explain) -> Explain:
-    """Channel that the static laws can explain.
+def choose_explain(
+    records: Sequence[Record], wanted: Explain, transmission: Transmission
+) -> tuple[Explain, CoarseFit | None]:
+    """Channel that the laws can explain, and the chain's first fit where it was tried.
+
+    The output is explained where the chain, driven by the measured input, gives it; forces that change sign cannot
+    drive a chain. Else the input is, where the motion and the output explain it better.
 
     Parameters
     ----------
     records : sequence of Record
     wanted : Explain
         The user's wish.
+    transmission : Transmission
 
     Raises
     ------
@@ -68,18 +81,28 @@ def choose_explain(records: Sequence[Record], wanted: Explain) -> Explain:
             'explain = "input" needs the position of the input end in every file; '
             "name its column with --input-position-column, or explain the output"
         )
-    if wanted is not Explain.AUTO or not positions:
-        return Explain.INPUT if wanted is Explain.INPUT else Explain.OUTPUT
+    if wanted is Explain.INPUT:
+        return Explain.INPUT, None
     signed = any(r.signed for r in records)
-    play = StaticModel(name="play", asymmetric=not signed, constants=signed)
-    moved = StaticModel(name="motion", constants=True, presliding=True)
-    left = {}
-    for explain, model in ((Explain.OUTPUT, play), (Explain.INPUT, moved)):
-        fit = fit_static(records, model, explain, most=15)
-        left[explain] = pooled_percent(errors_of(fit, records, middle_of(records)), records, explain)
-        if explain is Explain.OUTPUT and left[explain] < POOR_PERCENT and not signed:
-            return Explain.OUTPUT
-    return Explain.INPUT if left[Explain.INPUT] < BETTER_BY * left[Explain.OUTPUT] else Explain.OUTPUT
+    chain = None
+    if signed:
+        play = StaticModel(name="play", constants=True)
+        left = _static_percent(records, play, Explain.OUTPUT)
+    else:
+        try:
+            chain = fit_coarse(records, transmission, {})
+            left = chain.percent
+        except SolveError:
+            left = float("inf")
+    if wanted is Explain.OUTPUT or not positions or (left < POOR_PERCENT and not signed):
+        return Explain.OUTPUT, chain
+    moved = _static_percent(records, StaticModel(name="motion", constants=True, presliding=True), Explain.INPUT)
+    return (Explain.INPUT, None) if moved < BETTER_BY * left else (Explain.OUTPUT, chain)
+
+
+def _static_percent(records: Sequence[Record], model: StaticModel, explain: Explain) -> float:
+    fit = fit_static(records, model, explain, most=15)
+    return pooled_percent(errors_of(fit, records, middle_of(records)), records, explain)
 
 
 def static_stage(records: Sequence[Record], validation: Sequence[Record], explain: Explain) -> StaticStage:
@@ -136,7 +159,7 @@ def split(records: Sequence[Record]) -> tuple[list[Record], list[Record]]:
 def _part(piece: Piece, start: float, stop: float) -> Piece:
     rows = slice(round(start * len(piece.time_s)), max(round(stop * len(piece.time_s)), 2))
 
-    def cut(x: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+    def cut(x: T) -> T:
         return x[rows]
 
     return Piece(

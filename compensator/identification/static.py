@@ -17,7 +17,7 @@ ROBUST_UNIT = 0.03
 SIMPLER_WITHIN = 1.02
 """The simplest law whose validation error is within this factor of the least is chosen."""
 
-EXPONENT_STARTS = (0.05, 0.2, 0.5, 1.0, 2.0, 4.0)
+EXPONENT_STARTS = (0.05, 0.3, 1.0, 3.0)
 MOST_EXPONENT = 8.0
 BLOCKS_WANTED = 60
 

@@ -106,7 +106,7 @@ def suggest(scenario: Scenario) -> Excitation:
         pen.move(top, STROKE_S)
         pen.move(low, STROKE_S)
     pen.note(f"holds of {hold:.3g} s after steps: stiffness and relaxation")
-    for level in (high, middle, 0.7 * high, low):
+    for level in (high, middle, 0.7 * high, low, high, low):
         pen.move(level, STEP_S)
         pen.hold(hold)
     pen.note("small reversals without gross sliding: bristle stiffness")
@@ -120,4 +120,4 @@ def suggest(scenario: Scenario) -> Excitation:
     pen.sweep(0.95 * (high - centre), SWEEP_S)
     pen.hold(0.5)
     force = np.concatenate(pen.pieces)
-    return Excitation(time_s=np.arange(len(force)) * ROW_S, force_N=force, parts=tuple(pen.parts))
+    return Excitation(time_s=np.arange(len(force), dtype=np.float64) * ROW_S, force_N=force, parts=tuple(pen.parts))
