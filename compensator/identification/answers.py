@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.stats import t as student
 
 from tendonff.compensator.identification.dynamic import DynamicFit, relevant_size
 from tendonff.compensator.identification.reading import Array
@@ -98,6 +99,8 @@ def static_answer(scenario: Scenario, stage: StaticStage, now: Circumstances, *,
                 scenario=own,
             )
         )
+    if described and P.ADHESION.value in free:
+        estimates.append(_without_load(stage))
     for dynamic_name in (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME, D.STRIBECK_VELOCITY, D.VISCOUS, D.DAMPING):
         own = _scenario_value(scenario, dynamic_name)
         why = reason(dynamic_name, now, scenario.transmission)
@@ -105,6 +108,27 @@ def static_answer(scenario: Scenario, stage: StaticStage, now: Circumstances, *,
             why = f"the output tension is imposed: what would tell {dynamic_name} needs a load that only follows"
         estimates.append(_kept(dynamic_name, own or 0.0, own, why if described else NOT_DESCRIBED))
     return tuple(estimates), tuple(free), correlation
+
+
+def _without_load(stage: StaticStage) -> Estimate:
+    """Friction that remains at zero output tension, p (e^{mu theta} - 1), which is told better than its two factors."""
+    solution, names = stage.fit.solution, list(stage.fit.solution.values)
+    a, p = solution.values[P.PULL.value], solution.values[P.ADHESION.value]
+    gradient = np.zeros(len(names))
+    gradient[names.index(P.PULL.value)] = p * np.exp(a)
+    gradient[names.index(P.ADHESION.value)] = np.expm1(a)
+    finite = np.isfinite(np.diag(solution.covariance)).all()
+    error = float(np.sqrt(max(gradient @ solution.covariance @ gradient, 0.0))) if finite else float("inf")
+    reach = error * float(student.ppf(0.975, max(solution.degrees, 1)))
+    value = float(p * np.expm1(a))
+    return Estimate(
+        name="load_independent_friction_N",
+        value=value,
+        standard_error=error,
+        interval=(value - reach, value + reach),
+        identifiable=bool(error < POOR_SHARE * value),
+        why="static stage: adhesion times (e^{mu theta} - 1)",
+    )
 
 
 def _constants(chosen: bool, parameter: StaticParameter) -> str:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.compensator.identification.cleaning import Piece, Record
+from tendonff.compensator.identification.cleaning import SHORT_GAP_ROWS, Piece, Record
 from tendonff.compensator.identification.reading import Array, Mask
 from tendonff.compensator.identification.smoothing import low_pass
 from tendonff.ocp.errors import SolveError
@@ -49,6 +49,17 @@ class Run:
         return self.piece.input_m - self.piece.output_m
 
 
+def _swept(x: Array) -> Array:
+    """Range covered so far, shape (n,)."""
+    return np.asarray(np.maximum.accumulate(x) - np.minimum.accumulate(x))
+
+
+def _gap_ends(good: Mask) -> list[int]:
+    """Rows after bridges that may hide an extreme of the input, which friction would remember."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], good, [True]]).astype(np.int8)))
+    return [int(stop) for start, stop in zip(edges[::2], edges[1::2], strict=True) if stop - start > SHORT_GAP_ROWS]
+
+
 def runs_of(records: Sequence[Record]) -> list[Run]:
     """Pieces of all records, thinned to what their low-pass leaves."""
     found = []
@@ -58,10 +69,14 @@ def runs_of(records: Sequence[Record]) -> list[Run]:
         edge = int(0.5 / (record.cutoff_Hz * record.step_s))
         for piece in record.pieces:
             good = piece.good.copy()
-            swept = np.maximum.accumulate(piece.input_N) - np.minimum.accumulate(piece.input_N)
+            swept = _swept(piece.input_N)
             known = int(np.argmax(swept >= FORGET_SHARE * span)) if swept[-1] >= FORGET_SHARE * span else len(good)
             good[: min(max(known, edge), int(FORGET_MOST * len(good)))] = False
             good[len(good) - edge :] = False  # the low-pass has one side only
+            for end in _gap_ends(piece.good):
+                swept = _swept(piece.input_N[end:])
+                known = int(np.argmax(swept >= FORGET_SHARE * span)) if swept[-1] >= FORGET_SHARE * span else len(swept)
+                good[end : end + min(known, int(FORGET_MOST * len(good)))] = False
             drive = Drive(input_N=piece.input_N, step_s=record.step_s, first_output_N=float(piece.output_N[0]))
             found.append(
                 Run(

@@ -17,7 +17,7 @@ ROBUST_UNIT = 0.03
 SIMPLER_WITHIN = 1.02
 """The simplest law whose validation error is within this factor of the least is chosen."""
 
-EXPONENT_STARTS = (0.05, 0.3, 1.0, 3.0)
+EXPONENT_STARTS = (0.02, 0.1, 0.3, 0.6, 1.2, 2.5, 4.0)
 MOST_EXPONENT = 8.0
 BLOCKS_WANTED = 60
 
@@ -247,7 +247,7 @@ def _fit(
 
     first = min(
         (_with_exponent(unknowns, a) for a in (EXPONENT_STARTS if start is None else ())),
-        key=lambda us: float(np.sum(np.log1p(evaluate({u.name: u.start for u in us}).values ** 2))),
+        key=lambda us: float(np.sum(np.sqrt(1 + evaluate({u.name: u.start for u in us}).values ** 2))),
         default=unknowns,
     )
     solution = solve(evaluate, first, most=most)

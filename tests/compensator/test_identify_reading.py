@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from tendonff.compensator.files import InputError
 from tendonff.compensator.identification.cleaning import clean
 from tendonff.compensator.identification.reading import Dirt, read_measurement

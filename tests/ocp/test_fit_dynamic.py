@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from tendonff.compensator.scenario import load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.ocp.fit_dynamic import ChainModel, Drive, DynamicParameter

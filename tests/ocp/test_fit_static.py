@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+
 from tendonff.models.capstan import CapstanLaw
 from tendonff.ocp.fit_static import ORDER, StaticParameter, input_from_output, output_from_input
 

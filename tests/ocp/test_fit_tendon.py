@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from tendonff.ocp.fit_tendon import elongation
 
 K1, K2, TAU, STEP = 1.5e4, 6e3, 0.4, 1e-3

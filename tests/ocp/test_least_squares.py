@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.least_squares import Residuals, Unknown, solve
 
