@@ -77,8 +77,17 @@ def a_minute(scenario):
     return np.tile(loop, -(-rows // len(loop)))[:rows]
 
 
-@pytest.mark.parametrize("precision", Precision)
-@pytest.mark.parametrize("example", ["finger", "finger_stribeck", "bowden", "surgical"])
+@pytest.mark.parametrize(
+    ("example", "precision"),
+    [
+        ("finger", Precision.DOUBLE),
+        ("finger", Precision.FLOAT),
+        ("bowden", Precision.DOUBLE),
+        ("bowden", Precision.FLOAT),
+        ("finger_stribeck", Precision.FLOAT),
+        ("surgical", Precision.FLOAT),
+    ],
+)
 def test_c_equals_python_over_a_minute(library, example, precision, record_property):
     """1e-9 N in double, 0.02 N in float; bowden holds its reference, which is where a float would drift."""
     code, scenario, exported = library(example, precision)
@@ -108,6 +117,28 @@ def test_every_level_exports_and_passes_its_own_test(examples, tmp_path, level):
         pytest.skip("make or cc is not installed")
     scenario = load_scenario(examples / "finger_fast.toml")
     write_project(export_project(scenario, level=level, profile_N=np.full(3, 30.0), prefix="rig_2"), tmp_path)
+    said = subprocess.run(["make", "test"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert "self test passed" in said.stdout, said.stdout + said.stderr
+
+
+ODD = {
+    "one mass, unlike directions, adhesion": (
+        {"segments": 1},
+        {"mu_static": 0.25, "mu_dynamic_release": 0.1, "adhesion_N": 2.0},
+    ),
+    "a straight path": ({"total_angle_rad": 0.0}, {"viscous_N_s_per_m": 0.0}),
+}
+
+
+@pytest.mark.parametrize("case", ODD)
+def test_odd_transmissions_export_and_pass_their_own_test(examples, tmp_path, case):
+    if shutil.which("make") is None or shutil.which("cc") is None:
+        pytest.skip("make or cc is not installed")
+    scenario = load_scenario(examples / "finger.toml")
+    path, friction = ODD[case]
+    whole = scenario.transmission
+    whole = replace(whole, path=replace(whole.path, **path), friction=replace(whole.friction, **friction))
+    write_project(export_project(replace(scenario, transmission=whole), profile_N=np.full(3, 30.0)), tmp_path)
     said = subprocess.run(["make", "test"], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert "self test passed" in said.stdout, said.stdout + said.stderr
 

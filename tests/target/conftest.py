@@ -1,6 +1,5 @@
 """Exported folders, compilers and the emulated controllers."""
 
-import os
 import shutil
 import subprocess
 from collections.abc import Callable
@@ -204,6 +203,3 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.path.is_relative_to(HERE):
             item.add_marker(pytest.mark.xdist_group("target"))
-
-
-UPDATE_MEASURED = bool(os.environ.get("TENDONFF_UPDATE_MEASURED"))

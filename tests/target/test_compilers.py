@@ -76,7 +76,8 @@ def test_cppcheck_and_its_misra_rules_are_quiet(toolbox, exported, precision, tm
     """One advisory rule is set aside: 8.9 wants the table's arrays inside the function that reads them."""
     toolbox.need("cppcheck")
     folder = shutil.copytree(exported(precision), tmp_path / "c")
-    files = sorted(folder.glob("tff_*.c"))
+    # In float the inverse alone is other code; the rest differs by its literals.
+    files = sorted(folder.glob("tff_*.c")) if precision is Precision.DOUBLE else [folder / "tff_inverse.c"]
     toolbox.run(
         *("cppcheck", "--std=c99", "--quiet", "--enable=warning,style,performance,portability"),
         *("--suppress=missingIncludeSystem", "--error-exitcode=1", "-I", folder, *files),

@@ -1,6 +1,7 @@
 """The exported C on emulated controllers: bits, instructions, memory."""
 
 import json
+import os
 import re
 from importlib.resources import files
 from pathlib import Path
@@ -42,8 +43,6 @@ def test_a_controller_gives_the_bits_of_the_host_within_the_instruction_ceilings
 
 def test_the_figures_in_the_readme_are_those_measured(toolbox, exported, course, tmp_path):
     """Within a fifth, for compilers differ; TENDONFF_UPDATE_MEASURED=path writes the file anew."""
-    import os
-
     stored = json.loads(files("tendonff.compensator").joinpath("export", "measured.json").read_text(encoding="utf-8"))
     fresh: dict[str, dict[str, object]] = {}
     for precision in Precision:
