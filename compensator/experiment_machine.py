@@ -40,6 +40,7 @@ _A, _L, _H = MotorMode.ACT, MotorMode.LOAD, MotorMode.HOLD
 
 _HIGH_SHARE = 0.75  # of force_max_N: leaves room for an own table and for overshoot
 _CROSSING_MARGIN = 1.5  # a release goes this much further in T + p than the reversal needs to cross the path
+_MOST_STEPS = 500_000  # half a minute, twenty times a usual test
 _LEAST_LOW_SHARE = 0.03  # of the high tension, where the wrap angle is too large for a reversal to cross
 _REACH_MARGIN = 1.1  # S2 and S7 go this much further than the static law says the sliding needs to reach the other end
 _LEAST_RAMP = 1.05  # factor of tension that S3 and S8 still have to go
@@ -135,6 +136,13 @@ def plan_experiment(scenario: Scenario) -> Plan:
                     f"{where}: motor_{motor}_rate of {state.name} must be within force_rate_max_N_per_s = {fastest:g}, "
                     f"got {rate:g}; ramp more slowly"
                 )
+    blend = settings.blend_s or period
+    longest = sum(state.at_most_s + 2 * blend + settings.rest_s for state in states)
+    if not longest / scenario.run.step_s <= _MOST_STEPS:
+        raise InputError(
+            f"{where}: the states may take {longest:.3g} s, more than {_MOST_STEPS:.0g} steps of step_s = "
+            f"{scenario.run.step_s:g}; a faster force_rate_max_N_per_s, shorter states or a larger step make it shorter"
+        )
     tendon = transmission.tendon
     hold = settings.hold_stiffness_N_per_m or 10 * (tendon.stiffness_N_per_m + tendon.relaxing_stiffness_N_per_m)
     return Plan(
@@ -146,7 +154,7 @@ def plan_experiment(scenario: Scenario) -> Plan:
             hold_stiffness_N_per_m=hold,
         ),
         states=states,
-        blend_s=settings.blend_s or period,
+        blend_s=blend,
         rest_s=settings.rest_s,
         high_tension_N=high,
     )

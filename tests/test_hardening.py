@@ -18,8 +18,12 @@ from hypothesis import strategies as st
 from tendonff.compensator.cli import run
 from tendonff.compensator.compare import compare
 from tendonff.compensator.design import design, summary
+from tendonff.compensator.experiment_machine import plan_experiment
 from tendonff.compensator.explore import Explorer
+from tendonff.compensator.identification.reading import read_measurement
 from tendonff.compensator.scenario import load_scenario, parse_scenario, scenario_to_toml
+from tendonff.compensator.settings.measurement import Measurement
+from tendonff.compensator.table_files import make_tables, table_summary
 from tendonff.models.errors import TendonffError
 
 TENDONFF = [sys.executable, "-m", "tendonff.compensator.cli"]
@@ -79,6 +83,12 @@ VALUES = st.one_of(
 SIZES = ("duration_s", "step_s", "segments", "fine_segments", "samples", "fade_in_s", "hold_s", "rest_s", "pull_time_s")
 
 
+CELLS = st.one_of(
+    st.floats(0, 100).map(str),
+    st.sampled_from(["", " ", "nan", "inf", "-3", "1e400", "1,5", "text", '"', "'", "\x00", "é", "1;2", "0x1", "--"]),
+)
+
+
 def with_value(lines, index, value):
     """The scenario with another value in one line; sizes only get values that are wrong."""
     key = lines[index].partition(" =")[0]
@@ -136,12 +146,37 @@ def test_a_damaged_scenario_is_designed_or_refused(lines, folder, data):
     message_of(lambda: summary(design(parse_scenario(text, folder / "s.toml"))))
 
 
-@settings(max_examples=20)
+@settings(max_examples=15)
 @given(data=st.data())
 def test_a_damaged_scenario_is_compared_or_refused(lines, folder, data):
     index = data.draw(st.integers(0, len(lines) - 1))
     text = with_value(lines, index, data.draw(VALUES))
     message_of(lambda: compare(parse_scenario(text, folder / "s.toml")))
+
+
+@settings(max_examples=20)
+@given(data=st.data())
+def test_a_damaged_scenario_is_tabulated_or_refused(lines, folder, data):
+    index = data.draw(st.integers(0, len(lines) - 1))
+    text = with_value(lines, index, data.draw(VALUES))
+    message_of(lambda: table_summary(make_tables(parse_scenario(text, folder / "s.toml"))))
+
+
+def test_an_actuator_too_slow_for_the_two_motor_test_is_refused_before_it_starts(tiny):
+    slow = replace(tiny.transmission.actuator, force_rate_max_N_per_s=1e-3)
+    scenario = replace(tiny, transmission=replace(tiny.transmission, actuator=slow))
+    assert "the states may take" in message_of(lambda: plan_experiment(scenario))
+
+
+# What is read from a rig: good rows with a damaged one among them.
+@settings(max_examples=30)
+@given(cells=st.lists(CELLS, min_size=1, max_size=4), at=st.integers(0, 60), rows=st.sampled_from([0, 1, 60]))
+def test_a_damaged_measurement_is_read_or_refused(folder, cells, at, rows):
+    good = [f"{0.01 * k:.2f},{40 + k % 7},{30 + k % 5}" for k in range(rows)]
+    path = folder / "m.csv"
+    text = ["time_s,input_tension_N,output_tension_N", *good[:at], ",".join(cells), *good[at:]]
+    path.write_text("\n".join(text), encoding="utf-8")
+    message_of(lambda: read_measurement(path, Measurement()))
 
 
 @settings(max_examples=40)
@@ -157,12 +192,6 @@ def test_any_position_of_the_sliders_is_drawn_or_refused(tiny, data):
 def test_friction_that_lets_nothing_through_is_refused_and_radians_are_mentioned(tiny):
     absurd = replace(tiny.transmission, path=replace(tiny.transmission.path, total_angle_rad=1800.0))
     assert "total_angle_rad, which is in radians" in message_of(lambda: design(replace(tiny, transmission=absurd)))
-
-
-CELLS = st.one_of(
-    st.floats(0, 100).map(str),
-    st.sampled_from(["", " ", "nan", "inf", "-3", "1e400", "1,5", "text", '"', "'", "\x00", "é", "1;2", "0x1", "--"]),
-)
 
 
 @settings(max_examples=100)

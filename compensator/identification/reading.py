@@ -1,5 +1,6 @@
 """Measured files as they are: columns found, units made SI, rows that cannot be used taken out and reported."""
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -107,7 +108,9 @@ def _table(path: Path, columns: dict[str, str]) -> dict[str, Array]:
     """The wanted columns as numbers, NaN where a cell is none."""
     import pandas as pd
 
-    with open_text(path) as stream:
+    with open_text(path) as stream, warnings.catch_warnings():
+        # Rows with more cells than the header are cut to it.
+        warnings.simplefilter("ignore", pd.errors.ParserWarning)
         try:
             frame = pd.read_csv(stream, skipinitialspace=True, on_bad_lines="skip", low_memory=False, index_col=False)
         except UnicodeDecodeError:
