@@ -176,8 +176,8 @@ def _rate_reasons(law: CapstanLaw, reference: Array, step_s: float, limits: Forc
     found = []
     rate = np.diff(reference) / step_s
     for branch, extreme, verb, exponent in (
-        (Branch.PULL, int(np.argmax(rate)), "rises", law.pull_exponent),
-        (Branch.RELEASE, int(np.argmin(rate)), "falls", -law.release_exponent),
+        (Branch.PULL, _first_extreme(rate), "rises", law.pull_exponent),
+        (Branch.RELEASE, _first_extreme(-rate), "falls", -law.release_exponent),
     ):
         needed, wanted = abs(float(rate[extreme])) * math.exp(exponent), abs(float(rate[extreme]))
         if (rate[extreme] > 0) == (branch is Branch.PULL) and needed > limits.rate_N_per_s:
@@ -204,6 +204,12 @@ def _rate_reasons(law: CapstanLaw, reference: Array, step_s: float, limits: Forc
                 f"{_rate_that_helps(travel, reference, turns, step_s):.3g} N/s would keep that below 1 % of the range"
             )
     return found
+
+
+def _first_extreme(values: Array) -> int:
+    """Where the largest value is reached first; along a straight line rounding would choose."""
+    top = float(values.max())
+    return int(np.argmax(values >= top - 1e-6 * abs(top)))
 
 
 def _rate_that_helps(travel: Array, reference: Array, turns: NDArray[np.int_], step_s: float) -> float:

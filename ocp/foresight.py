@@ -1,8 +1,8 @@
-"""Stick-slip, seen coming: where friction that weakens with speed makes slow sliding unstable under any feedforward.
+"""Stick-slip, seen coming: where sliding is unstable under any feedforward.
 
 The chain is linearised along the motion that the reference asks for. While the tendon slides, static friction above
-dynamic friction acts like a negative damper, strongest near the Stribeck velocity; where it outweighs the real damping,
-a mode grows. A force that was computed beforehand cannot stop it. How far a mode gets depends on how long sliding
+dynamic friction acts like a negative damper, strongest near the Stribeck velocity; and on long, lightly damped paths
+friction that follows the tension can feed an oscillation even without. Where that outweighs the damping, a mode grows. A force that was computed beforehand cannot stop it. How far a mode gets depends on how long sliding
 stays slow, so what counts is the growth summed over a stretch, e^(integral of Re lambda).
 """
 
@@ -60,8 +60,8 @@ class Foresight:
     largest_growth_per_s : float
         Largest real part of any pole along the reference, also where it does not matter [1/s]; may be negative.
     expected_error_N : float
-        Root mean square error of the given force on the same tendon simulated more finely [N]: what the design model
-        promises, and what becomes of it when nothing but the grid changes. NaN where no force was given or it fails.
+        Root mean square error of the given force on the same chain with a quarter of the step [N]: what becomes of it
+        when nothing but the grid changes. NaN where no force was given or it fails.
     warnings : tuple of str
         For the user; empty where nothing is to be feared.
     """
@@ -103,12 +103,6 @@ def foresee(
     inversion = invert(chain, reference, step_s, initial_tension_N=initial_tension_N, record=True)
     force = inversion.force_N if force_N is None else force_N
     expected = expected_error_N(chain, force, reference, step_s, float(inversion.force_N[0]))
-    e = chain.elements
-    if e.mu_static_pull == e.mu_dynamic_pull and e.mu_static_release == e.mu_dynamic_release:
-        # Friction that does not weaken takes energy at every speed: no pole to look for.
-        return Foresight(
-            stretches=(), unstable_share=0.0, largest_growth_per_s=0.0, expected_error_N=expected, warnings=()
-        )
     states = inversion.states
     if states is None:
         raise AssertionError("the inverse was asked to record its states")
@@ -128,7 +122,7 @@ def foresee(
 
 
 def expected_error_N(chain: Chain, force_N: Array, reference_N: Array, step_s: float, initial_tension_N: float) -> float:
-    """Error of a force on the same tendon with twice the masses and a quarter of the step [N]; NaN if that fails.
+    """Error of a force on the same chain with a quarter of the step [N]; NaN if that fails.
 
     Parameters
     ----------
@@ -182,15 +176,24 @@ def _warnings(
     if not found:
         return ()
     worst = max(found, key=lambda s: s.growth_exponent)
-    omega = chain.elements.stribeck_velocity_m_per_s
+    e = chain.elements
     error = (
         f"expect about {expected_N:.2g} N rms ({100 * expected_N / max(range_N, 1e-300):.2g} % of range)"
         if math.isfinite(expected_N)
         else "expect a large error (the finer replay did not even converge)"
     )
+    when = (
+        f"in {100 * share:.2g} % of the time, most from t = {worst.start_s:.3g} to {worst.end_s:.3g} s "
+        f"(a mode grows at {worst.growth_per_s:.3g} 1/s)"
+    )
+    if e.mu_static_pull > e.mu_dynamic_pull or e.mu_static_release > e.mu_dynamic_release:
+        return (
+            f"stick-slip: friction weakens with speed and the tendon slides slowly {when}; no force computed beforehand "
+            f"can hold it; {error}; slide well above or below {e.stribeck_velocity_m_per_s:.3g} m/s, add damping at the "
+            "load, lubricate (mu_static closer to mu_dynamic), or close a feedback loop",
+        )
     return (
-        f"stick-slip: friction weakens with speed and the tendon slides slowly in {100 * share:.2g} % of the time, most "
-        f"from t = {worst.start_s:.3g} to {worst.end_s:.3g} s (a mode grows at {worst.growth_per_s:.3g} 1/s); no force "
-        f"computed beforehand can hold it; {error}; slide well above or below {omega:.3g} m/s, add damping at the load, "
-        "lubricate (mu_static closer to mu_dynamic), or close a feedback loop",
+        f"oscillation: sliding friction, proportional to tension, feeds a mode of {worst.frequency_Hz:.3g} Hz {when}; no "
+        f"force computed beforehand can hold it; {error}; add damping in the tendon or at the load, or let the "
+        "reference change more gently",
     )
