@@ -194,6 +194,23 @@ def unbalanced_rows(chain: Chain, run: Simulation, step_s: float) -> Array:
     return np.flatnonzero((defect > 1e-9 * bound).any(axis=1))
 
 
+@pytest.mark.parametrize("seed", [30, 113])
+def test_engines_agree_where_a_step_is_split_deeply(seed: int) -> None:
+    """Into pieces down to 1/64 and 1/512 of the step, and longer ones after them; a tenth of the step agrees."""
+    chain, force, step = random_rig(np.random.default_rng(seed))
+    start = float(force[0])
+    runs = [
+        simulate(chain, force, step, initial_tension_N=start, engine=engine)
+        for engine in (Engine.COMPILED, Engine.CASADI)
+    ]
+    assert runs[0].splits == runs[1].splits > 0
+    assert np.abs(runs[0].tension_N - runs[1].tension_N).max() < 1e-9
+    rows = np.arange(10 * (len(force) - 1) + 1) / 10
+    fine = simulate(chain, np.interp(rows, np.arange(len(force)), force), step / 10, initial_tension_N=start)
+    error = runs[0].output_tension_N - fine.output_tension_N[::10]
+    assert np.sqrt(np.mean(error**2)) < 0.03 * fine.output_tension_N.max()
+
+
 @pytest.mark.parametrize("block", range(8))
 def test_random_scenarios_never_fail_silently(block: int) -> None:
     """200 of them: finite and in balance, row by row, except where a split step is made of smaller ones."""
