@@ -23,8 +23,8 @@ What came out (ratios; two shared cores, CasADi 3.8.2):
 * A step of ours costs 0.09 us per mass, linearly to N = 1000; the engine without a compiler 20 to 30 times as much.
 * Without damping, `cvodes` with the force as rows costs 400 to 800 times our run at N = 6 and mostly more at N = 40; at
   equal accuracy 130 to 730 times where it is accurate at all: at loose tolerances it is off by 2 to 60 % of range.
-* With the finger's damping, `cvodes` at its defaults costs 70 times our run at N = 6 and 35 to 45 times at N = 40, and is
-  then the more accurate of the two. Scaled well and at a tolerance of 1e-3 it costs 11 to 17 times our run at
+* With the finger's damping, `cvodes` at its defaults costs 70 times our run at N = 6 and 35 to 45 times at N = 40, and
+  is then the more accurate of the two. Scaled well and at a tolerance of 1e-3 it costs 11 to 17 times our run at
   comparable accuracy, and at equal accuracy 4 to 9 times: there the factor of 50 is not reached.
 * SciPy's ways cost 50 to 1000 times our run, collocation 50 to 300 times, and that does not always converge.
 * Implicit Euler has 10 times the error of BDF2 at 1 ms for the same time.
