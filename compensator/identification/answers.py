@@ -1,5 +1,6 @@
 """Estimates in the words of the scenario file, from what each stage found."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -19,6 +20,11 @@ P, D = StaticParameter, DynamicParameter
 
 POOR_SHARE = 0.35
 """Standard error over value from which on a value counts as not identified."""
+
+TWINS = 0.985
+"""Correlation from which on two values are told only together."""
+
+LOAD_TERMS = (P.PULL, P.RELEASE, P.ADHESION)
 
 NOT_DESCRIBED = "no law explains these files, so its parameters mean nothing here"
 
@@ -77,16 +83,20 @@ def static_answer(scenario: Scenario, stage: StaticStage, now: Circumstances, *,
         size = relevant_size(D.ADHESION, value, 1.0) if parameter in (P.INPUT_BIAS, P.OUTPUT_BIAS) else abs(value)
         told = error < POOR_SHARE * size or parameter in (P.INPUT_BIAS, P.OUTPUT_BIAS, P.GUIDE)
         partner = _partner(free, correlation, source.value)
+        if parameter in LOAD_TERMS and partner in LOAD_TERMS:
+            told = False  # friction that grows with load and friction that does not look the same here
         if not described:
             why = NOT_DESCRIBED
-        elif not told or not np.isfinite(error):
+        elif not told or not math.isfinite(error):
             share = error / size if size > 0 else float("inf")
             twin = f" It goes with {partner}: the files tell only their combination." if partner else ""
             key = {P.PULL: D.MU_PULL, P.RELEASE: D.MU_RELEASE, P.ADHESION: D.ADHESION, P.BRISTLE: D.BRISTLE}
             why = reason(key.get(parameter, D.INPUT_BIAS), now, scenario.transmission, share) + "." + twin
+            if parameter in LOAD_TERMS and partner in LOAD_TERMS:
+                why = f"it goes with {partner}, these files tell only their combination; repeat at several loads"
         else:
             why = "static stage" + (f"; mu theta = {value:.4g}" if factor != 1 else "")
-        told = bool(told and described and np.isfinite(error))
+        told = bool(told and described and math.isfinite(error))
         shown = factor * value if told or own is None else own
         estimates.append(
             Estimate(
@@ -117,8 +127,8 @@ def _without_load(stage: StaticStage) -> Estimate:
     gradient = np.zeros(len(names))
     gradient[names.index(P.PULL.value)] = p * np.exp(a)
     gradient[names.index(P.ADHESION.value)] = np.expm1(a)
-    finite = np.isfinite(np.diag(solution.covariance)).all()
-    error = float(np.sqrt(max(gradient @ solution.covariance @ gradient, 0.0))) if finite else float("inf")
+    finite = bool(np.isfinite(np.diag(solution.covariance)).all())
+    error = math.sqrt(max(float(gradient @ solution.covariance @ gradient), 0.0)) if finite else float("inf")
     reach = error * float(student.ppf(0.975, max(solution.degrees, 1)))
     value = float(p * np.expm1(a))
     return Estimate(
@@ -146,7 +156,7 @@ def _partner(names: Sequence[str], correlation: Array, name: str) -> str:
     row = np.abs(correlation[list(names).index(name)]).copy()
     row[list(names).index(name)] = 0
     best = int(np.argmax(row)) if len(row) > 1 else 0
-    return str(names[best]) if len(row) > 1 and row[best] > 0.95 else ""
+    return str(names[best]) if len(row) > 1 and row[best] > TWINS else ""
 
 
 def _kept(name: str, value: float, own: float | None, why: str) -> Estimate:
@@ -186,7 +196,7 @@ def dynamic_answer(scenario: Scenario, fit: DynamicFit, now: Circumstances, *, d
         value, error = solution.values[source], solution.standard_error(source)
         interval = solution.interval(source)
         size = relevant_size(source, value, float(max(fit.values[D.ADHESION], 1.0)))
-        told = described and bool(np.isfinite(error)) and (error < POOR_SHARE * size or source is D.INPUT_BIAS)
+        told = described and bool(math.isfinite(error)) and (error < POOR_SHARE * size or source is D.INPUT_BIAS)
         share = error / size if size > 0 else float("inf")
         why = "dynamic stage" if told else reason(parameter, now, scenario.transmission, share)
         if not described:

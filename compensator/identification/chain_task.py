@@ -18,6 +18,9 @@ FORGET_SHARE, FORGET_MOST = 0.6, 0.3
 """Rows before the input has swept this share of its range are not fitted, for what the tendon did before the first row
 is not known and friction remembers it; at most this share of a piece is given up for that."""
 
+FORGET_BRIDGE = 0.85
+"""The same after a bridge, whose extremes are guesses: only a nearly full sweep undoes them."""
+
 FAILED_RESIDUAL = 1e3
 
 TRAINING_SHARE = 0.65
@@ -75,7 +78,8 @@ def runs_of(records: Sequence[Record]) -> list[Run]:
             good[len(good) - edge :] = False  # the low-pass has one side only
             for end in _gap_ends(piece.good):
                 swept = _swept(piece.input_N[end:])
-                known = int(np.argmax(swept >= FORGET_SHARE * span)) if swept[-1] >= FORGET_SHARE * span else len(swept)
+                enough = FORGET_BRIDGE * span
+                known = int(np.argmax(swept >= enough)) if swept[-1] >= enough else len(swept)
                 good[end : end + min(known, int(FORGET_MOST * len(good)))] = False
             drive = Drive(input_N=piece.input_N, step_s=record.step_s, first_output_N=float(piece.output_N[0]))
             found.append(

@@ -16,7 +16,8 @@ SHORT_GAP_ROWS = 10
 LONGEST_BRIDGE_S, LONGEST_BRIDGE_ROWS = 1.0, 1000
 """A longer gap splits the file: the history that friction remembers is lost there."""
 
-BRIDGE_DEGREE = 5
+BRIDGE_DEGREE, BRIDGE_ROOM = 5, 0.1
+"""Degree of the polynomial, and how far it may leave the values on both sides, as a share of their range."""
 
 SPIKE_SIGMAS, SPIKE_ROWS, SPIKE_RANGE, SPIKE_WINDOW_ROWS = 10.0, 2, 0.02, 101
 """A spike leaves the running median by so many deviations of its surroundings, for so many rows at most, and by at
@@ -201,7 +202,9 @@ def _bridge(grid_time: Array, filled: Array, time: Array, values: Array, longest
             continue
         shape = np.polynomial.Polynomial.fit((time[near] - middle) / half, values[near], BRIDGE_DEGREE, domain=[-1, 1])
         inside = (grid_time > start) & (grid_time < stop)
-        filled[inside] = shape((grid_time[inside] - middle) / half)
+        low, high = values[near].min(), values[near].max()
+        room = BRIDGE_ROOM * (high - low)
+        filled[inside] = np.clip(shape((grid_time[inside] - middle) / half), low - room, high + room)
     return filled
 
 

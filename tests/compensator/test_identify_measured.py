@@ -56,6 +56,14 @@ def test_the_plain_capstan_law_is_seen_to_fail_on_it(grasper):
     assert by_name["symmetric"] > 4 * grasper.validation_percent
 
 
+def test_one_load_alone_does_not_tell_friction_with_load_from_friction_without(scenario, measured_data):
+    files = [measured_data / "davinci_tool4" / "identify" / "tool4_46.csv"]
+    found = identify(replace(scenario, measurement=TORQUES), files)
+    for name in ("mu_dynamic", "adhesion_N"):
+        assert not found.estimate(name).identifiable
+        assert "repeat at several loads" in found.estimate(name).why
+
+
 @pytest.fixture(scope="module")
 def band(scenario, measured_data):
     folder = measured_data / "band_capstan"
