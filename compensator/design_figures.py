@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 from matplotlib.figure import Figure
 
-from tendonff.compensator.compensators import Compensator, FloatArray
+from tendonff.compensator.compensators import Compensator, FloatArray, Score
 from tendonff.compensator.design import Design
 from tendonff.compensator.plots import BLUE, GREY, INK, ORANGE, PAGE_WIDTH_IN, VERMILION, figure_style, new_figure
 from tendonff.models.fidelity import Level
@@ -36,6 +36,12 @@ def thinned(rows: int) -> slice:
     return slice(None, None, max(1, rows // _MOST_POINTS))
 
 
+def percent(score: Score) -> str:
+    """Error in % of range with three digits; what is below 0.001 % is rounding and said to be so."""
+    value = score.rmse_percent_of_range
+    return f"{value:.3g}" if value >= 1e-3 else "< 0.001"
+
+
 def design_figures(result: Design) -> dict[str, Figure]:
     """All figures of a design by file name.
 
@@ -64,7 +70,7 @@ def tension_figure(result: Design) -> Figure:
     time = result.reference.time_s[rows]
     for compensator in Compensator:
         played = result.on_level(compensator, result.level)
-        label = f"{LABELS[compensator]}: {played.score.rmse_percent_of_range:.2g} % of range rms"
+        label = f"{LABELS[compensator]}: {percent(played.score)} % of range rms"
         panel.plot(time, played.output_N[rows], STYLES[compensator], color=COLOURS[compensator], label=label)
     panel.plot(time, result.reference.tension_N[rows], color=INK, linewidth=0.8, label="wanted")
     panel.set(xlabel="time [s]", ylabel="output tension [N]", title=f"Output tension on the {result.level} level")

@@ -2,9 +2,9 @@
 
 from matplotlib.figure import Figure
 
-from tendonff.compensator.compensators import Compensator, Played, Score
+from tendonff.compensator.compensators import Compensator, Played
 from tendonff.compensator.design import FINE_REFINEMENT, FINE_SEGMENTS, Design
-from tendonff.compensator.design_figures import LABELS
+from tendonff.compensator.design_figures import LABELS, percent
 from tendonff.compensator.report import FileNote, Picture, Provenance, Report, Section, Table, Text
 from tendonff.models.fidelity import Level
 
@@ -15,12 +15,6 @@ _CAPTIONS = {
     "compensation is the diagonal.",
     "error": "Error on each fidelity level: how much the answer depends on the model it was designed with.",
 }
-
-
-def percent(score: Score) -> str:
-    """Error in % of range with three digits; what is below 0.001 % is rounding and said to be so."""
-    value = score.rmse_percent_of_range
-    return f"{value:.3g}" if value >= 1e-3 else "< 0.001"
 
 
 def headline(result: Design) -> str:

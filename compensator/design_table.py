@@ -7,7 +7,7 @@ from rich.table import Table
 
 from tendonff.compensator.compensators import Compensator
 from tendonff.compensator.design import FINE_REFINEMENT, FINE_SEGMENTS, Design
-from tendonff.compensator.design_report import percent
+from tendonff.compensator.design_figures import percent
 from tendonff.models.fidelity import Level
 
 

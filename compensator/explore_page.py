@@ -20,8 +20,7 @@ from bokeh.plotting import figure
 from bokeh.server.server import Server
 
 from tendonff.compensator.compensators import Compensator
-from tendonff.compensator.design_figures import COLOURS, LABELS
-from tendonff.compensator.design_report import percent
+from tendonff.compensator.design_figures import COLOURS, LABELS, percent
 from tendonff.compensator.explore import SHOWN, Curve, Explorer, Knobs
 from tendonff.compensator.files import InputError
 from tendonff.compensator.scenario import Scenario

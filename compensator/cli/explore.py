@@ -25,9 +25,7 @@ def explore(
     except ModuleNotFoundError as error:
         if error.name != "bokeh":
             raise
-        raise InputError(
-            'explore needs Bokeh; install it by: pip install "tendonff[explore]", or "bokeh" alone'
-        ) from None
+        raise InputError("explore needs Bokeh, which is not installed; install it by: pip install bokeh") from None
     server = make_server(loaded, port)
     server.start()
     say(f"{page_url(server)} (this machine only; Ctrl-C ends it)")
