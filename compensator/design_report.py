@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 from tendonff.compensator.compensators import Compensator, Played
 from tendonff.compensator.design import FINE_REFINEMENT, FINE_SEGMENTS, Design
 from tendonff.compensator.design_figures import LABELS, percent
-from tendonff.compensator.report import FileNote, Picture, Provenance, Report, Section, Table, Text
+from tendonff.compensator.report import Cell, FileNote, Picture, Provenance, Report, Section, Table, Text
 from tendonff.models.fidelity import Level
 
 _CAPTIONS = {
@@ -107,7 +107,7 @@ def _robust_section(result: Design) -> tuple[Section, ...]:
     if found is None:
         return ()
     span = result.reference.range_N
-    rows = tuple(
+    rows: tuple[tuple[Cell, ...], ...] = tuple(
         (
             LABELS[compensator],
             *(
