@@ -265,30 +265,33 @@ class CasadiStepper:
         parts, v, iterations = self._functions, guess, 0
         tolerance = float(parts.tolerance(base, weight))
         residual, move = (np.asarray(m).ravel() for m in parts.newton(v, base, inputs, weight))
-        norm = _largest(residual)
+        norm, worst = _largest(residual)
         while iterations < MAX_ITERATIONS and not norm <= tolerance:
             iterations += 1
             t = 1.0
             for _ in range(MAX_HALVINGS):
                 trial = v + t * move
                 residual, next_move = (np.asarray(m).ravel() for m in parts.newton(trial, base, inputs, weight))
-                if (size := _largest(residual)) < norm:
+                size, next_worst = _largest(residual)
+                if size < norm:
                     break
                 t /= 2
             else:
                 break  # no descent: the caller splits the step
-            v, move, norm = trial, next_move, size
+            v, move, norm, worst = trial, next_move, size, next_worst
         x, force = (np.asarray(m).ravel() for m in parts.finish(v, base, inputs, weight))
         return _Outcome(
             solved=norm <= tolerance,
             x=x,
             tension_N=force,
             residual_N=norm,
-            worst_mass=int(np.argmax(np.where(np.isnan(residual), np.inf, np.abs(residual)))),
+            worst_mass=worst,
             iterations=iterations,
         )
 
 
-def _largest(residual: Array) -> float:
-    """Largest balance; NaN where one is."""
-    return float(np.max(np.abs(residual)))
+def _largest(residual: Array) -> tuple[float, int]:
+    """Largest balance and its mass; the first NaN where there is one."""
+    sizes = np.abs(residual)
+    worst = int(np.argmax(sizes))  # to numpy too, NaN is largest
+    return float(sizes[worst]), worst

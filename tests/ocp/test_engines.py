@@ -58,6 +58,19 @@ def test_engines_agree_on_how_a_run_fails(generic: Transmission) -> None:
     assert all("simulation stopped at t = 0.03 s" in run.message for run in runs)
 
 
+@pytest.mark.parametrize("engine", [Engine.COMPILED, Engine.CASADI])
+def test_one_balance_that_is_not_a_number_is_not_overlooked(generic: Transmission, engine: Engine) -> None:
+    """NaN at one mass, all others in balance."""
+    chain = Chain.of(generic, Level.PRESLIDING, 4)
+    state = chain.rest_state(30.0)
+    state.bristle_N[1] = np.nan
+    inputs = np.array([[30.0, 0.0, 0.0, 0.0]] * 3)
+    rows = Simulator(chain, 1e-3, state, inputs[0], engine).advance(inputs)
+    assert len(rows.tension_N) == 0
+    assert rows.worst_mass == 2
+    assert np.isnan(rows.residual_N)
+
+
 def test_engines_agree_with_motors_at_both_ends(generic: Transmission) -> None:
     chain = Chain.of(generic, Level.PRESLIDING, 4).with_end_stiffness(700.0, 900.0)
     time = np.arange(1, 500) * 1e-3

@@ -254,7 +254,7 @@ def test_a_failed_step_is_reported_with_time_mass_and_balance(generic: Transmiss
     assert run.tension_N == pytest.approx(np.full((4, 7), 30.0))
     assert "simulation stopped at t = 0.004 s" in run.message
     assert "worst balance" in run.message
-    assert " N at mass " in run.message
+    assert " N at the actuator" in run.message
     with pytest.raises(SolveError, match=r"simulation stopped at t = 0\.004 s"):
         run.require()
 
