@@ -204,16 +204,15 @@ def _solve(
     """CasADi's interface to DAQP: a dense dual active-set method; exact on active bounds, deterministic."""
     scale, k = 1 / max(float(np.diag(hessian).max()), 1e-300), len(gradient)  # its tolerances are absolute
     a = ca.DM(sp.csc_matrix(constraint))
-    solver = ca.conic(
-        "change", "daqp", {"h": ca.Sparsity.dense(k, k), "a": a.sparsity()}, {"error_on_fail": False}
-    )
+    solver = ca.conic("change", "daqp", {"h": ca.Sparsity.dense(k, k), "a": a.sparsity()}, {"error_on_fail": False})
     for damping in (1e-9, 1e-7, 1e-5):  # where the tendon sticks the Hessian is singular
         damped = hessian * scale + damping * np.eye(k)
         h = ca.DM(ca.Sparsity.dense(k, k), damped.ravel())
         found = solver(h=h, g=gradient * scale, a=a, lba=row_low, uba=row_high, lbx=low, ubx=high)
-        x = np.asarray(found["x"].full()).ravel()
+        x: Array = np.asarray(found["x"].full()).ravel()
         if solver.stats()["success"] and np.all(np.isfinite(x)):
-            return np.clip(x, low, high)
+            inside: Array = np.clip(x, low, high)
+            return inside
     return None
 
 

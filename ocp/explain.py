@@ -165,7 +165,7 @@ def _range_reasons(law: CapstanLaw, reference: Array, step_s: float, limits: For
     if reference[low] < least:
         needed = float(law.input_for_N(reference[low], Branch.RELEASE))
         found.append(
-            f"the reference falls to {reference[low]:.4g} N at t = {low * step_s:.4g} s; friction holds the tension, so the "
+            f"the reference falls to {reference[low]:.4g} N at t = {low * step_s:.4g} s; friction holds it, so the "
             f"actuator must go down to {needed:.4g} N, force_min_N is {limits.minimum_N:.4g}: "
             f"at least {least:.4g} N remain"
         )
@@ -198,9 +198,9 @@ def _rate_reasons(law: CapstanLaw, reference: Array, step_s: float, limits: Forc
         if bad.any():
             k = int(np.argmax(np.where(bad, missed, -1.0)))
             found.append(
-                f"at {int(bad.sum())} of {turns.size} reversals the force must travel far before the output moves again, "
-                f"most at t = {turns[k] * step_s:.4g} s: {travel[k]:.3g} N, at {limits.rate_N_per_s:.4g} N/s that takes "
-                f"{hold[k]:.3g} s in which the output stands still; a rate limit of "
+                f"at {int(bad.sum())} of {turns.size} reversals the force must travel far before the output moves, "
+                f"most at t = {turns[k] * step_s:.4g} s: {travel[k]:.3g} N, at {limits.rate_N_per_s:.4g} N/s that "
+                f"takes {hold[k]:.3g} s in which the output stands still; a rate limit of "
                 f"{_rate_that_helps(travel, reference, turns, step_s):.3g} N/s would keep that below 1 % of the range"
             )
     return found
@@ -232,7 +232,7 @@ def _tension_reasons(
     released = float(law.input_for_N(reference[low], Branch.RELEASE))
     if minimum_tension_N > 0 and released < minimum_tension_N:
         found.append(
-            f"at t = {low * step_s:.4g} s the reference is {reference[low]:.4g} N; releasing to it leaves {released:.4g} N "
+            f"at t = {low * step_s:.4g} s the reference is {reference[low]:.4g} N; release leaves {released:.4g} N "
             f"near the actuator, minimum_tension_N is {minimum_tension_N:.4g}"
         )
     elif released <= 0:
@@ -243,7 +243,7 @@ def _tension_reasons(
     pulled = float(law.input_for_N(reference[high], Branch.PULL))
     if pulled > maximum_tension_N:
         found.append(
-            f"at t = {high * step_s:.4g} s the reference is {reference[high]:.4g} N; pulling to it takes {pulled:.4g} N near "
+            f"at t = {high * step_s:.4g} s the reference is {reference[high]:.4g} N; pulling takes {pulled:.4g} N near "
             f"the actuator, maximum_tension_N is {maximum_tension_N:.4g}"
         )
     return found

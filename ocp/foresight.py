@@ -2,8 +2,9 @@
 
 The chain is linearised along the motion that the reference asks for. While the tendon slides, static friction above
 dynamic friction acts like a negative damper, strongest near the Stribeck velocity; and on long, lightly damped paths
-friction that follows the tension can feed an oscillation even without. Where that outweighs the damping, a mode grows. A force that was computed beforehand cannot stop it. How far a mode gets depends on how long sliding
-stays slow, so what counts is the growth summed over a stretch, e^(integral of Re lambda).
+friction that follows the tension can feed an oscillation even without. Where that outweighs the damping, a mode grows.
+A force that was computed beforehand cannot stop it. How far a mode gets depends on how long it lasts, so what counts
+is the growth summed over a stretch, e^(integral of Re lambda).
 """
 
 import math
@@ -121,7 +122,9 @@ def foresee(
     )
 
 
-def expected_error_N(chain: Chain, force_N: Array, reference_N: Array, step_s: float, initial_tension_N: float) -> float:
+def expected_error_N(
+    chain: Chain, force_N: Array, reference_N: Array, step_s: float, initial_tension_N: float
+) -> float:
     """Error of a force on the same chain with a quarter of the step [N]; NaN if that fails.
 
     Parameters
@@ -133,9 +136,7 @@ def expected_error_N(chain: Chain, force_N: Array, reference_N: Array, step_s: f
     """
     coarse = np.arange(len(force_N)) * step_s
     fine = np.arange((len(force_N) - 1) * _REPLAY_STEPS + 1) * (step_s / _REPLAY_STEPS)
-    run = simulate(
-        chain, np.interp(fine, coarse, force_N), step_s / _REPLAY_STEPS, initial_tension_N=initial_tension_N
-    )
+    run = simulate(chain, np.interp(fine, coarse, force_N), step_s / _REPLAY_STEPS, initial_tension_N=initial_tension_N)
     if run.outcome is Outcome.FAILED:
         return math.nan
     return float(np.sqrt(np.mean((run.output_tension_N[::_REPLAY_STEPS] - reference_N) ** 2)))
@@ -187,13 +188,16 @@ def _warnings(
         f"(a mode grows at {worst.growth_per_s:.3g} 1/s)"
     )
     if e.mu_static_pull > e.mu_dynamic_pull or e.mu_static_release > e.mu_dynamic_release:
-        return (
-            f"stick-slip: friction weakens with speed and the tendon slides slowly {when}; no force computed beforehand "
-            f"can hold it; {error}; slide well above or below {e.stribeck_velocity_m_per_s:.3g} m/s, add damping at the "
-            "load, lubricate (mu_static closer to mu_dynamic), or close a feedback loop",
+        speed = f"{e.stribeck_velocity_m_per_s:.3g} m/s"
+        text = (
+            f"stick-slip: friction weakens with speed and the tendon slides slowly {when}; no force computed "
+            f"beforehand can hold it; {error}; slide well above or below {speed}, add damping at the load, "
+            "lubricate (mu_static closer to mu_dynamic), or close a feedback loop"
         )
-    return (
-        f"oscillation: sliding friction, proportional to tension, feeds a mode of {worst.frequency_Hz:.3g} Hz {when}; no "
-        f"force computed beforehand can hold it; {error}; add damping in the tendon or at the load, or let the "
-        "reference change more gently",
-    )
+    else:
+        text = (
+            f"oscillation: sliding friction, proportional to tension, feeds a mode of {worst.frequency_Hz:.3g} Hz "
+            f"{when}; no force computed beforehand can hold it; {error}; add damping in the tendon or at the load, "
+            "or let the reference change more gently"
+        )
+    return (text,)

@@ -156,7 +156,13 @@ def judge_tensions(tensions_N: tuple[Array, ...], goal: Goal, force_N: Array) ->
 
 
 def local_model(
-    plants: tuple[Plant, ...], goal: Goal, force_N: Array, judgement: Judgement, knots: Rows, shape: Array, reach_N: float
+    plants: tuple[Plant, ...],
+    goal: Goal,
+    force_N: Array,
+    judgement: Judgement,
+    knots: Rows,
+    shape: Array,
+    reach_N: float,
 ) -> LocalModel:
     """Gauss-Newton model of the merit, from exact sensitivities.
 
@@ -215,7 +221,7 @@ _PIECE_ROWS = 20  # of each link only the worst of so many successive rows becom
 def _watched(tension_N: Array, bounds: TensionBounds, reach_N: float) -> Rows:
     """Pairs (row, link) near a bound, the worst of each piece; shape (c, 2)."""
     room = np.minimum(tension_N - bounds.low_N, bounds.high_N - tension_N)
-    pairs = []
+    pairs: list[tuple[int, int]] = []
     for start in range(1, len(room), _PIECE_ROWS):
         piece = room[start : start + _PIECE_ROWS]
         worst = piece.argmin(axis=0)

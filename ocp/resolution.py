@@ -163,7 +163,7 @@ def nearest_profile(
 
 
 def _taut_start(plants: tuple[Plant, ...], goal: Goal, clipped_N: Array) -> tuple[Judgement, Array]:
-    """The clipped profile, or the largest part of its changes that breaks no tension bound; from rest, none breaks one."""
+    """The clipped profile, or the largest share of its changes that breaks no tension bound."""
     first = (judge(plants, goal, clipped_N), clipped_N)
     if first[0].beyond_N == 0:
         return first

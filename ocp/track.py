@@ -165,7 +165,9 @@ def track_plants(
 _FLOORS = (1.0, 4.0, 16.0, 64.0, 256.0)
 
 
-def _taut_limits(plants: tuple[Plant, ...], goal: Goal, limits: ForceLimits, wanted: Array, start_N: float) -> ForceLimits:
+def _taut_limits(
+    plants: tuple[Plant, ...], goal: Goal, limits: ForceLimits, wanted: Array, start_N: float
+) -> ForceLimits:
     """Limits whose least force keeps the tendon taut: a search that starts slack sees no slope."""
     for floor in (limits.minimum_N, *(goal.bounds.low_N * share for share in _FLOORS)):
         if limits.minimum_N <= floor < min(limits.maximum_N, start_N):
@@ -219,7 +221,9 @@ def _search(
     simulators = [Simulator(p.chain, goal.step_s, p.state, force_inputs(np.array([start_N]))[0]) for p in plants]
     force, improvements = np.array([start_N]), []
     rules = Rules(
-        iterations=options.max_iterations, tolerance=options.tolerance, trust_N=0.1 * float(np.ptp(goal.reference_N)) + 1e-6
+        iterations=options.max_iterations,
+        tolerance=options.tolerance,
+        trust_N=0.1 * float(np.ptp(goal.reference_N)) + 1e-6,
     )
     counter = _Counter(progress, options.max_iterations * len(pieces))
     for piece in pieces:
@@ -292,13 +296,17 @@ def _report(work: _Work, goal: Goal, options: TrackOptions, limits: ForceLimits,
         )
     effort = f"{iterations} iterations, {work.solve_s:.2g} s"
     message = {
-        TrackStatus.EXACT: f"no limit binds: the exact inverse is the optimum, {rms:.2g} N rms remain; no iteration needed",
+        TrackStatus.EXACT: f"no limit binds: the exact inverse is the optimum, {rms:.2g} N rms remain; no iterations",
         TrackStatus.OPTIMAL: f"{left}; {effort}",
-        TrackStatus.ACCEPTABLE: f"{left}; the search ended after {effort} with {100 * promise:.2g} % of the squared error "
-        "still to be gained by its own estimate: raise max_iterations for more",
-        TrackStatus.CLIPPED: f"{left}; nothing better was found in {effort}, so the clipped inverse or static law is given",
-        TrackStatus.INFEASIBLE: f"no profile keeps the tension in bounds; closest: {worst}; {left}; {effort}; "
-        "widen the tension bounds, let the reference change more slowly, or start from another initial tension",
+        TrackStatus.ACCEPTABLE: (
+            f"{left}; the search ended after {effort}, with {100 * promise:.2g} % of the squared error still to be "
+            "gained by its own estimate: raise max_iterations for more"
+        ),
+        TrackStatus.CLIPPED: f"{left}; nothing better was found in {effort}: this is the clipped inverse or static law",
+        TrackStatus.INFEASIBLE: (
+            f"no profile keeps the tension in bounds; closest: {worst}; {left}; {effort}; "
+            "widen the tension bounds, let the reference change more slowly, or start from another initial tension"
+        ),
         TrackStatus.FAILED: "no profile could be simulated on the design model; try a smaller step_s or another level",
     }[status]
     return Tracking(

@@ -28,7 +28,9 @@ def test_samples_stay_within_their_ranges_and_start_with_what_is_known(generic: 
         assert float(np.ptp(factors)) > 1.8 * width  # the hypercube reaches into its corners
     last = samples[-1]
     assert last.transmission.friction.mu_static == pytest.approx(generic.friction.mu_static * last.mu)
-    assert last.transmission.tendon.stiffness_N_per_m == pytest.approx(generic.tendon.stiffness_N_per_m * last.stiffness)
+    assert last.transmission.tendon.stiffness_N_per_m == pytest.approx(
+        generic.tendon.stiffness_N_per_m * last.stiffness
+    )
 
 
 def test_samples_depend_on_the_seed_alone(generic: Transmission) -> None:

@@ -58,7 +58,9 @@ def test_where_no_limit_binds_the_optimum_is_the_exact_inverse(generic: Transmis
     assert found.reasons == ()
 
 
-@pytest.mark.parametrize(("level", "rate"), [(Level.ELASTIC, 300.0), (Level.VISCOELASTIC, 150.0), (Level.PRESLIDING, 150.0)])
+@pytest.mark.parametrize(
+    ("level", "rate"), [(Level.ELASTIC, 300.0), (Level.VISCOELASTIC, 150.0), (Level.PRESLIDING, 150.0)]
+)
 def test_where_the_rate_binds_the_optimum_leaves_less_on_a_finer_plant(
     generic: Transmission, level: Level, rate: float
 ) -> None:
@@ -105,7 +107,9 @@ def test_tension_bounds_hold_anywhere_along_the_tendon(generic: Transmission) ->
 
 def test_impossible_tension_bounds_are_reported_by_name_and_time(generic: Transmission) -> None:
     chain = Chain.of(steady(generic), Level.PRESLIDING)
-    found = track(chain, reference(0.5), STEP, limits(500.0), TrackOptions(minimum_tension_N=31.0, maximum_tension_N=31.5))
+    found = track(
+        chain, reference(0.5), STEP, limits(500.0), TrackOptions(minimum_tension_N=31.0, maximum_tension_N=31.5)
+    )
     assert found.status is TrackStatus.INFEASIBLE
     assert "minimum_tension_N = 31" in found.message
     with pytest.raises(SolveError, match="no profile keeps the tension in bounds"):
