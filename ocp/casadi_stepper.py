@@ -54,6 +54,110 @@ class _Outcome:
     iterations: int
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepExpressions:
+    """One implicit step in symbols: unknown velocities, what is known before, and what follows.
+
+    Parameters
+    ----------
+    v, base, u, H : ca.SX
+        Velocities at the end of the step, base of the scheme, inputs, weight of the rates.
+    balance, move : ca.SX, shape (N + 2, 1)
+        Force balance of every mass [N], and Newton's move of the velocities.
+    end : ca.SX, shape (4 N + 6, 1)
+        State at the end of the step.
+    force : ca.SX, shape (N + 1, 1)
+        Tensions [N].
+    tolerance : ca.SX
+        Largest balance that counts as solved [N].
+    """
+
+    v: ca.SX
+    base: ca.SX
+    u: ca.SX
+    H: ca.SX
+    balance: ca.SX
+    move: ca.SX
+    end: ca.SX
+    force: ca.SX
+    tolerance: ca.SX
+
+
+def step_expressions(chain: Chain) -> StepExpressions:
+    """One implicit step of a chain; its numbers may be CasADi scalars.
+
+    Parameters
+    ----------
+    chain : Chain
+    """
+    n, elements, ends = chain.count, chain.elements, (chain.near, chain.far)
+    link = (
+        elements.stiffness_N_per_m,
+        elements.relaxing_stiffness_N_per_m,
+        elements.relaxation_time_s,
+        elements.damping_N_s_per_m,
+    )
+    path = (
+        elements.mass_kg,
+        elements.viscous_N_s_per_m,
+        elements.adhesion_N,
+        elements.bristle_stiffness_N_per_m,
+        elements.mu_dynamic_pull,
+        elements.mu_static_pull,
+        elements.mu_dynamic_release,
+        elements.mu_static_release,
+        elements.stribeck_velocity_m_per_s,
+    )
+    near, far = ((end.mass_kg, end.damping_N_s_per_m, end.stiffness_N_per_m) for end in ends)
+    gain_of, start_of, force_of = link_gain().function(), link_start().function(), link_force().function()
+    states_of, mass_of, end_of = link_states().function(), path_mass().function(), end_mass().function()
+
+    v, base, u, H = ca.SX.sym("v", n + 2), ca.SX.sym("base", 4 * n + 6), ca.SX.sym("u", 4), ca.SX.sym("H")
+    base_v, base_e, base_z, base_s, base_q = ca.vertsplit(base, [0, n + 2, 2 * n + 3, 3 * n + 4, 4 * n + 4, 4 * n + 6])
+    f_c1, x_c1, f_c2, x_c2 = ca.vertsplit(u)
+    gain = gain_of(H, *link)
+    start = [start_of(base_e[i], base_z[i], H, *link) for i in range(n + 1)]
+    force, slope = zip(*(force_of(v[i] - v[i + 1], start[i], gain) for i in range(n + 1)), strict=True)
+
+    first, by_v, by_f = end_of(v[0], force[0], base_v[0], base_q[0], H, -1, f_c1, x_c1, *near)
+    residual, lower, diag, upper = [first], [ca.SX(0)], [by_v + by_f * slope[0]], [-by_f * slope[0]]
+    bristle = []
+    for i in range(1, n + 1):
+        balance, by_v, by_near, by_far, f_s = mass_of(v[i], force[i - 1], force[i], base_v[i], base_s[i - 1], H, *path)
+        residual.append(balance)
+        lower.append(by_near * slope[i - 1])
+        diag.append(by_v - by_near * slope[i - 1] + by_far * slope[i])
+        upper.append(-by_far * slope[i])
+        bristle.append(f_s)
+    last, by_v, by_f = end_of(v[n + 1], force[n], base_v[n + 1], base_q[1], H, 1, f_c2, x_c2, *far)
+    residual.append(last)
+    lower.append(by_f * slope[n])
+    diag.append(by_v - by_f * slope[n])
+
+    mass = ca.vertcat(near[0], *[elements.mass_kg] * n, far[0])
+    largest = ca.norm_inf(ca.vertcat(*start, mass * base_v / H))
+    links = [states_of(v[i] - v[i + 1], base_e[i], base_z[i], H, *link) for i in range(n + 1)]
+    end = ca.vertcat(
+        v,
+        *[e for e, _ in links],
+        *[z for _, z in links],
+        *bristle,
+        base_q[0] + H * v[0],
+        base_q[1] + H * v[n + 1],
+    )
+    return StepExpressions(
+        v=v,
+        base=base,
+        u=u,
+        H=H,
+        balance=ca.vertcat(*residual),
+        move=_tridiagonal_move(residual, lower, diag, upper),
+        end=end,
+        force=ca.vertcat(*force),
+        tolerance=RESIDUAL_TOLERANCE_N + RESIDUAL_ROUNDING * largest,
+    )
+
+
 class _StepFunctions:
     """The parts of one implicit step as CasADi functions, all of its weight H.
 
@@ -63,74 +167,12 @@ class _StepFunctions:
     """
 
     def __init__(self, chain: Chain) -> None:
-        n, elements, ends = chain.count, chain.elements, (chain.near, chain.far)
-        link = (
-            elements.stiffness_N_per_m,
-            elements.relaxing_stiffness_N_per_m,
-            elements.relaxation_time_s,
-            elements.damping_N_s_per_m,
-        )
-        path = (
-            elements.mass_kg,
-            elements.viscous_N_s_per_m,
-            elements.adhesion_N,
-            elements.bristle_stiffness_N_per_m,
-            elements.mu_dynamic_pull,
-            elements.mu_static_pull,
-            elements.mu_dynamic_release,
-            elements.mu_static_release,
-            elements.stribeck_velocity_m_per_s,
-        )
-        near, far = ((end.mass_kg, end.damping_N_s_per_m, end.stiffness_N_per_m) for end in ends)
-        gain_of, start_of, force_of = link_gain().function(), link_start().function(), link_force().function()
-        states_of, mass_of, end_of = link_states().function(), path_mass().function(), end_mass().function()
-
-        v, base, u, H = ca.SX.sym("v", n + 2), ca.SX.sym("base", 4 * n + 6), ca.SX.sym("u", 4), ca.SX.sym("H")
-        base_v, base_e, base_z, base_s, base_q = ca.vertsplit(
-            base, [0, n + 2, 2 * n + 3, 3 * n + 4, 4 * n + 4, 4 * n + 6]
-        )
-        f_c1, x_c1, f_c2, x_c2 = ca.vertsplit(u)
-        gain = gain_of(H, *link)
-        start = [start_of(base_e[i], base_z[i], H, *link) for i in range(n + 1)]
-        force, slope = zip(*(force_of(v[i] - v[i + 1], start[i], gain) for i in range(n + 1)), strict=True)
-
-        first, by_v, by_f = end_of(v[0], force[0], base_v[0], base_q[0], H, -1, f_c1, x_c1, *near)
-        residual, lower, diag, upper = [first], [ca.SX(0)], [by_v + by_f * slope[0]], [-by_f * slope[0]]
-        bristle = []
-        for i in range(1, n + 1):
-            balance, by_v, by_near, by_far, f_s = mass_of(
-                v[i], force[i - 1], force[i], base_v[i], base_s[i - 1], H, *path
-            )
-            residual.append(balance)
-            lower.append(by_near * slope[i - 1])
-            diag.append(by_v - by_near * slope[i - 1] + by_far * slope[i])
-            upper.append(-by_far * slope[i])
-            bristle.append(f_s)
-        last, by_v, by_f = end_of(v[n + 1], force[n], base_v[n + 1], base_q[1], H, 1, f_c2, x_c2, *far)
-        residual.append(last)
-        lower.append(by_f * slope[n])
-        diag.append(by_v - by_f * slope[n])
-
-        mass = ca.vertcat(near[0], *[elements.mass_kg] * n, far[0])
-        largest = ca.norm_inf(ca.vertcat(*start, mass * base_v / H))
-        self.tolerance = ca.Function(
-            "tolerance", [base, H], [RESIDUAL_TOLERANCE_N + RESIDUAL_ROUNDING * largest], {"cse": True}
-        )
-        balances = ca.vertcat(*residual)
-        move = _tridiagonal_move(residual, lower, diag, upper)
-        unknowns = [v, base, u, H]
-        self.balance = ca.Function("balance", unknowns, [balances], {"cse": True})
-        self.newton = ca.Function("newton", unknowns, [balances, move], {"cse": True})
-        links = [states_of(v[i] - v[i + 1], base_e[i], base_z[i], H, *link) for i in range(n + 1)]
-        end = ca.vertcat(
-            v,
-            *[e for e, _ in links],
-            *[z for _, z in links],
-            *bristle,
-            base_q[0] + H * v[0],
-            base_q[1] + H * v[n + 1],
-        )
-        self.finish = ca.Function("finish", unknowns, [end, ca.vertcat(*force)], {"cse": True})
+        step, options = step_expressions(chain), {"cse": True}
+        unknowns = [step.v, step.base, step.u, step.H]
+        self.tolerance = ca.Function("tolerance", [step.base, step.H], [step.tolerance], options)
+        self.balance = ca.Function("balance", unknowns, [step.balance], options)
+        self.newton = ca.Function("newton", unknowns, [step.balance, step.move], options)
+        self.finish = ca.Function("finish", unknowns, [step.end, step.force], options)
 
 
 def _tridiagonal_move(residual: list[ca.SX], lower: list[ca.SX], diag: list[ca.SX], upper: list[ca.SX]) -> ca.SX:

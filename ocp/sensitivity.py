@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from tendonff.models.chain import Chain, ChainState
 from tendonff.models.errors import ParameterError
 from tendonff.models.transmission import Whole
+from tendonff.ocp.casadi_tangent import CasadiTangent
 from tendonff.ocp.ccode import Precision
-from tendonff.ocp.compiled import load_library, print_laws, render_template
+from tendonff.ocp.compiled import Engine, load_library, print_laws, render_template, resolve_engine
 from tendonff.ocp.compiled_stepper import PREFIX, ReportStruct, chain_numbers, chain_struct, pointer
 from tendonff.ocp.elements import simulation_laws, tangent_laws
 from tendonff.ocp.errors import SolveError
@@ -91,6 +92,31 @@ class _Directions:
     weight: Array | None
     window: int
 
+    def forgotten(self, rows: int) -> NDArray[np.int_]:
+        """How many of the first knots the window has left behind at the end of each step, shape (rows,)."""
+        if self.knot is None or self.window == 0:
+            return np.zeros(rows, dtype=np.int_)
+        left: NDArray[np.int_] = np.maximum(np.minimum(self.knot + 2, self.width) - self.window, 0)
+        return left
+
+    def drive(self, rows: int) -> Array:
+        """Change of f_c1 at the end of each step, shape (rows, width)."""
+        change = np.zeros((rows, self.width))
+        if self.knot is not None and self.weight is not None:
+            at = np.arange(rows)
+            change[at, self.knot] = 1 - self.weight
+            change[at, self.knot + 1] += self.weight
+        return change
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Numbers:
+    """The numbers of a chain as symbols, for the engine that needs no compiler."""
+
+    chain: Chain
+    symbols: ca.SX
+    values: Array
+
 
 @functools.cache
 def _library() -> ctypes.CDLL:
@@ -116,6 +142,7 @@ def force_sensitivity(
     state: ChainState,
     links: Links = Links.OUTPUT,
     window: int = 0,
+    engine: Engine = Engine.AUTO,
 ) -> Sensitivity:
     """How the tensions change with the force at the knots of a piecewise linear profile.
 
@@ -133,6 +160,7 @@ def force_sensitivity(
     links : Links, optional
     window : int, optional
         Follow a knot's influence over so many later knots only; 0 follows it to the end.
+    engine : Engine, optional
 
     Returns
     -------
@@ -153,6 +181,9 @@ def force_sensitivity(
         weight=np.ascontiguousarray(weight),
         window=window,
     )
+    if resolve_engine(engine) is Engine.CASADI:
+        fixed = _Numbers(chain=chain, symbols=ca.SX(0, 1), values=np.empty(0))
+        return _run_casadi(chain, fixed, force_N, step_s, state, directions, np.empty((0, len(rows))), links)
     return _run(chain, force_N, step_s, state, directions, links, with_ends=False)
 
 
@@ -165,6 +196,7 @@ def parameter_sensitivity(
     *,
     initial_tension_N: float,
     links: Links = Links.OUTPUT,
+    engine: Engine = Engine.AUTO,
 ) -> Sensitivity:
     """How the tensions and the end positions change with parameters of the whole tendon.
 
@@ -181,6 +213,7 @@ def parameter_sensitivity(
     initial_tension_N : float
         T0 of the start at rest [N].
     links : Links, optional
+    engine : Engine, optional
 
     Returns
     -------
@@ -205,6 +238,9 @@ def parameter_sensitivity(
     by_number, by_start = (np.ascontiguousarray(np.asarray(m.full())) for m in slopes(at))
     directions = _Directions(width=len(parameters), numbers=by_number, start=by_start, knot=None, weight=None, window=0)
     state = chain.rest_state(initial_tension_N)
+    if resolve_engine(engine) is Engine.CASADI:
+        free = _Numbers(chain=symbolic, symbols=unknowns, values=np.array(at))
+        return _run_casadi(chain, free, force_N, step_s, state, directions, np.eye(len(parameters)), links)
     return _run(chain, force_N, step_s, state, directions, links, with_ends=True)
 
 
@@ -261,8 +297,8 @@ def _run(
     )
     if done < rows:
         failed = Rows(
-            tension_N=tension[: done + 1],
-            ends_m=ends[: done + 1],
+            tension_N=tension[1 : done + 1],
+            ends_m=ends[1 : done + 1],
             states=None,
             iterations=report.iterations,
             splits=report.splits,
@@ -271,3 +307,31 @@ def _run(
         )
         raise SolveError(describe_failure(chain, failed, (done + 1) * step_s, step_s))
     return Sensitivity(tension_N=tension, ends_m=ends, tension_slopes=slopes, ends_slopes=ends_slopes)
+
+
+def _run_casadi(
+    chain: Chain,
+    numbers: _Numbers,
+    force_N: Array,
+    step_s: float,
+    state: ChainState,
+    directions: _Directions,
+    changes: Array,
+    links: Links,
+) -> Sensitivity:
+    inputs, x = force_inputs(np.asarray(force_N, dtype=np.float64)), state.vector()
+    tangent = CasadiTangent(chain, numbers.chain, numbers.symbols, numbers.values, step_s)
+    steps = len(inputs) - 1
+    rows, slopes, ends_slopes = tangent.run(
+        x, inputs, directions.start, changes, directions.drive(steps), directions.forgotten(steps)
+    )
+    if len(rows.tension_N) < steps:
+        raise SolveError(describe_failure(chain, rows, (len(rows.tension_N) + 1) * step_s, step_s))
+    first_link = chain.count if links is Links.OUTPUT else 0
+    start = np.zeros((1, chain.count + 1, directions.width))
+    return Sensitivity(
+        tension_N=np.vstack([tensions_of(chain, x), rows.tension_N]),
+        ends_m=np.vstack([x[-2:], rows.ends_m]),
+        tension_slopes=np.concatenate([start, slopes])[:, first_link:],
+        ends_slopes=np.concatenate([directions.start[None, -2:], ends_slopes]),
+    )

@@ -8,6 +8,7 @@ from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.transmission import Transmission
+from tendonff.ocp.compiled import Engine, find_compiler
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.sensitivity import Links, Parameter, force_sensitivity, parameter_sensitivity
 from tendonff.ocp.simulate import simulate
@@ -96,3 +97,38 @@ def test_a_run_that_fails_says_when(generic: Transmission) -> None:
     broken[50] = 1e200
     with pytest.raises(SolveError, match=r"simulation stopped at t = 0\.05 s"):
         force_sensitivity(chain, broken, STEP, knots(), state=chain.rest_state(30.0))
+
+
+@pytest.mark.parametrize("level", list(Level))
+@pytest.mark.parametrize("window", [0, 3])
+def test_without_a_compiler_the_slopes_over_forces_are_the_same(
+    generic: Transmission, level: Level, window: int
+) -> None:
+    chain = Chain.of(generic, level, 3)
+    start = chain.rest_state(30.0)
+    ours, theirs = (
+        force_sensitivity(chain, force(), STEP, knots(), state=start, links=Links.ALL, window=window, engine=engine)
+        for engine in compiled_and_casadi()
+    )
+    assert theirs.tension_slopes == pytest.approx(ours.tension_slopes, abs=1e-9)
+    assert theirs.tension_N == pytest.approx(ours.tension_N, abs=1e-9)
+
+
+def test_without_a_compiler_the_slopes_over_parameters_are_the_same(generic: Transmission) -> None:
+    chain, whole = Chain.of(generic, Level.PRESLIDING, 3), generic.whole(Level.PRESLIDING)
+    ours, theirs = (
+        parameter_sensitivity(
+            whole, chain, force(), STEP, tuple(Parameter), initial_tension_N=30.0, links=Links.ALL, engine=engine
+        )
+        for engine in compiled_and_casadi()
+    )
+    scale = np.abs(ours.tension_slopes).max(axis=(0, 1))
+    assert (scale > 0).all()
+    assert theirs.tension_slopes / scale == pytest.approx(ours.tension_slopes / scale, abs=1e-9)
+    assert theirs.ends_slopes == pytest.approx(ours.ends_slopes, abs=1e-9 * np.abs(ours.ends_slopes).max())
+
+
+def compiled_and_casadi() -> tuple[Engine, Engine]:
+    if find_compiler() is None:
+        pytest.skip("no C compiler to compare with")
+    return Engine.COMPILED, Engine.CASADI
