@@ -15,7 +15,9 @@ same operations in the same order.
 """
 
 import math
+from bisect import bisect_right
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -179,7 +181,9 @@ class TableCompensator:
             self._turn = self._last - sign * (share * (self._last + self._adhesion))
             self._branch = branch
         share = sign * (reference_N - self._turn) / (reference_N + self._adhesion)
-        column, b = _cell(shares, share)
+        share = min(share, shares[-1])  # beyond it the transition is over
+        column = min(bisect_right(shares, share) - 1, len(shares) - 2)
+        b = (share - shares[column]) / (shares[column + 1] - shares[column])
         near, far = (_between(ratios[row][c], ratios[row + 1][c], a) for c in (column, column + 1))
         self._last, self._ratio = reference_N, near + b * (far - near)
         self._force = self._ratio * (reference_N + self._adhesion) - self._adhesion
@@ -193,36 +197,37 @@ class TableCompensator:
 
     def _share_of(self, shares: list[float], below: list[float], above: list[float], a: float, sign: float) -> float:
         """Share at which a branch has the present ratio: bisection over the nodes of the reference below."""
-        low, high = 0, len(shares) - 1
-        if sign * (self._ratio - below[1]) < 0:  # out of full slip: the usual reversal
-            high = 1
-        while high - low > 1:
-            middle = (low + high) // 2
-            if sign * (self._ratio - below[middle]) >= 0:
-                low = middle
-            else:
-                high = middle
-        near, far = (_between(below[c], above[c], a) for c in (low, high))
-        swing = far - near
-        place = (self._ratio - near) / swing if swing != 0 else 0.0
-        place = 0.0 if place < 0 else min(place, 1.0)
-        return shares[low] + place * (shares[high] - shares[low])
+        low = 0
+        for half in halves(len(shares)):
+            if sign * (self._ratio - below[low + half]) >= 0:
+                low += half
+        near, far = (_between(below[c], above[c], a) for c in (low, low + 1))
+        way, swing = sign * (self._ratio - near), sign * (far - near)
+        if way >= swing:
+            return shares[low + 1]
+        if way > 0:
+            return shares[low] + (way / swing) * (shares[low + 1] - shares[low])
+        return shares[low]
 
 
 def _between(near: float, far: float, place: float) -> float:
     return near + place * (far - near)
 
 
-def _cell(nodes: list[float], value: float) -> tuple[int, float]:
-    """Cell of a value by bisection, and its place in the cell, 0 to 1."""
-    low, high = 0, len(nodes) - 1
-    while high - low > 1:
-        middle = (low + high) // 2
-        if value >= nodes[middle]:
-            low = middle
-        else:
-            high = middle
-    return low, min((value - nodes[low]) / (nodes[high] - nodes[low]), 1.0)
+@cache
+def halves(nodes: int) -> tuple[int, ...]:
+    """Steps of a bisection over the cells between nodes: each is taken or not, and none leads beyond the last cell.
+
+    Parameters
+    ----------
+    nodes : int
+        Number of nodes, >= 2.
+    """
+    cells, steps = nodes - 1, []
+    while cells > 1:
+        steps.append(cells // 2)
+        cells -= cells // 2
+    return tuple(steps)
 
 
 def table_force(table: Table, reference_N: FloatArray, initial_tension_N: float | None = None) -> FloatArray:

@@ -14,6 +14,7 @@ import numpy as np
 
 from tendonff.compensator.export.chain_code import controller_limits, inverse_code, plant_code
 from tendonff.compensator.export.golden import golden_vectors
+from tendonff.compensator.export.table_index import share_index
 from tendonff.compensator.files import InputError, write_text
 from tendonff.compensator.reference import Reference, largest_tension, sample_reference
 from tendonff.compensator.scenario import Scenario, scenario_hash
@@ -176,7 +177,7 @@ def table_header(scenario: Scenario, built: BuiltTable, level: Level, prefix: st
     level : Level
     prefix : str, optional
     """
-    context = _naming(scenario, level, Precision.DOUBLE, prefix) | _table_context(built)
+    context = _naming(scenario, level, Precision.DOUBLE, prefix) | _table_context(built, Precision.DOUBLE)
     return _render("table_data.h.j2", context)
 
 
@@ -194,6 +195,9 @@ def _naming(scenario: Scenario, level: Level, precision: Precision, prefix: str)
     def exact_rows(values: Iterable[float]) -> str:
         return _wrapped([literal(float(v), Precision.DOUBLE) for v in values])
 
+    def integers(values: Iterable[int]) -> str:
+        return _wrapped([f"{v}u" for v in values])
+
     name = " ".join(scenario.name.replace("*/", "* /").split())
     lines = (
         f'Scenario "{name}", hash {scenario_hash(scenario)}, level {level}.',
@@ -206,6 +210,7 @@ def _naming(scenario: Scenario, level: Level, precision: Precision, prefix: str)
         "num": number,
         "rows": rows,
         "exact_rows": exact_rows,
+        "integers": integers,
         "provenance": "\n".join(f" * {line}" for line in lines),
         "level": level,
         "version": version("tendonff"),
@@ -225,19 +230,19 @@ def _wrapped(items: list[str]) -> str:
     return ",\n".join(f"    {text}" for text in [*lines, line])
 
 
-def _table_context(built: BuiltTable) -> dict[str, object]:
+def _table_context(built: BuiltTable, precision: Precision) -> dict[str, object]:
     table = built.table
     notes = (
         f"Interpolation error at most {built.error_N:.3g} N (bound {built.bound_N:.3g} N); made for a reference that",
         f"moves at {built.rate_N_per_s:.4g} N/s. Bilinear in the reference and in the share.",
     )
-    longest = max(len(table.pull.share), len(table.release.share))
     return {
         "table": table,
         "pull_ratios": table.ratio(Branch.PULL),
         "release_ratios": table.ratio(Branch.RELEASE),
+        "pull_index": share_index(table.pull.share, precision),
+        "release_index": share_index(table.release.share, precision),
         "table_notes": "\n".join(f" * {note}" for note in notes),
-        "halvings": math.ceil(math.log2(longest)),
     }
 
 
@@ -260,13 +265,13 @@ def _context(
     state = {
         "inverse": _padded(output + (2 * reals + 2 + past) * size + 4, size),
         "capstan": output + 2 * size,
-        "table": _padded(output + 4 * size + 8, size),
+        "table": _padded(output + 4 * size + 4, size),
         "plant": _padded((2 * reals + 2) * size + 16, size),
         "profile": _padded(output + 4, size),
     }
     return (
         _naming(scenario, level, precision, prefix)
-        | _table_context(built)
+        | _table_context(built, precision)
         | {
             "title": f"{prefix}: feedforward force for a tendon",
             "count": count,
