@@ -193,10 +193,11 @@ def local_model(
             knots,
             state=plant.state,
             links=Links.ALL if watched.size else Links.OUTPUT,
+            window=_MEMORY,
         )
         output = found.tension_slopes[:, -1, :]
         weight = 2 * slope / n
-        hessian += weight * (output.T @ output)
+        _add_gram(hessian, output, knots, weight)
         gradient += weight * (output.T @ (tension[:, -1] - goal.reference_N))
         if watched.size:
             at, link = watched.T
@@ -213,6 +214,23 @@ def local_model(
         low=np.concatenate(lows),
         high=np.concatenate(highs),
     )
+
+
+_MEMORY = 120  # a knot's influence is followed over so many later ones: several reversals, which wipe it out
+_BLOCK_ROWS = 16
+
+
+def _add_gram(hessian: Array, slopes: Array, knots: Rows, weight: float) -> None:
+    """Add weight * slopes^T slopes, shape (k, k), in blocks of the few knots that matter at a time.
+
+    Blocks this small are also too small for the matrix library to start threads, which would wait for busy processors.
+    """
+    for i in range(len(knots) - 1):
+        last = i + 2
+        alive = slice(max(last - _MEMORY, 0), last)
+        for row in range(int(knots[i]) + 1, int(knots[i + 1]) + 1, _BLOCK_ROWS):
+            block = slopes[row : min(row + _BLOCK_ROWS, int(knots[i + 1]) + 1), alive]
+            hessian[alive, alive] += weight * (block.T @ block)
 
 
 _PIECE_ROWS = 20  # of each link only the worst of so many successive rows becomes a constraint
