@@ -39,10 +39,11 @@ LAW_NAMES = {
     D.VISCOUS: "viscous friction",
     D.INPUT_BIAS: "input bias",
 }
-WORTH_A_VALUE = 1.15
-"""A further value is worth having where it lowers the validation error by this factor ..."""
+WORTH_A_VALUE, SLIGHTLY = 1.4, 1.1
+"""A further value is worth having where it lowers the validation error by the first factor, or by the second where it
+lowers the fit error by the first ..."""
 
-SURE_OF_EXTRA, WORTH_A_DOUBT = 4.0, 1.25
+SURE_OF_EXTRA, WORTH_A_DOUBT = 4.0, 1.8
 """... and is this many standard errors away from nothing, for noise on the input imitates such effects; or where it
 lowers the error by more than that."""
 
@@ -248,7 +249,7 @@ def _choose(
     laws = []
 
     def attempt(candidate: ChainTask, at: Mapping[DynamicParameter, float], name: str) -> tuple[Solution, float]:
-        found = _solve(candidate, at, span_N, 12, 1e-3)
+        found = _solve(candidate, at, span_N, 15, 1e-4)
         error = replace(judge, model=candidate.model).robust_rms_N(candidate.complete(found.values))
         fitted = candidate.robust_rms_N(candidate.complete(found.values))
         laws.append(ChainLaw(name=name, size=len(candidate.free), fit_rms_N=fitted, validation_rms_N=error))
@@ -265,16 +266,15 @@ def _choose(
         found, error = attempt(same, train.complete(best.values), "symmetric with presliding")
         if error <= SIMPLER_WITHIN * least:
             train, best, least, name = same, found, error, "symmetric with presliding"
+    fitted = next(law.fit_rms_N for law in laws if law.name == name)
     for extra in extras:
         at = train.complete(best.values)
         candidate = replace(train, fixed=at, free=(*train.free, extra))
-        nudge = NUDGES.get(extra, 0.0) * (mean_N if extra is D.ADHESION else 1.0)
-        if extra is D.ADHESION:
-            nudge = max(nudge, min(start.get(extra, 0.0), 0.1 * mean_N))
-        nudged = {**at, extra: max(at[extra], nudge)}
-        found, error = attempt(candidate, nudged, f"{name}, {LAW_NAMES[extra]}")
+        found, error = attempt(candidate, _nudged(at, extra, start, mean_N), f"{name}, {LAW_NAMES[extra]}")
         told = abs(found.values[extra]) > SURE_OF_EXTRA * found.standard_error(extra)
-        if least > (WORTH_A_VALUE if told else WORTH_A_DOUBT) * error:
+        agreed = laws[-1].fit_rms_N * WORTH_A_VALUE < fitted and error * SLIGHTLY < least
+        if least > (WORTH_A_VALUE if told else WORTH_A_DOUBT) * error or (told and agreed):
+            fitted = laws[-1].fit_rms_N
             train, best, least, name = candidate, found, error, f"{name}, {LAW_NAMES[extra]}"
     chosen = replace(task, model=train.model, free=train.free, fixed=train.complete(best.values))
     for law_number, law in enumerate(laws):
@@ -293,6 +293,20 @@ def _choose(
         chosen = replace(chosen, fixed=known, free=tuple(n for n in chosen.free if n not in poor))
         solution = _solve(chosen, known, span_N, 20, 1e-4)
     return chosen, solution, tuple(laws)
+
+
+def _nudged(
+    at: Mapping[DynamicParameter, float],
+    extra: DynamicParameter,
+    start: Mapping[DynamicParameter, float],
+    mean_N: float,
+) -> dict[DynamicParameter, float]:
+    """A start that has something of a further effect, the friction at the mean tension being the same."""
+    if extra is not D.ADHESION:
+        return {**at, extra: at[extra] + NUDGES.get(extra, 0.0)}
+    more = float(np.clip(start.get(extra, 0.0), NUDGES[extra] * mean_N, 0.1 * mean_N))
+    share = (mean_N + at[extra]) / (mean_N + at[extra] + more)
+    return {**at, extra: at[extra] + more, D.MU_PULL: share * at[D.MU_PULL], D.MU_RELEASE: share * at[D.MU_RELEASE]}
 
 
 def _fallback(name: DynamicParameter, model: ChainModel) -> float:

@@ -106,7 +106,7 @@ def suggest(scenario: Scenario) -> Excitation:
         pen.move(top, STROKE_S)
         pen.move(low, STROKE_S)
     pen.note(f"holds of {hold:.3g} s after steps: stiffness and relaxation")
-    for level in (high, middle, 0.7 * high, low, high, low):
+    for level in (high, low, middle, high, low, high, middle, low):
         pen.move(level, STEP_S)
         pen.hold(hold)
     pen.note("small reversals without gross sliding: bristle stiffness")

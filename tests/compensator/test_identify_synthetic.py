@@ -138,6 +138,25 @@ def test_without_positions_the_tendon_is_named_as_not_identifiable(nominal, trut
     assert found.scenario.transmission.tendon == nominal.transmission.tendon
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("effect", "law"),
+    [
+        ({"adhesion_N": 3.0}, "asymmetric with presliding, adhesion"),
+        ({"mu_static": 1.3 * MU, "mu_static_release": 1.3 * MU_RELEASE}, "asymmetric with presliding, Stribeck effect"),
+    ],
+)
+def test_an_effect_that_is_there_is_found_by_the_choice_of_the_law(nominal, truth, effect, law, tmp_path):
+    hidden = replace(truth, friction=replace(truth.friction, **effect))
+    write_trial(tmp_path / "rig.csv", hidden, *excitation(), Faults(seed=3), step_s=2e-3)
+    found = identify(nominal, [tmp_path / "rig.csv"])
+    assert found.law.startswith(law)
+    assert found.estimate("mu_dynamic").value == pytest.approx(MU, rel=0.03)
+    for name, true in effect.items():
+        low, high = found.estimate(name).interval
+        assert low <= true <= high
+
+
 @pytest.mark.parametrize("quantity", ["adhesion", "bias"])
 def test_static_constants_are_found_by_the_play_law(nominal, quantity, tmp_path):
     """A stiff bristle and slow strokes are the play law itself; adhesion and the input cell's bias act alike in it."""
