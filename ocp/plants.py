@@ -233,7 +233,7 @@ def _add_gram(hessian: Array, slopes: Array, knots: Rows, weight: float) -> None
             hessian[alive, alive] += weight * (block.T @ block)
 
 
-_PIECE_ROWS = 20  # of each link only the worst of so many successive rows becomes a constraint
+_PIECE_ROWS = 10  # of so many successive rows, and all links, only the worst becomes a constraint
 
 
 def _watched(tension_N: Array, bounds: TensionBounds, reach_N: float) -> Rows:
@@ -242,6 +242,7 @@ def _watched(tension_N: Array, bounds: TensionBounds, reach_N: float) -> Rows:
     pairs: list[tuple[int, int]] = []
     for start in range(1, len(room), _PIECE_ROWS):
         piece = room[start : start + _PIECE_ROWS]
-        worst = piece.argmin(axis=0)
-        pairs.extend((start + int(worst[j]), j) for j in range(room.shape[1]) if piece[worst[j], j] < reach_N)
+        row, link = divmod(int(piece.argmin()), piece.shape[1])
+        if piece[row, link] < reach_N:
+            pairs.append((start + row, link))
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)

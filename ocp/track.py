@@ -281,7 +281,7 @@ def _report(work: _Work, goal: Goal, options: TrackOptions, limits: ForceLimits,
     rms, span = float(np.sqrt(np.mean(error**2))), max(float(np.ptp(reference)), 1e-300)
     clipped_rms = float(np.sqrt(work.at_clipped.squares.max()))
     iterations = sum(i.iterations for i in work.improvements)
-    promise = max((i.promise for i in work.improvements), default=0.0)
+    promise = max((abs(i.promise) for i in work.improvements), default=0.0)
     told: tuple[str, ...] = ()
     if status is not TrackStatus.EXACT:
         bounds = options.minimum_tension_N, options.maximum_tension_N
