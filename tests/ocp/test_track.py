@@ -15,6 +15,7 @@ from tendonff.ocp.errors import SolveError
 from tendonff.ocp.explain import law_of
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.limits import ForceLimits
+from tendonff.ocp.resolution import even_knots, nearest_profile
 from tendonff.ocp.simulate import simulate
 from tendonff.ocp.track import TrackOptions, TrackStatus, track
 
@@ -175,3 +176,13 @@ def test_the_same_problem_gives_the_same_profile(generic: Transmission) -> None:
 def test_bad_options_are_refused_by_name_and_value(options: dict[str, float], text: str) -> None:
     with pytest.raises(ParameterError, match=text):
         TrackOptions(**options)  # type: ignore[arg-type]
+
+
+def test_the_descent_gains_on_the_profile_that_is_merely_closest_in_force(generic: Transmission) -> None:
+    """Ramps astride the inverse's jumps are a fair start; the search must leave at most 0.7 of what they leave."""
+    chain, bounds = Chain.of(steady(generic), Level.ELASTIC), limits(150.0)
+    wanted = invert(chain, reference(), STEP).force_N
+    knots = even_knots(len(wanted), 10)
+    near = nearest_profile(wanted, bounds.apply(wanted, STEP, 30.0), STEP, bounds, knots, 1.0)
+    start = rms(simulate(chain, near, STEP, initial_tension_N=30.0).output_tension_N - reference())
+    assert track(chain, reference(), STEP, bounds).rms_error_N < 0.7 * start
