@@ -196,10 +196,10 @@ class TableCompensator:
         return row, cells - row
 
     def _share_of(self, shares: list[float], below: list[float], above: list[float], a: float, sign: float) -> float:
-        """Share at which a branch has the present ratio: bisection over the nodes of the reference below."""
+        """Share at which a branch has the present ratio at this reference: bisection over its nodes."""
         low = 0
         for half in halves(len(shares)):
-            if sign * (self._ratio - below[low + half]) >= 0:
+            if sign * (self._ratio - _between(below[low + half], above[low + half], a)) >= 0:
                 low += half
         near, far = (_between(below[c], above[c], a) for c in (low, low + 1))
         way, swing = sign * (self._ratio - near), sign * (far - near)

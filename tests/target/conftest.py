@@ -1,9 +1,11 @@
 """Exported folders, compilers and the emulated controllers."""
 
+import re
 import shutil
 import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -81,6 +83,7 @@ def toolbox() -> object:
         answers = staticmethod(answers)
         on_board = staticmethod(on_board)
         on_host = staticmethod(on_host)
+        torn_table = staticmethod(torn_table)
         code_size = staticmethod(code_size)
 
     return Toolbox()
@@ -122,13 +125,40 @@ def course(examples: Path) -> Callable[[str], np.ndarray]:
 def write_reference(folder: Path, reference: np.ndarray, precision: Precision) -> None:
     """Write reference.h for bench.c."""
     suffix = "f" if precision is Precision.FLOAT else ""
-    numbers = ",\n".join(f"{float(v):.17e}{suffix}" for v in reference)
-    text = f"#define ROWS {len(reference)}\nstatic const tff_real reference[ROWS] = {{\n{numbers}\n}};\n"
-    (folder / "reference.h").write_text(text)
+    numbers = ",\n".join("(tff_real)NAN" if np.isnan(v) else f"{float(v):.17e}{suffix}" for v in reference)
+    head = f"#include <math.h>\n#define ROWS {len(reference)}\n"
+    (folder / "reference.h").write_text(f"{head}static const tff_real reference[ROWS] = {{\n{numbers}\n}};\n")
 
 
-def answers(text: str, precision: Precision) -> Answers:
-    """Read what bench.c and the counter wrote."""
+def torn_table(source: Path, folder: Path, precision: Precision) -> Path:
+    """The table under the worst of conditions: reversals at every depth of a transition, and limits that bind.
+
+    Returns a folder with the table's C and a reference.h.
+    """
+    made = folder / "torn"
+    made.mkdir()
+    for name in ("tff_types.h", "tff_limits.h", "tff_limits.c", "tff_table.h", "tff_table.c", "tff_table_data.h"):
+        shutil.copy(source / name, made)
+    header = (made / "tff_table.h").read_text()
+    low, high = (float(re.search(rf"TABLE_{end}_N ([-+.e\d]+)", header)[1]) for end in ("MIN", "MAX"))  # type: ignore[index]
+    middle, span = 0.5 * (low + high), high - low
+    limits = {"FORCE_MIN_N": 0.7 * middle, "FORCE_MAX_N": 1.4 * middle, "CHANGE_MAX_N": 0.002 * span}
+    text = (made / "tff_types.h").read_text()
+    for name, value in limits.items():
+        text, found = re.subn(rf"(define TFF_{name} ).*", rf"\g<1>((tff_real){value!r})", text)
+        assert found == 1, name
+    (made / "tff_types.h").write_text(text)
+    noise, turns = np.random.default_rng(7), [middle]
+    while len(turns) < 2000:  # legs of all lengths, there and back, each in one to three samples
+        leg = span * 10.0 ** noise.uniform(-4, 0) * (-1) ** len(turns)
+        turns.append(float(np.clip(turns[-1] + leg, low + 1e-3 * span, high - 1e-3 * span)))
+    legs = [np.linspace(a, b, 1 + noise.integers(1, 4))[1:] for a, b in pairwise(turns)]
+    write_reference(made, np.concatenate([[middle], *legs, [middle, low, np.nan, 2 * high]]), precision)
+    return made
+
+
+def answers(text: str, precision: Precision, kinds: tuple[str, ...] = KINDS) -> Answers:
+    """Read what bench.c or bench_table.c and the counter wrote."""
     lines = [line.split() for line in text.splitlines()]
     kind = np.float32 if precision is Precision.FLOAT else np.float64
     width = 8 if precision is Precision.FLOAT else 16
@@ -138,32 +168,35 @@ def answers(text: str, precision: Precision) -> Answers:
     found = {int(words[1]): words[2:] for words in lines if words[:1] == ["count"]}
     counts = {
         name: (int(found[k + 1][1]), int(found[k + 1][2]), float(found[k + 1][3]))
-        for k, name in enumerate(KINDS)
+        for k, name in enumerate(kinds)
         if k + 1 in found
     }
     return Answers(hashes=hashes, shown=shown, counts=counts)
 
 
-def on_host(source: Path, folder: Path, precision: Precision) -> Answers:
-    """Run bench.c on this machine."""
+def on_host(source: Path, folder: Path, precision: Precision, kinds: tuple[str, ...] = KINDS) -> Answers:
+    """Run bench.c (bench_table.c for the table alone) on this machine."""
     need("gcc")
-    files = [source / f"tff_{name}.c" for name in MODULES]
-    run(
-        "gcc", *HOST_FLAGS, "-DHOST", "-I", folder, "-I", source, HERE / "bench.c", *files, "-lm", "-o", folder / "host"
-    )
-    return answers(run(folder / "host").stderr, precision)
+    bench, files = _sources(source, kinds)
+    run("gcc", *HOST_FLAGS, "-DHOST", "-I", folder, "-I", source, bench, *files, "-lm", "-o", folder / "host")
+    return answers(run(folder / "host").stderr, precision, kinds)
 
 
-def on_board(board: Board, source: Path, folder: Path) -> tuple[Answers, Path]:
-    """Run bench.c on an emulated controller and count instructions; returns the image too."""
+def _sources(source: Path, kinds: tuple[str, ...]) -> tuple[Path, list[Path]]:
+    modules = MODULES if kinds == KINDS else ("limits", *kinds)
+    return HERE / ("bench.c" if kinds == KINDS else "bench_table.c"), [source / f"tff_{name}.c" for name in modules]
+
+
+def on_board(board: Board, source: Path, folder: Path, kinds: tuple[str, ...] = KINDS) -> tuple[Answers, Path]:
+    """Run bench.c (bench_table.c for the table alone) on an emulated controller; returns the image too."""
     need("arm-none-eabi-gcc", "qemu-system-arm", "gcc")
     image, counter = folder / "bench.elf", folder / "libcount.so"
-    files = [source / f"tff_{name}.c" for name in MODULES]
+    bench, files = _sources(source, kinds)
     run(
         *("arm-none-eabi-gcc", *board.flags, "-std=gnu11", "-O2", "-ffp-contract=off", "-fno-math-errno"),
         *("-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections", "-nostartfiles"),
         *("--specs=nano.specs", "--specs=nosys.specs", "-I", folder, "-I", source, "-T", HERE / "mps2.ld"),
-        *(HERE / "startup.c", HERE / "bench.c", *files, "-lm", "-o", image),
+        *(HERE / "startup.c", bench, *files, "-lm", "-o", image),
     )
     run("gcc", "-O2", "-shared", "-fPIC", "-o", counter, HERE / "count.c")
     symbols = {
@@ -171,13 +204,13 @@ def on_board(board: Board, source: Path, folder: Path) -> tuple[Answers, Path]:
         for line in run("arm-none-eabi-nm", image).stdout.splitlines()
         if len(words := line.split()) == 3
     }
-    plugin = f"{counter},begin=0x{symbols['mark_begin']},end=0x{symbols['mark_end']},kinds={len(KINDS) + 1}"
+    plugin = f"{counter},begin=0x{symbols['mark_begin']},end=0x{symbols['mark_end']},kinds={len(kinds) + 1}"
     done = run(
         *("qemu-system-arm", "-M", board.machine, "-nographic", "-monitor", "none", "-serial", "none"),
         *("-semihosting-config", "enable=on,target=native", "-plugin", plugin, "-kernel", image),
         timeout=100,
     )
-    return answers(done.stderr + done.stdout, board.precision), image
+    return answers(done.stderr + done.stdout, board.precision, kinds), image
 
 
 def code_size(board: Board, source: Path, folder: Path) -> tuple[int, dict[str, int]]:
