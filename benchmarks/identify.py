@@ -85,7 +85,9 @@ def main(repetitions: int, first_seed: int) -> None:
                 inside[name].append(estimate.interval[0] <= true <= estimate.interval[1])
                 shown.append(f"{100 * errors[name][-1]:+.2f}{'' if inside[name][-1] else '*'}")
             print(f"{seed:3d} {seconds[-1]:5.1f} s  {found.law}: {'  '.join(shown)}", flush=True)
-    print(f"\n{repetitions} repetitions, {force.time_s[-1]:.0f} s at 1 kHz each, median time {np.median(seconds):.1f} s")
+    print(
+        f"\n{repetitions} repetitions, {force.time_s[-1]:.0f} s at 1 kHz each, median time {np.median(seconds):.1f} s"
+    )
     for name in NAMES:
         e = 100 * np.abs(errors[name])
         print(

@@ -164,7 +164,7 @@ def solve(
 
     def slopes(x: Array) -> Array:
         stretch = np.array([u.outside(v) if u.logarithmic else 1.0 for u, v in zip(unknowns, x, strict=True)])
-        return at(x).slopes * stretch
+        return np.asarray(at(x).slopes * stretch)
 
     if not np.isfinite(at(start).values).all():
         raise SolveError("the model has no finite answer at the start of the fit; check units and signs of the data")

@@ -62,7 +62,8 @@ def identify(
         typer.Option(
             "--scale",
             metavar="[COLUMN=]FACTOR",
-            help="Factor to SI units: of both tensions, or of time, input, output, input_position or output_position; may be repeated.",
+            help="Factor to SI units: of both tensions, or of the column time, input, output, input_position or "
+            "output_position; may be repeated.",
             show_default=False,
         ),
     ] = None,
@@ -113,7 +114,7 @@ def identify(
     with progress("identifying"):
         found = identify_files(replace(loaded, measurement=how), data, validate or [], static_only=static_only)
     with progress("writing"):
-        write_identification(found, out)
+        write_identification(found, out, [*data, *(validate or [])])
     for warning in found.warnings:
         warn(warning)
     for line in summary_lines(found):
@@ -135,5 +136,5 @@ def _scaled(how: "Measurement", wishes: list[str]) -> "Measurement":
         if column and column not in SCALED:
             raise InputError(f'--scale: unknown column "{column}"{suggestion(column, SCALED)}')
         for name in [column] if column else ["input", "output"]:
-            how = replace(how, **{f"{name}_scale": value})
+            how = replace(how, **{f"{name}_scale": value})  # type: ignore[arg-type]
     return how
