@@ -119,7 +119,8 @@ def track_plants(
     goal = _goal(reference, step_s, initial_tension_N, options, power)
     clipped = limits.apply(inversion.force_N, step_s, limits.start(initial_tension_N))
     at_clipped = judge(plants, goal, clipped)
-    static = limits.apply(law_of(nominal).input_history_N(reference, initial_tension_N), step_s, float(clipped[0]))
+    law = law_of(nominal).input_history_N(reference, initial_tension_N)
+    static = limits.apply(law, step_s, float(clipped[0]))
     exact = (
         inversion.status is InverseStatus.EXACT
         and options.effort_weight == 0
@@ -135,13 +136,16 @@ def track_plants(
         best, status = 0, TrackStatus.EXACT
     else:
         try:
-            taut = _taut_limits(plants, goal, limits, inversion.force_N, float(clipped[0]))
-            force, improvements = _search(plants, goal, taut, float(clipped[0]), inversion.force_N, options, progress)
-            candidates.insert(0, (judge(plants, goal, force), force))
+            for wanted in (inversion.force_N, law):  # the law only where the search from the inverse ends worse
+                taut = _taut_limits(plants, goal, limits, wanted, float(clipped[0]))
+                force, improvements = _search(plants, goal, taut, float(clipped[0]), wanted, options, progress)
+                candidates.insert(0, (judge(plants, goal, force), force))
+                if candidates[0][0].merit < min(judged.merit for judged, _ in candidates[1:]):
+                    break
         except (CodeError, SolveError) as error:
             note = f"; the search stopped: {error}"
         best = min(range(len(candidates)), key=lambda i: candidates[i][0].merit)
-        status = _status(candidates[best][0], improvements if best == 0 else ())
+        status = _status(candidates[best][0], improvements if best < len(candidates) - 2 else ())
     judgement, force = candidates[best]
     return _report(
         _Work(

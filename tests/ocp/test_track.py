@@ -179,10 +179,10 @@ def test_bad_options_are_refused_by_name_and_value(options: dict[str, float], te
 
 
 def test_the_descent_gains_on_the_profile_that_is_merely_closest_in_force(generic: Transmission) -> None:
-    """Ramps astride the inverse's jumps are a fair start; the search must leave at most 0.7 of what they leave."""
-    chain, bounds = Chain.of(steady(generic), Level.ELASTIC), limits(150.0)
+    """Ramps astride the inverse's jumps are a fair start; the search must leave at most half of what they leave."""
+    chain, bounds = Chain.of(steady(generic), Level.VISCOELASTIC), limits(500.0)
     wanted = invert(chain, reference(), STEP).force_N
     knots = even_knots(len(wanted), 10)
     near = nearest_profile(wanted, bounds.apply(wanted, STEP, 30.0), STEP, bounds, knots, 1.0)
     start = rms(simulate(chain, near, STEP, initial_tension_N=30.0).output_tension_N - reference())
-    assert track(chain, reference(), STEP, bounds).rms_error_N < 0.7 * start
+    assert track(chain, reference(), STEP, bounds).rms_error_N < 0.5 * start
