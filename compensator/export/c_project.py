@@ -18,7 +18,7 @@ from tendonff.compensator.export.table_index import share_index
 from tendonff.compensator.files import InputError, write_text
 from tendonff.compensator.reference import Reference, largest_tension, sample_reference
 from tendonff.compensator.scenario import Scenario, scenario_hash
-from tendonff.compensator.table import FloatArray
+from tendonff.compensator.table import FloatArray, Table
 from tendonff.compensator.table_build import BuiltTable
 from tendonff.compensator.table_files import covered_range, scenario_table
 from tendonff.models.capstan import Branch, CapstanLaw
@@ -295,7 +295,7 @@ def _context(
             "tolerance": "0.02" if precision is Precision.FLOAT else "1e-9",
             "limits": controller_limits(precision),
             "state_bytes": state,
-            "table_bytes": size * (built.table.nodes + len(built.table.pull.share) + len(built.table.release.share)),
+            "table_bytes": _table_bytes(built.table, precision),
             "profile_bytes": size * len(profile),
             "measured": measured(precision),
         }
@@ -304,6 +304,16 @@ def _context(
 
 def _padded(size: int, alignment: int) -> int:
     return -(-size // alignment) * alignment
+
+
+def _table_bytes(table: Table, precision: Precision) -> int:
+    """Constant data of a table: forces, shares and the index of the shares."""
+    size, total = 4 if precision is Precision.FLOAT else 8, 0
+    for branch in Branch:
+        share = table.branch(branch).share
+        index = len(share_index(share, precision).cell) * (1 if len(share) <= 256 else 2)
+        total += size * (table.branch(branch).force_N.size + len(share)) + index
+    return total
 
 
 def measured(precision: Precision) -> dict[str, object]:

@@ -1,5 +1,6 @@
 """Golden vectors: what the exported C must answer, computed by the Python model."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,8 @@ from tendonff.ocp.precision import Precision
 from tendonff.ocp.simulate import simulate
 
 _ROWS = 1000
+_REVERSAL_ROWS = 240
+_LEGS = tuple(0.6**k for k in (0, 3, 1, 4, 2, 6, 3, 8, 1, 5, 2, 7))  # of the range: reversals at many depths
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,10 +80,40 @@ def answers(
     return force, columns
 
 
+def reversals(course_N: FloatArray) -> FloatArray:
+    """A way on from the end of a course that turns round at many depths of the transition, within the course's range.
+
+    Parameters
+    ----------
+    course_N : ndarray, shape (n,)
+        What comes before [N].
+
+    Returns
+    -------
+    ndarray, shape (m,)
+        Tension [N]; nothing where the course never moves.
+    """
+    low, high = float(course_N.min()), float(course_N.max())
+    if not high > low:
+        return np.empty(0)
+    turns, sign = [float(course_N[-1])], 1.0 if course_N[-1] < 0.5 * (low + high) else -1.0
+    for leg in _LEGS:
+        turns.append(min(max(turns[-1] + sign * leg * (high - low), low), high))
+        sign = -sign
+    ways = np.abs(np.diff(turns))
+    step = float(ways.sum()) / _REVERSAL_ROWS
+    legs = [
+        np.linspace(a, b, 1 + max(2, math.ceil(way / step)))[1:]
+        for a, b, way in zip(turns[:-1], turns[1:], ways, strict=True)
+        if way > 0
+    ]
+    return np.concatenate(legs)
+
+
 def golden_vectors(
     scenario: Scenario, chain: Chain, table: Table, reference: Reference, precision: Precision
 ) -> Golden:
-    """Golden vectors along the scenario's own reference, thinned so that its whole course fits.
+    """Golden vectors along the scenario's own reference, thinned so that its whole course fits, then over reversals.
 
     Parameters
     ----------
@@ -91,6 +124,7 @@ def golden_vectors(
     precision : Precision
     """
     stride = max(1, -(-len(reference.tension_N) // _ROWS))
-    course = rounded(reference.tension_N[::stride], precision)
+    course = reference.tension_N[::stride]
+    course = rounded(np.concatenate([course, reversals(course)]), precision)
     force, columns = answers(scenario, chain, table, course, precision)
     return Golden(stride=stride, reference_N=course, plant_force_N=force, columns=columns)

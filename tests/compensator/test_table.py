@@ -92,6 +92,16 @@ def test_the_force_does_not_jump_at_a_reversal(built):
     assert steps.max() < 45 * 0.11  # steeper than 45 is no branch of this table; a jump to the other branch is 40 N
 
 
+def test_the_force_goes_on_without_a_jump_out_of_a_transition_in_any_state(built):
+    """Legs of all lengths; after each a step back by a nanonewton moves the force by next to nothing."""
+    noise, compensator, here = np.random.default_rng(3), TableCompensator(built.table, 30.0), 30.0
+    for sign in (1, -1) * 300:
+        end = float(np.clip(here + sign * 30 * 10 ** noise.uniform(-4, 0), 14.5, 46.5))
+        before = [compensator.step(t) for t in np.linspace(here, end, 5)[1:]][-1]
+        here = end - sign * 1e-9
+        assert compensator.step(here) == pytest.approx(before, abs=1e-5)
+
+
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=25)
 def test_the_force_lies_between_the_branches_for_any_history(built, seed):

@@ -37,11 +37,17 @@ def test_a_copied_folder_passes_its_own_test_elsewhere(toolbox, exported, precis
     assert said.count("passes") == 8
 
 
-def test_the_self_test_fails_when_the_code_is_wrong(toolbox, exported, tmp_path):
+@pytest.mark.parametrize(
+    ("module", "right", "wrong"),
+    [("capstan", r"(PULL_RATIO )[0-9.]+", r"\g<1>1.8744"), ("table", r"if \(ratio >= ", "if (ratio < ")],
+)
+def test_the_self_test_fails_when_the_code_is_wrong(toolbox, exported, tmp_path, module, right, wrong):
     toolbox.need("make", "cc")
     folder = shutil.copytree(exported(Precision.DOUBLE), tmp_path / "broken")
-    source = folder / "tff_capstan.c"
-    source.write_text(re.sub(r"(PULL_RATIO )([0-9.]+)", r"\g<1>1.8744", source.read_text()))
+    source = folder / f"tff_{module}.c"
+    text, found = re.subn(right, wrong, source.read_text(), count=1)
+    assert found == 1
+    source.write_text(text)
     done = subprocess.run(["make", "test"], cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode != 0
     assert "SELF TEST FAILED" in done.stdout
