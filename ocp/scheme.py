@@ -9,7 +9,7 @@ Euler (carry 0, weight 1) takes its place. Hairer, Wanner, Solving Ordinary Diff
 BDF2_CARRY = 1 / 3
 BDF2_WEIGHT = 2 / 3
 
-RESIDUAL_TOLERANCE_N = 1e-12
+RESIDUAL_TOLERANCE_N = 5e-12
 """Largest force balance that counts as solved [N]."""
 
 RESIDUAL_ROUNDING = 5e-14

@@ -9,6 +9,7 @@ from hypothesis import HealthCheck, settings
 
 from tendonff.models.transmission import Actuator, Friction, Load, Tendon, Transmission
 from tendonff.models.transmission import Path as TendonPath
+from tendonff.ocp.compiled import find_compiler
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -69,6 +70,12 @@ def generic() -> Transmission:
         ),
         load=Load(mass_kg=0.02, stiffness_N_per_m=3000.0, damping_N_s_per_m=2.0),
     )
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip what compares with compiled C where there is no compiler."""
+    if item.get_closest_marker("compiler") and find_compiler() is None:
+        pytest.skip("no C compiler found (looked for CC, cc, gcc, clang)")
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

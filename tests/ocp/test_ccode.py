@@ -15,6 +15,8 @@ from tendonff.ocp.ccode import Precision, c_function, literal
 from tendonff.ocp.elements import Law, inverse_laws, simulation_laws, tangent_laws
 from tendonff.ocp.errors import CodeError
 
+pytestmark = pytest.mark.compiler
+
 LAWS = (*simulation_laws(), *inverse_laws(), *tangent_laws())
 RANGES = {
     **dict.fromkeys(("f_near", "f_far", "f", "f_c", "force", "start"), (1.0, 80.0)),

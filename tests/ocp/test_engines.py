@@ -14,6 +14,8 @@ from tendonff.ocp.errors import CodeError
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import Outcome, Simulation, Simulator, simulate
 
+pytestmark = pytest.mark.compiler
+
 Array = NDArray[np.float64]
 
 
