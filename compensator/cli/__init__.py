@@ -15,9 +15,9 @@ from tendonff.compensator.cli.compare import compare
 from tendonff.compensator.cli.design import design
 from tendonff.compensator.cli.experiment import experiment
 from tendonff.compensator.cli.explore import explore
-from tendonff.compensator.cli.identify import identify
 from tendonff.compensator.cli.export_c import export_c
 from tendonff.compensator.cli.export_fmu import export_fmu
+from tendonff.compensator.cli.identify import identify
 from tendonff.compensator.cli.new import new
 from tendonff.compensator.cli.progress import say
 from tendonff.compensator.cli.simulate import simulate

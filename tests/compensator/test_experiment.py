@@ -236,9 +236,7 @@ def test_nothing_is_left_where_a_figure_fails(
 
 
 @pytest.mark.slow
-def test_the_command_writes_everything_for_the_finger(
-    examples: Path, result: ExperimentResult, tmp_path: Path
-) -> None:
+def test_the_command_writes_everything_for_the_finger(examples: Path, result: ExperimentResult, tmp_path: Path) -> None:
     assert run(["experiment", str(examples / "finger.toml"), "--out", str(tmp_path / "out")]) == 0
     names = {path.name for path in (tmp_path / "out").iterdir()}
     pictures = {f"experiment_{what}" for what in ("distribution", "tensions", "details", "hysteresis")}
