@@ -151,7 +151,8 @@ class Friction:
             return self.mu_static_release
         if self.mu_dynamic == 0:  # no ratio to scale by: keep the static excess of pulling
             return max(self.mu_static, self.release_dynamic)
-        return self.mu_static * self.release_dynamic / self.mu_dynamic
+        # In this order equal coefficients stay equal to the last bit: a rounding error is no Stribeck effect.
+        return self.release_dynamic * (self.mu_static / self.mu_dynamic)
 
     @property
     def weakens_with_speed(self) -> bool:

@@ -53,6 +53,10 @@ def test_left_out_release_coefficients_follow_pulling(generic: Transmission) -> 
     assert (friction.release_dynamic, friction.release_static) == (0.2, pytest.approx(0.23))
     friction = replace(friction, mu_dynamic_release=0.1)
     assert friction.release_static == pytest.approx(0.23 * 0.1 / 0.2)
+    for mu in (0.2, 0.35, 0.7):  # equal when pulling: equal to the last bit when releasing, or it counts as Stribeck
+        for release in (None, 0.1, 0.3):
+            even = replace(friction, mu_dynamic=mu, mu_static=mu, mu_dynamic_release=release)
+            assert even.release_static == even.release_dynamic
     frictionless = replace(friction, mu_dynamic=0.0, mu_static=0.05, mu_dynamic_release=0.02)
     assert frictionless.release_static == 0.05
 
