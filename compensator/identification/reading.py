@@ -176,6 +176,12 @@ def read_measurement(path: Path, how: Measurement) -> Raw:
             + (f" ({'; '.join(f.text for f in findings)})" if findings else "")
         )
     kept = {key: np.ascontiguousarray(values[keep]) for key, values in data.items()}
+    for key in ("input", "output"):
+        if float(np.ptp(kept[key])) == 0:
+            raise InputError(
+                f"{path.name}: {columns[key]} is {kept[key][0]:g} N in all {len(kept[key])} usable rows; nothing can "
+                "be identified from a tension that never moves: drive the tendon, or check the column"
+            )
     return Raw(
         name=path.name,
         time_s=time,

@@ -138,6 +138,14 @@ def test_too_few_rows_are_refused_with_what_went_wrong(tmp_path):
         record(tmp_path, table)
 
 
+@pytest.mark.parametrize(("column", "name"), [(1, "input_tension_N"), (2, "output_tension_N")])
+def test_a_tension_that_never_moves_is_refused(tmp_path, column, name):
+    table = rows()
+    table[:, column] = 30.0
+    with pytest.raises(InputError, match=rf"{name} is 30 N in all \d+ usable rows"):
+        record(tmp_path, table)
+
+
 def test_what_drives_the_model_is_smoothed_most_where_nothing_happens():
     """A friction model remembers every extreme: noise in a hold must go, a corner must stay."""
     time = np.arange(0, 6, STEP)
