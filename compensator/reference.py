@@ -105,6 +105,13 @@ def _sample(scenario: Scenario) -> tuple[FloatArray, FloatArray, float, float]:
     match spec:
         case SineReference():
             time = _grid(spec.duration_s, step, file)
+            highest = max(spec.frequencies_Hz)
+            if not highest * step < 0.5:  # sampled, it would be another sine, slower than the wanted one
+                raise InputError(
+                    f"{file} [reference]: frequencies_Hz must be < {0.5 / step:g} (half the rate of "
+                    f"step_s = {step:g}), "
+                    f"got {highest:g}; use a step of {0.02 / highest:.2g} s or less"
+                )
             tension = _sine(spec, time)
         case WaypointReference():
             time = _grid(spec.times_s[-1], step, file)

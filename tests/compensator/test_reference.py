@@ -176,6 +176,14 @@ def test_a_step_longer_than_the_reference_is_refused(finger: Scenario) -> None:
         sampled(finger, WAYPOINTS, 1e-12)
 
 
+def test_a_sine_too_fast_for_the_step_is_refused_instead_of_folded_down(finger: Scenario) -> None:
+    fast = SineReference(
+        initial_tension_N=30.0, amplitudes_N=(5.0, 1.0), frequencies_Hz=(1.0, 500.0), duration_s=0.5, fade_in_s=0.1
+    )
+    with pytest.raises(InputError, match=r"frequencies_Hz must be < 500 .*, got 500; use a step of 4e-05 s or less"):
+        sampled(finger, fast)
+
+
 @pytest.mark.parametrize("name", ["finger", "bowden", "surgical", "finger_fast", "finger_stribeck"])
 def test_every_example_can_be_delivered(examples: Path, name: str) -> None:
     scenario = load_scenario(examples / f"{name}.toml")
