@@ -215,7 +215,7 @@ def binding_limits(limited: Mapping[str, tuple[FloatArray, FloatArray]]) -> tupl
         changed = np.abs(before - after) > 1e-9 * max(float(np.max(np.abs(before))), 1.0)
         if changed.any():
             notes.append(
-                f"{name}: the actuator's limits change the force in {100 * float(changed.mean()):.2g} % of the rows, "
+                f"{name}: the actuator's limits change the force in {100 * float(changed.mean()):.3g} % of the rows, "
                 f"by up to {float(np.max(np.abs(before - after))):.3g} N"
             )
     return tuple(notes)

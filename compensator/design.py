@@ -192,7 +192,8 @@ def _tracking_warnings(tracking: Tracking) -> list[str]:
     if tracking.departures:
         worst = max(tracking.departures, key=lambda departure: abs(departure.peak_error_N))
         found.append(
-            f"optimal: off the reference by more than 1 % in {len(tracking.departures)} stretches; most {worst}"
+            f"optimal: off the reference by more than 1 % in {len(tracking.departures)} "
+            f"{'stretch' if len(tracking.departures) == 1 else 'stretches'}; most {worst}"
         )
     return found
 

@@ -147,7 +147,9 @@ def error_figure(result: Design) -> Figure:
             panel.plot(time, error, STYLES[compensator], color=COLOURS[compensator], label=LABELS[compensator])
             largest = max(largest, float(np.max(np.abs(error))))
         here = " (design level)" if level is result.level else ""
-        panel.set(ylabel="error [N]", title=f"{level}{here}", ylim=(-1.1 * largest, 1.1 * largest))
+        panel.set(ylabel="error [N]", title=f"{level}{here}")
+        if largest > 0:  # nothing to scale by where every compensator is exact
+            panel.set_ylim(-1.1 * largest, 1.1 * largest)
     axes[-1, 0].set_xlabel("time [s]")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=5)

@@ -167,7 +167,7 @@ def _range_reasons(law: CapstanLaw, reference: Array, step_s: float, limits: For
         found.append(
             f"the reference falls to {reference[low]:.4g} N at t = {low * step_s:.4g} s; friction holds it, so the "
             f"actuator must go down to {needed:.4g} N, force_min_N is {limits.minimum_N:.4g}: "
-            f"at least {least:.4g} N remain"
+            f"by the static law no release there brings the output below {least:.4g} N"
         )
     return found
 

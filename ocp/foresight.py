@@ -184,7 +184,7 @@ def _warnings(
         else "expect a large error (the finer replay did not even converge)"
     )
     when = (
-        f"in {100 * share:.2g} % of the time, most from t = {worst.start_s:.3g} to {worst.end_s:.3g} s "
+        f"in {100 * share:.3g} % of the time, most from t = {worst.start_s:.3g} to {worst.end_s:.3g} s "
         f"(a mode grows at {worst.growth_per_s:.3g} 1/s)"
     )
     if e.mu_static_pull > e.mu_dynamic_pull or e.mu_static_release > e.mu_dynamic_release:

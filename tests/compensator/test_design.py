@@ -10,8 +10,10 @@ import pytest
 from tendonff.compensator.cli import run
 from tendonff.compensator.compensators import Compensator, Plant, capstan_force, play, score
 from tendonff.compensator.design import Design, design, summary
+from tendonff.compensator.design_figures import error_figure
 from tendonff.compensator.reference import sample_reference
 from tendonff.compensator.scenario import load_scenario
+from tendonff.compensator.settings.reference import Shape, WaypointReference
 from tendonff.compensator.settings.robust import Robust
 from tendonff.models.fidelity import Level
 
@@ -128,6 +130,16 @@ def test_the_command_writes_everything_in_the_contract(examples, tmp_path, capsy
     for figure in ("tension", "force", "loop", "error"):
         assert (tmp_path / "out" / f"{figure}.png").stat().st_size > 10_000
     assert "presliding*" in capsys.readouterr().out
+
+
+def test_a_constant_reference_is_drawn_without_a_warning(examples, recwarn):
+    scenario = load_scenario(examples / "finger.toml")
+    still = replace(
+        scenario,
+        reference=WaypointReference(times_s=(0.0, 0.2), tensions_N=(30.0, 30.0), shape=Shape.LINEAR),
+    )
+    error_figure(design(still))
+    assert not [w for w in recwarn if "identical low and high" in str(w.message)]
 
 
 def test_an_impossible_reference_ends_with_the_largest_reachable_tension_and_no_folder(examples, tmp_path, capsys):

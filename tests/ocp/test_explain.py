@@ -48,6 +48,12 @@ def test_a_reversal_is_explained_by_how_long_the_output_stands_still() -> None:
     assert "most at t = 0.5 s: 52.8 N, at 100 N/s that takes 0.528 s" in text
 
 
+def test_a_lower_bound_of_the_force_is_explained_as_what_no_release_goes_below() -> None:
+    """Not as a tension that remains: an output that never rose above 20 e^0.62 = 37.2 N is not held there."""
+    text = why(np.linspace(30.0, 14.0, 500), ForceLimits(minimum_N=20.0, maximum_N=1e3, rate_N_per_s=1e6))
+    assert "no release there brings the output below 37.18 N" in text
+
+
 def test_nothing_is_explained_where_nothing_stands_in_the_way() -> None:
     assert why(np.linspace(20.0, 30.0, 500), OPEN) == ""
 
