@@ -6,7 +6,7 @@ the decisions of the C code one by one: where a step is hard, another line searc
 engines would part ways.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -18,6 +18,7 @@ from tendonff.ocp.scheme import (
     BDF2_WEIGHT,
     MAX_HALVINGS,
     MAX_ITERATIONS,
+    MAX_PIECES,
     MAX_SPLITS,
     RESIDUAL_ROUNDING,
     RESIDUAL_TOLERANCE_N,
@@ -289,7 +290,9 @@ class CasadiStepper:
         split = int(not end.solved)
         if split:  # pieces of h/2, h/4 ...: halved until one converges, doubled as soon as the time reached allows
             level, left, now = 1, 2, x
-            while left > 0 and level <= MAX_SPLITS:
+            pieces = 0
+            while left > 0 and level <= MAX_SPLITS and pieces < MAX_PIECES:
+                pieces += 1
                 u = memory.inputs + (inputs - memory.inputs) * (1 - (left - 1) * 0.5**level)
                 end = self._solve(now[: n + 2], now, u, self._step_s * 0.5**level)
                 if end.solved:
@@ -298,6 +301,7 @@ class CasadiStepper:
                         level, left = level - 1, left // 2
                 else:
                     level, left = level + 1, 2 * left
+            end = replace(end, solved=left == 0)  # not solved where the pieces ran out either
         if end.solved:
             memory.x, memory.x_old, memory.inputs, memory.fresh = end.x.copy(), x.copy(), inputs.copy(), False
         return end, split

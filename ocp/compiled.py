@@ -24,6 +24,7 @@ from tendonff.ocp.scheme import (
     BDF2_WEIGHT,
     MAX_HALVINGS,
     MAX_ITERATIONS,
+    MAX_PIECES,
     MAX_SPLITS,
     RESIDUAL_ROUNDING,
     RESIDUAL_TOLERANCE_N,
@@ -180,6 +181,7 @@ def render_template(
         max_iterations=limits.iterations,
         max_halvings=limits.halvings,
         max_splits=limits.splits,
+        max_pieces=MAX_PIECES,
     )
 
 

@@ -112,7 +112,7 @@ def foresee(
     time_s = rows * step_s
     found = _stretches(time_s, poles)
     duration = float(time_s[-1])
-    share = sum(s.end_s - s.start_s for s in found) / duration
+    share = min(sum(s.end_s - s.start_s for s in found) / duration, 1.0)
     return Foresight(
         stretches=found,
         unstable_share=share,
@@ -161,8 +161,8 @@ def _stretches(time_s: Array, poles: Array) -> tuple[UnstableStretch, ...]:
             top = poles[run][int(np.argmax(poles.real[run]))]
             found.append(
                 UnstableStretch(
-                    start_s=float(time_s[run[0]] - width[run[0]] / 2),
-                    end_s=float(time_s[run[-1]] + width[run[-1]] / 2),
+                    start_s=max(float(time_s[run[0]] - width[run[0]] / 2), 0.0),
+                    end_s=min(float(time_s[run[-1]] + width[run[-1]] / 2), float(time_s[-1])),
                     growth_per_s=float(top.real),
                     frequency_Hz=abs(float(top.imag)) / (2 * math.pi),
                     growth_exponent=exponent,

@@ -19,3 +19,6 @@ MAX_ITERATIONS = 50
 MAX_HALVINGS = 30
 MAX_SPLITS = 20
 """A step that does not converge is split into pieces of half its length; a piece is halved at most this often."""
+
+MAX_PIECES = 20_000
+"""A step that was split is given up after so many pieces: one that needs more has no solution worth its time."""

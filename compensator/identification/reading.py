@@ -1,10 +1,11 @@
 """Measured files as they are: columns found, units made SI, rows that cannot be used taken out and reported."""
 
-import warnings
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ OUT_OF_ORDER_ROWS = 5
 class Dirt(StrEnum):
     """What can be wrong with a measurement."""
 
+    LONG = "rows with more cells than the header"
     MISSING = "missing values"
     DUPLICATE = "repeated time stamps"
     OUT_OF_ORDER = "time stamps out of order"
@@ -104,19 +106,33 @@ class Raw:
     findings: tuple[Finding, ...]
 
 
-def _table(path: Path, columns: dict[str, str]) -> dict[str, Array]:
-    """The wanted columns as numbers, NaN where a cell is none."""
+def _without_long_rows(stream: IO[str]) -> tuple[io.StringIO, int]:
+    """The text without rows that have more cells than the header, and their number; empty last cells do not count."""
+    header = stream.readline()
+    width, kept, long_rows = header.rstrip().rstrip(",").count(","), [header.rstrip().rstrip(",")], 0
+    for line in stream:
+        row = line.rstrip()
+        while row.endswith(",") and row.count(",") > width:
+            row = row[:-1].rstrip()
+        if row.count(",") > width:
+            long_rows += 1
+        else:
+            kept.append(row)
+    return io.StringIO("\n".join(kept)), long_rows
+
+
+def _table(path: Path, columns: dict[str, str]) -> tuple[dict[str, Array], int]:
+    """The wanted columns as numbers, NaN where a cell is none, and the number of rows with too many cells."""
     import pandas as pd
 
-    with open_text(path) as stream, warnings.catch_warnings():
-        # Rows with more cells than the header are cut to it.
-        warnings.simplefilter("ignore", pd.errors.ParserWarning)
-        try:
-            frame = pd.read_csv(stream, skipinitialspace=True, on_bad_lines="skip", low_memory=False, index_col=False)
-        except UnicodeDecodeError:
-            raise InputError(f"{path.name} is not UTF-8 text; save it as UTF-8 with commas") from None
-        except (ValueError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-            raise InputError(f"{path.name} cannot be read as a table: {error}") from None
+    try:
+        with open_text(path) as stream:
+            kept, long_rows = _without_long_rows(stream)
+        frame = pd.read_csv(kept, skipinitialspace=True, low_memory=False, index_col=False)
+    except UnicodeDecodeError:
+        raise InputError(f"{path.name} is not UTF-8 text; save it as UTF-8 with commas") from None
+    except (ValueError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        raise InputError(f"{path.name} cannot be read as a table: {error}") from None
     frame.columns = [str(name).strip() for name in frame.columns]
     found: dict[str, Array] = {}
     for key, name in columns.items():
@@ -126,7 +142,7 @@ def _table(path: Path, columns: dict[str, str]) -> dict[str, Array]:
             option = f"--{key}-column"
             near = suggestion(name, [str(c) for c in frame.columns])
             raise InputError(f'{path.name}: column "{name}" is missing{near} (choose one with {option})')
-    return found
+    return found, long_rows
 
 
 def read_measurement(path: Path, how: Measurement) -> Raw:
@@ -151,7 +167,7 @@ def read_measurement(path: Path, how: Measurement) -> Raw:
         "input_position": how.input_position_column,
         "output_position": how.output_position_column,
     }
-    table = _table(path, columns)
+    table, long_rows = _table(path, columns)
     scales = {
         "time": how.time_scale,
         "input": how.input_scale,
@@ -161,6 +177,8 @@ def read_measurement(path: Path, how: Measurement) -> Raw:
     }
     data = {key: values * scales[key] for key, values in table.items()}
     findings: list[Finding] = []
+    if long_rows:
+        findings.append(finding(Dirt.LONG, [], "rows left out", long_rows))
     bad: Mask = np.asarray(~np.isfinite(np.stack(list(data.values()))).all(axis=0))
     if bad.any():
         findings.append(finding(Dirt.MISSING, _times(data["time"], bad), "rows left out", int(bad.sum())))

@@ -155,3 +155,16 @@ def test_what_drives_the_model_is_smoothed_most_where_nothing_happens():
     assert noise_of(x) == pytest.approx(0.2, rel=0.05)
     assert left[4000:5500].max() < 0.03
     assert left[1900:2500].max() < 1.0
+
+
+def test_rows_with_too_many_cells_are_counted_wherever_they_stand_and_empty_last_cells_are_not(tmp_path):
+    lines = [f"{0.01 * k:.2f},{30 + 0.1 * k:.2f},{20 + 0.1 * k:.2f}" for k in range(200)]
+    lines[0] += ",7"
+    lines[50] += ",1,2"
+    lines[80] += ","
+    file = tmp_path / "long.csv"
+    file.write_text("\n".join(["time_s,input_tension_N,output_tension_N", *lines]) + "\n")
+    raw = read_measurement(file, HOW)
+    assert [(f.dirt, f.count) for f in raw.findings if f.dirt is Dirt.LONG] == [(Dirt.LONG, 2)]
+    assert len(raw.time_s) == 198
+    assert 0.8 in raw.time_s.round(6)

@@ -313,3 +313,14 @@ def test_a_thousand_masses_are_as_good_as_two_hundred(generic: Transmission) -> 
     force = wave(np.arange(0.0, 0.5, STEP))
     many, few = (simulate(Chain.of(rig, Level.PRESLIDING, n), force, STEP).require() for n in (1000, 200))
     assert percent(many.output_tension_N - few.output_tension_N, few.output_tension_N) < 0.03
+
+
+def test_a_chain_that_no_piece_of_a_step_can_solve_ends_with_a_diagnosis_instead_of_running_on(
+    generic: Transmission,
+) -> None:
+    """Damping of 1e9 N s/m leaves nothing but rounding of the balance: a million pieces would not help."""
+    stuck = replace(generic, tendon=replace(generic.tendon, damping_N_s_per_m=1e9))
+    time = np.arange(2000) * 1e-3
+    run = simulate(Chain.of(stuck, Level.PRESLIDING), 30 + 20 * np.sin(2 * np.pi * time), 1e-3)
+    assert run.outcome is Outcome.FAILED
+    assert "did not converge although it was split" in run.message
