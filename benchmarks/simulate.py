@@ -63,15 +63,16 @@ from tendonff.ocp.simulate import Simulator, force_inputs, simulate
 Array = NDArray[np.float64]
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 STEP = 1e-3
-START_N = 30.0
+START_N, SWING_N = 40.0, 30.0
+"""The force swings by more than friction holds back, so that the far end moves in every half period."""
 
 
 def force_at(t: ca.SX | Array | float) -> ca.SX | Array | float:
     """Smooth force with reversals [N], for numbers, arrays and expressions."""
     return (
-        START_N + 15 * ca.sin(4 * math.pi * t) * (1 - ca.exp(-20 * t * t))
+        START_N + SWING_N * ca.sin(4 * math.pi * t) * (1 - ca.exp(-20 * t * t))
         if isinstance(t, ca.SX)
-        else (START_N + 15 * np.sin(4 * math.pi * t) * (1 - np.exp(-20 * np.square(t))))
+        else (START_N + SWING_N * np.sin(4 * math.pi * t) * (1 - np.exp(-20 * np.square(t))))
     )
 
 

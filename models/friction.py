@@ -67,8 +67,13 @@ def stribeck_coefficient(v: ca.SX, bristle: BristleParameters) -> ca.SX:
     """
     pulling = v >= 0
     low = ca.if_else(pulling, bristle.mu_dynamic_pull, bristle.mu_dynamic_release)
-    high = ca.if_else(pulling, bristle.mu_static_pull, bristle.mu_static_release)
-    mu = low + (high - low) * ca.exp(-ca.fabs(v) / bristle.stribeck_velocity_m_per_s)
+    # Differences inside: with equal coefficients the exponential vanishes from the expression.
+    excess = ca.if_else(
+        pulling,
+        bristle.mu_static_pull - bristle.mu_dynamic_pull,
+        bristle.mu_static_release - bristle.mu_dynamic_release,
+    )
+    mu = low + excess * ca.exp(-ca.fabs(v) / bristle.stribeck_velocity_m_per_s)
     return at_least(mu, COEFFICIENT_FLOOR)
 
 

@@ -16,6 +16,7 @@ from tendonff.ocp.elements import end_mass, link_force, link_gain, link_start, l
 from tendonff.ocp.scheme import (
     BDF2_CARRY,
     BDF2_WEIGHT,
+    EASY_GOAL,
     MAX_HALVINGS,
     MAX_ITERATIONS,
     MAX_PIECES,
@@ -216,7 +217,7 @@ class CasadiStepper:
         base = x + BDF2_CARRY * (x - x_old)
         tolerance = parts.tolerance(base, weight)
         v = 2 * x[: n + 2] - x_old[: n + 2]
-        answer, norm, solved, falling = v, ca.inf, ca.MX(0), ca.MX(1)
+        answer, norm, falling = v, ca.inf, ca.MX(1)
         for k in range(_FULL_MOVES + 1):
             if k < _FULL_MOVES:
                 residual, move = parts.newton(v, base, u, weight)
@@ -224,10 +225,9 @@ class CasadiStepper:
                 residual, move = parts.balance(v, base, u, weight), 0
             size = ca.norm_inf(residual)
             falling = ca.logic_and(falling, size < norm)
-            here = ca.logic_and(ca.logic_not(solved), ca.logic_and(falling, size <= tolerance))
-            answer = ca.if_else(here, v, answer)
-            solved = ca.logic_or(solved, here)
-            v, norm = v + move, size
+            answer, norm = ca.if_else(falling, v, answer), ca.if_else(falling, size, norm)
+            v = v + move
+        solved = norm <= tolerance
         x_next, force = parts.finish(answer, base, u, weight)
         return ca.Function("step", [pair, u], [ca.vertcat(x_next, x), force, solved])
 
@@ -325,6 +325,10 @@ class CasadiStepper:
             else:
                 break  # no descent: the caller splits the step
             v, move, norm, worst = trial, next_move, size, next_worst
+        if iterations and EASY_GOAL * tolerance < norm <= tolerance:  # one move more, so that little is left to add up
+            size, _ = _largest(np.asarray(parts.balance(v + move, base, inputs, weight)).ravel())
+            if size < norm:
+                v, norm = v + move, size
         x, force = (np.asarray(m).ravel() for m in parts.finish(v, base, inputs, weight))
         return _Outcome(
             solved=norm <= tolerance,

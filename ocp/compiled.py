@@ -3,12 +3,14 @@
 import ctypes
 import functools
 import hashlib
+import importlib.util
 import os
+import shlex
 import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -22,6 +24,9 @@ from tendonff.ocp.errors import CodeError
 from tendonff.ocp.scheme import (
     BDF2_CARRY,
     BDF2_WEIGHT,
+    EASY_CONTRACTION,
+    EASY_GOAL,
+    EASY_MOVES,
     MAX_HALVINGS,
     MAX_ITERATIONS,
     MAX_PIECES,
@@ -55,7 +60,7 @@ _TEMPLATES = jinja2.Environment(  # noqa: S701 - C, not HTML
     keep_trailing_newline=True,
     trim_blocks=True,
 )
-_FLAGS = ("-O3", "-std=c99", "-shared", "-fPIC", "-fno-math-errno", "-ffp-contract=off")
+_FLAGS = ("-O3", "-std=c99", "-shared", "-fPIC", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=off")
 
 
 class LawCalls(Protocol):
@@ -181,6 +186,9 @@ def render_template(
         max_iterations=limits.iterations,
         max_halvings=limits.halvings,
         max_splits=limits.splits,
+        easy=number(EASY_CONTRACTION),
+        easy_moves=EASY_MOVES,
+        goal=number(EASY_GOAL),
         max_pieces=MAX_PIECES,
     )
 
@@ -200,13 +208,50 @@ def print_laws(laws: tuple[Law, ...], prefix: str, precision: Precision) -> str:
     )
 
 
-def find_compiler() -> str | None:
-    """Path of the C compiler: the environment variable CC, else cc, gcc or clang; None where there is none."""
-    wanted = os.environ.get("CC")
-    for name in (wanted,) if wanted else ("cc", "gcc", "clang"):
+@functools.cache
+def _packaged_compiler() -> tuple[str, ...] | None:
+    """Clang from the package index: the optional package `ziglang` brings one."""
+    if importlib.util.find_spec("ziglang") is None:
+        return None
+    return (sys.executable, "-m", "ziglang", "cc")
+
+
+def find_compiler() -> tuple[str, ...] | None:
+    """Command of the C compiler: from the environment variable CC, else cc, gcc or clang, else in the package ziglang.
+
+    Returns
+    -------
+    tuple of str or None
+        None where there is none.
+    """
+    if wanted := shlex.split(os.environ.get("CC", "")):
+        return tuple(wanted) if shutil.which(wanted[0]) else None
+    for name in ("cc", "gcc", "clang"):
         if path := shutil.which(name):
-            return path
-    return None
+            return (path,)
+    return _packaged_compiler()
+
+
+def run_compiler(compiler: tuple[str, ...], arguments: Sequence[str], folder: Path | None = None) -> str | None:
+    """Run the C compiler; None where it succeeds, else what it said.
+
+    Parameters
+    ----------
+    compiler : tuple of str
+        From `find_compiler`.
+    arguments : sequence of str
+    folder : Path, optional
+        Where it runs.
+    """
+    environment = dict(os.environ)
+    for name in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"):  # it would leave its caches where it runs
+        environment.setdefault(name, str(_cache_folder() / "zig"))
+    run = subprocess.run(
+        [*compiler, *arguments], cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
+    if run.returncode == 0:
+        return None
+    return f"{' '.join(compiler)} failed with status {run.returncode}: {run.stderr[:500]}"
 
 
 def _cache_folder() -> Path:
@@ -220,8 +265,8 @@ def _cache_folder() -> Path:
 
 
 @functools.lru_cache(maxsize=1)
-def _compiler_version(compiler: str) -> str:
-    return subprocess.run([compiler, "--version"], capture_output=True, text=True, check=False).stdout
+def _compiler_version(compiler: tuple[str, ...]) -> str:
+    return subprocess.run([*compiler, "--version"], capture_output=True, text=True, check=False).stdout
 
 
 def load_library(source: str) -> ctypes.CDLL:
@@ -239,18 +284,18 @@ def load_library(source: str) -> ctypes.CDLL:
     """
     compiler = find_compiler()
     if compiler is None:
-        raise CodeError("no C compiler found (looked for CC, cc, gcc, clang); install one or use the CasADi engine")
-    key = "\0".join([source, compiler, _compiler_version(compiler), sys.platform, *_FLAGS])
+        raise CodeError(
+            "no C compiler found (looked for CC, cc, gcc, clang and the package ziglang); install one or use the "
+            "CasADi engine"
+        )
+    key = "\0".join([source, *compiler, _compiler_version(compiler), sys.platform, *_FLAGS])
     library = _cache_folder() / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.so"
     if not library.exists():
         with tempfile.TemporaryDirectory(dir=library.parent) as scratch:
             c_file, built = Path(scratch) / "generated.c", Path(scratch) / library.name
             c_file.write_text(source, encoding="utf-8")
-            run = subprocess.run(
-                [compiler, *_FLAGS, "-o", str(built), str(c_file), "-lm"], capture_output=True, text=True, check=False
-            )
-            if run.returncode != 0:
-                raise CodeError(f"{compiler} failed with status {run.returncode} on generated C: {run.stderr[:500]}")
+            if complaint := run_compiler(compiler, [*_FLAGS, "-o", str(built), str(c_file), "-lm"]):
+                raise CodeError(f"generated C: {complaint}")
             built.replace(library)  # atomic: a second process sees all of it or nothing
     return ctypes.CDLL(str(library))
 

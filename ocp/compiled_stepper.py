@@ -94,11 +94,11 @@ def chain_numbers(chain: Chain) -> tuple[float, ...]:
 
 
 @functools.cache
-def _source() -> str:
+def _source(*, stribeck: bool) -> str:
     parts = [
         "#include <math.h>\n#include <stddef.h>\n",
         render_template("stepper.h.j2", PREFIX, Precision.DOUBLE),
-        print_laws((*simulation_laws(), *inverse_laws()), PREFIX, Precision.DOUBLE),
+        print_laws((*simulation_laws(stribeck=stribeck), *inverse_laws(stribeck=stribeck)), PREFIX, Precision.DOUBLE),
         render_template("stepper.c.j2", PREFIX, Precision.DOUBLE),
         render_template("inverse.c.j2", PREFIX, Precision.DOUBLE),
         render_template("run.c.j2", PREFIX, Precision.DOUBLE),
@@ -107,12 +107,18 @@ def _source() -> str:
 
 
 @functools.cache
-def _library() -> ctypes.CDLL:
-    library = load_library(_source())
+def _library(*, stribeck: bool) -> ctypes.CDLL:
+    library = load_library(_source(stribeck=stribeck))
     library.tff_run.restype = ctypes.c_long
     library.tff_invert_run.restype = None
     library.tff_work_reals.restype = ctypes.c_int
     return library
+
+
+def _library_of(chain: Chain) -> ctypes.CDLL:
+    """The library for a chain: a third of a step goes into an exponential that only the Stribeck effect needs."""
+    e = chain.elements
+    return _library(stribeck=e.mu_static_pull != e.mu_dynamic_pull or e.mu_static_release != e.mu_dynamic_release)
 
 
 def pointer(values: Array | None) -> ctypes.c_void_p:
@@ -143,7 +149,7 @@ class CompiledStepper:
     def __init__(self, chain: Chain, step_s: float) -> None:
         self._count = chain.count
         self._struct = chain_struct(chain, step_s)
-        self._library = _library()
+        self._library = _library_of(chain)
         self._work = np.empty(self._library.tff_work_reals(ctypes.c_int(chain.count)))
 
     def advance(self, memory: StepperMemory, inputs: Array, record: bool) -> Rows:
@@ -197,7 +203,7 @@ class CompiledInverse:
 
     def __init__(self, chain: Chain, step_s: float) -> None:
         self._struct = chain_struct(chain, step_s)
-        self._library = _library()
+        self._library = _library_of(chain)
 
     def invert(self, x: Array, reference: Array, record: bool) -> InverseRows:
         """Force, least tension and states for references at the ends of the coming steps.

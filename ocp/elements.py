@@ -64,14 +64,14 @@ def _link_parameters() -> tuple[tuple[ca.SX, ...], LinkParameters]:
     )
 
 
-def _bristle_parameters() -> tuple[tuple[ca.SX, ...], BristleParameters]:
+def _bristle_parameters(*, stribeck: bool) -> tuple[tuple[ca.SX, ...], BristleParameters]:
     sigma0, mu_dp, mu_sp, mu_dr, mu_sr, omega = symbols = _symbols(BRISTLE_NAMES)
     return symbols, BristleParameters(
         bristle_stiffness_N_per_m=sigma0,
         mu_dynamic_pull=mu_dp,
-        mu_static_pull=mu_sp,
+        mu_static_pull=mu_sp if stribeck else mu_dp,
         mu_dynamic_release=mu_dr,
-        mu_static_release=mu_sr,
+        mu_static_release=mu_sr if stribeck else mu_dr,
         stribeck_velocity_m_per_s=omega,
     )
 
@@ -136,11 +136,11 @@ class _PathMass:
     f_s: ca.SX
 
 
-def _path_mass() -> _PathMass:
+def _path_mass(*, stribeck: bool = True) -> _PathMass:
     v, v_base, f_near, f_far, s_base, step, mass, viscous, adhesion = _symbols(
         "v v_base f_near f_far s_base H mass b p"
     )
-    symbols, bristle = _bristle_parameters()
+    symbols, bristle = _bristle_parameters(stribeck=stribeck)
     f_n = normal_force(f_near, f_far, adhesion)
     f_s = implicit_bristle(v, s_base, step, bristle).force(f_n)
     f_f = friction_force(v, f_s, viscous)
@@ -149,9 +149,15 @@ def _path_mass() -> _PathMass:
     return _PathMass(inputs=inputs, residual=residual, f_s=f_s)
 
 
-def path_mass() -> Law:
-    """Balance of a mass on the path [N] and its slopes: zero where the mass's velocity solves the step."""
-    m = _path_mass()
+def path_mass(*, stribeck: bool = True) -> Law:
+    """Balance of a mass on the path [N] and its slopes: zero where the mass's velocity solves the step.
+
+    Parameters
+    ----------
+    stribeck : bool, optional
+        False leaves the static coefficients out of the law; the arguments stay.
+    """
+    m = _path_mass(stribeck=stribeck)
     v, f_near, f_far = m.inputs[:3]
     return Law(
         name="path_mass",
@@ -164,6 +170,23 @@ def path_mass() -> Law:
             "by_far": ca.jacobian(m.residual, f_far),
             "f_s": m.f_s,
         },
+    )
+
+
+def path_balance(*, stribeck: bool = True) -> Law:
+    """Balance of a mass on the path [N] without its slopes.
+
+    Parameters
+    ----------
+    stribeck : bool, optional
+        As for `path_mass`.
+    """
+    m = _path_mass(stribeck=stribeck)
+    return Law(
+        name="path_balance",
+        comment="Balance of a mass on the path [N] and its bristle force [N], eqs. (4), (5).",
+        inputs=m.inputs,
+        outputs={"residual": m.residual, "f_s": m.f_s},
     )
 
 
@@ -277,10 +300,16 @@ def link_rate() -> Law:
     )
 
 
-def path_mass_inverse() -> Law:
-    """Tension on the actuator's side of a mass whose motion and load side are known, where f_n = A + f_s."""
+def path_mass_inverse(*, stribeck: bool = True) -> Law:
+    """Tension on the actuator's side of a mass whose motion and load side are known, where f_n = A + f_s.
+
+    Parameters
+    ----------
+    stribeck : bool, optional
+        As for `path_mass`.
+    """
     v, f_far, v_base, s_base, step, mass, viscous, adhesion = _symbols("v f_far v_base s_base H mass b p")
-    symbols, bristle = _bristle_parameters()
+    symbols, bristle = _bristle_parameters(stribeck=stribeck)
     without_bristle = f_far + friction_force(v, ca.SX(0), viscous) + mass * (v - v_base) / step
     f_s = implicit_bristle(v, s_base, step, bristle).bristle_force_from_far_side(f_far + without_bristle + 2 * adhesion)
     return Law(
@@ -297,7 +326,7 @@ def path_mass_drop() -> Law:
     `path_mass_inverse` without the sum, for arithmetic with few digits, and without the slack: f_i = f_{i+1} + drop.
     """
     v, f_far, v_base, s_base, step, mass, viscous, adhesion = _symbols("v f_far v_base s_base H mass b p")
-    symbols, bristle = _bristle_parameters()
+    symbols, bristle = _bristle_parameters(stribeck=True)
     inertia = mass * (v - v_base) / step
     far_sum = 2 * f_far + friction_force(v, ca.SX(0), viscous) + inertia + 2 * adhesion
     f_s = implicit_bristle(v, s_base, step, bristle).bristle_force_from_far_side(far_sum)
@@ -309,11 +338,24 @@ def path_mass_drop() -> Law:
     )
 
 
-def inverse_laws() -> tuple[Law, ...]:
-    """The laws that the exact inverse needs beside `link_gain`, `link_start` and `link_states`."""
-    return (far_velocity(), near_force(), link_rate(), path_mass_inverse())
+def inverse_laws(*, stribeck: bool = True) -> tuple[Law, ...]:
+    """The laws that the exact inverse needs beside `link_gain`, `link_start` and `link_states`.
+
+    Parameters
+    ----------
+    stribeck : bool, optional
+        As for `path_mass`.
+    """
+    return (far_velocity(), near_force(), link_rate(), path_mass_inverse(stribeck=stribeck))
 
 
-def simulation_laws() -> tuple[Law, ...]:
-    """The laws a time step needs, in the order in which C must define them."""
-    return (link_gain(), link_start(), link_force(), link_states(), path_mass(), end_mass())
+def simulation_laws(*, stribeck: bool = True) -> tuple[Law, ...]:
+    """The laws a time step needs, in the order in which C must define them.
+
+    Parameters
+    ----------
+    stribeck : bool, optional
+        As for `path_mass`.
+    """
+    path = (path_mass(stribeck=stribeck), path_balance(stribeck=stribeck))
+    return (link_gain(), link_start(), link_force(), link_states(), *path, end_mass())

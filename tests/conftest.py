@@ -75,7 +75,7 @@ def generic() -> Transmission:
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Skip what compares with compiled C where there is no compiler."""
     if item.get_closest_marker("compiler") and find_compiler() is None:
-        pytest.skip("no C compiler found (looked for CC, cc, gcc, clang)")
+        pytest.skip("no C compiler found (looked for CC, cc, gcc, clang and the package ziglang)")
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

@@ -4,7 +4,6 @@ import hashlib
 import io
 import platform
 import re
-import subprocess
 import sys
 import tempfile
 import zipfile
@@ -21,7 +20,7 @@ from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.scenario import Scenario, scenario_hash
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
-from tendonff.ocp.compiled import find_compiler
+from tendonff.ocp.compiled import find_compiler, run_compiler
 from tendonff.ocp.errors import CodeError
 
 _TEMPLATES = jinja2.Environment(  # noqa: S701 - the one place with markup escapes what it inserts
@@ -202,18 +201,12 @@ def _compile(sources: dict[str, str], compiled: list[str]) -> bytes | None:
     with tempfile.TemporaryDirectory() as folder:
         for name, text in sources.items():
             (Path(folder) / name).write_text(text, encoding="utf-8")
-        run = subprocess.run(
-            [
-                *(compiler, "-std=c99", "-O2", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno"),
-                *("-Wno-unused-parameter", "-s", "-Wl,--build-id=none", "-o", "unit.so", *compiled, "-lm"),
-            ],
-            cwd=folder,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        if run.returncode != 0:
-            raise CodeError(f"{compiler} failed with status {run.returncode} on the unit's sources: {run.stderr[:500]}")
+        arguments = [
+            *("-std=c99", "-O2", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno"),
+            *("-Wno-unused-parameter", "-s", "-Wl,--build-id=none", "-o", "unit.so", *compiled, "-lm"),
+        ]
+        if complaint := run_compiler(compiler, arguments, Path(folder)):
+            raise CodeError(f"the unit's sources: {complaint}")
         return (Path(folder) / "unit.so").read_bytes()
 
 

@@ -25,7 +25,7 @@ def swing(amplitude_N: float, step_s: float = 1e-3, seconds: float = 1.5) -> Arr
 
 
 @pytest.mark.parametrize("level", Level)
-@pytest.mark.parametrize("n", [1, 6, 40])
+@pytest.mark.parametrize("n", [1, 6, 7, 40])
 def test_engines_agree_to_a_nanonewton(generic: Transmission, level: Level, n: int) -> None:
     chain = Chain.of(generic, level, n)
     runs = [simulate(chain, swing(25.0), 1e-3, record=True, engine=e) for e in (Engine.COMPILED, Engine.CASADI)]
@@ -35,6 +35,18 @@ def test_engines_agree_to_a_nanonewton(generic: Transmission, level: Level, n: i
     assert runs[0].states is not None
     assert runs[1].states is not None
     assert runs[0].states == pytest.approx(runs[1].states, abs=1e-8)
+
+
+@pytest.mark.parametrize("level", Level)
+def test_engines_agree_where_the_compiled_law_is_printed_without_the_stribeck_effect(
+    generic: Transmission, level: Level
+) -> None:
+    friction = replace(generic.friction, mu_static=0.2, mu_static_release=0.15)
+    chain = Chain.of(replace(generic, friction=friction), level, 7)
+    runs = [simulate(chain, swing(25.0), 1e-3, engine=e) for e in (Engine.COMPILED, Engine.CASADI)]
+    assert np.abs(runs[0].tension_N - runs[1].tension_N).max() < 1e-9
+    inverses = [invert(chain, swing(12.0), 1e-3, engine=e).force_N for e in (Engine.COMPILED, Engine.CASADI)]
+    assert np.abs(inverses[0] - inverses[1]).max() < 1e-8
 
 
 def test_engines_agree_where_steps_are_split_and_the_tendon_goes_slack(generic: Transmission) -> None:

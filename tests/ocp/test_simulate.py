@@ -295,16 +295,18 @@ def test_chunks_join_without_a_seam_and_a_run_can_be_taken_up(generic: Transmiss
     inputs = force_inputs(force)
     simulator = Simulator(chain, STEP, chain.rest_state(30.0), inputs[0])
     parts = [simulator.advance(inputs[1:][piece]).tension_N for piece in chunks(len(force) - 1, 137)]
-    assert np.array_equal(np.vstack(parts), whole.tension_N[1:])
+    assert np.abs(np.vstack(parts) - whole.tension_N[1:]).max() < 1e-9
     # From a state alone the earlier state is gone, so the first step is of first order.
     again = simulate(chain, force[500:], STEP, state=type(whole.final).from_vector(whole.states[500]))  # type: ignore[index]
     assert again.output_tension_N == pytest.approx(whole.output_tension_N[500:], abs=5e-3)
 
 
 @pytest.mark.parametrize("level", Level)
-def test_an_ordinary_run_costs_little_more_than_one_solve_a_step(generic: Transmission, level: Level) -> None:
+def test_an_ordinary_run_costs_little_more_than_two_back_substitutions_a_step(
+    generic: Transmission, level: Level
+) -> None:
     run = simulate(Chain.of(generic, level, 40), wave(np.arange(0.0, 2.0, STEP)), STEP).require()
-    assert run.iterations < 2 * len(run.time_s)
+    assert run.iterations < 2.3 * len(run.time_s)
     assert run.splits == 0
 
 
