@@ -69,7 +69,12 @@ def identify(
     ] = None,
     skip: Annotated[
         float | None,
-        typer.Option("--skip", metavar="SECONDS", help="Leave out the start of every file.", show_default=False),
+        typer.Option(
+            "--skip",
+            metavar="SECONDS",
+            help="Leave out the start of every file; default: while a load that is switched on there rings.",
+            show_default=False,
+        ),
     ] = None,
     explain: Annotated[
         Explain | None,

@@ -68,6 +68,8 @@ class Record:
         Standard deviation of the white noise before the low-pass [N].
     signed : bool
         Readings far below zero: torques of a pre-tensioned loop, or the like.
+    unread : tuple of str
+        Columns of the file that have no use.
     findings : tuple of Finding
     """
 
@@ -78,6 +80,7 @@ class Record:
     input_noise_N: float
     output_noise_N: float
     signed: bool
+    unread: tuple[str, ...]
     findings: tuple[Finding, ...]
 
     @property
@@ -177,6 +180,7 @@ def clean(raw: Raw, how: Measurement) -> Record:
         input_noise_N=float(np.average([a for a, *_ in noises], weights=weights)),
         output_noise_N=float(np.average([b for _, b, _ in noises], weights=weights)),
         signed=signed,
+        unread=raw.unread,
         findings=tuple(findings),
     )
 

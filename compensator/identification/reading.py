@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.compensator.files import InputError, open_text, suggestion
+from tendonff.compensator.identification.onset import switched_on_s
 from tendonff.compensator.settings.measurement import Measurement
 
 Array = NDArray[np.float64]
@@ -36,6 +37,7 @@ class Dirt(StrEnum):
     SLACK = "slack"
     SHORT = "short pieces"
     SKIPPED = "rows left out at the start"
+    ONSET = "load switched on at the start"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,6 +95,8 @@ class Raw:
         Positions, where the file has them.
     breaks : tuple of int
         First rows after a clock that jumped back.
+    unread : tuple of str
+        Columns of the file that have no use.
     findings : tuple of Finding
     """
 
@@ -103,6 +107,7 @@ class Raw:
     input_m: Array | None
     output_m: Array | None
     breaks: tuple[int, ...]
+    unread: tuple[str, ...]
     findings: tuple[Finding, ...]
 
 
@@ -121,8 +126,8 @@ def _without_long_rows(stream: IO[str]) -> tuple[io.StringIO, int]:
     return io.StringIO("\n".join(kept)), long_rows
 
 
-def _table(path: Path, columns: dict[str, str]) -> tuple[dict[str, Array], int]:
-    """The wanted columns as numbers, NaN where a cell is none, and the number of rows with too many cells."""
+def _table(path: Path, columns: dict[str, str]) -> tuple[dict[str, Array], int, tuple[str, ...]]:
+    """The wanted columns as numbers, NaN where a cell is none; rows with too many cells; names of the other columns."""
     import pandas as pd
 
     try:
@@ -142,7 +147,7 @@ def _table(path: Path, columns: dict[str, str]) -> tuple[dict[str, Array], int]:
             option = f"--{key}-column"
             near = suggestion(name, [str(c) for c in frame.columns])
             raise InputError(f'{path.name}: column "{name}" is missing{near} (choose one with {option})')
-    return found, long_rows
+    return found, long_rows, tuple(name for name in frame.columns if name not in columns.values())
 
 
 def read_measurement(path: Path, how: Measurement) -> Raw:
@@ -167,7 +172,7 @@ def read_measurement(path: Path, how: Measurement) -> Raw:
         "input_position": how.input_position_column,
         "output_position": how.output_position_column,
     }
-    table, long_rows = _table(path, columns)
+    table, long_rows, unread = _table(path, columns)
     scales = {
         "time": how.time_scale,
         "input": how.input_scale,
@@ -183,7 +188,7 @@ def read_measurement(path: Path, how: Measurement) -> Raw:
     if bad.any():
         findings.append(finding(Dirt.MISSING, _times(data["time"], bad), "rows left out", int(bad.sum())))
         data = {key: values[~bad] for key, values in data.items()}
-    if how.skip_s > 0 and len(data["time"]):
+    if how.skip_s and len(data["time"]):
         early = data["time"] < data["time"][0] + how.skip_s
         findings.append(finding(Dirt.SKIPPED, [], f"the first {how.skip_s:g} s, as asked", int(early.sum())))
         data = {key: values[~early] for key, values in data.items()}
@@ -200,6 +205,19 @@ def read_measurement(path: Path, how: Measurement) -> Raw:
                 f"{path.name}: {columns[key]} is {kept[key][0]:g} N in all {len(kept[key])} usable rows; nothing can "
                 "be identified from a tension that never moves: drive the tendon, or check the column"
             )
+    if how.skip_s is None and (length := switched_on_s(time, kept["input"], kept["output"])) > 0:
+        late = int(np.searchsorted(time, time[0] + length))
+        findings.append(
+            finding(
+                Dirt.ONSET,
+                [],
+                f"the output jumps within a row and rings while the input hardly moves; the first {length:.2g} s are "
+                "left out (skip_s = 0 keeps them)",
+                late,
+            )
+        )
+        kept, time = {key: values[late:] for key, values in kept.items()}, time[late:]
+        breaks = tuple(k - late for k in breaks if k > late)
     return Raw(
         name=path.name,
         time_s=time,
@@ -208,6 +226,7 @@ def read_measurement(path: Path, how: Measurement) -> Raw:
         input_m=kept.get("input_position"),
         output_m=kept.get("output_position"),
         breaks=breaks,
+        unread=unread,
         findings=tuple(findings),
     )
 

@@ -32,6 +32,9 @@ from tendonff.ocp.fit_static import StaticParameter
 
 P, D = StaticParameter, DynamicParameter
 
+MOST_ALIKE = 3
+"""So many files may each have a line about the same kind of dirt."""
+
 
 def _quiet(_: str) -> None:
     pass
@@ -76,7 +79,7 @@ def identify(
     say("reading")
     records = [clean(read_measurement(path, how), how) for path in data]
     judges = [clean(read_measurement(path, how), how) for path in validate]
-    warnings = [f"{r.name}: {f.text}" for r in (*records, *judges) for f in r.findings if f.dirt is not Dirt.SKIPPED]
+    warnings = _dirt_of([*records, *judges])
     gross = gross_ratios(records)
     say("first look")
     explain, coarse = choose_explain(records, how.explain, scenario.transmission)
@@ -101,7 +104,7 @@ def identify(
     left = answer.judged_percent if answer.validation_percent is None else answer.validation_percent
     described = left <= POOR_PERCENT
     if not described:
-        warnings.append(_no_law(left, stage, gross))
+        warnings.append(_no_law(left, stage, gross, records))
     now = circumstances(records)
     if chain is not None:
         estimates, names, correlation = dynamic_answer(scenario, chain, now, described=described)
@@ -123,6 +126,21 @@ def identify(
         warnings=tuple(warnings),
         curves=answer.curves,
     )
+
+
+def _dirt_of(records: Sequence[Record]) -> list[str]:
+    """What was found in the files, one line each; a kind that many files share takes one line for all of them."""
+    lines = []
+    for dirt in Dirt:
+        found = [(r.name, f.text) for r in records for f in r.findings if f.dirt is dirt]
+        if dirt is Dirt.SKIPPED or not found:
+            continue
+        if len(found) <= MOST_ALIKE:
+            lines += [f"{name}: {text}" for name, text in found]
+        else:
+            name, text = found[0]
+            lines.append(f"{dirt} in {len(found)} files, the first {name}: {text} (fit.json has the others)")
+    return lines
 
 
 def _start(scenario: Scenario, stage: StaticStage) -> dict[DynamicParameter, float]:
@@ -153,7 +171,7 @@ def _biased(stage: StaticStage, records: Sequence[Record]) -> bool:
     return size > 3 * stage.fit.solution.standard_error(name) and size > 0.005 * span
 
 
-def _no_law(left: float, stage: StaticStage, gross: Sequence[GrossRatio]) -> str:
+def _no_law(left: float, stage: StaticStage, gross: Sequence[GrossRatio], records: Sequence[Record]) -> str:
     shown = [
         f"{g.branch} {g.log_ratio:.3g} ({g.interval[0]:.3g} to {g.interval[1]:.3g})"
         for g in gross
@@ -164,6 +182,19 @@ def _no_law(left: float, stage: StaticStage, gross: Sequence[GrossRatio]) -> str
         f"no law explains these files: the best, {stage.fit.model.name}, leaves {left:.3g} % of the range "
         f"(more than {POOR_PERCENT:g} %). A transmission driven at its input end alone does not behave like this: "
         f"is the output end, or the path itself, driven? No value was taken over into the fitted scenario{ratios}"
+        f"{_positions_wanted(records)}"
+    )
+
+
+def _positions_wanted(records: Sequence[Record]) -> str:
+    """What would let a law for a driven output be tried, where it was not."""
+    if all(r.has_input_position for r in records):
+        return ""
+    unread = sorted({name for r in records for name in r.unread})
+    offered = f" (columns not read: {', '.join(unread)})" if unread else ""
+    return (
+        "; laws for a driven output need the motion of the input end, which was not read: name it with "
+        f"--input-position-column{offered}"
     )
 
 

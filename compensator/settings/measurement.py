@@ -41,7 +41,7 @@ class Measurement:
     input_position_scale, output_position_scale : float, optional
         The same for the positions, to give m (or rad where the tensions are torques). Default 1.
     skip_s : float, optional
-        Left out at the start of every file [s], >= 0. Default 0.
+        Left out at the start of every file [s], >= 0. Default: as long as a load that is switched on there rings.
     cutoff_Hz : float, optional
         Cut-off of the zero-phase low-pass that both channels go through [Hz], > 0. Default: found from the noise.
     explain : Explain, optional
@@ -58,7 +58,7 @@ class Measurement:
     output_scale: float = 1.0
     input_position_scale: float = 1.0
     output_position_scale: float = 1.0
-    skip_s: float = 0.0
+    skip_s: float | None = None
     cutoff_Hz: float | None = None
     explain: Explain = Explain.AUTO
 
@@ -69,6 +69,7 @@ class Measurement:
             require_number(name, getattr(self, name), hint="9.81 turns kg into N")
             if getattr(self, name) == 0:
                 require_number(name, float("nan"), hint="0 would erase the channel; leave it out for none")
-        require_number("skip_s", self.skip_s, least=0, hint="use 0 to keep every row")
+        if self.skip_s is not None:
+            require_number("skip_s", self.skip_s, least=0, hint="use 0 to keep every row")
         if self.cutoff_Hz is not None:
             require_number("cutoff_Hz", self.cutoff_Hz, above=0, hint="leave it out to have it found from the noise")
