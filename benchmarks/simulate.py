@@ -343,7 +343,12 @@ def examples_error() -> None:
 def command_line() -> None:
     """Marginal cost of a row of `tendonff simulate`."""
     print("\nCommand line, N = 40, presliding: marginal cost of a row between files of 20 s and 200 s")
-    text = (EXAMPLES / "finger.toml").read_text(encoding="utf-8").replace("segments = 6 ", "segments = 40 ")
+    text = (
+        (EXAMPLES / "finger.toml")
+        .read_text(encoding="utf-8")
+        .replace("segments = 6 ", "segments = 40 ")
+        .replace("initial_tension_N = 30", f"initial_tension_N = {START_N:g}")
+    )
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "scenario.toml").write_text(text, encoding="utf-8")

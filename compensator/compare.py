@@ -5,13 +5,14 @@ Rooms: `compare` (the matrix and what follows from it), `compare_levels` (what a
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from typing import Literal
 
 import numpy as np
 
+from tendonff.compensator.advance import Advance, silent
 from tendonff.compensator.compare_levels import LevelCost, LevelTraits, level_cost, level_traits
 from tendonff.compensator.compensators import Compensator, FloatArray, Plant, capstan_force, exact_inverse, play, score
 from tendonff.compensator.reference import Reference, sample_reference
@@ -27,7 +28,6 @@ from tendonff.ocp.simulate import Outcome
 from tendonff.ocp.track import track
 from tendonff.ocp.tracking import TrackStatus
 
-Advance = Callable[[int, int], None]
 CAPSTAN_PLANT: Literal["capstan"] = "capstan"
 """Name of the static law as a plant."""
 
@@ -104,16 +104,12 @@ class Comparison:
         return next(e for e in self.entries if (e.compensator, e.design_level, e.plant_level) == wanted)
 
 
-def _silent(_done: int, _total: int) -> None:
-    pass
-
-
 def plants() -> tuple[str, ...]:
     """Names of the plants: the levels, then the static law."""
     return (*(level.value for level in Level), CAPSTAN_PLANT)
 
 
-def compare(scenario: Scenario, *, advance: Advance = _silent) -> Comparison:
+def compare(scenario: Scenario, *, advance: Advance = silent) -> Comparison:
     """Compare the fidelity levels with each other and with the static law on one scenario.
 
     Parameters

@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.compare import Comparison, Entry, plants, summary
 from tendonff.compensator.compare_figures import cell_text, compare_figures, matrix_rows
-from tendonff.compensator.files import atomic_file, write_json
 from tendonff.compensator.plots import save_figure
 from tendonff.compensator.report import FileNote, Picture, Provenance, Report, Section, Table, Text, write_report
+from tendonff.compensator.writing import atomic_file, write_json
 
 _CAPTIONS = {
     "matrix": "Error of every design on every plant, % of range rms. Read along a row: how much a design loses on a "

@@ -1,11 +1,12 @@
 """The main job: from a scenario to the force profile, with proof on every level and on a finer chain."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 
+from tendonff.compensator.advance import Advance, silent
 from tendonff.compensator.compensators import (
     Compensator,
     FloatArray,
@@ -23,10 +24,10 @@ from tendonff.compensator.design_robustness import (
     robustness_warnings,
     samples_of,
 )
-from tendonff.compensator.files import write_csv, write_json
 from tendonff.compensator.reference import Reference, noise_advice, sample_reference
 from tendonff.compensator.scenario import Scenario, scenario_hash
 from tendonff.compensator.settings.reference import CsvReference
+from tendonff.compensator.writing import write_csv, write_json
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.ocp.foresight import Foresight, foresee
@@ -35,8 +36,6 @@ from tendonff.ocp.limits import ForceLimits
 from tendonff.ocp.robust import Objective, Sample, track_robust
 from tendonff.ocp.track import track
 from tendonff.ocp.tracking import Tracking, TrackStatus
-
-Advance = Callable[[int, int], None]
 
 FINE_SEGMENTS = 40
 FINE_REFINEMENT = 10
@@ -87,11 +86,7 @@ class Design:
         return next(p for p in self.played if p.compensator == compensator and p.plant.level is level)
 
 
-def _silent(_done: int, _total: int) -> None:
-    pass
-
-
-def design(scenario: Scenario, *, advance: Advance = _silent) -> Design:
+def design(scenario: Scenario, *, advance: Advance = silent) -> Design:
     """Design the force profile of a scenario by every compensator, and play each on every level.
 
     Parameters
@@ -156,6 +151,7 @@ def design(scenario: Scenario, *, advance: Advance = _silent) -> Design:
         fine = Plant(level=level, segments=FINE_SEGMENTS, refinement=FINE_REFINEMENT)
         proof.append(play_and_score(transmission, fine, compensator, force, reference))
         advance(4 + len(played) + len(proof), total)
+    warnings += _worse_than_nothing([p for p in played if p.plant.level is level])
     slack = [p for p in played if p.slack]
     warnings += [f"{p.compensator} on {p.plant.level}: {p.slack}" for p in slack]
     return Design(
@@ -181,6 +177,17 @@ def _track(scenario: Scenario, samples: tuple[Sample, ...], reference: Reference
     return track_robust(
         samples, level, reference.tension_N, reference.step_s, limits, objective, initial_tension_N=start
     )
+
+
+def _worse_than_nothing(played: Sequence[Played]) -> list[str]:
+    """Compensators that leave more on their own level than the reference itself as force."""
+    nothing = next(p.score for p in played if p.compensator is Compensator.NONE)
+    return [
+        f"{p.compensator} leaves {p.score.rmse_percent_of_range:.3g} % of range, more than no compensation "
+        f"({nothing.rmse_percent_of_range:.3g} %): do not use it for this reference and these limits"
+        for p in played
+        if p.score.rmse_N > nothing.rmse_N
+    ]
 
 
 def _tracking_warnings(tracking: Tracking) -> list[str]:

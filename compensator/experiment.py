@@ -11,8 +11,8 @@ import numpy as np
 from tendonff.compensator.experiment_machine import plan_experiment
 from tendonff.compensator.experiment_numbers import summary_of
 from tendonff.compensator.experiment_run import SECTIONS, ExperimentResult, ExperimentRun, run_experiment
-from tendonff.compensator.files import atomic_directory, atomic_file, write_json
 from tendonff.compensator.scenario import Scenario
+from tendonff.compensator.writing import atomic_directory, atomic_file, write_json
 
 __all__ = ["ExperimentResult", "ExperimentRun", "experiment", "write_experiment"]
 

@@ -15,7 +15,7 @@ from cycler import cycler
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from tendonff.compensator.files import atomic_file
+from tendonff.compensator.writing import atomic_file
 
 if TYPE_CHECKING:
     import numpy as np
@@ -25,7 +25,6 @@ INK = "#000000"
 ORANGE = "#E69F00"
 SKY = "#56B4E9"
 GREEN = "#009E73"
-YELLOW = "#F0E442"
 BLUE = "#0072B2"
 VERMILION = "#D55E00"
 PURPLE = "#CC79A7"
@@ -34,7 +33,6 @@ GREY = "#7F7F7F"
 CYCLE = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, INK)
 LINE_STYLES = ("-", "--", "-.", ":")
 
-COLUMN_WIDTH_IN = 3.5
 PAGE_WIDTH_IN = 7.2
 """Widths of one and of two printed columns [in]."""
 

@@ -17,6 +17,7 @@ _ORDER = 2  # of the Butterworth filter, run forwards and backwards: -6 dB at th
 _MAX_STEPS = 50_000_000
 _TRIAL_CUTOFFS_HZ = (100.0, 50.0, 20.0, 10.0, 5.0)
 _MOST_NOISE = 0.05  # of the range; a larger share is signal
+_GAP_ROWS, _LOGGED_ROWS = 10, 100  # a logged trace, not one written by hand, whose interval is so many usual ones
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,9 +66,8 @@ def sample_reference(scenario: Scenario) -> Reference:
         The reference reaches 0 or below, or above the largest tension that force_max_N delivers through the friction.
     """
     spec = scenario.reference
-    time, tension, initial, removed = _sample(scenario)
+    time, tension, initial, removed, notes = _sample(scenario)
     _check_deliverable(scenario.transmission, time, tension, scenario.source.name)
-    notes = []
     if removed > 0 and isinstance(spec, CsvReference):
         notes.append(
             f"{spec.file}: the low-pass at {spec.cutoff_Hz:g} Hz removed {removed:.3g} N rms "
@@ -98,10 +98,10 @@ def initial_tension(scenario: Scenario) -> float:
     return given if given is not None else _sample(scenario)[2]
 
 
-def _sample(scenario: Scenario) -> tuple[FloatArray, FloatArray, float, float]:
-    """Times, tensions, initial tension and the rms of what a filter removed."""
+def _sample(scenario: Scenario) -> tuple[FloatArray, FloatArray, float, float, list[str]]:
+    """Times, tensions, initial tension, the rms of what a filter removed, and what the user should know of a file."""
     spec, step, file = scenario.reference, scenario.run.step_s, scenario.source.name
-    removed = 0.0
+    removed, notes = 0.0, list[str]()
     match spec:
         case SineReference():
             time = _grid(spec.duration_s, step, file)
@@ -117,12 +117,12 @@ def _sample(scenario: Scenario) -> tuple[FloatArray, FloatArray, float, float]:
             time = _grid(spec.times_s[-1], step, file)
             tension = _waypoints(spec, time)
         case CsvReference():
-            time, tension, removed = _csv(spec, scenario.source.parent / spec.file, step, file)
+            time, tension, removed, notes = _csv(spec, scenario.source.parent / spec.file, step, file)
         case _:
             assert_never(spec)
     # The first sample of the filtered course, where there is a filter: the run then starts without a jump.
     initial = float(tension[0]) if spec.initial_tension_N is None else spec.initial_tension_N
-    return time, tension, initial, removed
+    return time, tension, initial, removed, notes
 
 
 def _grid(duration_s: float, step_s: float, file: str) -> FloatArray:
@@ -164,16 +164,31 @@ def _waypoints(spec: WaypointReference, time: FloatArray) -> FloatArray:
     return result
 
 
-def _csv(spec: CsvReference, path: Path, step: float, file: str) -> tuple[FloatArray, FloatArray, float]:
-    """Samples on the grid of the run, and the rms of what the filter removed."""
+def _gaps(time: FloatArray, name: str) -> list[str]:
+    """What is missing of a logged trace, and what stands in for it."""
+    intervals = np.diff(time)
+    usual = float(np.median(intervals))
+    wide = np.flatnonzero(intervals > _GAP_ROWS * usual)
+    if len(time) < _LOGGED_ROWS or not len(wide):
+        return []
+    longest = int(wide[np.argmax(intervals[wide])])
+    message = (
+        f"{name}: {len(wide)} {'gap' if len(wide) == 1 else 'gaps'} in rows that are {usual:.3g} s apart, the longest "
+        f"from {time[longest]:.4g} to {time[longest + 1]:.4g} s; the reference is a straight line there"
+    )
+    return [message]
+
+
+def _csv(spec: CsvReference, path: Path, step: float, file: str) -> tuple[FloatArray, FloatArray, float, list[str]]:
+    """Samples on the grid of the run, the rms of what the filter removed, and what the user should know."""
     data = read_csv(path, ("time_s", "tension_N"), starts_at_zero=True)
     measured_time, measured = data["time_s"], data["tension_N"]
     if len(measured) < 2:
         raise InputError(f"{path.name} has {len(measured)} row; a reference needs at least two")
     time = _grid(float(measured_time[-1]), step, file)
-    raw = np.interp(time, measured_time, measured)
+    raw, notes = np.interp(time, measured_time, measured), _gaps(measured_time, path.name)
     if spec.cutoff_Hz is None:
-        return time, raw, 0.0
+        return time, raw, 0.0, notes
     # Filtered on a grid at least as fine as the samples, so that nothing above the run's rate folds down.
     finer = max(1, min(math.ceil(step / float(np.median(np.diff(measured_time))) - 1e-9), 1000))
     fine_time = np.arange((len(time) - 1) * finer + 1) * (step / finer)
@@ -185,7 +200,7 @@ def _csv(spec: CsvReference, path: Path, step: float, file: str) -> tuple[FloatA
         )
     fine = np.interp(fine_time, measured_time, measured)
     filtered = low_pass(fine, spec.cutoff_Hz, rate)
-    return time, filtered[::finer], float(np.sqrt(np.mean((fine - filtered) ** 2)))
+    return time, filtered[::finer], float(np.sqrt(np.mean((fine - filtered) ** 2))), notes
 
 
 def low_pass(values: FloatArray, cutoff_Hz: float, rate_Hz: float) -> FloatArray:

@@ -43,9 +43,10 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from tendonff.compensator.files import open_text, write_text
+from tendonff.compensator.files import open_text
 from tendonff.compensator.plots import figure_style
 from tendonff.compensator.scenario import Scenario, scenario_hash, scenario_to_toml
+from tendonff.compensator.writing import write_text
 
 Cell = str | float | int | bool | None
 """What a table holds; None shows as a dash."""

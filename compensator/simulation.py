@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from tendonff.compensator.files import FloatArray, InputError, open_csv, read_csv
+from tendonff.compensator.files import FloatArray, InputError, read_csv
 from tendonff.compensator.reference import initial_tension
 from tendonff.compensator.scenario import Scenario
+from tendonff.compensator.writing import open_csv
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.ocp.crosscheck import StepHalving

@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.compensators import Plant, Score, play_and_score
-from tendonff.compensator.files import InputError, write_json, write_text
+from tendonff.compensator.files import InputError
 from tendonff.compensator.plots import BLUE, VERMILION, figure_style, new_figure, save_figure
 from tendonff.compensator.reference import Reference, largest_tension, sample_reference
 from tendonff.compensator.scenario import Scenario, scenario_hash
 from tendonff.compensator.table import BranchTable, FloatArray, Table, table_force, table_range_N
 from tendonff.compensator.table_build import BuiltTable, build_table, usual_rate
+from tendonff.compensator.writing import write_json, write_text
 from tendonff.models.capstan import Branch
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError

@@ -12,6 +12,9 @@ import casadi as ca
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 
+LARGEST = 1e15
+"""No quantity of a transmission is larger in SI units; what is overflows in the arithmetic or is a slip of the unit."""
+
 
 def _require(name: str, value: float, *, above: float | None = None, least: float | None = None, hint: str) -> None:
     """Refuse `value` unless it is finite and above / at least the bound; NaN fails every comparison."""
@@ -19,6 +22,8 @@ def _require(name: str, value: float, *, above: float | None = None, least: floa
         raise ParameterError(f"{name} must be a finite number > {above:g}, got {value}; {hint}")
     if least is not None and not (least <= value < math.inf):
         raise ParameterError(f"{name} must be a finite number >= {least:g}, got {value}; {hint}")
+    if value > LARGEST:
+        raise ParameterError(f"{name} must be at most {LARGEST:g}, got {value:g}; check its unit")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,11 +49,6 @@ class Path:
         if not (isinstance(self.segments, int) and 1 <= self.segments <= 10_000):
             raise ParameterError(f"segments must be a whole number from 1 to 10000, got {self.segments}; try 6")
         _require("radius_m", self.radius_m, above=0, hint="give the bending radius in metres")
-
-    @property
-    def length_m(self) -> float:
-        """Length of the curved part, theta R [m]."""
-        return self.total_angle_rad * self.radius_m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,11 +154,6 @@ class Friction:
         # In this order equal coefficients stay equal to the last bit: a rounding error is no Stribeck effect.
         return self.release_dynamic * (self.mu_static / self.mu_dynamic)
 
-    @property
-    def weakens_with_speed(self) -> bool:
-        """Static friction exceeds dynamic friction in some direction (Stribeck effect)."""
-        return self.mu_static > self.mu_dynamic or self.release_static > self.release_dynamic
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Actuator:
@@ -251,6 +246,11 @@ class Elements:
     mu_static_pull: float
     mu_dynamic_release: float
     mu_static_release: float
+
+    @property
+    def weakens_with_speed(self) -> bool:
+        """Static and dynamic coefficients differ in some direction (Stribeck effect)."""
+        return self.mu_static_pull != self.mu_dynamic_pull or self.mu_static_release != self.mu_dynamic_release
 
 
 def equivalent_coefficient(mu: float, element_angle_rad: float) -> float:

@@ -117,8 +117,7 @@ def _library(*, stribeck: bool) -> ctypes.CDLL:
 
 def _library_of(chain: Chain) -> ctypes.CDLL:
     """The library for a chain: a third of a step goes into an exponential that only the Stribeck effect needs."""
-    e = chain.elements
-    return _library(stribeck=e.mu_static_pull != e.mu_dynamic_pull or e.mu_static_release != e.mu_dynamic_release)
+    return _library(stribeck=chain.elements.weakens_with_speed)
 
 
 def pointer(values: Array | None) -> ctypes.c_void_p:

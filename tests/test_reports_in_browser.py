@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
-from tendonff.compensator.files import read_csv, write_csv
+from tendonff.compensator.files import read_csv
 from tendonff.compensator.plots import new_figure
 from tendonff.compensator.report import FileNote, Picture, Provenance, Report, Section, Table, Text, write_report
 from tendonff.compensator.scenario import load_scenario, scenario_to_toml
+from tendonff.compensator.writing import write_csv
 
 selenium = pytest.importorskip("selenium", reason="selenium is not installed")
 from selenium import webdriver  # noqa: E402

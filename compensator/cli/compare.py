@@ -8,8 +8,8 @@ def compare(scenario: ScenarioArgument, out: OutFolderOption) -> None:
     """Compare the fidelity levels: every compensator designed on each, played on each and on the capstan law."""
     from tendonff.compensator.compare import compare as compare_levels
     from tendonff.compensator.compare_report import write_comparison
-    from tendonff.compensator.files import atomic_directory
     from tendonff.compensator.scenario import load_scenario
+    from tendonff.compensator.writing import atomic_directory
 
     loaded = load_scenario(scenario)
     with atomic_directory(out) as folder:  # entered first: a folder that cannot be written is known before the work

@@ -11,8 +11,8 @@ def design(scenario: ScenarioArgument, out: OutFolderOption) -> int:
     from tendonff.compensator.design import design as design_profile
     from tendonff.compensator.design import write_design
     from tendonff.compensator.design_table import print_scores
-    from tendonff.compensator.files import atomic_directory
     from tendonff.compensator.scenario import load_scenario
+    from tendonff.compensator.writing import atomic_directory
     from tendonff.ocp.tracking import TrackStatus
 
     loaded = load_scenario(scenario)

@@ -22,8 +22,8 @@ def export_c(
 ) -> None:
     """Write C99 for the controller: inverse, capstan law, table, optimal profile, and the chain for tests."""
     from tendonff.compensator.export.c_project import export_project, write_project
-    from tendonff.compensator.files import atomic_directory
     from tendonff.compensator.scenario import load_scenario
+    from tendonff.compensator.writing import atomic_directory
 
     loaded = load_scenario(scenario)
     with progress("exporting"), atomic_directory(out) as folder:

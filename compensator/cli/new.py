@@ -13,7 +13,8 @@ def new(
     """Write a commented scenario to start from."""
     from importlib.resources import files
 
-    from tendonff.compensator.files import InputError, write_text
+    from tendonff.compensator.files import InputError
+    from tendonff.compensator.writing import write_text
 
     if file.exists() and not force:
         raise InputError(f"{file} exists; choose another name, or replace it with --force")

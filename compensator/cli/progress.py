@@ -1,8 +1,10 @@
 """What commands say on the way: messages, warnings and a progress bar, all on standard error."""
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+
+from tendonff.compensator.advance import Advance, silent
 
 
 def say(message: str) -> None:
@@ -15,12 +17,8 @@ def warn(message: str) -> None:
     say(f"warning: {message}")
 
 
-def _silent(_done: int, _total: int) -> None:
-    pass
-
-
 @contextmanager
-def progress(description: str) -> Iterator[Callable[[int, int], None]]:
+def progress(description: str) -> Iterator[Advance]:
     """Bar that shows how much of a long work is done; silent when standard error is not a terminal.
 
     Parameters
@@ -34,7 +32,7 @@ def progress(description: str) -> Iterator[Callable[[int, int], None]]:
         To be called with units done and units in all.
     """
     if not sys.stderr.isatty():
-        yield _silent
+        yield silent
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn

@@ -15,12 +15,13 @@ import numpy as np
 from tendonff.compensator.export.chain_code import controller_limits, inverse_code, plant_code
 from tendonff.compensator.export.golden import golden_vectors
 from tendonff.compensator.export.table_index import share_index
-from tendonff.compensator.files import InputError, write_text
+from tendonff.compensator.files import InputError
 from tendonff.compensator.reference import Reference, largest_tension, sample_reference
 from tendonff.compensator.scenario import Scenario, scenario_hash
 from tendonff.compensator.table import FloatArray, Table
 from tendonff.compensator.table_build import BuiltTable
 from tendonff.compensator.table_files import covered_range, scenario_table
+from tendonff.compensator.writing import write_text
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level

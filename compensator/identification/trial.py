@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tendonff.compensator.files import write_text
 from tendonff.compensator.identification.reading import Array
+from tendonff.compensator.writing import write_text
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.transmission import Transmission

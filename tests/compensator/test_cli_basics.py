@@ -68,7 +68,7 @@ def test_what_goes_wrong_becomes_a_message_and_an_exit_code(
     def fail(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr("tendonff.compensator.files.write_text", fail)
+    monkeypatch.setattr("tendonff.compensator.writing.write_text", fail)
     assert run(["new", str(tmp_path / "x.toml")]) == code
     assert message in stderr_of(capsys)
 

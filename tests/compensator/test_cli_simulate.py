@@ -9,8 +9,9 @@ import pytest
 
 from tendonff.compensator import simulation
 from tendonff.compensator.cli import run
-from tendonff.compensator.files import read_csv, write_csv, write_text
+from tendonff.compensator.files import read_csv
 from tendonff.compensator.scenario import load_scenario
+from tendonff.compensator.writing import write_csv, write_text
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.ocp.simulate import simulate

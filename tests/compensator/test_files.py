@@ -7,16 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tendonff.compensator.files import (
-    InputError,
-    atomic_directory,
-    atomic_file,
-    open_csv,
-    read_csv,
-    write_csv,
-    write_json,
-    write_text,
-)
+from tendonff.compensator.files import InputError, read_csv
+from tendonff.compensator.writing import atomic_directory, atomic_file, open_csv, write_csv, write_json, write_text
 
 FORCE = ("time_s", "force_N")
 

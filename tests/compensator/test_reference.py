@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tendonff.compensator.files import InputError, read_csv, write_csv
+from tendonff.compensator.files import InputError, read_csv
 from tendonff.compensator.reference import (
     Reference,
     initial_tension,
@@ -20,6 +20,7 @@ from tendonff.compensator.reference import (
 from tendonff.compensator.scenario import Scenario, load_scenario
 from tendonff.compensator.settings.reference import CsvReference, ReferenceSpec, Shape, SineReference, WaypointReference
 from tendonff.compensator.settings.run import Run
+from tendonff.compensator.writing import write_csv
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.ocp.inverse import invert

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tendonff.compensator.files import InputError, write_text
+from tendonff.compensator.files import InputError
 from tendonff.compensator.scenario import (
     Scenario,
     load_scenario,
@@ -19,6 +19,7 @@ from tendonff.compensator.settings.reference import CsvReference, SineReference
 from tendonff.compensator.settings.robust import Robust, RobustObjective
 from tendonff.compensator.settings.run import Run
 from tendonff.compensator.settings.tables import descriptions
+from tendonff.compensator.writing import write_text
 from tendonff.models.fidelity import Level
 from tendonff.models.transmission import Friction
 
