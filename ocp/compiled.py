@@ -5,6 +5,7 @@ import functools
 import hashlib
 import importlib.util
 import os
+import platform
 import shlex
 import shutil
 import subprocess
@@ -209,6 +210,16 @@ def print_laws(laws: tuple[Law, ...], prefix: str, precision: Precision) -> str:
 
 
 @functools.cache
+def _machine_flags() -> tuple[str, ...]:
+    """Registers for four numbers, where this processor has them; nothing is contracted, so results stay the same."""
+    try:
+        known = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ()
+    return ("-mavx2",) if platform.machine() == "x86_64" and " avx2 " in known else ()
+
+
+@functools.cache
 def _packaged_compiler() -> tuple[str, ...] | None:
     """Clang from the package index: the optional package `ziglang` brings one."""
     if importlib.util.find_spec("ziglang") is None:
@@ -288,13 +299,14 @@ def load_library(source: str) -> ctypes.CDLL:
             "no C compiler found (looked for CC, cc, gcc, clang and the package ziglang); install one or use the "
             "CasADi engine"
         )
-    key = "\0".join([source, *compiler, _compiler_version(compiler), sys.platform, *_FLAGS])
+    flags = (*_FLAGS, *_machine_flags())
+    key = "\0".join([source, *compiler, _compiler_version(compiler), sys.platform, *flags])
     library = _cache_folder() / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.so"
     if not library.exists():
         with tempfile.TemporaryDirectory(dir=library.parent) as scratch:
             c_file, built = Path(scratch) / "generated.c", Path(scratch) / library.name
             c_file.write_text(source, encoding="utf-8")
-            if complaint := run_compiler(compiler, [*_FLAGS, "-o", str(built), str(c_file), "-lm"]):
+            if complaint := run_compiler(compiler, [*flags, "-o", str(built), str(c_file), "-lm"]):
                 raise CodeError(f"generated C: {complaint}")
             built.replace(library)  # atomic: a second process sees all of it or nothing
     return ctypes.CDLL(str(library))

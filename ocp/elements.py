@@ -144,7 +144,7 @@ def _path_mass(*, stribeck: bool = True) -> _PathMass:
     f_n = normal_force(f_near, f_far, adhesion)
     f_s = implicit_bristle(v, s_base, step, bristle).force(f_n)
     f_f = friction_force(v, f_s, viscous)
-    residual = mass * (v - v_base) / step - (f_near - f_far - f_f)
+    residual = mass / step * (v - v_base) - (f_near - f_far - f_f)
     inputs = (v, f_near, f_far, v_base, s_base, step, mass, viscous, adhesion, *symbols)
     return _PathMass(inputs=inputs, residual=residual, f_s=f_s)
 
@@ -210,7 +210,7 @@ def end_mass_residual(inputs: tuple[ca.SX, ...]) -> ca.SX:
     """Balance of an end mass [N] in the symbols of `end_mass`."""
     v, f, v_base, q_base, step, pull, f_c, x_c, mass, damping, stiffness = inputs
     end = End(mass_kg=mass, damping_N_s_per_m=damping, stiffness_N_per_m=stiffness)
-    return mass * (v - v_base) / step - end_force(v, q_base + step * v, f, pull, f_c, x_c, end)
+    return mass / step * (v - v_base) - end_force(v, q_base + step * v, f, pull, f_c, x_c, end)
 
 
 def end_mass() -> Law:
@@ -310,7 +310,7 @@ def path_mass_inverse(*, stribeck: bool = True) -> Law:
     """
     v, f_far, v_base, s_base, step, mass, viscous, adhesion = _symbols("v f_far v_base s_base H mass b p")
     symbols, bristle = _bristle_parameters(stribeck=stribeck)
-    without_bristle = f_far + friction_force(v, ca.SX(0), viscous) + mass * (v - v_base) / step
+    without_bristle = f_far + friction_force(v, ca.SX(0), viscous) + mass / step * (v - v_base)
     f_s = implicit_bristle(v, s_base, step, bristle).bristle_force_from_far_side(f_far + without_bristle + 2 * adhesion)
     return Law(
         name="path_mass_inverse",
@@ -327,7 +327,7 @@ def path_mass_drop() -> Law:
     """
     v, f_far, v_base, s_base, step, mass, viscous, adhesion = _symbols("v f_far v_base s_base H mass b p")
     symbols, bristle = _bristle_parameters(stribeck=True)
-    inertia = mass * (v - v_base) / step
+    inertia = mass / step * (v - v_base)
     far_sum = 2 * f_far + friction_force(v, ca.SX(0), viscous) + inertia + 2 * adhesion
     f_s = implicit_bristle(v, s_base, step, bristle).bristle_force_from_far_side(far_sum)
     return Law(

@@ -13,7 +13,7 @@ from tendonff.compensator.design import Design, design, summary
 from tendonff.compensator.design_figures import error_figure
 from tendonff.compensator.reference import sample_reference
 from tendonff.compensator.scenario import load_scenario
-from tendonff.compensator.settings.reference import Shape, WaypointReference
+from tendonff.compensator.settings.reference import Shape, SineReference, WaypointReference
 from tendonff.compensator.settings.robust import Robust
 from tendonff.models.fidelity import Level
 
@@ -140,6 +140,26 @@ def test_a_constant_reference_is_drawn_without_a_warning(examples, recwarn):
     )
     error_figure(design(still))
     assert not [w for w in recwarn if "identical low and high" in str(w.message)]
+
+
+def test_a_compensator_that_is_worse_than_none_is_called_so(examples):
+    """At 40 Hz the rate limit leaves of the inverse a force that does more harm than good."""
+    scenario = load_scenario(examples / "finger_fast.toml")
+    quick = SineReference(
+        initial_tension_N=30.0, amplitudes_N=(3.0,), frequencies_Hz=(40.0,), duration_s=0.5, fade_in_s=0.1
+    )
+    fast = replace(
+        scenario,
+        reference=quick,
+        transmission=replace(
+            scenario.transmission, actuator=replace(scenario.transmission.actuator, force_rate_max_N_per_s=2000.0)
+        ),
+    )
+    result = design(fast)
+    worse = {w.split(" leaves ")[0] for w in result.warnings if "more than no compensation" in w}
+    nothing = result.on_level(Compensator.NONE, result.level).score.rmse_N
+    assert worse == {str(c) for c in Compensator if result.on_level(c, result.level).score.rmse_N > nothing}
+    assert worse
 
 
 def test_an_impossible_reference_ends_with_the_largest_reachable_tension_and_no_folder(examples, tmp_path, capsys):

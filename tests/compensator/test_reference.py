@@ -101,6 +101,20 @@ def test_a_file_without_cut_off_is_taken_as_it_is(finger: Scenario, tmp_path: Pa
     assert reference.initial_tension_N == 20.0
 
 
+def test_a_gap_in_a_logged_trace_is_named(finger: Scenario, tmp_path: Path) -> None:
+    time = np.delete(np.arange(1001) * 2e-3, slice(400, 550))
+    [note] = sampled(finger, csv_reference(tmp_path, time, 30 + 5 * np.sin(2 * np.pi * time))).warnings
+    assert note == (
+        "wanted.csv: 1 gap in rows that are 0.002 s apart, the longest from 0.798 to 1.1 s; "
+        "the reference is a straight line there"
+    )
+
+
+def test_a_few_rows_written_by_hand_have_no_gaps(finger: Scenario, tmp_path: Path) -> None:
+    time, tension = np.array([0.0, 0.1, 0.2, 0.3, 5.0]), np.array([30.0, 35.0, 32.0, 35.0, 30.0])
+    assert sampled(finger, csv_reference(tmp_path, time, tension)).warnings == ()
+
+
 def test_a_cut_off_removes_noise_without_delay_and_says_how_much(finger: Scenario, tmp_path: Path) -> None:
     time = np.arange(4001) * 1e-3
     clean = 30 + 10 * np.sin(2 * np.pi * 0.5 * time)

@@ -30,6 +30,13 @@ def test_every_number_is_refused_by_name_when_negative_or_nan(generic: Transmiss
     assert seen == 3 * 24
 
 
+def test_a_number_too_large_for_any_transmission_is_refused_instead_of_overflowing(generic: Transmission) -> None:
+    with pytest.raises(ParameterError, match=r"mass_kg must be at most 1e\+15, got 1e\+300; check its unit"):
+        changed(generic, "tendon", mass_kg=1e300)
+    with pytest.raises(ParameterError, match=r"adhesion_N must be at most 1e\+15"):
+        changed(generic, "friction", adhesion_N=2e15)
+
+
 @pytest.mark.parametrize("bad", [0, -3, 2.5, 10_001])
 def test_segments_are_a_whole_number_in_range(generic: Transmission, bad: float) -> None:
     with pytest.raises(ParameterError, match=f"segments must be a whole number from 1 to 10000, got {bad}"):
