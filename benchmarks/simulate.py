@@ -18,19 +18,24 @@
 Times are processor times, the least of a few repetitions, without building and compiling; those of the command line are
 of the clock.
 
-What came out (ratios; two shared cores, CasADi 3.8.2):
+What came out (ratios; two shared cores with AVX2, CasADi 3.8.2):
 
-* A step of ours costs 0.09 us per mass, linearly to N = 1000; the engine without a compiler 20 to 30 times as much.
-* Without damping, `cvodes` with the force as rows costs 400 to 800 times our run at N = 6 and mostly more at N = 40; at
-  equal accuracy 130 to 730 times where it is accurate at all: at loose tolerances it is off by 2 to 60 % of range.
-* With the finger's damping, `cvodes` at its defaults costs 70 times our run at N = 6 and 35 to 45 times at N = 40, and
-  is then the more accurate of the two. Scaled well and at a tolerance of 1e-3 it costs 11 to 17 times our run at
-  comparable accuracy, and at equal accuracy 4 to 9 times: there the factor of 50 is not reached.
-* SciPy's ways cost 50 to 1000 times our run, collocation 50 to 300 times, and that does not always converge.
-* Implicit Euler has 10 times the error of BDF2 at 1 ms for the same time.
-* Errors at the examples' own step are below 0.05 % of range without Stribeck effect. With it they are 0.1 % on the soft
-  bristle, and on the stiff one 0.4 % under the reference, 2 % under its inverse, which slips and sticks.
-* The command line adds to the stepper about as much again for writing.
+* A step of ours costs 0.02 us per mass, linearly from N = 40 to 1000 (0.045 at N = 6); the engine without a compiler 50
+  to 100 times as much.
+* Without damping, `cvodes` with the force as rows costs 1000 to 1900 times our run at N = 6; at equal accuracy 190 to
+  1700 times where it is accurate at all: at loose tolerances it is off by 0.2 to 9 % of range. At N = 40 nothing rings
+  in this course, and it costs 30 to 40 times as much unless it stumbles.
+* With the finger's damping, `cvodes` at its defaults costs 150 to 240 times our run with the force as rows, 50 to 140
+  times with the force in time, and is then the more accurate of the two. The cheapest way with rows whose error is no
+  larger than ours at 1 ms costs 35 to 50 times (N = 6) and 50 to 65 times (N = 40) our run; where we refine the step to
+  match its error, 10 to 40 times: there, and for a force known as a formula of time, the factor of 50 is not reached. What
+  stands in the way is the order: one force per row that the exact inverse can reproduce calls for a multistep scheme,
+  and L-stable ones end at the second order (Dahlquist).
+* SciPy's ways cost 250 to 3000 times our run, collocation 160 to 900 times, and that does not always converge.
+* Implicit Euler has 9 to 24 times the error of BDF2 at 1 ms for the same time.
+* Errors at the examples' own step are below 0.05 % of range without Stribeck effect, and on the soft bristle with it.
+  On the stiff one they are 0.3 % under the reference and 1 % under its inverse, which slips and sticks.
+* The command line adds some 4 us per row of 43 numbers for writing them.
 """
 
 import math

@@ -1,8 +1,9 @@
 """Engine CASADI: the step of `templates/stepper.c.j2` without a C compiler.
 
 The ordinary step converges in a few full Newton moves. These are laid out as one CasADi function and accumulated over
-many steps inside CasADi. A step for which the line search would act, or that must be split, is taken by itself, with
-the decisions of the C code one by one: where a step is hard, another line search finds another time to split, and two
+many steps inside CasADi; all of them are taken, so that the answer is as close as that of the C code, which keeps one
+matrix for an easy step. A step for which the line search would act, or that must be split, is taken by itself, with the
+decisions of the C code one by one: where a step is hard, another line search finds another time to split, and two
 engines would part ways.
 """
 

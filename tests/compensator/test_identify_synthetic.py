@@ -19,6 +19,8 @@ from tendonff.models.fidelity import Level
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import simulate
 
+pytestmark = pytest.mark.compiler  # a fit takes seconds with compiled code and many minutes without
+
 MU, MU_RELEASE, K1, K2, TAU, SIGMA = 0.25, 0.21, 1.6e4, 9e3, 0.25, 3e4
 
 
