@@ -128,14 +128,14 @@ def test_refused_c_is_reported_with_the_compilers_words(monkeypatch: pytest.Monk
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     with pytest.raises(CodeError, match=r"generated C: .* failed with status \d+"):
         compiled.load_library("this is not C\n")
-    assert list((tmp_path / "tendonff").iterdir()) == []
+    assert [path for path in (tmp_path / "tendonff").iterdir() if path.name != "zig"] == []  # a compiler's own cache
 
 
 def test_a_library_is_compiled_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     source = "double tff_answer(void) { return 42.0; }\n"
     compiled.load_library(source)
-    built = list((tmp_path / "tendonff").iterdir())
+    built = list((tmp_path / "tendonff").glob("*.so"))
     assert len(built) == 1
     made = built[0].stat().st_mtime_ns
     library = compiled.load_library(source)
