@@ -28,9 +28,10 @@ What came out (ratios; two shared cores with AVX2, CasADi 3.8.2):
 * With the finger's damping, `cvodes` at its defaults costs 150 to 240 times our run with the force as rows, 50 to 140
   times with the force in time, and is then the more accurate of the two. The cheapest way with rows whose error is no
   larger than ours at 1 ms costs 35 to 50 times (N = 6) and 50 to 65 times (N = 40) our run; where we refine the step to
-  match its error, 10 to 40 times: there, and for a force known as a formula of time, the factor of 50 is not reached.
-  What stands in the way is the order: one force per row that the exact inverse can reproduce calls for a multistep
-  scheme, and L-stable ones end at the second order (Dahlquist).
+  match its error, 10 to 40 times; with the force as a formula of time, 4 to 40 times. What limits it is the order: one
+  force per row that the exact inverse can reproduce calls for a multistep scheme, and L-stable ones end at the second
+  order (Dahlquist).
+* All of this without Stribeck effect, as the finger has none; with it a step costs two to three times as much.
 * SciPy's ways cost 250 to 3000 times our run, collocation 160 to 900 times, and that does not always converge.
 * Implicit Euler has 9 to 24 times the error of BDF2 at 1 ms for the same time.
 * Errors at the examples' own step are below 0.05 % of range without Stribeck effect, and on the soft bristle with it.

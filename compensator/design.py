@@ -186,7 +186,7 @@ def _worse_than_nothing(played: Sequence[Played]) -> list[str]:
         f"{p.compensator} leaves {p.score.rmse_percent_of_range:.3g} % of range, more than no compensation "
         f"({nothing.rmse_percent_of_range:.3g} %): do not use it for this reference and these limits"
         for p in played
-        if p.score.rmse_N > nothing.rmse_N
+        if p.score.rmse_N > 1.01 * nothing.rmse_N
     ]
 
 

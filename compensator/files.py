@@ -72,7 +72,7 @@ def read_csv(
     names = _read_header(path)
     for name in required:
         if name not in names:
-            raise InputError(f'{path.name}: column "{name}" is missing{_nearest_column(name, names)}')
+            raise InputError(f'{path.name}: column "{name}" is missing{nearest_column(name, names)}')
     wanted = [name for name in dict.fromkeys((*required, *optional)) if name in names]
     for name in wanted:
         if names.count(name) > 1:
@@ -99,8 +99,16 @@ def _check_increasing(path: Path, name: str, time: FloatArray, *, starts_at_zero
         raise InputError(f"{path.name} row {row + 3}: {name} must increase, got {time[row + 1]:g} after {time[row]:g}")
 
 
-def _nearest_column(name: str, names: Sequence[str]) -> str:
-    """What the file has instead of the missing column."""
+def nearest_column(name: str, names: Sequence[str]) -> str:
+    """What the file has instead of a missing column.
+
+    Parameters
+    ----------
+    name : str
+        What was looked for.
+    names : sequence of str
+        The file's columns.
+    """
     if len(names) == 1 and any(mark in names[0] for mark in ";\t|"):
         return f"; the header is one cell ({names[0]!r}), separate the columns by commas"
     return suggestion(name, [other or "(empty)" for other in names])
@@ -108,9 +116,9 @@ def _nearest_column(name: str, names: Sequence[str]) -> str:
 
 def open_text(path: Path) -> IO[str]:
     """Open a user's text file, turning what can go wrong into an InputError."""
+    if path.is_dir():
+        raise InputError(f"{path} is a folder, not a file")
     try:
-        if path.is_dir():
-            raise InputError(f"{path} is a folder, not a file")
         return path.open(encoding="utf-8-sig", newline="")
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
@@ -221,6 +229,3 @@ def _cell(path: Path, row: int, name: str, text: str) -> float:
     if not np.isfinite(value):
         raise InputError(f"{path.name} row {row}: {name} must be a finite number, got {text.strip()}")
     return value
-
-
-# --- writing ---------------------------------------------------------------------------------------------------------

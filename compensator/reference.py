@@ -174,7 +174,7 @@ def _gaps(time: FloatArray, name: str) -> list[str]:
     longest = int(wide[np.argmax(intervals[wide])])
     message = (
         f"{name}: {len(wide)} {'gap' if len(wide) == 1 else 'gaps'} in rows that are {usual:.3g} s apart, the longest "
-        f"from {time[longest]:.4g} to {time[longest + 1]:.4g} s; the reference is a straight line there"
+        f"from {time[longest]:.4g} to {time[longest + 1]:.4g} s; a straight line bridges it"
     )
     return [message]
 
@@ -243,7 +243,7 @@ def _check_deliverable(transmission: Transmission, time: FloatArray, tension: Fl
     if not tension[lowest] > 0:
         raise InputError(
             f"{file} [reference]: the tension must stay above 0, got {tension[lowest]:.4g} N at "
-            f"t = {time[lowest]:g} s; a tendon cannot push: raise initial_tension_N or lower the amplitudes"
+            f"t = {time[lowest]:g} s; a tendon cannot push: raise the reference, or make it swing less"
         )
     reachable = largest_tension(transmission)
     if tension[highest] > reachable:

@@ -135,6 +135,7 @@ def play_force(
             f"{profile.name} starts at {run.first_force:.6g} N, but the run starts at rest at {start_tension:.6g} N: "
             f"the force jumps by {jump:.3g} N at t = 0"
         )
+    warnings += _beyond(scenario, profile)
     if run.slack_rows:
         warnings.append(
             f"the tendon goes slack at t = {run.first_slack_s:.6g} s, and in {100 * run.slack_rows / total:.2g} % of "
@@ -142,6 +143,19 @@ def play_force(
         )
     found = run.halving.result().text if run.halving is not None else None
     return PlayedForce(rows=total, warnings=tuple(warnings), check=found)
+
+
+def _beyond(scenario: Scenario, profile: ForceProfile) -> list[str]:
+    """Forces that the scenario's actuator could not apply; they are played all the same."""
+    actuator, force = scenario.transmission.actuator, profile.force_N
+    found = []
+    for name, bound, value in (
+        ("force_max_N", actuator.force_max_N, float(force.max())),
+        ("force_min_N", actuator.force_min_N, float(force.min())),
+    ):
+        if value > bound if name == "force_max_N" else value < bound:
+            found.append(f"{profile.name} asks for {value:.4g} N where {name} is {bound:g}: played as it is")
+    return found
 
 
 class _Run:

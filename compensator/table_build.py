@@ -18,6 +18,9 @@ from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import invert
 
 _TINY_MASS_KG = 1e-9
+SLOWEST_N_PER_S, FASTEST_N_PER_S = 1e-4, 1e8
+"""Rates beyond which the sweeps lose their digits."""
+
 _TURNS = 13  # reversal tensions swept per branch
 _APPROACH = 3000  # reference samples on the way to a reversal
 _SAMPLES = 3000  # reference samples after it
@@ -114,6 +117,11 @@ def build_table(
     for name, value in (("bound_N", bound_N), ("rate_N_per_s", rate_N_per_s), ("step_s", step_s)):
         if not 0 < value < math.inf:
             raise ParameterError(f"{name} must be a finite number > 0, got {value}")
+    if not SLOWEST_N_PER_S <= rate_N_per_s <= FASTEST_N_PER_S:
+        raise ParameterError(
+            f"rate_N_per_s must be from {SLOWEST_N_PER_S:g} to {FASTEST_N_PER_S:g}, got {rate_N_per_s:g}; leave it out "
+            "for that of the reference"
+        )
     light = _without_masses(chain)
     references = np.linspace(low, high, _CHECKED_REFERENCES)
     resolution = 0.25 * rate_N_per_s * step_s

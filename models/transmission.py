@@ -13,7 +13,7 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 
 LARGEST = 1e15
-"""No quantity of a transmission is larger in SI units; what is overflows in the arithmetic or is a slip of the unit."""
+"""Largest value of any quantity in SI units: larger ones come from a wrong unit and would overflow on the way."""
 
 
 def _require(name: str, value: float, *, above: float | None = None, least: float | None = None, hint: str) -> None:
@@ -184,7 +184,7 @@ class Actuator:
         _require("force_max_N", self.force_max_N, above=0, hint="give the motor's peak force")
         if self.force_max_N <= self.force_min_N:
             raise ParameterError(f"force_max_N must be > force_min_N = {self.force_min_N:g}, got {self.force_max_N}")
-        _require("force_rate_max_N_per_s", self.force_rate_max_N_per_s, above=0, hint="use a large number for none")
+        _require("force_rate_max_N_per_s", self.force_rate_max_N_per_s, above=0, hint="use 1e9 for none")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,7 +17,9 @@ from tendonff.ocp.elements import end_mass, link_force, link_gain, link_start, l
 from tendonff.ocp.scheme import (
     BDF2_CARRY,
     BDF2_WEIGHT,
+    EASY_CONTRACTION,
     EASY_GOAL,
+    EASY_MOVES,
     MAX_HALVINGS,
     MAX_ITERATIONS,
     MAX_PIECES,
@@ -67,6 +69,8 @@ class StepExpressions:
         Velocities at the end of the step, base of the scheme, inputs, weight of the rates.
     balance, move : ca.SX, shape (N + 2, 1)
         Force balance of every mass [N], and Newton's move of the velocities.
+    rest, move_of_rest : ca.SX, shape (N + 2, 1)
+        Any balances [N], and the move that the matrix of v makes of them.
     end : ca.SX, shape (4 N + 6, 1)
         State at the end of the step.
     force : ca.SX, shape (N + 1, 1)
@@ -81,6 +85,8 @@ class StepExpressions:
     H: ca.SX
     balance: ca.SX
     move: ca.SX
+    rest: ca.SX
+    move_of_rest: ca.SX
     end: ca.SX
     force: ca.SX
     tolerance: ca.SX
@@ -148,6 +154,7 @@ def step_expressions(chain: Chain) -> StepExpressions:
         base_q[0] + H * v[0],
         base_q[1] + H * v[n + 1],
     )
+    rest = ca.SX.sym("rest", n + 2)
     return StepExpressions(
         v=v,
         base=base,
@@ -155,6 +162,8 @@ def step_expressions(chain: Chain) -> StepExpressions:
         H=H,
         balance=ca.vertcat(*residual),
         move=_tridiagonal_move(residual, lower, diag, upper),
+        rest=rest,
+        move_of_rest=_tridiagonal_move(ca.vertsplit(rest), lower, diag, upper),
         end=end,
         force=ca.vertcat(*force),
         tolerance=RESIDUAL_TOLERANCE_N + RESIDUAL_ROUNDING * largest,
@@ -175,6 +184,7 @@ class _StepFunctions:
         self.tolerance = ca.Function("tolerance", [step.base, step.H], [step.tolerance], options)
         self.balance = ca.Function("balance", unknowns, [step.balance], options)
         self.newton = ca.Function("newton", unknowns, [step.balance, step.move], options)
+        self.move_of_rest = ca.Function("move_of_rest", [*unknowns, step.rest], [step.move_of_rest], options)
         self.finish = ca.Function("finish", unknowns, [step.end, step.force], options)
 
 
@@ -307,13 +317,31 @@ class CasadiStepper:
             memory.x, memory.x_old, memory.inputs, memory.fresh = end.x.copy(), x.copy(), inputs.copy(), False
         return end, split
 
+    def _easy(
+        self, guess: Array, base: Array, inputs: Array, weight: float, residual: Array, goal: float
+    ) -> tuple[Array, float, int]:
+        """Newton's moves with the matrix of the guess: velocities, largest balance and number of moves."""
+        v, now, moves = guess, _largest(residual)[0], 0
+        while True:
+            before = now
+            v = v + np.asarray(self._functions.move_of_rest(guess, base, inputs, weight, residual)).ravel()
+            residual = np.asarray(self._functions.balance(v, base, inputs, weight)).ravel()
+            now, moves = _largest(residual)[0], moves + 1
+            if moves >= EASY_MOVES or now <= goal or not now < EASY_CONTRACTION * before:
+                return v, now, moves
+
     def _solve(self, guess: Array, base: Array, inputs: Array, weight: float) -> _Outcome:
-        """One implicit step by Newton's method with backtracking on the largest balance."""
+        """One implicit step by Newton's method: with the matrix of the guess, else with backtracking."""
         parts, v, iterations = self._functions, guess, 0
         tolerance = float(parts.tolerance(base, weight))
         residual, move = (np.asarray(m).ravel() for m in parts.newton(v, base, inputs, weight))
         norm, worst = _largest(residual)
-        while iterations < MAX_ITERATIONS and not norm <= tolerance:
+        if not norm <= tolerance:
+            easy, size, iterations = self._easy(guess, base, inputs, weight, residual, EASY_GOAL * tolerance)
+            if size <= tolerance:
+                v, norm = easy, size
+        spent = iterations
+        while iterations - spent < MAX_ITERATIONS and not norm <= tolerance:
             iterations += 1
             t = 1.0
             for _ in range(MAX_HALVINGS):
@@ -326,7 +354,7 @@ class CasadiStepper:
             else:
                 break  # no descent: the caller splits the step
             v, move, norm, worst = trial, next_move, size, next_worst
-        if iterations and EASY_GOAL * tolerance < norm <= tolerance:  # one move more, so that little is left to add up
+        if iterations > spent and EASY_GOAL * tolerance < norm <= tolerance:  # one move more: little is left to add up
             size, _ = _largest(np.asarray(parts.balance(v + move, base, inputs, weight)).ravel())
             if size < norm:
                 v, norm = v + move, size

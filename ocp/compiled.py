@@ -1,5 +1,6 @@
 """Compile generated C with the system's compiler, once, and load it."""
 
+import atexit
 import ctypes
 import functools
 import hashlib
@@ -38,7 +39,9 @@ from tendonff.ocp.scheme import (
 
 
 class Engine(StrEnum):
-    """What advances the chain; all give the same results to 1e-9 N.
+    """What advances the chain; all take the same decisions and give the same results to 1e-9 N.
+
+    Where the tendon sticks and slips on stiff bristles, rounding decides what comes next, for any engine.
 
     Attributes
     ----------
@@ -61,6 +64,7 @@ _TEMPLATES = jinja2.Environment(  # noqa: S701 - C, not HTML
     keep_trailing_newline=True,
     trim_blocks=True,
 )
+_PACKAGED = ("-m", "ziglang", "cc")
 _FLAGS = ("-O3", "-std=c99", "-shared", "-fPIC", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=off")
 
 
@@ -219,28 +223,47 @@ def _machine_flags() -> tuple[str, ...]:
     return ("-mavx2",) if platform.machine() == "x86_64" and " avx2 " in known else ()
 
 
-@functools.cache
-def _packaged_compiler() -> tuple[str, ...] | None:
-    """Clang from the package index: the optional package `ziglang` brings one."""
-    if importlib.util.find_spec("ziglang") is None:
-        return None
-    return (sys.executable, "-m", "ziglang", "cc")
+def _candidates() -> list[tuple[str, ...]]:
+    """Commands that may be C compilers: what the environment variable CC says, or else whatever is there."""
+    if wanted := os.environ.get("CC", "").strip():
+        if path := shutil.which(wanted):  # also one with blanks in its path
+            return [(path,)]
+        try:
+            words = shlex.split(wanted, posix=os.name != "nt")
+        except ValueError as error:
+            raise CodeError(f"the environment variable CC must be a command, got {wanted!r} ({error})") from None
+        path = shutil.which(words[0]) if words else None
+        return [(path, *words[1:])] if path else []
+    found = [(path,) for name in ("cc", "gcc", "clang") if (path := shutil.which(name))]
+    if importlib.util.find_spec("ziglang") is not None:  # clang; without a target it writes for this machine alone
+        found.append((sys.executable, *_PACKAGED, "-mcpu=baseline"))
+    return found
 
 
 def find_compiler() -> tuple[str, ...] | None:
-    """Command of the C compiler: from the environment variable CC, else cc, gcc or clang, else in the package ziglang.
+    """Command of the first C compiler that works: CC from the environment, else cc, gcc, clang, the package ziglang.
 
     Returns
     -------
     tuple of str or None
         None where there is none.
+
+    Raises
+    ------
+    CodeError
+        If CC cannot be read as a command.
     """
-    if wanted := shlex.split(os.environ.get("CC", "")):
-        return tuple(wanted) if shutil.which(wanted[0]) else None
-    for name in ("cc", "gcc", "clang"):
-        if path := shutil.which(name):
-            return (path,)
-    return _packaged_compiler()
+    return next((command for command in _candidates() if _works(command)), None)
+
+
+@functools.cache
+def _works(compiler: tuple[str, ...]) -> bool:
+    """Whether it makes a library that loads: a name on the path may stand for tools that are not installed."""
+    try:
+        ctypes.CDLL(str(_built("int tff_probe(void) { return 1; }\n", compiler)))
+    except (CodeError, OSError):
+        return False
+    return True
 
 
 def run_compiler(compiler: tuple[str, ...], arguments: Sequence[str], folder: Path | None = None) -> str | None:
@@ -255,8 +278,9 @@ def run_compiler(compiler: tuple[str, ...], arguments: Sequence[str], folder: Pa
         Where it runs.
     """
     environment = dict(os.environ)
-    for name in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"):  # it would leave its caches where it runs
-        environment.setdefault(name, str(_cache_folder() / "zig"))
+    if compiler[1:3] == _PACKAGED[:2]:  # it would leave its caches where it runs
+        for name in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"):
+            environment.setdefault(name, str(_cache_folder() / "zig"))
     run = subprocess.run(
         [*compiler, *arguments], cwd=folder, env=environment, capture_output=True, text=True, check=False
     )
@@ -272,10 +296,17 @@ def _cache_folder() -> Path:
         folder.mkdir(parents=True, exist_ok=True)
         return folder
     except OSError:  # no writable home: a folder of this process is slower, not wrong
-        return Path(tempfile.mkdtemp(prefix="tendonff-"))
+        return _folder_of_this_process()
 
 
-@functools.lru_cache(maxsize=1)
+@functools.cache
+def _folder_of_this_process() -> Path:
+    folder = tempfile.mkdtemp(prefix="tendonff-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
+
+
+@functools.cache
 def _compiler_version(compiler: tuple[str, ...]) -> str:
     return subprocess.run([*compiler, "--version"], capture_output=True, text=True, check=False).stdout
 
@@ -291,16 +322,20 @@ def load_library(source: str) -> ctypes.CDLL:
     Raises
     ------
     CodeError
-        If there is no compiler or it refuses the source.
+        If no compiler works or it refuses the source.
     """
     compiler = find_compiler()
     if compiler is None:
-        raise CodeError(
-            "no C compiler found (looked for CC, cc, gcc, clang and the package ziglang); install one or use the "
-            "CasADi engine"
-        )
+        wanted = os.environ.get("CC", "").strip()
+        where = f"CC is {wanted!r}" if wanted else "looked for cc, gcc, clang and the package ziglang"
+        raise CodeError(f"no C compiler found that works ({where}); pip install ziglang, or use the CasADi engine")
+    return ctypes.CDLL(str(_built(source, compiler)))
+
+
+def _built(source: str, compiler: tuple[str, ...]) -> Path:
+    """Shared library of C source, compiled unless the cache has it."""
     flags = (*_FLAGS, *_machine_flags())
-    key = "\0".join([source, *compiler, _compiler_version(compiler), sys.platform, *flags])
+    key = "\0".join([source, *compiler, _compiler_version(compiler), sys.platform, platform.machine(), *flags])
     library = _cache_folder() / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.so"
     if not library.exists():
         with tempfile.TemporaryDirectory(dir=library.parent) as scratch:
@@ -309,7 +344,7 @@ def load_library(source: str) -> ctypes.CDLL:
             if complaint := run_compiler(compiler, [*flags, "-o", str(built), str(c_file), "-lm"]):
                 raise CodeError(f"generated C: {complaint}")
             built.replace(library)  # atomic: a second process sees all of it or nothing
-    return ctypes.CDLL(str(library))
+    return library
 
 
 @functools.cache
@@ -329,10 +364,4 @@ def resolve_engine(engine: Engine) -> Engine:
         return engine
     if wanted := os.environ.get("TENDONFF_ENGINE"):
         return Engine(wanted)
-    if find_compiler() is None:
-        return Engine.CASADI
-    try:
-        load_library("int tff_probe(void) { return 1; }\n")
-    except (CodeError, OSError):
-        return Engine.CASADI
-    return Engine.COMPILED
+    return Engine.CASADI if find_compiler() is None else Engine.COMPILED

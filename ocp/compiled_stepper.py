@@ -116,7 +116,7 @@ def _library(*, stribeck: bool) -> ctypes.CDLL:
 
 
 def _library_of(chain: Chain) -> ctypes.CDLL:
-    """The library for a chain: a third of a step goes into an exponential that only the Stribeck effect needs."""
+    """The library for a chain: an exponential that only the Stribeck effect needs takes up to two thirds of a step."""
     return _library(stribeck=chain.elements.weakens_with_speed)
 
 

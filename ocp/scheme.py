@@ -16,9 +16,10 @@ RESIDUAL_ROUNDING = 5e-14
 """Relative addition to the tolerance: rounding of the largest link force."""
 
 EASY_CONTRACTION, EASY_MOVES, EASY_GOAL = 0.1, 8, 0.01
-"""A step is easy when Newton's method with the matrix of the guess takes the balance down by the first factor at every
-move; after so many moves, or where it fails, the matrix is renewed and a line search decides. It goes on to the last
-factor times the tolerance, so that what is left is smaller than what a renewed matrix leaves."""
+"""A step is easy when Newton's method solves it with the matrix of the guess: it goes on for so many moves at most, as
+long as each takes the largest balance down by the first factor, to the last factor times the tolerance, so that little
+is left to add up over many steps. What is above the tolerance then is tried again from the guess, with a new matrix for
+every move and a line search."""
 
 MAX_ITERATIONS = 50
 MAX_HALVINGS = 30

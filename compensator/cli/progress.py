@@ -1,5 +1,7 @@
 """What commands say on the way: messages, warnings and a progress bar, all on standard error."""
 
+import functools
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,6 +19,15 @@ def warn(message: str) -> None:
     say(f"warning: {message}")
 
 
+@functools.cache
+def _note_engine() -> None:
+    """Say once where work will be slow for want of a compiler."""
+    from tendonff.ocp.compiled import Engine, resolve_engine
+
+    if not os.environ.get("TENDONFF_ENGINE") and resolve_engine(Engine.AUTO) is Engine.CASADI:
+        say("no C compiler works here: same results, several times slower; `pip install ziglang` brings one")
+
+
 @contextmanager
 def progress(description: str) -> Iterator[Advance]:
     """Bar that shows how much of a long work is done; silent when standard error is not a terminal.
@@ -31,6 +42,7 @@ def progress(description: str) -> Iterator[Advance]:
     callable
         To be called with units done and units in all.
     """
+    _note_engine()
     if not sys.stderr.isatty():
         yield silent
         return

@@ -25,6 +25,8 @@ ROOM = 2.0
 def switched_on_s(time_s: Array, input_N: Array, output_N: Array) -> float:
     """Length of the start that shows a load being switched on [s]; 0 where there is none.
 
+    Told only where the jump takes a row or two (sampled at some 1 kHz or less) and at least 3 s follow the first one.
+
     Parameters
     ----------
     time_s, input_N, output_N : ndarray, shape (n,)
@@ -36,11 +38,11 @@ def switched_on_s(time_s: Array, input_N: Array, output_N: Array) -> float:
         return 0.0
     change = np.abs(np.diff(output_N))
     row = int(np.argmax(change[:FIRST_ROWS]))
-    jump, pushed = float(change[row]), abs(float(input_N[row + 1] - input_N[row]))
+    jump, pushed = float(change[row]), float(np.ptp(input_N[: row + 2]))
     stays = abs(float(np.median(output_N[2 * FIRST_ROWS : count])) - float(output_N[0])) > jump / 2
     if jump <= JUMP_SHARE * float(np.ptp(output_N[~start])) or pushed >= INPUT_SHARE * jump or not stays:
         return 0.0
-    loud = np.append(time_s[:count][change[:count] > RUNG_DOWN * jump], time_s[0] + LONGEST_S)
+    loud = np.append(time_s[1 : count + 1][change[:count] > RUNG_DOWN * jump], time_s[0] + LONGEST_S)
     pauses = np.flatnonzero(np.diff(loud) > QUIET_S)
     over = float(loud[pauses[0]] if len(pauses) else loud[-1]) - float(time_s[0])
     return min(ROOM * over, LONGEST_S)

@@ -26,7 +26,8 @@ def write_identification(found: Identification, folder: Path, inputs: Sequence[P
         write_text(partial / "fitted.toml", scenario_to_toml(found.scenario, folder=folder))
         write_json(partial / "fit.json", found.as_json())
         draw(found, partial)
-        _write_excitation(suggest(found.scenario), partial)
+        if found.comparable:
+            _write_excitation(suggest(found.scenario), partial)
         write_report(partial / "report.html", identification_report(found, partial, inputs))
 
 

@@ -10,7 +10,7 @@ from typing import IO
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.compensator.files import InputError, open_text, suggestion
+from tendonff.compensator.files import InputError, nearest_column, open_text
 from tendonff.compensator.identification.onset import switched_on_s
 from tendonff.compensator.settings.measurement import Measurement
 
@@ -19,6 +19,10 @@ Mask = NDArray[np.bool_]
 
 OUT_OF_ORDER_ROWS = 5
 """A clock that is back on its way after so many rows had rows out of order; one that stays behind has jumped."""
+
+
+LEAST_RISING = 0.5
+"""A clock that rises in fewer of the rows is none."""
 
 
 class Dirt(StrEnum):
@@ -134,9 +138,13 @@ def _table(path: Path, columns: dict[str, str]) -> tuple[dict[str, Array], int, 
         with open_text(path) as stream:
             kept, long_rows = _without_long_rows(stream)
         frame = pd.read_csv(kept, skipinitialspace=True, low_memory=False, index_col=False)
+    except InputError:
+        raise
     except UnicodeDecodeError:
         raise InputError(f"{path.name} is not UTF-8 text; save it as UTF-8 with commas") from None
-    except (ValueError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+    except pd.errors.EmptyDataError:
+        raise InputError(f"{path.name} is empty; the first line must name the columns") from None
+    except (ValueError, pd.errors.ParserError) as error:
         raise InputError(f"{path.name} cannot be read as a table: {error}") from None
     frame.columns = [str(name).strip() for name in frame.columns]
     found: dict[str, Array] = {}
@@ -145,8 +153,10 @@ def _table(path: Path, columns: dict[str, str]) -> tuple[dict[str, Array], int, 
             found[key] = pd.to_numeric(frame[name], errors="coerce").to_numpy(dtype=np.float64)
         elif key in ("time", "input", "output"):
             option = f"--{key}-column"
-            near = suggestion(name, [str(c) for c in frame.columns])
-            raise InputError(f'{path.name}: column "{name}" is missing{near} (choose one with {option})')
+            near = nearest_column(name, [str(c) for c in frame.columns])
+            raise InputError(
+                f'{path.name}: column "{name}" is missing{near} (choose one with {option}, and its unit with --scale)'
+            )
     return found, long_rows, tuple(name for name in frame.columns if name not in columns.values())
 
 
@@ -172,6 +182,9 @@ def read_measurement(path: Path, how: Measurement) -> Raw:
         "input_position": how.input_position_column,
         "output_position": how.output_position_column,
     }
+    for key, name in columns.items():
+        if twin := next((k for k, n in columns.items() if n == name and k != key), None):
+            raise InputError(f'"{name}" is named as the column of {key} and of {twin}; each needs its own')
     table, long_rows, unread = _table(path, columns)
     scales = {
         "time": how.time_scale,
@@ -192,6 +205,10 @@ def read_measurement(path: Path, how: Measurement) -> Raw:
         early = data["time"] < data["time"][0] + how.skip_s
         findings.append(finding(Dirt.SKIPPED, [], f"the first {how.skip_s:g} s, as asked", int(early.sum())))
         data = {key: values[~early] for key, values in data.items()}
+    if len(data["time"]) > 2 and float(np.mean(np.diff(data["time"]) > 0)) < LEAST_RISING:
+        raise InputError(
+            f"{path.name}: {how.time_column} does not rise from row to row; name the column that holds time"
+        )
     keep, time, breaks = _mend_clock(data["time"], findings)
     if keep.sum() < 10:
         raise InputError(
@@ -199,12 +216,6 @@ def read_measurement(path: Path, how: Measurement) -> Raw:
             + (f" ({'; '.join(f.text for f in findings)})" if findings else "")
         )
     kept = {key: np.ascontiguousarray(values[keep]) for key, values in data.items()}
-    for key in ("input", "output"):
-        if float(np.ptp(kept[key])) == 0:
-            raise InputError(
-                f"{path.name}: {columns[key]} is {kept[key][0]:g} N in all {len(kept[key])} usable rows; nothing can "
-                "be identified from a tension that never moves: drive the tendon, or check the column"
-            )
     if how.skip_s is None and (length := switched_on_s(time, kept["input"], kept["output"])) > 0:
         late = int(np.searchsorted(time, time[0] + length))
         findings.append(
@@ -212,12 +223,18 @@ def read_measurement(path: Path, how: Measurement) -> Raw:
                 Dirt.ONSET,
                 [],
                 f"the output jumps within a row and rings while the input hardly moves; the first {length:.2g} s are "
-                "left out (skip_s = 0 keeps them)",
+                "left out (--skip 0 keeps them)",
                 late,
             )
         )
         kept, time = {key: values[late:] for key, values in kept.items()}, time[late:]
         breaks = tuple(k - late for k in breaks if k > late)
+    for key in ("input", "output"):
+        if float(np.ptp(kept[key])) == 0:
+            raise InputError(
+                f"{path.name}: {columns[key]} is {kept[key][0]:g} N in all {len(kept[key])} usable rows; nothing can "
+                "be identified from a tension that never moves: drive the tendon, or check the column"
+            )
     return Raw(
         name=path.name,
         time_s=time,

@@ -1,10 +1,13 @@
 """The report of an identification."""
 
+import shlex
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 
 from tendonff.compensator.identification.result import Identification
 from tendonff.compensator.report import Block, FileNote, PictureFile, Provenance, Report, Section, Table, Text
+from tendonff.compensator.settings.measurement import Measurement
 
 _CAPTIONS = {
     "time": "What was measured, and what the law makes of it.",
@@ -71,13 +74,14 @@ def identification_report(found: Identification, folder: Path, inputs: Sequence[
         if (folder / f"{name}.png").is_file()
     ]
     excitation = folder / "suggested_force.png"
-    after: list[Block] = [
-        Text(
-            "suggested_force.csv is a force for the next measurement on this rig; it excites what the data so far "
-            "could not tell."
-        )
-    ]
+    after: list[Block] = []
     if excitation.is_file():
+        after.append(
+            Text(
+                "suggested_force.csv is a force for the next measurement on this rig; it excites what the data so far "
+                "could not tell."
+            )
+        )
         after.append(PictureFile(path=excitation, caption="The suggested force."))
     name = found.scenario.source.name
     data = "".join(f" --{'data' if f.role == 'fit' else 'validate'} {f.error.name}" for f in found.files)
@@ -90,17 +94,41 @@ def identification_report(found: Identification, folder: Path, inputs: Sequence[
             Section(title="Model and measurement", blocks=pictures),
             Section(title="Which law", blocks=(laws, sliding)),
             Section(title="The files", blocks=(files,)),
-            Section(title="What to measure next", blocks=after),
+            *((Section(title="What to measure next", blocks=after),) if after else ()),
         ),
         provenance=Provenance(
-            scenario=found.scenario, command=f"tendonff identify {name}{data} --out DIR", inputs=inputs
+            scenario=found.scenario,
+            command=f"tendonff identify {name}{data}{_options(found.scenario.measurement)} --out DIR",
+            inputs=inputs,
         ),
         files=(
             FileNote(name="fitted.toml", content="the scenario with the estimates put in; the one printed below"),
             FileNote(name="fit.json", content="estimates, intervals, correlations and errors for other programs"),
-            FileNote(name="suggested_force.csv", content="a force to play for the next measurement"),
+            *(
+                (FileNote(name="suggested_force.csv", content="a force to play for the next measurement"),)
+                if excitation.is_file()
+                else ()
+            ),
         ),
     )
+
+
+def _options(how: Measurement) -> str:
+    """Options that read the files in the same way."""
+    usual, words = Measurement(), []
+    for name in (field.name for field in fields(how)):
+        value = getattr(how, name)
+        if value == getattr(usual, name):
+            continue
+        if name.endswith("_column"):
+            words.append(f"--{name.replace('_', '-')} {shlex.quote(value)}")
+        elif name.endswith("_scale"):
+            words.append(f"--scale {name.removesuffix('_scale')}={value:g}")
+        elif name == "skip_s":
+            words.append(f"--skip {value:g}")
+        elif name == "explain":
+            words.append(f"--explain {value}")
+    return "".join(f" {word}" for word in words)
 
 
 def _interval(bounds: tuple[float, float] | None) -> str | None:

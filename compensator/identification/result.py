@@ -147,6 +147,8 @@ class Identification:
     gross : tuple of GrossRatio
     warnings : tuple of str
     curves : tuple of Curve
+    comparable : bool
+        The measured tensions are of the scenario's size; else no excitation is suggested.
     """
 
     scenario: Scenario
@@ -163,6 +165,7 @@ class Identification:
     gross: tuple[GrossRatio, ...]
     warnings: tuple[str, ...]
     curves: tuple[Curve, ...]
+    comparable: bool = True
 
     def estimate(self, name: str) -> Estimate:
         """The estimate of that name."""

@@ -24,6 +24,8 @@ from tendonff.compensator.identification.result import (
 from tendonff.compensator.identification.smoothing import low_pass
 from tendonff.compensator.identification.stages import StaticStage, choose_explain, static_stage
 from tendonff.compensator.identification.static import FileError, errors_of, middle_of, pooled_percent, respond
+from tendonff.compensator.identification.units import magnitude_warning, unit_warnings
+from tendonff.compensator.reference import initial_tension
 from tendonff.compensator.scenario import Scenario
 from tendonff.models.fidelity import Level
 from tendonff.ocp.errors import SolveError
@@ -31,6 +33,8 @@ from tendonff.ocp.fit_dynamic import DynamicParameter
 from tendonff.ocp.fit_static import StaticParameter
 
 P, D = StaticParameter, DynamicParameter
+
+NOT_IN_A_SCENARIO = (P.INPUT_BIAS.value, P.OUTPUT_BIAS.value, P.GUIDE.value)
 
 MOST_ALIKE = 3
 """So many files may each have a line about the same kind of dirt."""
@@ -75,11 +79,15 @@ def identify(
         raise InputError(
             "total_angle_rad is 0: without a wrap angle friction has no coefficient; give the path's angle"
         )
+    if twice := sorted({p.name for p in data if p.resolve() in {v.resolve() for v in validate}}):
+        raise InputError(f"{', '.join(twice)}: given with --data and with --validate; a file cannot judge its own fit")
     how = scenario.measurement
     say("reading")
     records = [clean(read_measurement(path, how), how) for path in data]
     judges = [clean(read_measurement(path, how), how) for path in validate]
-    warnings = _dirt_of([*records, *judges])
+    warnings = [*unit_warnings(how, _positions_of(records)), *_dirt_of([*records, *judges])]
+    foreign = _foreign(scenario, records)
+    warnings += [foreign] if foreign else []
     gross = gross_ratios(records)
     say("first look")
     explain, coarse = choose_explain(records, how.explain, scenario.transmission)
@@ -110,6 +118,12 @@ def identify(
         estimates, names, correlation = dynamic_answer(scenario, chain, now, described=described)
     else:
         estimates, names, correlation = static_answer(scenario, stage, now, described=described)
+    lost = [e.name for e in estimates if e.identifiable and e.name in NOT_IN_A_SCENARIO]
+    if described and lost:
+        warnings.append(
+            f"a scenario has no key for {', '.join(lost)}: fitted.toml leaves them out, and so does a design with it; "
+            "take a cell's bias off its readings, add what a guide needs to the force"
+        )
     return Identification(
         scenario=_fitted(scenario, {e.name: e.value for e in estimates if e.identifiable}, described=described),
         explain=explain,
@@ -125,7 +139,21 @@ def identify(
         gross=gross,
         warnings=tuple(warnings),
         curves=answer.curves,
+        comparable=foreign is None,
     )
+
+
+def _positions_of(records: Sequence[Record]) -> list[str]:
+    """Which positions were read in every file."""
+    ends = (("input_position", "input_m"), ("output_position", "output_m"))
+    return [key for key, name in ends if all(getattr(r.pieces[0], name) is not None for r in records)]
+
+
+def _foreign(scenario: Scenario, records: Sequence[Record]) -> str | None:
+    """What to say where the measured tensions are far from those of the scenario."""
+    largest = max(float(np.abs(r.joined(name)).max()) for r in records for name in ("input_N", "output_N"))
+    rest, limit = initial_tension(scenario), scenario.transmission.actuator.force_max_N
+    return magnitude_warning(largest, min(rest, limit), max(rest, limit))
 
 
 def _dirt_of(records: Sequence[Record]) -> list[str]:
@@ -135,11 +163,14 @@ def _dirt_of(records: Sequence[Record]) -> list[str]:
         found = [(r.name, f.text) for r in records for f in r.findings if f.dirt is dirt]
         if dirt is Dirt.SKIPPED or not found:
             continue
-        if len(found) <= MOST_ALIKE:
+        files = len({name for name, _ in found})
+        if files <= MOST_ALIKE:
             lines += [f"{name}: {text}" for name, text in found]
         else:
             name, text = found[0]
-            lines.append(f"{dirt} in {len(found)} files, the first {name}: {text} (fit.json has the others)")
+            lines.append(
+                f"{dirt} in {files} files; {name}: {text.removeprefix(f'{dirt}: ')} (the others are in fit.json)"
+            )
     return lines
 
 

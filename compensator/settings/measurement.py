@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from tendonff.compensator.settings.checks import require_number
+from tendonff.models.errors import ParameterError
 
 
 class Explain(StrEnum):
@@ -68,7 +69,7 @@ class Measurement:
         for name in scales:
             require_number(name, getattr(self, name), hint="9.81 turns kg into N")
             if getattr(self, name) == 0:
-                require_number(name, float("nan"), hint="0 would erase the channel; leave it out for none")
+                raise ParameterError(f"{name} must not be 0, which would erase the channel; leave it out for no factor")
         if self.skip_s is not None:
             require_number("skip_s", self.skip_s, least=0, hint="use 0 to keep every row")
         if self.cutoff_Hz is not None:

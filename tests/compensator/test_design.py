@@ -157,9 +157,7 @@ def test_a_compensator_that_is_worse_than_none_is_called_so(examples):
     )
     result = design(fast)
     worse = {w.split(" leaves ")[0] for w in result.warnings if "more than no compensation" in w}
-    nothing = result.on_level(Compensator.NONE, result.level).score.rmse_N
-    assert worse == {str(c) for c in Compensator if result.on_level(c, result.level).score.rmse_N > nothing}
-    assert worse
+    assert worse == {"capstan", "inverse"}
 
 
 def test_an_impossible_reference_ends_with_the_largest_reachable_tension_and_no_folder(examples, tmp_path, capsys):

@@ -26,6 +26,18 @@ def test_a_jump_that_the_input_makes_is_kept() -> None:
     assert switched_on_s(TIME, 1.3 * output, output) == 0
 
 
+def test_a_jump_that_follows_the_input_a_row_later_is_kept() -> None:
+    output = SLIDING - ringing(30.0, 0.05)
+    given = np.where(np.arange(len(TIME)) < 1, 20.0, 50.0)
+    assert switched_on_s(TIME, given, output) == 0
+
+
+def test_a_load_that_is_switched_on_without_ringing_leaves_out_the_jump_alone() -> None:
+    output = SLIDING.copy()
+    output[0] -= 30
+    assert 0 < switched_on_s(TIME, np.full_like(TIME, 20.0), output) <= 2 / 200 + 1e-12
+
+
 def test_a_spike_in_the_first_rows_is_no_load() -> None:
     output = SLIDING.copy()
     output[2] += 30

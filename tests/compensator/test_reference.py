@@ -105,8 +105,7 @@ def test_a_gap_in_a_logged_trace_is_named(finger: Scenario, tmp_path: Path) -> N
     time = np.delete(np.arange(1001) * 2e-3, slice(400, 550))
     [note] = sampled(finger, csv_reference(tmp_path, time, 30 + 5 * np.sin(2 * np.pi * time))).warnings
     assert note == (
-        "wanted.csv: 1 gap in rows that are 0.002 s apart, the longest from 0.798 to 1.1 s; "
-        "the reference is a straight line there"
+        "wanted.csv: 1 gap in rows that are 0.002 s apart, the longest from 0.798 to 1.1 s; a straight line bridges it"
     )
 
 

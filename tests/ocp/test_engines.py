@@ -1,4 +1,8 @@
+import os
+import shlex
+import sys
 from dataclasses import replace
+from pathlib import Path as FilePath
 
 import casadi as ca
 import numpy as np
@@ -62,6 +66,31 @@ def test_engines_agree_where_steps_are_split_and_the_tendon_goes_slack(generic: 
     assert np.abs(runs[0].tension_N - runs[1].tension_N).max() < 1e-9
 
 
+def test_engines_agree_where_only_the_matrix_of_the_guess_solves_a_step(generic: Transmission) -> None:
+    """A line search fails from that guess, so an engine that tried it alone would split the step."""
+    rig = replace(
+        generic,
+        tendon=replace(generic.tendon, damping_N_s_per_m=0.0, mass_kg=1.265e-4, stiffness_N_per_m=11848.4),
+        friction=Friction(
+            mu_dynamic=0.02814,
+            mu_static=0.11257,
+            stribeck_velocity_m_per_s=1.964e-4,
+            viscous_N_s_per_m=9.2,
+            bristle_stiffness_N_per_m=4.0058e7,
+            soft_bristle_stiffness_N_per_m=2e4,
+        ),
+        path=replace(generic.path, total_angle_rad=np.pi),
+        actuator=replace(generic.actuator, mass_kg=0.2, damping_N_s_per_m=5.0),
+        load=replace(generic.load, mass_kg=0.02, stiffness_N_per_m=3000.0, damping_N_s_per_m=2.0),
+    )
+    time = np.arange(300) * 1e-3
+    force = 30 + 29 * np.sin(2 * np.pi * 4 * time) * (1 - np.exp(-20 * time**2))
+    chain = Chain.of(rig, Level.ELASTIC, 1)
+    runs = [simulate(chain, force, 1e-3, engine=engine) for engine in (Engine.COMPILED, Engine.CASADI)]
+    assert runs[0].splits == runs[1].splits
+    assert np.abs(runs[0].tension_N - runs[1].tension_N).max() < 1e-9
+
+
 def test_engines_agree_on_how_a_run_fails(generic: Transmission) -> None:
     chain = Chain.of(generic, Level.PRESLIDING, 3)
     force = np.full(40, 30.0)
@@ -120,6 +149,56 @@ def test_without_a_compiler_the_casadi_engine_takes_over(monkeypatch: pytest.Mon
             compiled.load_library("int a;\n")
     finally:
         compiled.resolve_engine.cache_clear()
+
+
+def fake_compiler(folder: FilePath, name: str = "cc") -> FilePath:
+    """A name on the path behind which no tools are installed."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / name).write_text("#!/bin/sh\nexit 1\n", encoding="utf-8")
+    (folder / name).chmod(0o755)
+    return folder / name
+
+
+def test_a_compiler_that_does_not_work_is_passed_over(monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath) -> None:
+    works = compiled.find_compiler()
+    assert works is not None
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setenv("PATH", f"{fake_compiler(tmp_path / 'stub').parent}:{os.environ['PATH']}")
+    found = compiled.find_compiler()
+    assert found is not None
+    assert found[0] != str(tmp_path / "stub" / "cc")
+
+
+def test_the_package_ziglang_stands_in_where_nothing_else_works(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath
+) -> None:
+    pytest.importorskip("ziglang")
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setenv("PATH", str(fake_compiler(tmp_path / "stub").parent))
+    found = compiled.find_compiler()
+    assert found == (sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline")
+    assert compiled.load_library("int tff_answer(void) { return 42; }\n").tff_answer() == 42
+
+
+def test_cc_is_a_path_with_blanks_or_a_command_of_several_words_or_a_clear_error(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath
+) -> None:
+    works = compiled.find_compiler()
+    assert works is not None
+    (tmp_path / "my tools").mkdir()
+    wrapper = tmp_path / "my tools" / "cc"
+    wrapper.write_text(f'#!/bin/sh\nexec {shlex.join(works)} "$@"\n', encoding="utf-8")
+    wrapper.chmod(0o755)
+    monkeypatch.setenv("CC", str(wrapper))
+    assert compiled.find_compiler() == (str(wrapper),)
+    monkeypatch.setenv("CC", f"'{wrapper}' -O1")
+    assert compiled.find_compiler() == (str(wrapper), "-O1")
+    monkeypatch.setenv("CC", 'gcc "')
+    with pytest.raises(CodeError, match="CC must be a command, got 'gcc \"'"):
+        compiled.find_compiler()
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with pytest.raises(CodeError, match="CC is 'no-such-compiler'"):
+        compiled.load_library("int a;\n")
 
 
 def test_the_environment_chooses_the_engine(monkeypatch: pytest.MonkeyPatch) -> None:
