@@ -15,6 +15,7 @@ from tendonff.models.transmission import Transmission
 
 _ORDER = 2  # of the Butterworth filter, run forwards and backwards: -6 dB at the cut-off, 24 dB per octave above
 _MAX_STEPS = 50_000_000
+_MANY_TURNS_RAD = 20.0
 _TRIAL_CUTOFFS_HZ = (100.0, 50.0, 20.0, 10.0, 5.0)
 _MOST_NOISE = 0.05  # of the range; a larger share is signal
 _GAP_ROWS, _LOGGED_ROWS = 10, 100  # a logged trace, not one written by hand, whose interval is so many usual ones
@@ -247,10 +248,12 @@ def _check_deliverable(transmission: Transmission, time: FloatArray, tension: Fl
         )
     reachable = largest_tension(transmission)
     if tension[highest] > reachable:
+        angle = transmission.path.total_angle_rad
+        degrees = f" (total_angle_rad = {angle:g} is {angle / (2 * math.pi):.3g} turns: degrees?)"
         raise InputError(
             f"{file} [reference]: the tension reaches {tension[highest]:.4g} N at t = {time[highest]:g} s, but "
             f"force_max_N = {transmission.actuator.force_max_N:g} delivers at most {reachable:.4g} N through the "
-            "friction; lower the reference or raise force_max_N"
+            f"friction; lower the reference or raise force_max_N{degrees if angle > _MANY_TURNS_RAD else ''}"
         )
 
 

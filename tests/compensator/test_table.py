@@ -168,6 +168,7 @@ def test_the_command_writes_table_data_header_and_figure(examples, tmp_path, rec
     assert first["interpolation_error_N"] <= first["bound_N"]
     assert run(["table", str(examples / "finger.toml"), "--out", str(tmp_path / "u"), "--rates", "5,x"]) == 2
     assert run(["table", str(examples / "finger.toml"), "--out", str(tmp_path / "u"), "--rates", "-5"]) == 2
+    assert run(["table", str(examples / "finger.toml"), "--out", str(tmp_path / "u"), "--rates", "1e300"]) == 2
     assert not (tmp_path / "u").exists()
 
 

@@ -1,5 +1,6 @@
 import os
 import shlex
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path as FilePath
@@ -177,6 +178,9 @@ def test_the_package_ziglang_stands_in_where_nothing_else_works(
     monkeypatch.setenv("PATH", str(fake_compiler(tmp_path / "stub").parent))
     found = compiled.find_compiler()
     assert found == (sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline")
+    # What it compiles for others, as in an exported unit, runs on any processor of this kind.
+    macros = subprocess.run([*found, "-dM", "-E", "-x", "c", os.devnull], capture_output=True, text=True, check=True)
+    assert "__AVX" not in macros.stdout
     assert compiled.load_library("int tff_answer(void) { return 42; }\n").tff_answer() == 42
 
 
