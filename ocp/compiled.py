@@ -234,7 +234,7 @@ def _candidates() -> list[tuple[str, ...]]:
             raise CodeError(f"the environment variable CC must be a command, got {wanted!r} ({error})") from None
         path = shutil.which(words[0]) if words else None
         return [(path, *words[1:])] if path else []
-    found = [(path,) for name in ("cc", "gcc", "clang") if (path := shutil.which(name))]
+    found: list[tuple[str, ...]] = [(path,) for name in ("cc", "gcc", "clang") if (path := shutil.which(name))]
     if importlib.util.find_spec("ziglang") is not None:  # clang; without a target it writes for this machine alone
         found.append((sys.executable, *_PACKAGED, "-mcpu=baseline"))
     return found
