@@ -42,7 +42,13 @@ def progress(description: str) -> Iterator[Advance]:
     callable
         To be called with units done and units in all.
     """
-    _note_engine()
+    with _bar(description) as advance:
+        yield advance
+    _note_engine()  # only after work that was done: a refusal is one message
+
+
+@contextmanager
+def _bar(description: str) -> Iterator[Advance]:
     if not sys.stderr.isatty():
         yield silent
         return
