@@ -149,13 +149,11 @@ def _beyond(scenario: Scenario, profile: ForceProfile) -> list[str]:
     """Forces that the scenario's actuator could not apply; they are played all the same."""
     actuator, force = scenario.transmission.actuator, profile.force_N
     found = []
-    for name, bound, value in (
-        ("force_max_N", actuator.force_max_N, float(force.max())),
-        ("force_min_N", actuator.force_min_N, float(force.min())),
-    ):
-        if value > bound if name == "force_max_N" else value < bound:
-            found.append(f"{profile.name} asks for {value:.4g} N where {name} is {bound:g}: played as it is")
-    return found
+    if force.max() > actuator.force_max_N:
+        found.append(f"{force.max():.4g} N where force_max_N is {actuator.force_max_N:g}")
+    if force.min() < actuator.force_min_N:
+        found.append(f"{force.min():.4g} N where force_min_N is {actuator.force_min_N:g}")
+    return [f"{profile.name} asks for {text}: played as it is" for text in found]
 
 
 class _Run:

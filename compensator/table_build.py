@@ -18,8 +18,8 @@ from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import invert
 
 _TINY_MASS_KG = 1e-9
-SLOWEST_N_PER_S, FASTEST_N_PER_S = 1e-4, 1e8
-"""Rates beyond which the sweeps lose their digits."""
+SLOWEST_N_PER_S, FASTEST_N_PER_S = 1e-6, 1e9
+"""Rates that the sweeps were tried at; far beyond them step times lose their meaning in the arithmetic."""
 
 _TURNS = 13  # reversal tensions swept per branch
 _APPROACH = 3000  # reference samples on the way to a reversal
@@ -86,7 +86,8 @@ def usual_rate(reference_N: FloatArray, step_s: float) -> float:
     """
     rates = np.abs(np.diff(reference_N)) / step_s
     moving = rates[rates > 1e-6 * max(float(rates.max(initial=0.0)), 1e-12)]
-    return float(np.median(moving)) if moving.size else 1.0
+    usual = float(np.median(moving)) if moving.size else 1.0
+    return min(max(usual, SLOWEST_N_PER_S), FASTEST_N_PER_S)
 
 
 def build_table(
@@ -120,7 +121,7 @@ def build_table(
     if not SLOWEST_N_PER_S <= rate_N_per_s <= FASTEST_N_PER_S:
         raise ParameterError(
             f"rate_N_per_s must be from {SLOWEST_N_PER_S:g} to {FASTEST_N_PER_S:g}, got {rate_N_per_s:g}; leave it out "
-            "for that of the reference"
+            "for the usual rate of the reference"
         )
     light = _without_masses(chain)
     references = np.linspace(low, high, _CHECKED_REFERENCES)

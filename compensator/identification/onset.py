@@ -25,7 +25,7 @@ ROOM = 2.0
 def switched_on_s(time_s: Array, input_N: Array, output_N: Array) -> float:
     """Length of the start that shows a load being switched on [s]; 0 where there is none.
 
-    Told only where the jump takes a row or two (sampled at some 1 kHz or less) and at least 3 s follow the first one.
+    The jump is seen at sampling rates up to some 1 kHz, where it takes a row or two, and in records of at least 4 s.
 
     Parameters
     ----------

@@ -25,7 +25,6 @@ from tendonff.compensator.identification.smoothing import low_pass
 from tendonff.compensator.identification.stages import StaticStage, choose_explain, static_stage
 from tendonff.compensator.identification.static import FileError, errors_of, middle_of, pooled_percent, respond
 from tendonff.compensator.identification.units import magnitude_warning, unit_warnings
-from tendonff.compensator.reference import initial_tension
 from tendonff.compensator.scenario import Scenario
 from tendonff.models.fidelity import Level
 from tendonff.ocp.errors import SolveError
@@ -152,8 +151,7 @@ def _positions_of(records: Sequence[Record]) -> list[str]:
 def _foreign(scenario: Scenario, records: Sequence[Record]) -> str | None:
     """What to say where the measured tensions are far from those of the scenario."""
     largest = max(float(np.abs(r.joined(name)).max()) for r in records for name in ("input_N", "output_N"))
-    rest, limit = initial_tension(scenario), scenario.transmission.actuator.force_max_N
-    return magnitude_warning(largest, min(rest, limit), max(rest, limit))
+    return magnitude_warning(largest, scenario.transmission.actuator.force_max_N)
 
 
 def _dirt_of(records: Sequence[Record]) -> list[str]:

@@ -5,24 +5,20 @@ from collections.abc import Sequence
 
 from tendonff.compensator.settings.measurement import Measurement
 
-EXPECTED = {
-    "time": ("s", "sec", "seconds"),
-    "input": ("N", "newton"),
-    "output": ("N", "newton"),
-    "input_position": ("m", "metre", "meter"),
-    "output_position": ("m", "metre", "meter"),
-}
+_FORCES = ("Nm", "mNm", "kN", "mN", "lbf", "lb", "kg", "V", "mV", "mA")
+_LENGTHS = ("rad", "deg", "mm", "cm", "um", "counts")
 OTHERS = {
-    "time": ("ms", "us", "min", "h"),
-    "input": ("Nm", "mNm", "kN", "mN", "lbf", "lb", "kg", "g", "V", "mV", "A", "mA"),
-    "output": ("Nm", "mNm", "kN", "mN", "lbf", "lb", "kg", "g", "V", "mV", "A", "mA"),
-    "input_position": ("rad", "deg", "mm", "cm", "um", "in", "counts"),
-    "output_position": ("rad", "deg", "mm", "cm", "um", "in", "counts"),
+    "time": ("s", ("ms", "us")),
+    "input": ("N", _FORCES),
+    "output": ("N", _FORCES),
+    "input_position": ("m", _LENGTHS),
+    "output_position": ("m", _LENGTHS),
 }
-"""Last words of column names that tell another unit than the one expected."""
+"""For each column the unit it is read in, and last words of names that tell another one; `A`, `g` and `in` may as well
+name a place."""
 
-MOST_APART = 20.0
-"""A measured tension so many times above or below what the scenario knows is in another unit or of another rig."""
+MOST_ABOVE, MOST_BELOW = 20.0, 400.0
+"""A largest tension so many times above, or below, what the actuator can do is in another unit or of another rig."""
 
 
 def unit_warnings(how: Measurement, positions: Sequence[str]) -> list[str]:
@@ -35,13 +31,13 @@ def unit_warnings(how: Measurement, positions: Sequence[str]) -> list[str]:
         Those of "input_position" and "output_position" that were read.
     """
     found = []
-    for key, others in OTHERS.items():
+    for key, (unit, others) in OTHERS.items():
         name, scale = getattr(how, f"{key}_column"), getattr(how, f"{key}_scale")
         if scale != 1 or (key.endswith("position") and key not in positions):
             continue
         word = re.split(r"[^A-Za-z]+", name.rstrip(" ])"))[-1]
         if word in others:
-            found.append(f"{name} as {EXPECTED[key][0]} (--scale {key}=FACTOR)")
+            found.append(f"{name} as {unit} (--scale {key}=FACTOR)")
     if not found:
         return []
     message = (
@@ -51,19 +47,17 @@ def unit_warnings(how: Measurement, positions: Sequence[str]) -> list[str]:
     return [message]
 
 
-def magnitude_warning(largest_N: float, low_N: float, high_N: float) -> str | None:
-    """What to say where the measured tensions are far from those of the scenario.
+def magnitude_warning(largest_N: float, force_max_N: float) -> str | None:
+    """What to say where the measured tensions are far from what the scenario's actuator can do.
 
     Parameters
     ----------
-    largest_N : float
-        Largest measured tension.
-    low_N, high_N : float
-        Smallest and largest tension that the scenario speaks of.
+    largest_N, force_max_N : float
+        Largest measured tension, and largest force of the actuator.
     """
-    if low_N / MOST_APART <= largest_N <= high_N * MOST_APART:
+    if force_max_N / MOST_BELOW <= largest_N <= force_max_N * MOST_ABOVE:
         return None
     return (
-        f"the measured tensions reach {largest_N:.3g}, the scenario speaks of {low_N:.3g} to {high_N:.3g} N: is this "
-        "its rig, and the unit N (--scale)? Masses, load and limits are the scenario's; no excitation is suggested"
+        f"the measured tensions reach {largest_N:.3g} N, the scenario's actuator {force_max_N:.3g} N: is this its rig, "
+        "and the unit N (--scale)? Masses, load and limits are the scenario's; no excitation is suggested"
     )

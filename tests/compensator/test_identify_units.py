@@ -30,9 +30,14 @@ def test_a_factor_or_a_column_that_was_not_read_needs_no_message() -> None:
     assert unit_warnings(replace(TORQUES, input_scale=100.0, output_scale=1000.0), []) == []
 
 
+@pytest.mark.parametrize("name", ["force_A", "pull_in", "cell_N", "F_g"])
+def test_a_name_that_tells_a_place_is_no_unit(name: str) -> None:
+    assert unit_warnings(Measurement(input_column=name, input_position_column="pos_in"), ["input_position"]) == []
+
+
 @pytest.mark.parametrize(("largest_N", "apart"), [(0.25, True), (1.6, False), (2900.0, False), (3100.0, True)])
 def test_tensions_far_from_those_of_the_scenario_are_told(largest_N: float, apart: bool) -> None:
-    message = magnitude_warning(largest_N, 30.0, 150.0)
+    message = magnitude_warning(largest_N, 150.0)
     assert (message is not None) == apart
     if message is not None:
         assert "--scale" in message
@@ -81,5 +86,5 @@ def test_small_numbers_get_a_message_and_no_excitation(examples, strokes):
     small = replace(scenario, measurement=Measurement(input_scale=0.01, output_scale=0.01))
     found = identify(small, [strokes], static_only=True)
     assert not found.comparable
-    assert any("the scenario speaks of 30 to" in warning for warning in found.warnings)
+    assert any("the scenario's actuator 200 N" in warning for warning in found.warnings)
     assert identify(scenario, [strokes], static_only=True).comparable

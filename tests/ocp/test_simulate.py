@@ -1,3 +1,4 @@
+import ctypes
 import math
 from dataclasses import replace
 from typing import Any
@@ -11,7 +12,8 @@ from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.transmission import Transmission
-from tendonff.ocp.compiled import Engine
+from tendonff.ocp import compiled_stepper
+from tendonff.ocp.compiled import Engine, load_library
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import Outcome, Simulator, chunks, force_inputs, simulate
 
@@ -315,6 +317,22 @@ def test_an_ordinary_run_costs_little_more_than_two_back_substitutions_a_step(
     run = simulate(Chain.of(generic, level, 40), wave(np.arange(0.0, 2.0, STEP)), STEP).require()
     assert run.iterations < 2.3 * len(run.time_s)
     assert run.splits == 0
+
+
+@pytest.mark.compiler
+def test_an_ordinary_run_makes_one_matrix_a_step(generic: Transmission, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Counted where the generated code factorises: what makes a step cheap is that only a hard one needs more."""
+    head = "static void tff_factorise(tff_work *w, int n)\n{"
+    source = compiled_stepper._source(stribeck=True)
+    assert source.count(head) == 1
+    counted = source.replace(head, f"static long made;\nlong tff_made(void) {{ return made; }}\n{head}\n    made++;")
+    library = load_library(counted)
+    library.tff_run.restype = library.tff_made.restype = ctypes.c_long
+    monkeypatch.setattr(compiled_stepper, "_library_of", lambda _chain: library)
+    chain = Chain.of(generic, Level.PRESLIDING, 40)
+    run = simulate(chain, wave(np.arange(0.0, 2.0, STEP)), STEP, engine=Engine.COMPILED).require()
+    assert 0.9 * len(run.time_s) < library.tff_made() < 1.1 * len(run.time_s)
+    assert run.iterations > 1.5 * len(run.time_s)
 
 
 def test_a_thousand_masses_are_as_good_as_two_hundred(generic: Transmission) -> None:

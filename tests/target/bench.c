@@ -11,30 +11,11 @@
 #include "tff_plant.h"
 #include "tff_table.h"
 
+#include "bench.h"
 #include "reference.h"
-
-#ifdef HOST
-#include <stdio.h>
-static void target_write(const char *text)
-{
-    fputs(text, stderr);
-}
-#else
-void target_write(const char *text);
-#endif
 
 #define SHOWN 25
 #define MODULES 4
-
-__attribute__((noinline)) void mark_begin(void)
-{
-    __asm__ volatile("");
-}
-
-__attribute__((noinline)) void mark_end(void)
-{
-    __asm__ volatile("");
-}
 
 static void write_hex(uint64_t value)
 {

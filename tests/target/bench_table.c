@@ -4,27 +4,8 @@
 
 #include "tff_table.h"
 
+#include "bench.h"
 #include "reference.h"
-
-#ifdef HOST
-#include <stdio.h>
-static void target_write(const char *text)
-{
-    fputs(text, stderr);
-}
-#else
-void target_write(const char *text);
-#endif
-
-__attribute__((noinline)) void mark_begin(void)
-{
-    __asm__ volatile("");
-}
-
-__attribute__((noinline)) void mark_end(void)
-{
-    __asm__ volatile("");
-}
 
 static tff_table table;
 static volatile tff_real answer; /* volatile: the compiler moves no other work between the markers */
