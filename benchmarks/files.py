@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from tendonff.compensator.files import read_csv
-from tendonff.compensator.writing import write_csv
+from tendonff.compensator.files.reading import read_csv
+from tendonff.compensator.files.writing import write_csv
 
 
 def best_of_three(work: Callable[[], object]) -> float:

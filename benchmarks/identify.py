@@ -17,9 +17,9 @@ import numpy as np
 
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.identification.suggest import suggest
-from tendonff.compensator.identification.trial import DIRTY, write_trial
-from tendonff.compensator.scenario import load_scenario
-from tendonff.models.transmission import Transmission
+from tendonff.compensator.identification.synthetic import DIRTY, write_trial
+from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.models.parameters import Transmission
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 NAMES = (

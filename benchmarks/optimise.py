@@ -23,16 +23,16 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.compensator.reference import sample_reference
-from tendonff.compensator.scenario import load_scenario
+from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.chain import Chain, chain_equations
 from tendonff.models.fidelity import Level
-from tendonff.models.transmission import Transmission
-from tendonff.ocp.explain import law_of
+from tendonff.models.parameters import Transmission
 from tendonff.ocp.inverse import invert
-from tendonff.ocp.limits import ForceLimits
 from tendonff.ocp.simulate import simulate
-from tendonff.ocp.track import TrackOptions, track
+from tendonff.ocp.tracking.diagnosis import law_of
+from tendonff.ocp.tracking.limits import ForceLimits
+from tendonff.ocp.tracking.track import TrackOptions, track
 
 Array = NDArray[np.float64]
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"

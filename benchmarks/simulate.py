@@ -54,17 +54,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from tendonff.compensator.reference import initial_tension, sample_reference
-from tendonff.compensator.scenario import load_scenario
+from tendonff.compensator.scenario.sampling import initial_tension, sample_reference
+from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.chain import Chain, chain_equations
 from tendonff.models.fidelity import Level
-from tendonff.models.transmission import Transmission
-from tendonff.ocp import compiled, compiled_stepper
-from tendonff.ocp.compiled import Engine
+from tendonff.models.parameters import Transmission
+from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.crosscheck import Adaptive, AdaptiveIntegrator
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import Simulator, force_inputs, simulate
+from tendonff.ocp.step import c_engine, render
 
 Array = NDArray[np.float64]
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
@@ -299,14 +299,14 @@ def euler_against_bdf2(rig: Transmission) -> None:
     """The decision for the scheme: error and cost of both, by printing the stepper with Euler's coefficients."""
     print("\nImplicit Euler against BDF2: error in % of range at N = 6 against cvodes at 1e-11, us/row")
     steps = (4e-3, 2e-3, 1e-3, 5e-4)
-    original = compiled.BDF2_CARRY, compiled.BDF2_WEIGHT
+    original = render.BDF2_CARRY, render.BDF2_WEIGHT
     for level in (Level.VISCOELASTIC, Level.PRESLIDING):
         chain = Chain.of(rig, level, 6)
         _, reference = least_time(by_rows(chain, 2000, Adaptive.CVODES, 1e-11), 1)
         for name, (carry, weight) in (("BDF2", original), ("implicit Euler", (0.0, 1.0))):
-            compiled.BDF2_CARRY, compiled.BDF2_WEIGHT = carry, weight
-            compiled_stepper._source.cache_clear()
-            compiled_stepper._library.cache_clear()
+            render.BDF2_CARRY, render.BDF2_WEIGHT = carry, weight
+            c_engine._source.cache_clear()
+            c_engine._library.cache_clear()
             cells = []
             for step in steps:
                 rows = round(2.0 / step)
@@ -317,9 +317,9 @@ def euler_against_bdf2(rig: Transmission) -> None:
                     f"{1e3 * step:g} ms {percent_of_range(output[::every], at):.4f} % {1e6 * seconds / rows:.2f} us"
                 )
             print(f"    {level:13s} {name:15s} " + "   ".join(cells))
-        compiled.BDF2_CARRY, compiled.BDF2_WEIGHT = original
-        compiled_stepper._source.cache_clear()
-        compiled_stepper._library.cache_clear()
+        render.BDF2_CARRY, render.BDF2_WEIGHT = original
+        c_engine._source.cache_clear()
+        c_engine._library.cache_clear()
 
 
 def examples_error() -> None:

@@ -1,33 +1,11 @@
 """Pages that are made from the code: the API's list of modules, and the keys of a scenario file."""
 
 import re
-import tempfile
 from pathlib import Path
-from typing import Any
-
-from mkdocs.plugins import event_priority
 
 ROOT = Path(__file__).resolve().parents[1]
 _MODULES = re.compile(r"<!-- modules of (\w+) -->")
 _KEYS = "<!-- keys of a scenario -->"
-
-
-@event_priority(100)  # before mkdocstrings reads its settings
-def on_config(config: Any) -> Any:
-    """Show mkdocstrings the folders under the names that they import as.
-
-    It reads sources without importing them, and there is no folder `tendonff` that holds the three packages.
-
-    Parameters
-    ----------
-    config : MkDocsConfig
-    """
-    names = Path(tempfile.mkdtemp(prefix="tendonff-docs-"))
-    (names / "tendonff").mkdir()
-    for package in ("models", "ocp", "compensator"):
-        (names / "tendonff" / package).symlink_to(ROOT / package, target_is_directory=True)
-    config.plugins["mkdocstrings"].config.handlers["python"]["paths"] = [str(names)]
-    return config
 
 
 def on_page_markdown(markdown: str, **_: object) -> str:
@@ -65,5 +43,5 @@ def _modules(package: str) -> list[str]:
 
 def _keys() -> str:
     """The commented scenario that `tendonff new` writes."""
-    template = (ROOT / "compensator" / "templates" / "scenario.toml").read_text(encoding="utf-8")
+    template = (ROOT / "compensator" / "scenario" / "scenario.toml").read_text(encoding="utf-8")
     return f"```toml\n{template}```\n"

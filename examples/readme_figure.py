@@ -6,11 +6,11 @@ python examples/readme_figure.py docs/finger.png
 import sys
 from pathlib import Path
 
-from tendonff.compensator.compensators import Compensator
-from tendonff.compensator.design import Design, design
-from tendonff.compensator.design_figures import COLOURS, STYLES
-from tendonff.compensator.plots import INK, figure_style, new_figure, save_figure
-from tendonff.compensator.scenario import load_scenario
+from tendonff.compensator.compensators.base import Compensator
+from tendonff.compensator.design.figures import COLOURS, STYLES
+from tendonff.compensator.design.run import Design, design
+from tendonff.compensator.reporting.plots import INK, figure_style, new_figure, save_figure
+from tendonff.compensator.scenario.scenario import load_scenario
 
 SHOWN = {Compensator.NONE: "the wish itself as force", Compensator.INVERSE: "the force that tendonff finds"}
 

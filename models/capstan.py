@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tendonff.models.errors import ParameterError
-from tendonff.models.transmission import Transmission
+from tendonff.models.parameters import Transmission
 
 Array = NDArray[np.float64]
 

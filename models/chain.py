@@ -19,10 +19,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from tendonff.models.elements import Elements, elements_of
 from tendonff.models.fidelity import Level
 from tendonff.models.friction import BristleParameters, bristle_rate, friction_force, normal_force
 from tendonff.models.link import LinkParameters, relaxation_rate, tendon_force, unclipped_force
-from tendonff.models.transmission import Elements, Transmission
+from tendonff.models.parameters import Transmission
 
 Array = NDArray[np.float64]
 
@@ -78,7 +79,7 @@ class Chain:
         """
         actuator, load = transmission.actuator, transmission.load
         return cls(
-            elements=transmission.elements(level, segments),
+            elements=elements_of(transmission, level, segments),
             level=level,
             near=End(mass_kg=actuator.mass_kg, damping_N_s_per_m=actuator.damping_N_s_per_m, stiffness_N_per_m=0.0),
             far=End(

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from tendonff.models.chain import Chain, ChainState
-from tendonff.ocp.compiled import Engine
+from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import Simulation, simulate
-from tendonff.ocp.stepping import Array
+from tendonff.ocp.step.protocol import Array
 
 J = TypeVar("J")
 R = TypeVar("R")

@@ -15,10 +15,10 @@ import numpy as np
 
 from tendonff.models.chain import Chain, ChainState, chain_equations
 from tendonff.models.errors import ParameterError
-from tendonff.ocp.compiled import Engine
+from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import Simulator, describe_failure, force_inputs, simulate
-from tendonff.ocp.stepping import Array
+from tendonff.ocp.step.protocol import Array
 
 NUDGE = 1e-9
 """Relative change of the force that must not matter in a reproducible run."""

@@ -14,9 +14,9 @@ import numpy as np
 
 from tendonff.models.chain import Chain, ChainState
 from tendonff.models.errors import ParameterError
-from tendonff.ocp.compiled import Engine, resolve_engine
-from tendonff.ocp.compiled_stepper import CompiledInverse
-from tendonff.ocp.elements import (
+from tendonff.ocp.codegen.engine import Engine, resolve_engine
+from tendonff.ocp.step.c_engine import CompiledInverse
+from tendonff.ocp.step.laws import (
     far_velocity,
     link_gain,
     link_rate,
@@ -25,8 +25,8 @@ from tendonff.ocp.elements import (
     near_force,
     path_mass_inverse,
 )
-from tendonff.ocp.scheme import BDF2_CARRY, BDF2_WEIGHT
-from tendonff.ocp.stepping import Array, InverseRows
+from tendonff.ocp.step.protocol import Array, InverseRows
+from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT
 
 
 class InverseStatus(StrEnum):

@@ -14,16 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.models.chain import Chain, ChainState
+from tendonff.models.elements import Whole
 from tendonff.models.errors import ParameterError
-from tendonff.models.transmission import Whole
-from tendonff.ocp.casadi_tangent import CasadiTangent
-from tendonff.ocp.ccode import Precision
-from tendonff.ocp.compiled import Engine, load_library, print_laws, render_template, resolve_engine
-from tendonff.ocp.compiled_stepper import PREFIX, ReportStruct, chain_numbers, chain_struct, pointer
-from tendonff.ocp.elements import simulation_laws, tangent_laws
+from tendonff.ocp.codegen.compiler import load_library
+from tendonff.ocp.codegen.engine import Engine, resolve_engine
+from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import describe_failure, force_inputs, tensions_of
-from tendonff.ocp.stepping import Array, Rows
+from tendonff.ocp.step.c_engine import PREFIX, ReportStruct, chain_numbers, chain_struct, pointer
+from tendonff.ocp.step.casadi_tangent import CasadiTangent
+from tendonff.ocp.step.laws import simulation_laws, tangent_laws
+from tendonff.ocp.step.protocol import Array, Rows
+from tendonff.ocp.step.render import print_laws, render_template
 
 
 class Links(StrEnum):

@@ -12,11 +12,11 @@ import numpy as np
 from tendonff.models.chain import Chain, ChainState
 from tendonff.models.errors import ParameterError
 from tendonff.models.link import LinkParameters, tendon_force, unclipped_force
-from tendonff.ocp.casadi_stepper import CasadiStepper
-from tendonff.ocp.compiled import Engine, resolve_engine
-from tendonff.ocp.compiled_stepper import CompiledStepper
+from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.stepping import Array, Rows, Stepper, StepperMemory
+from tendonff.ocp.step.c_engine import CompiledStepper
+from tendonff.ocp.step.casadi_engine import CasadiStepper
+from tendonff.ocp.step.protocol import Array, Rows, Stepper, StepperMemory
 
 
 class Outcome(StrEnum):

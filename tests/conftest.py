@@ -7,9 +7,15 @@ import matplotlib as mpl
 import pytest
 from hypothesis import HealthCheck, settings
 
-from tendonff.models.transmission import Actuator, Friction, Load, Tendon, Transmission
-from tendonff.models.transmission import Path as TendonPath
-from tendonff.ocp.compiled import find_compiler
+from tendonff.models.parameters import (
+    Actuator,
+    Friction,
+    Load,
+    Tendon,
+    Transmission,
+)
+from tendonff.models.parameters import Path as TendonPath
+from tendonff.ocp.codegen.compiler import find_compiler
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -16,14 +16,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tendonff.compensator.cli import run
-from tendonff.compensator.compare import compare
-from tendonff.compensator.design import design, summary
-from tendonff.compensator.experiment_machine import plan_experiment
-from tendonff.compensator.explore import Explorer
+from tendonff.compensator.compare.run import compare
+from tendonff.compensator.design.run import design, summary
+from tendonff.compensator.experiment.machine import plan_experiment
+from tendonff.compensator.explore.run import Explorer
 from tendonff.compensator.identification.reading import read_measurement
-from tendonff.compensator.scenario import load_scenario, parse_scenario, scenario_to_toml
-from tendonff.compensator.settings.measurement import Measurement
-from tendonff.compensator.table_files import make_tables, table_summary
+from tendonff.compensator.scenario.measurement import Measurement
+from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_to_toml
+from tendonff.compensator.tables.run import make_tables, table_summary
 from tendonff.models.errors import TendonffError
 
 TENDONFF = [sys.executable, "-m", "tendonff.compensator.cli"]

@@ -10,11 +10,20 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
-from tendonff.compensator.files import read_csv
-from tendonff.compensator.plots import new_figure
-from tendonff.compensator.report import FileNote, Picture, Provenance, Report, Section, Table, Text, write_report
-from tendonff.compensator.scenario import load_scenario, scenario_to_toml
-from tendonff.compensator.writing import write_csv
+from tendonff.compensator.files.reading import read_csv
+from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.reporting.page import (
+    FileNote,
+    Picture,
+    Provenance,
+    Report,
+    Section,
+    Table,
+    Text,
+    write_report,
+)
+from tendonff.compensator.reporting.plots import new_figure
+from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
 
 selenium = pytest.importorskip("selenium", reason="selenium is not installed")
 from selenium import webdriver  # noqa: E402
@@ -202,7 +211,7 @@ def explorer(examples):
     pytest.importorskip("bokeh", reason="bokeh is not installed")
     import asyncio
 
-    from tendonff.compensator.explore_page import make_server, page_url
+    from tendonff.compensator.explore.page import make_server, page_url
 
     ready, done = threading.Event(), threading.Event()
     found = {}

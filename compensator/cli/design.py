@@ -8,12 +8,12 @@ EXIT_SOLVE = 1  # what was written is the best that was found
 
 def design(scenario: ScenarioArgument, out: OutFolderOption) -> int:
     """Design the actuator's force profile for a wanted output tension, and prove what it delivers."""
-    from tendonff.compensator.design import design as design_profile
-    from tendonff.compensator.design import write_design
-    from tendonff.compensator.design_table import print_scores
-    from tendonff.compensator.scenario import load_scenario
-    from tendonff.compensator.writing import atomic_directory
-    from tendonff.ocp.tracking import TrackStatus
+    from tendonff.compensator.design.run import design as design_profile
+    from tendonff.compensator.design.run import write_design
+    from tendonff.compensator.design.scores import print_scores
+    from tendonff.compensator.files.writing import atomic_directory
+    from tendonff.compensator.scenario.scenario import load_scenario
+    from tendonff.ocp.tracking.result import TrackStatus
 
     loaded = load_scenario(scenario)
     with progress("designing") as advance:

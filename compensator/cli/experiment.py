@@ -6,10 +6,10 @@ from tendonff.compensator.cli.progress import say, warn
 
 def experiment(scenario: ScenarioArgument, out: OutFolderOption) -> None:
     """Run the ten-state test on two motors, on all three fidelity levels."""
-    from tendonff.compensator.experiment import experiment as run_test
-    from tendonff.compensator.experiment import write_experiment
-    from tendonff.compensator.experiment_numbers import warnings_of
-    from tendonff.compensator.scenario import load_scenario
+    from tendonff.compensator.experiment.numbers import warnings_of
+    from tendonff.compensator.experiment.output import experiment as run_test
+    from tendonff.compensator.experiment.output import write_experiment
+    from tendonff.compensator.scenario.scenario import load_scenario
 
     loaded = load_scenario(scenario)
     result = run_test(loaded)

@@ -16,12 +16,12 @@ def explore(
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")] = True,
 ) -> None:
     """Explore one scenario in the browser: sliders for friction, angle, bristle, relaxation and rate limit."""
-    from tendonff.compensator.files import InputError
-    from tendonff.compensator.scenario import load_scenario
+    from tendonff.compensator.files.reading import InputError
+    from tendonff.compensator.scenario.scenario import load_scenario
 
     loaded = load_scenario(scenario)
     try:
-        from tendonff.compensator.explore_page import make_server, page_url
+        from tendonff.compensator.explore.page import make_server, page_url
     except ModuleNotFoundError as error:
         if error.name != "bokeh":
             raise

@@ -6,7 +6,7 @@ import typer
 
 from tendonff.compensator.cli.options import LevelOption, OutFolderOption, ScenarioArgument
 from tendonff.compensator.cli.progress import progress, say, warn
-from tendonff.ocp.precision import Precision
+from tendonff.ocp.codegen.precision import Precision
 
 PrefixOption = Annotated[str, typer.Option("--prefix", metavar="NAME", help="Prefix of every C name and file.")]
 
@@ -22,8 +22,8 @@ def export_c(
 ) -> None:
     """Write C99 for the controller: inverse, capstan law, table, optimal profile, and the chain for tests."""
     from tendonff.compensator.export.c_project import export_project, write_project
-    from tendonff.compensator.scenario import load_scenario
-    from tendonff.compensator.writing import atomic_directory
+    from tendonff.compensator.files.writing import atomic_directory
+    from tendonff.compensator.scenario.scenario import load_scenario
 
     loaded = load_scenario(scenario)
     with progress("exporting"), atomic_directory(out) as folder:

@@ -22,8 +22,8 @@ def export_fmu(
 ) -> None:
     """Wrap the exported C for Simulink, dSPACE or Modelica: co-simulation units with their sources."""
     from tendonff.compensator.export.fmu import build_fmu
-    from tendonff.compensator.scenario import load_scenario
-    from tendonff.compensator.writing import atomic_directory
+    from tendonff.compensator.files.writing import atomic_directory
+    from tendonff.compensator.scenario.scenario import load_scenario
 
     loaded = load_scenario(scenario)
     complete = True

@@ -8,10 +8,10 @@ import typer
 
 from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument
 from tendonff.compensator.cli.progress import progress, say, warn
-from tendonff.compensator.settings.measurement import Explain
+from tendonff.compensator.scenario.measurement import Explain
 
 if TYPE_CHECKING:
-    from tendonff.compensator.settings.measurement import Measurement
+    from tendonff.compensator.scenario.measurement import Measurement
 
 SCALED = ("time", "input", "output", "input_position", "output_position")
 
@@ -85,11 +85,11 @@ def identify(
     static_only: Annotated[bool, typer.Option("--static", help="Stop after the static stage.")] = False,
 ) -> None:
     """Fit the scenario's parameters to measured tensions (and positions) at both ends."""
-    from tendonff.compensator.files import InputError
+    from tendonff.compensator.files.reading import InputError
     from tendonff.compensator.identification.output import write_identification, write_suggestion
     from tendonff.compensator.identification.result import summary_lines
     from tendonff.compensator.identification.run import identify as identify_files
-    from tendonff.compensator.scenario import load_scenario
+    from tendonff.compensator.scenario.scenario import load_scenario
     from tendonff.models.errors import ParameterError
 
     loaded = load_scenario(scenario)
@@ -128,7 +128,7 @@ def identify(
 
 def _scaled(how: "Measurement", wishes: list[str]) -> "Measurement":
     """Put `--scale` into the table [measurement]."""
-    from tendonff.compensator.files import InputError, suggestion
+    from tendonff.compensator.files.reading import InputError, suggestion
 
     for wish in wishes:
         column, _, factor = wish.rpartition("=")

@@ -13,10 +13,10 @@ def new(
     """Write a commented scenario to start from."""
     from importlib.resources import files
 
-    from tendonff.compensator.files import InputError
-    from tendonff.compensator.writing import write_text
+    from tendonff.compensator.files.reading import InputError
+    from tendonff.compensator.files.writing import write_text
 
     if file.exists() and not force:
         raise InputError(f"{file} exists; choose another name, or replace it with --force")
-    template = files("tendonff.compensator").joinpath("templates", "scenario.toml").read_text(encoding="utf-8")
+    template = files("tendonff.compensator.scenario").joinpath("scenario.toml").read_text(encoding="utf-8")
     write_text(file, template)

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from tendonff.compensator.advance import Advance, silent
+from tendonff.compensator.files.progress import Advance, silent
 
 
 def say(message: str) -> None:
@@ -22,7 +22,7 @@ def warn(message: str) -> None:
 @functools.cache
 def _note_engine() -> None:
     """Say once where work will be slow for want of a compiler."""
-    from tendonff.ocp.compiled import Engine, resolve_engine
+    from tendonff.ocp.codegen.engine import Engine, resolve_engine
 
     if not os.environ.get("TENDONFF_ENGINE") and resolve_engine(Engine.AUTO) is Engine.CASADI:
         say("no C compiler works here: same results, several times slower; `pip install ziglang` brings one")

@@ -24,9 +24,9 @@ def simulate(
     ] = False,
 ) -> None:
     """Simulate the chain under a force file, from rest at the scenario's initial tension."""
-    from tendonff.compensator.files import InputError
-    from tendonff.compensator.scenario import load_scenario
-    from tendonff.compensator.simulation import play_force, read_force
+    from tendonff.compensator.files.reading import InputError
+    from tendonff.compensator.scenario.scenario import load_scenario
+    from tendonff.compensator.simulate.run import play_force, read_force
 
     loaded = load_scenario(scenario)
     profile = read_force(force)

@@ -36,11 +36,11 @@ def table(
     ] = None,
 ) -> None:
     """Tabulate the feedforward force over reference, branch and tension since the last reversal."""
-    from tendonff.compensator.report import write_report
-    from tendonff.compensator.scenario import load_scenario
-    from tendonff.compensator.table_files import make_tables, write_tables
-    from tendonff.compensator.table_report import table_report
-    from tendonff.compensator.writing import atomic_directory
+    from tendonff.compensator.files.writing import atomic_directory
+    from tendonff.compensator.reporting.page import write_report
+    from tendonff.compensator.scenario.scenario import load_scenario
+    from tendonff.compensator.tables.report import table_report
+    from tendonff.compensator.tables.run import make_tables, write_tables
 
     loaded = load_scenario(scenario)
     angle_axis, rate_axis = _numbers(angles, "--angles"), _numbers(rates, "--rates")

@@ -14,21 +14,21 @@ import numpy as np
 
 from tendonff.compensator.export.chain_code import controller_limits, inverse_code, plant_code
 from tendonff.compensator.export.golden import golden_vectors
-from tendonff.compensator.export.table_index import share_index
-from tendonff.compensator.files import InputError
-from tendonff.compensator.reference import Reference, largest_tension, sample_reference
-from tendonff.compensator.scenario import Scenario, scenario_hash
-from tendonff.compensator.table import FloatArray, Table
-from tendonff.compensator.table_build import BuiltTable
-from tendonff.compensator.table_files import covered_range, scenario_table
-from tendonff.compensator.writing import write_text
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.files.writing import write_text
+from tendonff.compensator.scenario.sampling import Reference, largest_tension, sample_reference
+from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
+from tendonff.compensator.tables.build import BuiltTable
+from tendonff.compensator.tables.index import share_index
+from tendonff.compensator.tables.run import covered_range, scenario_table
+from tendonff.compensator.tables.table import FloatArray, Table
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
-from tendonff.ocp.ccode import literal
-from tendonff.ocp.limits import ForceLimits
-from tendonff.ocp.precision import Precision
-from tendonff.ocp.track import track
+from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.codegen.printer import literal
+from tendonff.ocp.tracking.limits import ForceLimits
+from tendonff.ocp.tracking.track import track
 
 SOURCES = ("limits", "inverse", "capstan", "table", "profile", "plant")
 _HEADERS = ("types", "limits", "inverse", "capstan", "table_data", "table", "profile", "plant")
@@ -44,7 +44,7 @@ _KEYWORDS = frozenset(
     )
 )
 _TEMPLATES = jinja2.Environment(  # noqa: S701 - C has no markup to escape
-    loader=jinja2.PackageLoader("tendonff.compensator", "templates/c"),
+    loader=jinja2.PackageLoader("tendonff.compensator.export", "templates/c"),
     undefined=jinja2.StrictUndefined,
     keep_trailing_newline=True,
     trim_blocks=True,
@@ -324,7 +324,7 @@ def measured(precision: Precision) -> dict[str, object]:
     ----------
     precision : Precision
     """
-    text = files("tendonff.compensator").joinpath("export", "measured.json").read_text(encoding="utf-8")
+    text = files("tendonff.compensator.export").joinpath("measured.json").read_text(encoding="utf-8")
     content: dict[str, dict[str, object]] = json.loads(text)
     return content[precision]
 

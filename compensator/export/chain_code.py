@@ -4,10 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tendonff.models.chain import Chain
-from tendonff.ocp.ccode import literal
-from tendonff.ocp.compiled import LawCalls, Limits, render_template
-from tendonff.ocp.compiled_stepper import CHAIN_NAMES, chain_numbers
-from tendonff.ocp.elements import (
+from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
+from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.codegen.printer import literal
+from tendonff.ocp.step.c_engine import CHAIN_NAMES, chain_numbers
+from tendonff.ocp.step.laws import (
     end_mass,
     far_velocity,
     link_force,
@@ -20,9 +21,8 @@ from tendonff.ocp.elements import (
     path_mass_drop,
     path_mass_inverse,
 )
-from tendonff.ocp.precision import Precision
-from tendonff.ocp.scheme import BDF2_CARRY, BDF2_WEIGHT, RESIDUAL_ROUNDING, RESIDUAL_TOLERANCE_N
-from tendonff.ocp.specialise import SpecialisedLaw, Specialiser
+from tendonff.ocp.step.render import LawCalls, Limits, render_template
+from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT, RESIDUAL_ROUNDING, RESIDUAL_TOLERANCE_N
 
 _PER_END = ("mass", "damping", "stiffness")
 

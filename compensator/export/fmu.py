@@ -17,14 +17,14 @@ import numpy as np
 
 from tendonff.compensator.export.c_project import Exported, check_prefix, export_project
 from tendonff.compensator.export.kinds import FmiVersion, Kind
-from tendonff.compensator.scenario import Scenario, scenario_hash
+from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
-from tendonff.ocp.compiled import find_compiler, run_compiler
+from tendonff.ocp.codegen.compiler import find_compiler, run_compiler
 from tendonff.ocp.errors import CodeError
 
 _TEMPLATES = jinja2.Environment(  # noqa: S701 - the one place with markup escapes what it inserts
-    loader=jinja2.PackageLoader("tendonff.compensator", "templates/fmu"),
+    loader=jinja2.PackageLoader("tendonff.compensator.export", "templates/fmu"),
     undefined=jinja2.StrictUndefined,
     keep_trailing_newline=True,
     trim_blocks=True,
@@ -88,7 +88,7 @@ def build_fmu(
     sources = {name: exported.files[name] for name in compiled}
     for name in ("types", "limits", kind.value):
         sources[f"{prefix}_{name}.h"] = exported.files[f"{prefix}_{name}.h"]
-    headers = files("tendonff.compensator").joinpath("templates", "fmu", "headers")
+    headers = files("tendonff.compensator.export").joinpath("templates", "fmu", "headers")
     for name in fmi.headers:
         sources[name] = headers.joinpath(name).read_text(encoding="utf-8")
     compiled.append(wrapper)

@@ -5,15 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.compensator.reference import Reference
-from tendonff.compensator.scenario import Scenario
-from tendonff.compensator.table import FloatArray, Table, table_force
+from tendonff.compensator.scenario.sampling import Reference
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.tables.table import FloatArray, Table, table_force
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.chain import Chain
+from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.inverse import invert
-from tendonff.ocp.limits import ForceLimits
-from tendonff.ocp.precision import Precision
 from tendonff.ocp.simulate import simulate
+from tendonff.ocp.tracking.limits import ForceLimits
 
 _ROWS = 1000
 _REVERSAL_ROWS = 240

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import median_filter, percentile_filter
 
-from tendonff.compensator.files import InputError
+from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.reading import Array, Dirt, Finding, Mask, Raw, finding
 from tendonff.compensator.identification.smoothing import Quiet, find_cutoff_Hz, find_quiet, low_pass, noise_of
-from tendonff.compensator.settings.measurement import Measurement
+from tendonff.compensator.scenario.measurement import Measurement
 
 SHORT_GAP_ROWS = 10
 """A gap of at most so many rows is bridged by a straight line, a longer one by a polynomial over both sides."""

@@ -5,14 +5,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.compensator.identification.chain_task import ChainTask, Run, runs_of, spans_of
 from tendonff.compensator.identification.cleaning import Record
+from tendonff.compensator.identification.residuals import ChainTask, Run, runs_of, spans_of
 from tendonff.compensator.identification.smoothing import low_pass
 from tendonff.compensator.identification.static import SIMPLER_WITHIN, FileError
 from tendonff.models.fidelity import Level
-from tendonff.models.transmission import Transmission
-from tendonff.ocp.fit_dynamic import ChainModel, DynamicParameter
-from tendonff.ocp.least_squares import Solution, Unknown, block_covariance, solve
+from tendonff.models.parameters import Transmission
+from tendonff.ocp.fits.chain import ChainModel, DynamicParameter
+from tendonff.ocp.fits.least_squares import Solution, Unknown, block_covariance, solve
 
 D = DynamicParameter
 

@@ -8,8 +8,17 @@ import numpy as np
 from tendonff.compensator.identification.reading import Array
 from tendonff.compensator.identification.result import Curve, Identification
 from tendonff.compensator.identification.suggest import Excitation
-from tendonff.compensator.plots import BLUE, GREY, INK, ORANGE, VERMILION, figure_style, new_figure, save_figure
-from tendonff.compensator.settings.measurement import Explain
+from tendonff.compensator.reporting.plots import (
+    BLUE,
+    GREY,
+    INK,
+    ORANGE,
+    VERMILION,
+    figure_style,
+    new_figure,
+    save_figure,
+)
+from tendonff.compensator.scenario.measurement import Explain
 
 MOST_PANELS = 4
 MOST_POINTS = 4000

@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from tendonff.compensator.files.writing import atomic_directory, write_csv, write_json, write_text
 from tendonff.compensator.identification.figures import draw, draw_suggestion
 from tendonff.compensator.identification.report import identification_report
 from tendonff.compensator.identification.result import Identification
 from tendonff.compensator.identification.suggest import Excitation, suggest
-from tendonff.compensator.report import write_report
-from tendonff.compensator.scenario import Scenario, scenario_to_toml
-from tendonff.compensator.writing import atomic_directory, write_csv, write_json, write_text
+from tendonff.compensator.reporting.page import write_report
+from tendonff.compensator.scenario.scenario import Scenario, scenario_to_toml
 
 
 def write_identification(found: Identification, folder: Path, inputs: Sequence[Path] = ()) -> None:

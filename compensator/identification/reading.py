@@ -10,9 +10,9 @@ from typing import IO
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.compensator.files import InputError, nearest_column, open_text
+from tendonff.compensator.files.reading import InputError, nearest_column, open_text
 from tendonff.compensator.identification.onset import switched_on_s
-from tendonff.compensator.settings.measurement import Measurement
+from tendonff.compensator.scenario.measurement import Measurement
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

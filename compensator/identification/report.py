@@ -6,8 +6,8 @@ from dataclasses import fields
 from pathlib import Path
 
 from tendonff.compensator.identification.result import Identification
-from tendonff.compensator.report import Block, FileNote, PictureFile, Provenance, Report, Section, Table, Text
-from tendonff.compensator.settings.measurement import Measurement
+from tendonff.compensator.reporting.page import Block, FileNote, PictureFile, Provenance, Report, Section, Table, Text
+from tendonff.compensator.scenario.measurement import Measurement
 
 _CAPTIONS = {
     "time": "What was measured, and what the law makes of it.",

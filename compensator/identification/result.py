@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from tendonff.compensator.identification.gross import GrossRatio
 from tendonff.compensator.identification.reading import Array, Finding
+from tendonff.compensator.identification.sliding_ratio import GrossRatio
 from tendonff.compensator.identification.static import FileError
-from tendonff.compensator.scenario import Scenario
-from tendonff.compensator.settings.measurement import Explain
+from tendonff.compensator.scenario.measurement import Explain
+from tendonff.compensator.scenario.scenario import Scenario
 
 POOR_PERCENT = 10.0
 """A law that leaves more than this share of the range does not describe the device."""

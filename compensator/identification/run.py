@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from tendonff.compensator.files import InputError
+from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification import dynamic, tendon
-from tendonff.compensator.identification.answers import dynamic_answer, static_answer
-from tendonff.compensator.identification.chain_task import runs_of
 from tendonff.compensator.identification.cleaning import Record, clean
-from tendonff.compensator.identification.gross import GrossRatio, gross_ratios
+from tendonff.compensator.identification.estimates import dynamic_answer, static_answer
+from tendonff.compensator.identification.identifiability import circumstances
+from tendonff.compensator.identification.model_selection import StaticStage, choose_explain, static_stage
 from tendonff.compensator.identification.reading import Dirt, read_measurement
-from tendonff.compensator.identification.reasons import circumstances
+from tendonff.compensator.identification.residuals import runs_of
 from tendonff.compensator.identification.result import (
     POOR_PERCENT,
     Curve,
@@ -21,15 +21,15 @@ from tendonff.compensator.identification.result import (
     Identification,
     Law,
 )
+from tendonff.compensator.identification.sliding_ratio import GrossRatio, gross_ratios
 from tendonff.compensator.identification.smoothing import low_pass
-from tendonff.compensator.identification.stages import StaticStage, choose_explain, static_stage
 from tendonff.compensator.identification.static import FileError, errors_of, middle_of, pooled_percent, respond
 from tendonff.compensator.identification.units import magnitude_warning, unit_warnings
-from tendonff.compensator.scenario import Scenario
+from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.fit_dynamic import DynamicParameter
-from tendonff.ocp.fit_static import StaticParameter
+from tendonff.ocp.fits.chain import DynamicParameter
+from tendonff.ocp.fits.static import StaticParameter
 
 P, D = StaticParameter, DynamicParameter
 

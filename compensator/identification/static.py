@@ -7,9 +7,9 @@ import numpy as np
 
 from tendonff.compensator.identification.cleaning import Piece, Record
 from tendonff.compensator.identification.reading import Array, Mask
-from tendonff.compensator.settings.measurement import Explain
-from tendonff.ocp.fit_static import NEUTRAL, ORDER, Response, StaticParameter, input_from_output, output_from_input
-from tendonff.ocp.least_squares import Residuals, Solution, Unknown, solve
+from tendonff.compensator.scenario.measurement import Explain
+from tendonff.ocp.fits.least_squares import Residuals, Solution, Unknown, solve
+from tendonff.ocp.fits.static import NEUTRAL, ORDER, Response, StaticParameter, input_from_output, output_from_input
 
 ROBUST_UNIT = 0.03
 """Residuals beyond this share of the range count linearly instead of squared."""

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.compensator.files import InputError
+from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.reading import Array
-from tendonff.compensator.scenario import Scenario
+from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import CapstanLaw
 
 ROW_S = 0.005

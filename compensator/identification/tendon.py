@@ -9,10 +9,10 @@ from tendonff.compensator.identification.cleaning import Piece, Record
 from tendonff.compensator.identification.reading import Array, Mask
 from tendonff.compensator.identification.static import BLOCKS_WANTED
 from tendonff.models.capstan import CapstanLaw
-from tendonff.models.transmission import Tendon
-from tendonff.ocp.fit_static import StaticParameter
-from tendonff.ocp.fit_tendon import TENDON_PARAMETERS, elongation
-from tendonff.ocp.least_squares import Residuals, Solution, Unknown, solve
+from tendonff.models.parameters import Tendon
+from tendonff.ocp.fits.elongation import TENDON_PARAMETERS, elongation
+from tendonff.ocp.fits.least_squares import Residuals, Solution, Unknown, solve
+from tendonff.ocp.fits.static import StaticParameter
 
 PROFILE_POINTS = 9
 EXPLAINED_ENOUGH = 0.8

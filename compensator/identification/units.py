@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 
-from tendonff.compensator.settings.measurement import Measurement
+from tendonff.compensator.scenario.measurement import Measurement
 
 _FORCES = ("Nm", "mNm", "kN", "mN", "lbf", "lb", "kg", "V", "mV", "mA")
 _LENGTHS = ("rad", "deg", "mm", "cm", "um", "counts")

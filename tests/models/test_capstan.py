@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.errors import ParameterError
-from tendonff.models.transmission import Transmission
+from tendonff.models.parameters import Transmission
 
 LAW = CapstanLaw(pull_exponent=0.62, release_exponent=0.45, adhesion_N=0.5)
 histories = st.lists(st.floats(0.0, 150.0), min_size=2, max_size=40).map(np.array)

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tendonff.models.elements import equivalent_coefficient
 from tendonff.models.friction import BristleParameters, bristle_rate, implicit_bristle, stribeck_coefficient
-from tendonff.models.transmission import equivalent_coefficient
 
 BRISTLE = BristleParameters(
     bristle_stiffness_N_per_m=2e5,

@@ -10,7 +10,14 @@ from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.interop import as_iosystem, linear_system, link_impedance, output_names, state_names
 from tendonff.models.link import LinkParameters
-from tendonff.models.transmission import Actuator, Friction, Load, Path, Tendon, Transmission
+from tendonff.models.parameters import (
+    Actuator,
+    Friction,
+    Load,
+    Path,
+    Tendon,
+    Transmission,
+)
 from tendonff.ocp.simulate import simulate
 
 FINGER = Transmission(

@@ -9,7 +9,7 @@ import pytest
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
-from tendonff.models.transmission import Transmission
+from tendonff.models.parameters import Transmission
 from tendonff.ocp.batch import Done, SimulationJob, run_jobs, run_simulation, simulate_batch
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import Simulation, simulate

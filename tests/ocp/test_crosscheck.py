@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
-from tendonff.models.transmission import Transmission
+from tendonff.models.parameters import Transmission
 from tendonff.ocp.crosscheck import Adaptive, AdaptiveIntegrator, StepHalving, check_adaptive, check_step
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import simulate

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
-from tendonff.models.transmission import Transmission
-from tendonff.ocp.compiled import Engine
+from tendonff.models.parameters import Transmission
+from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.inverse import InverseStatus, invert
 from tendonff.ocp.simulate import simulate
 

@@ -5,10 +5,12 @@ import pytest
 from numpy.typing import NDArray
 
 from tendonff.models.chain import Chain
+from tendonff.models.elements import whole_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
-from tendonff.models.transmission import Transmission
-from tendonff.ocp.compiled import Engine, find_compiler
+from tendonff.models.parameters import Transmission
+from tendonff.ocp.codegen.compiler import find_compiler
+from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.sensitivity import Links, Parameter, force_sensitivity, parameter_sensitivity
 from tendonff.ocp.simulate import simulate
@@ -65,7 +67,7 @@ def test_a_window_forgets_old_knots_and_nothing_else(generic: Transmission) -> N
 
 @pytest.mark.parametrize("parameter", Parameter)
 def test_parameter_sensitivity_is_the_slope_of_central_differences(generic: Transmission, parameter: Parameter) -> None:
-    whole = generic.whole(Level.PRESLIDING)
+    whole = whole_of(generic, Level.PRESLIDING)
     chain = Chain.of(generic, Level.PRESLIDING, 3)
     found = parameter_sensitivity(whole, chain, force(), STEP, (parameter,), initial_tension_N=30.0, links=Links.ALL)
     assert found.ends_slopes is not None
@@ -115,7 +117,7 @@ def test_without_a_compiler_the_slopes_over_forces_are_the_same(
 
 
 def test_without_a_compiler_the_slopes_over_parameters_are_the_same(generic: Transmission) -> None:
-    chain, whole = Chain.of(generic, Level.PRESLIDING, 3), generic.whole(Level.PRESLIDING)
+    chain, whole = Chain.of(generic, Level.PRESLIDING, 3), whole_of(generic, Level.PRESLIDING)
     ours, theirs = (
         parameter_sensitivity(
             whole, chain, force(), STEP, tuple(Parameter), initial_tension_N=30.0, links=Links.ALL, engine=engine

@@ -11,11 +11,12 @@ from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
-from tendonff.models.transmission import Transmission
-from tendonff.ocp import compiled_stepper
-from tendonff.ocp.compiled import Engine, load_library
+from tendonff.models.parameters import Transmission
+from tendonff.ocp.codegen.compiler import load_library
+from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import Outcome, Simulator, chunks, force_inputs, simulate
+from tendonff.ocp.step import c_engine
 
 Array = NDArray[np.float64]
 STEP = 1e-3
@@ -323,12 +324,12 @@ def test_an_ordinary_run_costs_little_more_than_two_back_substitutions_a_step(
 def test_an_ordinary_run_makes_one_matrix_a_step(generic: Transmission, monkeypatch: pytest.MonkeyPatch) -> None:
     """Counted where the generated code factorises: what makes a step cheap is that only a hard one needs more."""
     head = "static void tff_factorise(tff_work *w, int n)\n{"
-    source = compiled_stepper._source(stribeck=True)
+    source = c_engine._source(stribeck=True)
     assert source.count(head) == 1
     counted = source.replace(head, f"static long made;\nlong tff_made(void) {{ return made; }}\n{head}\n    made++;")
     library = load_library(counted)
     library.tff_run.restype = library.tff_made.restype = ctypes.c_long
-    monkeypatch.setattr(compiled_stepper, "_library_of", lambda _chain: library)
+    monkeypatch.setattr(c_engine, "_library_of", lambda _chain: library)
     chain = Chain.of(generic, Level.PRESLIDING, 40)
     run = simulate(chain, wave(np.arange(0.0, 2.0, STEP)), STEP, engine=Engine.COMPILED).require()
     assert 0.9 * len(run.time_s) < library.tff_made() < 1.1 * len(run.time_s)

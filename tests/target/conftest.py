@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.export.c_project import export_project, write_project
-from tendonff.compensator.reference import sample_reference
-from tendonff.compensator.scenario import Scenario, load_scenario
+from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 from tendonff.models.chain import Chain
+from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.inverse import invert
-from tendonff.ocp.precision import Precision
 
 HERE = Path(__file__).parent
 MODULES = ("limits", "inverse", "capstan", "table", "plant")

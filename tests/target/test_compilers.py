@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tendonff.ocp.precision import Precision
+from tendonff.ocp.codegen.precision import Precision
 
 STRICT = ("-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror", "-O2")
 LANGUAGES = {

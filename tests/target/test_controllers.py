@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tendonff.ocp.precision import Precision
+from tendonff.ocp.codegen.precision import Precision
 
 CEILINGS = {"inverse": 3000, "capstan": 200, "table": 200, "plant": 120_000}
 HOST_CEILINGS = {"inverse": 1500, "capstan": 200, "table": 200}
@@ -72,7 +72,7 @@ def test_no_call_of_the_table_passes_its_ceiling_on_the_host(toolbox, exported, 
 
 def test_the_figures_in_the_readme_are_those_measured(toolbox, exported, course, tmp_path):
     """Within a fifth, for compilers differ; TENDONFF_UPDATE_MEASURED=path writes the file anew."""
-    stored = json.loads(files("tendonff.compensator").joinpath("export", "measured.json").read_text(encoding="utf-8"))
+    stored = json.loads(files("tendonff.compensator.export").joinpath("measured.json").read_text(encoding="utf-8"))
     fresh: dict[str, dict[str, object]] = {}
     for precision in Precision:
         fresh[precision] = {"note": ", GCC 12.2", "calls": len(course("finger")), "rows": []}

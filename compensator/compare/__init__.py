@@ -1,0 +1,1 @@
+"""`tendonff compare`: fidelity levels against each other and the capstan law."""

@@ -1,0 +1,152 @@
+"""Figures of a comparison: the matrix, the errors over time, loops and holds, the small-signal response."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+
+from tendonff.compensator.compare.run import CAPSTAN_PLANT, Comparison, Entry, plants
+from tendonff.compensator.compensators.base import Compensator
+from tendonff.compensator.design.figures import thinned
+from tendonff.compensator.reporting.frequency import bode_figure
+from tendonff.compensator.reporting.plots import BLUE, GREEN, INK, PAGE_WIDTH_IN, VERMILION, figure_style, new_figure
+from tendonff.models.chain import Chain
+from tendonff.models.fidelity import Level
+from tendonff.models.interop import linear_system
+
+LEVEL_COLOURS = {"elastic": BLUE, "viscoelastic": VERMILION, "presliding": GREEN, CAPSTAN_PLANT: INK}
+LEVEL_STYLES = {"elastic": "-", "viscoelastic": "--", "presliding": "-.", CAPSTAN_PLANT: ":"}
+
+
+def compare_figures(result: Comparison) -> dict[str, Figure]:
+    """All figures of a comparison by file name.
+
+    Parameters
+    ----------
+    result : Comparison
+    """
+    with figure_style():
+        return {
+            "matrix": matrix_figure(result),
+            "errors": errors_figure(result),
+            "levels": levels_figure(result),
+            "bode": small_signal_figure(result),
+        }
+
+
+def matrix_rows(result: Comparison) -> list[tuple[str, list[Entry]]]:
+    """Rows of the matrix by label, without the repetitions of what does not depend on the design level.
+
+    Parameters
+    ----------
+    result : Comparison
+    """
+    first = next(iter(Level))
+    rows = []
+    for compensator in Compensator:
+        fixed = compensator in (Compensator.NONE, Compensator.CAPSTAN)
+        for level in (first,) if fixed else tuple(Level):
+            label = compensator.value if fixed else f"{compensator}, {level}"
+            rows.append((label, [result.entry(compensator, level, plant) for plant in plants()]))
+    return rows
+
+
+def matrix_figure(result: Comparison) -> Figure:
+    """Error of every design on every plant, as numbers on colours.
+
+    Parameters
+    ----------
+    result : Comparison
+    """
+    rows = matrix_rows(result)
+    values = np.array([[entry.rmse_percent_of_range for entry in row] for _, row in rows])
+    shown = np.clip(values, 0.01, 100.0)
+    figure, axes = new_figure(width_in=PAGE_WIDTH_IN, height_in=0.36 * len(rows) + 0.9)
+    panel = axes[0, 0]
+    image = panel.imshow(shown, norm=LogNorm(0.01, 100.0), cmap="cividis_r", aspect="auto")
+    panel.set_xticks(range(len(plants())), plants())
+    panel.set_yticks(range(len(rows)), [label for label, _ in rows])
+    panel.set(xlabel="plant", ylabel="design", title="Error, % of range rms (± spread over step and tolerance)")
+    panel.grid(False)
+    panel.tick_params(length=0)
+    for i, (_, row) in enumerate(rows):
+        for j, entry in enumerate(row):
+            dark = shown[i, j] > 1.5
+            panel.text(j, i, cell_text(entry), ha="center", va="center", fontsize=8, color="white" if dark else INK)
+    colour_bar = figure.colorbar(image, ax=panel, shrink=0.9)
+    colour_bar.set_ticks([0.01, 0.1, 1, 10, 100], labels=["≤ 0.01", "0.1", "1", "10", "100"])
+    return figure
+
+
+def cell_text(entry: Entry) -> str:
+    """Error and, where it matters, spread of a cell [% of range].
+
+    Parameters
+    ----------
+    entry : Entry
+    """
+    value, spread = entry.rmse_percent_of_range, entry.spread_percent_of_range
+    text = f"{value:.2g}" if value >= 0.01 else "< 0.01"
+    return f"{text} ± {spread:.1g}" if spread >= max(0.005, 0.01 * value) else text
+
+
+def errors_figure(result: Comparison) -> Figure:
+    """Error over time of the exact inverse designed on each level, on the most detailed plant.
+
+    Parameters
+    ----------
+    result : Comparison
+    """
+    reference, plant = result.reference, Level.PRESLIDING.value
+    rows = thinned(len(reference.time_s))
+    figure, axes = new_figure(2, 1, share_x=True, height_in=4.4)
+    axes[0, 0].plot(reference.time_s[rows], reference.tension_N[rows], color=INK, label="wanted")
+    for level in Level:
+        error = result.outputs_N[Compensator.INVERSE, level, plant] - reference.tension_N
+        style: dict[str, Any] = {"color": LEVEL_COLOURS[level], "linestyle": LEVEL_STYLES[level]}
+        axes[1, 0].plot(reference.time_s[rows], error[rows], label=f"designed on {level}", **style)
+    static = result.outputs_N[Compensator.CAPSTAN, next(iter(Level)), plant] - reference.tension_N
+    axes[1, 0].plot(reference.time_s[rows], static[rows], color="0.55", linewidth=0.9, label="static capstan law")
+    axes[0, 0].set(ylabel="wanted tension [N]")
+    axes[1, 0].set(ylabel="error [N]", xlabel="time [s]", title=f"Error on the {plant} plant")
+    figure.legend(*axes[1, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    return figure
+
+
+def levels_figure(result: Comparison) -> Figure:
+    """What the levels do differently: the loop, and the tension in a hold.
+
+    Parameters
+    ----------
+    result : Comparison
+    """
+    figure, axes = new_figure(1, 2, height_in=3.2)
+    loop, hold = axes[0]
+    for name, traits in result.traits.items():
+        style: dict[str, Any] = {"color": LEVEL_COLOURS[name], "linestyle": LEVEL_STYLES[name]}
+        rows = thinned(len(traits.force_N))
+        loop.plot(traits.force_N[rows], traits.output_N[rows], label=name, **style)
+        rows = thinned(len(traits.hold_time_s))
+        hold.plot(traits.hold_time_s[rows], 100 * traits.hold_input_N[rows] / traits.hold_input_N[0], **style)
+    loop.set(xlabel="actuator force [N]", ylabel="output tension [N]", title="Loop")
+    hold.set(xlabel="time held [s]", ylabel="tension at the actuator [%]", title="Actuator's position held")
+    figure.legend(*loop.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    return figure
+
+
+def small_signal_figure(result: Comparison) -> Figure:
+    """Small changes of the force around rest, where the tendon sticks: Bode plot from force to output tension.
+
+    Parameters
+    ----------
+    result : Comparison
+    """
+    transmission, start = result.scenario.transmission, result.reference.initial_tension_N
+    systems = {}
+    for level in Level:
+        chain = Chain.of(transmission, level)
+        systems[level.value] = linear_system(chain, chain.rest_state(start))[chain.count, 0]
+    figure = bode_figure(systems, np.geomspace(0.1, 1000, 400), ylabel="output tension / force [-]")
+    figure.axes[0].set_title("Small changes around rest: the tendon sticks")
+    return figure

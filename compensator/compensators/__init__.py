@@ -1,0 +1,1 @@
+"""Ways from a desired tension to a force."""

@@ -1,0 +1,1 @@
+"""`tendonff design`: the force profile, and what it delivers."""

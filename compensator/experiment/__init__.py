@@ -1,0 +1,1 @@
+"""`tendonff experiment`: the paper's ten-state test on two motors."""

@@ -1,0 +1,375 @@
+"""What the two-motor test shows, as numbers.
+
+The paper prints pictures of this test and no numbers, so there is nothing to compare these with but the static law and
+the models among themselves.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from tendonff.compensator.experiment.machine import StatePass
+from tendonff.compensator.experiment.run import SECTIONS, ExperimentResult, ExperimentRun
+from tendonff.compensator.scenario.experiment import MotorMode
+
+_BREAKAWAY = (0.05, 0.5)
+_LEAST_CHANGE = 0.01  # of range: an output that changes less has no transient to speak of
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Relaxation:
+    """Change of the held end's tension during a hold.
+
+    Parameters
+    ----------
+    change_N, change_percent_of_range : float
+        Tension at the end of the hold minus tension at its start.
+    """
+
+    change_N: float
+    change_percent_of_range: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Transient:
+    """How the far motor's end follows when the tendon reverses.
+
+    Parameters
+    ----------
+    change_N : float
+        Change of the output tension over the state: of the end whose motor loads.
+    width_s : float
+        Time from 5 % to 50 % of that change: how gradually the output breaks away; the rest is slip on all levels.
+    max_slope_N_per_s : float
+        Largest rate of the output tension.
+    """
+
+    change_N: float
+    width_s: float
+    max_slope_N_per_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Switch:
+    """How smoothly a motor changed its mode.
+
+    Parameters
+    ----------
+    into : str
+        The state that began.
+    tension_step_percent_of_range : float
+        Departure of any tension, one step after the switch, from the straight line through the two rows before.
+    force_step_percent_of_range : float
+        Jump of a motor's pull at the switch.
+    """
+
+    into: str
+    tension_step_percent_of_range: float
+    force_step_percent_of_range: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlipProfile:
+    """The profile along the path in one-way slip, when a ramp ends, against e^{mu theta}.
+
+    Parameters
+    ----------
+    exponent_over_law : float
+        ln of the ratio of the end tensions (plus adhesion) over mu theta; 1 is the static law.
+    profile_deviation_percent : float
+        Largest departure of ln T along the path from a line of the law's slope, in % of mu theta.
+    """
+
+    exponent_over_law: float
+    profile_deviation_percent: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Refinement:
+    """Difference between the path's own number of masses and a larger one, over seven tensions and all rows.
+
+    Parameters
+    ----------
+    segments, fine_segments : int
+    rms_percent_of_range, max_percent_of_range : float
+    """
+
+    segments: int
+    fine_segments: int
+    rms_percent_of_range: float
+    max_percent_of_range: float
+
+
+def percent_of(value: float, range_N: float) -> float:
+    """`value` in % of a range, 0 where the range is 0."""
+    return 100 * value / range_N if range_N > 0 else 0.0
+
+
+def holds(run: ExperimentRun) -> Iterator[tuple[StatePass, int]]:
+    """States in which a motor holds its position, and its index.
+
+    Parameters
+    ----------
+    run : ExperimentRun
+    """
+    for done in run.passes:
+        for motor in (0, 1):
+            if done.state.modes[motor] is MotorMode.HOLD and not any(done.state.rates):
+                yield done, motor
+
+
+def sliding_direction(done: StatePass) -> int:
+    """Direction in which the commands of a state move the tendon: 1 to motor 1, -1 to motor 2, 0 neither.
+
+    Parameters
+    ----------
+    done : StatePass
+    """
+    return int(np.sign(done.state.rates[0]) - np.sign(done.state.rates[1]))
+
+
+def reversals(run: ExperimentRun) -> list[StatePass]:
+    """States in which the tendon is moved the other way than in the last one that moved it.
+
+    Parameters
+    ----------
+    run : ExperimentRun
+    """
+    moving = [done for done in run.passes if sliding_direction(done) != 0]
+    return [now for before, now in pairwise(moving) if sliding_direction(now) * sliding_direction(before) < 0]
+
+
+def driven_motor(done: StatePass) -> int:
+    """Index of the motor whose command moves; the other end is the output.
+
+    Parameters
+    ----------
+    done : StatePass
+    """
+    return 0 if done.state.rates[0] != 0 else 1
+
+
+def relaxation(run: ExperimentRun) -> dict[str, Relaxation]:
+    """Tension change in each hold, by state.
+
+    Parameters
+    ----------
+    run : ExperimentRun
+    """
+    found = {}
+    for done, motor in holds(run):
+        end = run.link_tension_N[:, -motor]  # column 0 for motor 1, -1 for motor 2
+        change = float(end[done.last_row] - end[done.first_row])
+        found[done.state.name] = Relaxation(change_N=change, change_percent_of_range=percent_of(change, run.range_N))
+    return found
+
+
+def transient(run: ExperimentRun, done: StatePass) -> Transient | None:
+    """Course of the output tension in a state; None where the output hardly changes.
+
+    Parameters
+    ----------
+    run : ExperimentRun
+    done : StatePass
+    """
+    rows = slice(done.first_row, done.last_row + 1)
+    output = run.link_tension_N[rows, -1 if driven_motor(done) == 0 else 0]
+    change = float(output[-1] - output[0])
+    if abs(change) < _LEAST_CHANGE * run.range_N:
+        return None
+    step = float(run.time_s[1] - run.time_s[0])
+    share = (output - output[0]) / change
+    first, last = (int(np.argmax(share >= level)) for level in _BREAKAWAY)
+    return Transient(
+        change_N=change,
+        width_s=round((last - first) * step, 12),
+        max_slope_N_per_s=float(np.abs(np.diff(output)).max()) / step,
+    )
+
+
+def switches(run: ExperimentRun) -> list[Switch]:
+    """Every change of a motor's mode.
+
+    Parameters
+    ----------
+    run : ExperimentRun
+    """
+    found = []
+    for index, (before, after) in enumerate(pairwise(run.passes), start=1):
+        if before.state.modes != after.state.modes:
+            k, f = after.first_row, run.link_tension_N
+            step = float(np.abs(f[k + 1] - 2 * f[k] + f[k - 1]).max())
+            jump = float(np.abs(run.force_jump_N[index]).max())
+            found.append(
+                Switch(
+                    into=after.state.name,
+                    tension_step_percent_of_range=percent_of(step, run.range_N),
+                    force_step_percent_of_range=percent_of(jump, run.range_N),
+                )
+            )
+    return found
+
+
+def slip_profiles(run: ExperimentRun) -> dict[str, SlipProfile]:
+    """Profiles at the ends of ramps, in states in which every mass then slides one way.
+
+    With Stribeck friction the law is a band between the dynamic and the static coefficient.
+
+    Parameters
+    ----------
+    run : ExperimentRun
+    """
+    friction, total_angle_rad = run.transmission.friction, run.transmission.path.total_angle_rad
+    found = {}
+    for done in run.passes:
+        direction, k = sliding_direction(done), done.stop_row
+        v = run.velocity_m_per_s[k] * direction
+        if direction == 0 or not v.min() > 0.1 * v.max() or total_angle_rad == 0:
+            continue
+        lifted = np.log(run.link_tension_N[k] + friction.adhesion_N)
+        drop = (lifted[0] - lifted) * direction
+        if direction > 0:
+            low, high = friction.mu_dynamic, friction.mu_static
+        else:
+            low, high = friction.release_dynamic, friction.release_static
+        if low == 0:
+            continue
+        angle = np.linspace(0, total_angle_rad, len(drop))
+        off = np.maximum(np.maximum(low * angle - drop, drop - high * angle), 0)
+        found[done.state.name] = SlipProfile(
+            exponent_over_law=float(drop[-1] / (low * total_angle_rad)),
+            profile_deviation_percent=100 * float(off.max()) / (low * total_angle_rad),
+        )
+    return found
+
+
+def steepest_gradient(run: ExperimentRun) -> float:
+    """Largest abs(d ln(T + p)/d theta) over mu of its direction, over all links and rows; at most 1 by the static law.
+
+    Parameters
+    ----------
+    run : ExperimentRun
+    """
+    friction, total_angle_rad = run.transmission.friction, run.transmission.path.total_angle_rad
+    lifted = np.log(np.maximum(run.link_tension_N + friction.adhesion_N, 1e-12))
+    drop = lifted[:, :-1] - lifted[:, 1:]
+    phi = total_angle_rad / drop.shape[1]
+    bounds = friction.mu_static * phi, friction.release_static * phi
+    if min(bounds) <= 0:
+        return 0.0
+    return float(max(drop.max() / bounds[0], -drop.min() / bounds[1]))
+
+
+def refinement(coarse: ExperimentRun, fine: ExperimentRun) -> Refinement:
+    """Difference of two runs of the same schedule.
+
+    Parameters
+    ----------
+    coarse, fine : ExperimentRun
+    """
+    off = fine.tension_N - coarse.tension_N
+    return Refinement(
+        segments=coarse.link_tension_N.shape[1] - 1,
+        fine_segments=fine.link_tension_N.shape[1] - 1,
+        rms_percent_of_range=percent_of(math.sqrt(float((off**2).mean())), coarse.range_N),
+        max_percent_of_range=percent_of(float(np.abs(off).max()), coarse.range_N),
+    )
+
+
+def warnings_of(result: ExperimentResult) -> list[str]:
+    """What the user should know about the test.
+
+    Parameters
+    ----------
+    result : ExperimentResult
+    """
+    lead = result.runs[result.lead]
+    notes = [
+        f"{done.state.name} ended after {done.state.at_most_s:g} s without {done.state.until}: give it more time"
+        for done in lead.passes
+        if done.state.until is not None and not done.met
+    ]
+    actuator = lead.transmission.actuator
+    for level, run in result.runs.items():
+        if float(run.link_tension_N.min()) <= 0:
+            row = int(np.argmax((run.link_tension_N <= 0).any(axis=1)))
+            notes.append(
+                f"{level}: the tendon goes slack in {run.state_names()[row]} at t = {run.time_s[row]:.4g} s: "
+                "raise low_tension_N"
+            )
+        most = float(run.force_N.max())
+        if most > actuator.force_max_N * (1 + 1e-9):
+            notes.append(f"{level}: a motor needs {most:.4g} N, force_max_N is {actuator.force_max_N:g}")
+    notes += [
+        f"{done.state.name}: the reversal does not reach the other end on level {level}; lower low_tension_N"
+        for level, run in result.runs.items()
+        for done in reversals(run)
+        if transient(run, done) is None
+    ]
+    return notes
+
+
+def summary_of(result: ExperimentResult, name: str) -> dict[str, object]:
+    """Contents of `summary.json`.
+
+    Parameters
+    ----------
+    result : ExperimentResult
+    name : str
+        Name of the scenario.
+    """
+    lead = result.runs[result.lead]
+    per_level = {
+        level: {
+            "range_N": run.range_N,
+            "relaxation": {state: asdict(value) for state, value in relaxation(run).items()},
+            "transient": {
+                done.state.name: asdict(value) for done in reversals(run) if (value := transient(run, done)) is not None
+            },
+            "switches": [asdict(value) for value in switches(run)],
+            "slip_profile": {state: asdict(value) for state, value in slip_profiles(run).items()},
+            "steepest_gradient_over_mu": steepest_gradient(run),
+        }
+        for level, run in result.runs.items()
+    }
+    steps = [value for run in result.runs.values() for value in switches(run)]
+    return {
+        "schema": 1,
+        "scenario": name,
+        "level_of_the_machine": result.lead,
+        "note": (
+            "The paper shows this test in pictures and prints no numbers; its Fig. 7 cannot be read, so the states are "
+            "chosen. All levels receive the schedule of the machine's level."
+        ),
+        "states": [
+            {
+                "state": done.state.name,
+                "purpose": done.state.purpose,
+                "motor_1": done.state.modes[0],
+                "motor_2": done.state.modes[1],
+                "start_s": round(float(lead.time_s[done.first_row]), 9),
+                "end_s": round(float(lead.time_s[done.last_row]), 9),
+                "ended_by": str(done.state.until) if done.met else "time",
+            }
+            for done in lead.passes
+        ],
+        "levels": per_level,
+        "bumpless": {
+            "largest_tension_step_percent_of_range": max(
+                (value.tension_step_percent_of_range for value in steps), default=0.0
+            ),
+            "largest_force_step_percent_of_range": max(
+                (value.force_step_percent_of_range for value in steps), default=0.0
+            ),
+        },
+        "quasi_static_elastic": {
+            "bristle_stiffness_factor": result.quasi_static_factor,
+            "steepest_gradient_over_mu": steepest_gradient(result.quasi_static),
+        },
+        "refinement": asdict(refinement(lead, result.fine)),
+        "sections": SECTIONS,
+        "warnings": warnings_of(result),
+    }

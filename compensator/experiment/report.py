@@ -1,0 +1,138 @@
+"""The report of the two-motor test: what the three models show, in one page."""
+
+from matplotlib.figure import Figure
+
+from tendonff.compensator.experiment.numbers import (
+    percent_of,
+    refinement,
+    relaxation,
+    reversals,
+    slip_profiles,
+    steepest_gradient,
+    switches,
+    transient,
+    warnings_of,
+)
+from tendonff.compensator.experiment.run import ExperimentResult
+from tendonff.compensator.reporting.page import FileNote, Picture, Provenance, Report, Section, Table, Text
+from tendonff.compensator.scenario.scenario import Scenario
+
+_CAPTIONS = {
+    "experiment_tensions": "Seven tensions along the path; the states are shaded and named.",
+    "experiment_distribution": "Tension over time and angle on the machine's level.",
+    "experiment_details": "Holds and reversals on the three models: relaxation, and how smooth the transient is.",
+    "experiment_hysteresis": "Tension at each motor over the elongation of the tendon.",
+}
+_NOTE = (
+    "The paper shows this test in pictures and prints no numbers, and its state diagram cannot be read: the ten states "
+    "are chosen here, and all models receive the schedule of the machine's level."
+)
+
+
+def experiment_report(result: ExperimentResult, scenario: Scenario, figures: dict[str, Figure]) -> Report:
+    """The page of an experiment.
+
+    Parameters
+    ----------
+    result : ExperimentResult
+    scenario : Scenario
+    figures : dict of str to Figure
+        From `experiment_figures.experiment_figures`.
+    """
+    pictures = {name: Picture(figure=figure, caption=_CAPTIONS[name]) for name, figure in figures.items()}
+    holds = Table(
+        caption="Tension change of the held end during a hold [N]",
+        columns=("level", *relaxation(result.runs[result.lead])),
+        rows=tuple(
+            (level.value, *(value.change_N for value in relaxation(run).values())) for level, run in result.runs.items()
+        ),
+    )
+    transients = Table(
+        caption="Reversals: width of the transient (5 to 50 % of the change) and largest slope of the output",
+        columns=("level", "state", "width [s]", "slope [N/s]"),
+        rows=tuple(
+            (level.value, done.state.name, value.width_s, value.max_slope_N_per_s)
+            for level, run in result.runs.items()
+            for done in reversals(run)
+            if (value := transient(run, done)) is not None
+        ),
+    )
+    gradients = Table(
+        caption="Largest gradient of ln T along the path over mu; the static law allows 1",
+        columns=("model", "gradient/mu"),
+        rows=(
+            *((level.value, steepest_gradient(run)) for level, run in result.runs.items()),
+            ("quasi-static elastic", steepest_gradient(result.quasi_static)),
+        ),
+        digits=4,
+    )
+    finer = refinement(result.runs[result.lead], result.fine)
+    step = max(
+        (value.tension_step_percent_of_range for run in result.runs.values() for value in switches(run)), default=0.0
+    )
+    slips = sum(len(slip_profiles(run)) for run in result.runs.values())
+    return Report(
+        title=f"Two-motor test: {scenario.name}",
+        summary=_summary(result),
+        warnings=warnings_of(result),
+        sections=(
+            Section(
+                title="Seven tensions",
+                blocks=(Text(_NOTE), *_present(pictures, "experiment_tensions"), _states(result)),
+            ),
+            Section(
+                title="What the models differ in", blocks=(*_present(pictures, "experiment_details"), holds, transients)
+            ),
+            Section(title="Along the path", blocks=(*_present(pictures, "experiment_distribution"), gradients)),
+            Section(title="Hysteresis of the tendon", blocks=_present(pictures, "experiment_hysteresis")),
+            Section(
+                title="How far to trust it",
+                blocks=(
+                    Text(
+                        f"Switching a motor changes a tension by at most {step:.2g} % of the range. "
+                        f"{finer.segments} and {finer.fine_segments} masses differ by "
+                        f"{finer.rms_percent_of_range:.2g} % of the range rms. "
+                        f"{slips} one-way ramps were compared with the static law; see summary.json."
+                    ),
+                ),
+            ),
+        ),
+        provenance=Provenance(scenario=scenario, command=f"tendonff experiment {scenario.source.name} --out DIR"),
+        files=(
+            *(FileNote(name=f"experiment_{level}.csv", content="states, tensions, motors") for level in result.runs),
+            FileNote(name="summary.json", content="every number of this page for other programs"),
+        ),
+    )
+
+
+def _present(pictures: dict[str, Picture], name: str) -> tuple[Picture, ...]:
+    """A picture, unless the states left nothing to draw in it."""
+    return (pictures[name],) if name in pictures else ()
+
+
+def _states(result: ExperimentResult) -> Table:
+    lead = result.runs[result.lead]
+    return Table(
+        caption="States; A acts, A_h holds, L loads",
+        columns=("state", "purpose", "motor 1", "motor 2", "from [s]", "to [s]"),
+        rows=tuple(
+            (
+                done.state.name,
+                done.state.purpose,
+                str(done.state.modes[0]),
+                str(done.state.modes[1]),
+                float(lead.time_s[done.first_row]),
+                float(lead.time_s[done.last_row]),
+            )
+            for done in lead.passes
+        ),
+    )
+
+
+def _summary(result: ExperimentResult) -> str:
+    largest = {
+        level: max((abs(percent_of(v.change_N, run.range_N)) for v in relaxation(run).values()), default=0.0)
+        for level, run in result.runs.items()
+    }
+    parts = ", ".join(f"{value:.2g} % on {level}" for level, value in largest.items())
+    return f"While a motor holds, its tension changes by {parts} (of the range)."

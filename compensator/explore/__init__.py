@@ -1,0 +1,1 @@
+"""`tendonff explore`: an interactive page."""

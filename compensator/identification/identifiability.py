@@ -1,0 +1,102 @@
+"""Why a value cannot be told from the data, and which experiment would tell it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tendonff.compensator.identification.cleaning import Record
+from tendonff.compensator.identification.tendon import longest_hold_s
+from tendonff.models.parameters import Transmission
+from tendonff.ocp.fits.chain import DynamicParameter
+
+D = DynamicParameter
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Circumstances:
+    """What was measured.
+
+    Parameters
+    ----------
+    positions : bool
+        Both ends' positions.
+    hold_s : float
+        Longest hold of the input tension.
+    speed_m_per_s : float
+        Usual top speed of the input end; 0 if not measured.
+    load_swing : float
+        Range of the output tension over its mean.
+    """
+
+    positions: bool
+    hold_s: float
+    speed_m_per_s: float
+    load_swing: float
+
+
+def circumstances(records: Sequence[Record]) -> Circumstances:
+    """What was measured in these records."""
+    speeds = [
+        float(np.percentile(np.abs(np.gradient(p.input_m, r.step_s)), 95))
+        for r in records
+        for p in r.pieces
+        if p.input_m is not None
+    ]
+    output = np.concatenate([r.joined("output_N") for r in records])
+    return Circumstances(
+        positions=all(r.has_positions for r in records),
+        hold_s=longest_hold_s(records),
+        speed_m_per_s=max(speeds, default=0.0),
+        load_swing=float(np.ptp(output) / max(abs(output.mean()), 1e-12)),
+    )
+
+
+def reason(
+    name: DynamicParameter, now: Circumstances, transmission: Transmission, relative_error: float | None = None
+) -> str:
+    """Why the data does not tell a value, with the way out.
+
+    Parameters
+    ----------
+    name : DynamicParameter
+    now : Circumstances
+    transmission : Transmission
+    relative_error : float, optional
+        Standard error it would have, as a share of the value.
+    """
+    tau = transmission.tendon.relaxation_time_s
+    known = relative_error is not None and np.isfinite(relative_error)
+    doubt = f"its standard error would be {100 * float(relative_error or 0):.3g} % of it; " if known else ""
+    if name in (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME) and not now.positions:
+        what = "tensions alone do not show elongation"
+        return f"no positions of both ends were measured: {name} is not identifiable ({what}); measure both positions"
+    if name in (D.RELAXATION_TIME, D.RELAXING):
+        if now.hold_s < 3 * tau:
+            return (
+                f"no hold longer than {now.hold_s:.2g} s: {name} is not identifiable; "
+                f"add a hold of 3 tau, {3 * tau:.3g} s with the scenario's tau"
+            )
+        return f"{doubt}the holds show no relaxation beyond the noise; use larger steps before longer holds"
+    if name is D.STIFFNESS:
+        return f"{doubt}the elongation does not follow the tension; check the positions' units, sign and zero drift"
+    if name in (D.STATIC_EXCESS, D.STRIBECK_VELOCITY):
+        omega = transmission.friction.stribeck_velocity_m_per_s
+        speed = f" (the input end moved at up to {now.speed_m_per_s:.2g} m/s)" if now.speed_m_per_s else ""
+        return (
+            f"friction that depends on speed does not lower the validation error{speed}; "
+            f"add strokes at speeds from {0.2 * omega:.2g} to {5 * omega:.2g} m/s, around the Stribeck velocity"
+        )
+    if name is D.VISCOUS:
+        return f"{doubt}it does not lower the validation error; add strokes at ten times the speed"
+    if name is D.ADHESION:
+        return f"{doubt}friction without load does not lower the validation error; add strokes at low tension"
+    if name is D.DAMPING:
+        return f"{doubt}it acts on fast changes only; add excitation above 20 Hz"
+    if name is D.BRISTLE:
+        return f"{doubt}add small reversals that do not reach gross sliding"
+    if name in (D.INPUT_BIAS, D.OUTPUT_BIAS):
+        return "not told apart from adhesion and the other cell's bias; read both cells with a slack tendon"
+    if now.load_swing < 0.3:
+        return f"{doubt}the output tension varies too little; repeat at several loads"
+    return f"{doubt}repeat with full strokes in both directions at several loads"

@@ -1,0 +1,357 @@
+"""The report: one self-contained HTML page for a result, which opens from disk, prints, and reads on a phone.
+
+A command fills a `Report` and writes it beside its other files, inside the folder that appears whole or not at all::
+
+    with atomic_directory(out) as folder:
+        ...
+        write_report(
+            folder / "report.html",
+            Report(
+                title="Compensation of " + scenario.name,
+                summary="The optimal profile leaves 0.12 % of range on the presliding plant.",
+                warnings=warnings,
+                sections=(
+                    Section(
+                        title="Force profiles",
+                        blocks=(
+                            Text("Four forces for the same wanted tension."),
+                            Picture(figure=figure, caption="Forces over time."),
+                            Table(caption="Error", columns=("compensator", "rms [N]"), rows=(("none", 3.1),)),
+                        ),
+                    ),
+                ),
+                provenance=Provenance(scenario=scenario, command="tendonff design finger.toml --out DIR"),
+                files=(FileNote(name="profile.csv", content="reference and forces over time"),),
+            ),
+        )
+
+Figures come from `plots.new_figure`; the page carries them inside, as vector graphics. Nothing on the page is loaded
+from elsewhere, no script runs, and whatever a scenario or a file name holds is shown as text. The page carries no date:
+equal results give equal pages.
+"""
+
+import base64
+import hashlib
+import io
+import math
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from tendonff.compensator.files.reading import open_text
+from tendonff.compensator.files.writing import write_text
+from tendonff.compensator.reporting.plots import figure_style
+from tendonff.compensator.scenario.scenario import Scenario, scenario_hash, scenario_to_toml
+
+Cell = str | float | int | bool | None
+"""What a table holds; None shows as a dash."""
+
+_LARGEST_SVG_BYTES = 1_000_000  # a dense curve costs more as a path than as pixels
+_PACKAGES = ("tendonff", "casadi", "numpy", "scipy", "matplotlib", "control", "pandas", "pydantic")
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A paragraph.
+
+    Parameters
+    ----------
+    text : str
+        Plain text; no markup is understood.
+    """
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """Rows under named columns; the first column names the row.
+
+    Parameters
+    ----------
+    caption : str
+        What it shows, with the unit where all columns share one.
+    columns : sequence of str
+        Headers, with units.
+    rows : sequence of sequence of Cell
+        Numbers are shown to `digits` significant digits and aligned to the right, None as a dash.
+    digits : int, optional
+        Significant digits of floats. Default 3.
+    """
+
+    caption: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[Cell]]
+    digits: int = 3
+
+    def __post_init__(self) -> None:
+        for k, row in enumerate(self.rows):
+            if len(row) != len(self.columns):
+                raise ValueError(f"{self.caption}: row {k} has {len(row)} cells, the header {len(self.columns)}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Picture:
+    """A figure.
+
+    Parameters
+    ----------
+    figure : Figure
+        From `plots.new_figure`.
+    caption : str
+        What to see in it, in words; also read out to those who cannot see it.
+    """
+
+    figure: Figure
+    caption: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PictureFile:
+    """A figure that was written already; its content is taken into the page.
+
+    Parameters
+    ----------
+    path : Path
+        PNG file.
+    caption : str
+        What to see in it, in words.
+    """
+
+    path: Path
+    caption: str
+
+
+Block = Text | Table | Picture | PictureFile
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Section:
+    """A heading and what stands under it.
+
+    Parameters
+    ----------
+    title : str
+    blocks : sequence of Block
+    """
+
+    title: str
+    blocks: Sequence[Block]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FileNote:
+    """A file that lies beside the report.
+
+    Parameters
+    ----------
+    name : str
+        Relative to the report.
+    content : str
+        What it holds, in words.
+    """
+
+    name: str
+    content: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Provenance:
+    """What it takes to make the result again.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Shown whole, with its hash.
+    command : str, optional
+        Command line, without the folders of this machine: "tendonff design finger.toml --out DIR".
+    inputs : sequence of Path, optional
+        Further files that went in (force, measured data); named with the first digits of their SHA-256.
+    """
+
+    scenario: Scenario
+    command: str = ""
+    inputs: Sequence[Path] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """One page for one result.
+
+    Parameters
+    ----------
+    title : str
+    summary : str
+        The answer in one or two sentences: it stands on top.
+    sections : sequence of Section
+    provenance : Provenance
+    warnings : sequence of str, optional
+        What the reader must know before trusting the result; shown under the summary.
+    files : sequence of FileNote, optional
+        Files beside the report.
+    """
+
+    title: str
+    summary: str
+    sections: Sequence[Section]
+    provenance: Provenance
+    warnings: Sequence[str] = ()
+    files: Sequence[FileNote] = ()
+
+
+def write_report(path: Path, report: Report) -> None:
+    """Write the page, whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+        Usually `DIR/report.html`.
+    report : Report
+    """
+    write_text(path, render_report(report))
+
+
+def render_report(report: Report) -> str:
+    """The page as HTML text.
+
+    Parameters
+    ----------
+    report : Report
+    """
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    # The name of the loader's package is the one this module was imported under.
+    environment = Environment(
+        loader=PackageLoader(__package__ or "tendonff.compensator.reporting", "templates"),
+        autoescape=True,  # by file name it would leave .j2 alone
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    provenance = report.provenance
+    return environment.get_template("report.html.j2").render(
+        report=report,
+        sections=[
+            {"title": section.title, "blocks": [_prepared(block) for block in section.blocks]}
+            for section in report.sections
+        ],
+        scenario_text=scenario_to_toml(provenance.scenario),
+        scenario_file=provenance.scenario.source.name,
+        scenario_hash=scenario_hash(provenance.scenario),
+        inputs=[(path.name, file_hash(path)) for path in _inputs(provenance)],
+        versions=versions(),
+    )
+
+
+def _inputs(provenance: Provenance) -> list[Path]:
+    reference = provenance.scenario.reference_file()
+    return [*([] if reference is None else [reference]), *provenance.inputs]
+
+
+def _prepared(block: Block) -> dict[str, object]:
+    """What the template prints of a block."""
+    match block:
+        case Text():
+            return {"kind": "text", "text": block.text}
+        case Table():
+            numeric = [
+                any(_is_number(row[k]) for row in block.rows)
+                and all(row[k] is None or _is_number(row[k]) for row in block.rows)
+                for k in range(len(block.columns))
+            ]
+            rows = [
+                [(format_cell(cell, block.digits), right) for cell, right in zip(row, numeric, strict=True)]
+                for row in block.rows
+            ]
+            return {
+                "kind": "table",
+                "caption": block.caption,
+                "header": list(zip(block.columns, numeric, strict=True)),
+                "rows": rows,
+            }
+        case Picture():
+            return {"kind": "picture", "caption": block.caption, "source": figure_uri(block.figure)}
+        case PictureFile():
+            return {"kind": "picture", "caption": block.caption, "source": _uri("image/png", block.path.read_bytes())}
+
+
+def _is_number(cell: Cell) -> bool:
+    return isinstance(cell, (int, float)) and not isinstance(cell, bool)
+
+
+def format_cell(cell: Cell, digits: int = 3) -> str:
+    """Text of a table cell.
+
+    Parameters
+    ----------
+    cell : Cell
+    digits : int, optional
+        Significant digits of a float.
+    """
+    if cell is None or (isinstance(cell, float) and math.isnan(cell)):
+        return "–"
+    if isinstance(cell, bool):
+        return "yes" if cell else "no"
+    if not isinstance(cell, float):
+        return str(cell)
+    if cell == 0:
+        return "0"
+    if 1e-3 <= abs(cell) < 10.0 ** max(digits, 5):
+        return f"{cell:.{max(0, digits - 1 - math.floor(math.log10(abs(cell))))}f}"  # keeps trailing zeros, no exponent
+    return f"{cell:.{digits}g}"
+
+
+def figure_uri(figure: Figure) -> str:
+    """A figure as an address that carries its content: SVG, or PNG where the curves are dense.
+
+    Parameters
+    ----------
+    figure : Figure
+    """
+    content, media = _drawn(figure, "svg", {"Date": None}), "image/svg+xml"
+    if len(content) > _LARGEST_SVG_BYTES:
+        content, media = _drawn(figure, "png", {"Software": None}), "image/png"
+    return _uri(media, content)
+
+
+def _uri(media: str, content: bytes) -> str:
+    return f"data:{media};base64,{base64.b64encode(content).decode('ascii')}"
+
+
+def _drawn(figure: Figure, kind: str, metadata: dict[str, None]) -> bytes:
+    buffer = io.BytesIO()
+    with figure_style():
+        figure.savefig(buffer, format=kind, metadata=metadata)
+    return buffer.getvalue()
+
+
+def file_hash(path: Path) -> str:
+    """First sixteen hexadecimal digits of a file's SHA-256.
+
+    Parameters
+    ----------
+    path : Path
+    """
+    with open_text(path):  # one kind of message for a file that cannot be read
+        pass
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()[:16]
+
+
+@cache
+def versions() -> tuple[tuple[str, str], ...]:
+    """Names and versions of what computed the result."""
+    found = [("Python", platform.python_version())]
+    for package in _PACKAGES:
+        try:
+            found.append((package, version(package)))
+        except PackageNotFoundError:  # run from a source folder that was not installed
+            found.append((package, "not installed"))
+    found.append(("system", f"{platform.system()} {platform.machine()}"))
+    return tuple(found)

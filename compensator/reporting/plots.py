@@ -1,0 +1,145 @@
+"""One way to make a figure: the look, the colours and the file of every picture that tendonff draws.
+
+Colours are Okabe and Ito's, which stay apart for colour-blind readers; curves that are compared differ in line style
+as well, so that they stay apart in a black-and-white print. Figures carry no date: equal results give equal files.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import matplotlib as mpl
+import matplotlib.style
+from cycler import cycler
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from tendonff.compensator.files.writing import atomic_file
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+INK = "#000000"
+ORANGE = "#E69F00"
+SKY = "#56B4E9"
+GREEN = "#009E73"
+BLUE = "#0072B2"
+VERMILION = "#D55E00"
+PURPLE = "#CC79A7"
+GREY = "#7F7F7F"
+
+CYCLE = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, INK)
+LINE_STYLES = ("-", "--", "-.", ":")
+
+PAGE_WIDTH_IN = 7.2
+"""Widths of one and of two printed columns [in]."""
+
+_STYLE: dict[Any, Any] = {
+    "axes.axisbelow": True,
+    "axes.grid": True,
+    "axes.labelsize": 9,
+    "axes.linewidth": 0.7,
+    "axes.prop_cycle": cycler(color=CYCLE),
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlelocation": "left",
+    "axes.titlesize": 9,
+    "figure.constrained_layout.use": True,
+    "figure.dpi": 100,
+    "figure.facecolor": "white",
+    "font.family": "sans-serif",
+    "font.size": 9,
+    "grid.color": "#D9D9D9",
+    "grid.linewidth": 0.5,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "lines.linewidth": 1.3,
+    "pdf.fonttype": 42,  # text stays text, and journals accept it
+    "savefig.dpi": 200,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "tendonff",  # the same identifiers in every run
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+}
+
+
+@contextmanager
+def figure_style() -> Iterator[None]:
+    """The look of our figures, for the block only."""
+    with mpl.rc_context(), matplotlib.style.context("default"):
+        mpl.rcParams.update(_STYLE)
+        yield
+
+
+def new_figure(
+    rows: int = 1,
+    columns: int = 1,
+    *,
+    width_in: float = PAGE_WIDTH_IN,
+    height_in: float | None = None,
+    share_x: bool = False,
+    share_y: bool = False,
+    height_ratios: Sequence[float] | None = None,
+    projection: str | None = None,
+) -> tuple[Figure, "NDArray[np.object_]"]:
+    """An empty figure in our style, without touching matplotlib's global state or a display.
+
+    Parameters
+    ----------
+    rows, columns : int
+        Panels.
+    width_in, height_in : float, optional
+        Size [in]; default: a printed page's width, and 2.2 in for each row and another 0.4.
+    share_x, share_y : bool, optional
+        Panels of one column share the abscissa, panels of one row the ordinate.
+    height_ratios : sequence of float, optional
+        Relative heights of the rows.
+    projection : str, optional
+        "3d" for panels in space.
+
+    Returns
+    -------
+    figure : Figure
+    axes : ndarray of Axes, shape (rows, columns)
+    """
+    with figure_style():
+        figure = Figure(figsize=(width_in, 2.2 * rows + 0.4 if height_in is None else height_in))
+        FigureCanvasAgg(figure)
+        axes = figure.subplots(
+            rows,
+            columns,
+            squeeze=False,
+            sharex="col" if share_x else False,
+            sharey="row" if share_y else False,
+            gridspec_kw={} if height_ratios is None else {"height_ratios": list(height_ratios)},
+            subplot_kw={} if projection is None else {"projection": projection},
+        )
+    return figure, axes
+
+
+def save_figure(figure: Figure, path: Path, formats: Sequence[str] = ("png", "pdf")) -> list[Path]:
+    """Write a figure in each format, whole or not at all; equal figures give equal files.
+
+    Parameters
+    ----------
+    figure : Figure
+    path : Path
+        Without a suffix: `DIR/name` becomes `DIR/name.png` and `DIR/name.pdf`.
+    formats : sequence of str, optional
+        "png", "pdf" or "svg".
+
+    Returns
+    -------
+    list of Path
+    """
+    undated = {"png": {"Software": None}, "pdf": {"CreationDate": None, "ModDate": None}, "svg": {"Date": None}}
+    written = []
+    with figure_style():
+        for kind in formats:
+            target = path.with_name(f"{path.name}.{kind}")
+            with atomic_file(target) as partial:
+                figure.savefig(partial, format=kind, metadata=undated.get(kind))
+            written.append(target)
+    return written

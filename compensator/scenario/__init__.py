@@ -1,0 +1,1 @@
+"""Scenario files: their tables, their checks, and the sampled reference."""

@@ -1,0 +1,237 @@
+"""Table [experiment]: the two-motor test, its sizes and, if wanted, a state machine of one's own.
+
+The states are columns of equal length, one entry a state, so that the table reads like a table::
+
+    [experiment]
+    states       = ["S1", "S2",                "S3"]
+    motor_1      = ["A",  "A",                 "A_h"]     A acts, L loads, A_h acts and holds its position
+    motor_2      = ["L",  "L",                 "L"]
+    motor_1_rate = [0.0,  200.0,               0.0]       N/s for A, m/s for L and A_h; positive tightens the tendon
+    motor_2_rate = [0.0,  0.0,                 0.0]
+    until        = ["",   "tension_1 >= 80.0", ""]        end tension that ends the state, "" for time alone
+    at_most_s    = [0.2,  2.0,                 2.0]       longest time in the state
+"""
+
+import math
+import re
+from dataclasses import dataclass
+from enum import StrEnum
+
+from tendonff.compensator.scenario.checks import require_number, require_whole
+from tendonff.models.errors import ParameterError
+
+
+class MotorMode(StrEnum):
+    """What a motor does in a state.
+
+    Attributes
+    ----------
+    ACT
+        A: its force f_c is commanded, k_c = 0.
+    LOAD
+        L: f_c = 0; a spring k towards the commanded rest position x_c.
+    HOLD
+        A_h: an actuator that holds its position: the same with a spring that is stiff beside the tendon.
+    """
+
+    ACT = "A"
+    LOAD = "L"
+    HOLD = "A_h"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EndTension:
+    """Condition on the tension at one end of the tendon.
+
+    Parameters
+    ----------
+    motor : int
+        1 near end (f_1), 2 far end (f_{N+1}).
+    rising : bool
+        Met at or above the value, else at or below it.
+    tension_N : float
+        Value [N].
+    """
+
+    motor: int
+    rising: bool
+    tension_N: float
+
+    def met(self, ends_N: tuple[float, float]) -> bool:
+        """Whether the end tensions f_1, f_{N+1} [N] meet the condition."""
+        tension = ends_N[self.motor - 1]
+        return tension >= self.tension_N if self.rising else tension <= self.tension_N
+
+    def __str__(self) -> str:
+        """As in a scenario file."""
+        return f"tension_{self.motor} {'>=' if self.rising else '<='} {self.tension_N:.6g}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExperimentState:
+    """One state of the machine.
+
+    Parameters
+    ----------
+    name : str
+        S1, S2 ...
+    modes : tuple of 2 MotorMode
+        What motors 1 and 2 do.
+    rates : tuple of 2 float
+        Rate of their commands: force [N/s] where a motor acts, rest position [m/s] where it loads or holds. Positive
+        tightens the tendon.
+    until : EndTension or None
+        What ends the state; None: time alone.
+    at_most_s : float
+        Longest time in the state [s].
+    purpose : str
+        What happens, in words.
+    """
+
+    name: str
+    modes: tuple[MotorMode, MotorMode]
+    rates: tuple[float, float]
+    until: EndTension | None
+    at_most_s: float
+    purpose: str = ""
+
+
+_CONDITION = re.compile(r"\s*tension_([12])\s*(>=|<=)\s*(\S+)\s*")
+_COLUMNS = ("states", "motor_1", "motor_2", "motor_1_rate", "motor_2_rate", "until", "at_most_s")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Experiment:
+    """The two-motor test; what is left out is derived from the transmission.
+
+    Parameters
+    ----------
+    low_tension_N, high_tension_N : float, optional
+        Tensions between which an acting motor moves its own end [N], 0 < low < high. Default: high is three quarters of
+        force_max_N; low is far enough below it that a reversal crosses the whole path.
+    pull_time_s : float, optional
+        Time of a ramp from low to high [s], > 0. Default 1, longer where force_rate_max_N_per_s asks for it.
+    hold_s : float, optional
+        Length of the two holds [s], > 0. Default: five relaxation times, between 0.5 and 10 s.
+    blend_s : float, optional
+        Time in which a command takes up and gives up its rate [s], > 0. Default: one period of the two motors on the
+        load spring, which a blend of that length does not excite.
+    rest_s : float, optional
+        Rest after a command has stopped, before the next state [s], >= 0. Default 0.1.
+    load_stiffness_N_per_m : float, optional
+        Spring of a motor in mode L [N/m], > 0. Default: the load's stiffness.
+    hold_stiffness_N_per_m : float, optional
+        Spring of a motor in mode A_h [N/m], > 0. Default: ten times the tendon's k1 + k2.
+    fine_segments : int, optional
+        Number of masses of the finer run that shows the discretisation error, 1 to 1000. Default 40.
+    states, motor_1, motor_2, until : tuple of str, optional
+        Columns of a state machine of one's own: name, modes (A, L or A_h), end condition ("tension_1 >= 80" or "").
+    motor_1_rate, motor_2_rate, at_most_s : tuple of float, optional
+        Columns: rates of the commands [N/s or m/s], longest time in the state [s]. All seven columns or none.
+    """
+
+    low_tension_N: float | None = None
+    high_tension_N: float | None = None
+    pull_time_s: float | None = None
+    hold_s: float | None = None
+    blend_s: float | None = None
+    rest_s: float = 0.1
+    load_stiffness_N_per_m: float | None = None
+    hold_stiffness_N_per_m: float | None = None
+    fine_segments: int = 40
+    states: tuple[str, ...] | None = None
+    motor_1: tuple[str, ...] | None = None
+    motor_2: tuple[str, ...] | None = None
+    motor_1_rate: tuple[float, ...] | None = None
+    motor_2_rate: tuple[float, ...] | None = None
+    until: tuple[str, ...] | None = None
+    at_most_s: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        for name, hint in (
+            ("low_tension_N", "a tendon cannot push"),
+            ("high_tension_N", "a tendon cannot push"),
+            ("pull_time_s", "1 is a good start"),
+            ("hold_s", "five relaxation times show all of the relaxation"),
+            ("load_stiffness_N_per_m", "leave it out for the load's stiffness"),
+            ("hold_stiffness_N_per_m", "leave it out for ten times the tendon's"),
+            ("blend_s", "0.05 is a good start, or leave it out"),
+        ):
+            value = getattr(self, name)
+            if value is not None:
+                require_number(name, value, above=0, hint=hint)
+        require_number("rest_s", self.rest_s, least=0, hint="0.1 is a good start")
+        low, high = self.low_tension_N, self.high_tension_N
+        if low is not None and high is not None and not low < high:
+            raise ParameterError(f"high_tension_N must be > low_tension_N = {low:g}, got {high}")
+        require_whole("fine_segments", self.fine_segments, least=1, most=1000, hint="40 is a good start")
+        self.own_states()  # so that a mistake is found when the file is read
+
+    def own_states(self) -> tuple[ExperimentState, ...] | None:
+        """The state machine of the columns; None where there are none.
+
+        Raises
+        ------
+        ParameterError
+            A column is missing or of another length, or an entry is not understood.
+        """
+        columns = {name: getattr(self, name) for name in _COLUMNS}
+        given = [name for name, column in columns.items() if column is not None]
+        if not given:
+            return None
+        if missing := [name for name in _COLUMNS if name not in given]:
+            raise ParameterError(
+                f"{missing[0]} is missing: the states need the columns {', '.join(_COLUMNS)}, or none of them"
+            )
+        count = len(columns["states"])
+        if count < 1:
+            raise ParameterError("states must name at least one state; leave all columns out for the ten-state cycle")
+        for name, column in columns.items():
+            if len(column) != count:
+                raise ParameterError(f"{name} must have one entry for each of the {count} states, got {len(column)}")
+        if doubles := [name for k, name in enumerate(columns["states"]) if name in columns["states"][:k]]:
+            raise ParameterError(f'states must differ, got "{doubles[0]}" twice; number them')
+        return tuple(self._own_state(columns, k) for k in range(count))
+
+    @staticmethod
+    def _own_state(columns: dict[str, tuple[object, ...]], k: int) -> ExperimentState:
+        name = str(columns["states"][k])
+        if not re.fullmatch(r"[\w.-]+", name):
+            raise ParameterError(f'states[{k}] must be a name of letters and digits such as "S1", got "{name}"')
+        rates = tuple(float(str(columns[f"motor_{motor}_rate"][k])) for motor in (1, 2))
+        for motor, rate in enumerate(rates, start=1):
+            require_number(f"motor_{motor}_rate[{k}]", rate, hint="use 0 for a command that stays")
+        longest = float(str(columns["at_most_s"][k]))
+        require_number(f"at_most_s[{k}]", longest, above=0, hint="every state ends after some time")
+        return ExperimentState(
+            name=name,
+            modes=(_mode(columns, 1, k), _mode(columns, 2, k)),
+            rates=(rates[0], rates[1]),
+            until=_condition(str(columns["until"][k]), k),
+            at_most_s=longest,
+        )
+
+
+def _mode(columns: dict[str, tuple[object, ...]], motor: int, k: int) -> MotorMode:
+    text = str(columns[f"motor_{motor}"][k])
+    try:
+        return MotorMode(text)
+    except ValueError:
+        known = ", ".join(f'"{mode}"' for mode in MotorMode)
+        raise ParameterError(f'motor_{motor}[{k}] must be one of {known}, got "{text}"') from None
+
+
+def _condition(text: str, k: int) -> EndTension | None:
+    if not text.strip():
+        return None
+    found = _CONDITION.fullmatch(text)
+    try:
+        value = float(found[3]) if found else math.nan
+    except ValueError:
+        value = math.nan
+    if found is None or not math.isfinite(value):
+        raise ParameterError(
+            f'until[{k}] must read like "tension_1 >= 80" (motor 1 or 2, >= or <=, a tension in N) or be empty, '
+            f'got "{text}"'
+        )
+    return EndTension(motor=int(found[1]), rising=found[2] == ">=", tension_N=value)

@@ -1,0 +1,76 @@
+"""Table [measurement]: how measured files are to be read."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from tendonff.compensator.scenario.checks import require_number
+from tendonff.models.errors import ParameterError
+
+
+class Explain(StrEnum):
+    """Which channel the model explains.
+
+    Attributes
+    ----------
+    AUTO
+        What the data supports: the output by the input's history, or the input by the output and the motion.
+    OUTPUT
+        Output tension from the history of the input tension: one driven end, a load that moves only with the tendon.
+    INPUT
+        Input tension from output tension and input position: the output tension is imposed by something else.
+    """
+
+    AUTO = "auto"
+    OUTPUT = "output"
+    INPUT = "input"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measurement:
+    """How measured files are to be read; the defaults are the file contract.
+
+    Parameters
+    ----------
+    time_column, input_column, output_column : str, optional
+        Names of the columns that hold time, input tension and output tension. Default: time_s, input_tension_N,
+        output_tension_N.
+    input_position_column, output_position_column : str, optional
+        Names of the optional columns with the positions of both ends. Default: input_position_m, output_position_m.
+    time_scale, input_scale, output_scale : float, optional
+        What a number in the file is multiplied by to give s and N, not 0; 9.81 for kg, -1 turns a sign round.
+        Default 1.
+    input_position_scale, output_position_scale : float, optional
+        The same for the positions, to give m (or rad where the tensions are torques). Default 1.
+    skip_s : float, optional
+        Left out at the start of every file [s], >= 0. Default: as long as a load that is switched on there rings.
+    cutoff_Hz : float, optional
+        Cut-off of the zero-phase low-pass that both channels go through [Hz], > 0. Default: found from the noise.
+    explain : Explain, optional
+        Which channel the model explains. Default auto.
+    """
+
+    time_column: str = "time_s"
+    input_column: str = "input_tension_N"
+    output_column: str = "output_tension_N"
+    input_position_column: str = "input_position_m"
+    output_position_column: str = "output_position_m"
+    time_scale: float = 1.0
+    input_scale: float = 1.0
+    output_scale: float = 1.0
+    input_position_scale: float = 1.0
+    output_position_scale: float = 1.0
+    skip_s: float | None = None
+    cutoff_Hz: float | None = None
+    explain: Explain = Explain.AUTO
+
+    def __post_init__(self) -> None:
+        require_number("time_scale", self.time_scale, above=0, hint="0.001 turns milliseconds into seconds")
+        scales = ("input_scale", "output_scale", "input_position_scale", "output_position_scale")
+        for name in scales:
+            require_number(name, getattr(self, name), hint="9.81 turns kg into N")
+            if getattr(self, name) == 0:
+                raise ParameterError(f"{name} must not be 0, which would erase the channel; leave it out for no factor")
+        if self.skip_s is not None:
+            require_number("skip_s", self.skip_s, least=0, hint="use 0 to keep every row")
+        if self.cutoff_Hz is not None:
+            require_number("cutoff_Hz", self.cutoff_Hz, above=0, hint="leave it out to have it found from the noise")

@@ -1,0 +1,244 @@
+"""Scenario files: the one reader, and the writer that it reads back.
+
+A scenario is a TOML file (schema 1) with the tables [path], [tendon], [friction], [actuator], [load], [reference] and
+[run], and the optional tables [robust], [experiment] and [measurement].
+"""
+
+import hashlib
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from tendonff.compensator.files.reading import InputError, read_text, suggestion
+from tendonff.compensator.scenario.experiment import Experiment
+from tendonff.compensator.scenario.measurement import Measurement
+from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec, SineReference, WaypointReference
+from tendonff.compensator.scenario.robust import Robust
+from tendonff.compensator.scenario.run import Run
+from tendonff.compensator.scenario.tables import descriptions, read_table, show, toml_table, toml_value
+from tendonff.models.errors import ParameterError
+from tendonff.models.parameters import (
+    Actuator,
+    Friction,
+    Load,
+    Tendon,
+    Transmission,
+)
+from tendonff.models.parameters import Path as TendonPath
+
+SCHEMA = 1
+
+_KINDS: dict[str, type[SineReference] | type[WaypointReference] | type[CsvReference]] = {
+    "sine": SineReference,
+    "waypoints": WaypointReference,
+    "csv": CsvReference,
+}
+_TABLES: dict[str, type] = {
+    "path": TendonPath,
+    "tendon": Tendon,
+    "friction": Friction,
+    "actuator": Actuator,
+    "load": Load,
+    "run": Run,
+}
+_OPTIONAL: dict[str, type] = {"robust": Robust, "experiment": Experiment, "measurement": Measurement}
+_REQUIRED_TABLES = ("path", "tendon", "friction", "actuator", "load", "reference", "run")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario:
+    """Everything that a scenario file says.
+
+    Parameters
+    ----------
+    name : str
+        What it is, in words.
+    transmission : Transmission
+        Path, tendon, friction, actuator and load.
+    reference : ReferenceSpec
+        The tension wanted at the far end.
+    run : Run
+        Time step and fidelity level.
+    robust : Robust
+        Uncertainty of the parameters.
+    experiment : Experiment
+        The two-motor test.
+    measurement : Measurement
+        How measured files are to be read.
+    source : Path
+        The file it was read from, which a CSV reference is relative to.
+    """
+
+    name: str
+    transmission: Transmission
+    reference: ReferenceSpec
+    run: Run
+    robust: Robust = field(default_factory=Robust)
+    experiment: Experiment = field(default_factory=Experiment)
+    measurement: Measurement = field(default_factory=Measurement)
+    source: Path = Path("scenario.toml")
+
+    def reference_file(self) -> Path | None:
+        """The file of a CSV reference, resolved; None for the other kinds."""
+        if isinstance(self.reference, CsvReference):
+            return self.source.parent / self.reference.file
+        return None
+
+
+def load_scenario(path: Path) -> Scenario:
+    """Read a scenario file.
+
+    Parameters
+    ----------
+    path : Path
+        TOML file.
+
+    Raises
+    ------
+    InputError
+        One message with file, table, key, value and the way out.
+    """
+    path = Path(path)
+    return parse_scenario(read_text(path), path)
+
+
+def parse_scenario(text: str, source: Path) -> Scenario:
+    """Read a scenario from its text.
+
+    Parameters
+    ----------
+    text : str
+        TOML.
+    source : Path
+        File name for messages; a CSV reference is relative to its folder.
+    """
+    file = source.name
+    try:
+        raw = tomllib.loads(text)
+    except RecursionError:
+        raise InputError(f"{file} is nested too deeply to be a scenario") from None
+    except ValueError as error:  # TOMLDecodeError, and numbers of thousands of digits
+        raise InputError(f"{file}: not valid TOML: {error}") from None
+    _check_schema(raw, file)
+    _check_names(raw, file)
+    name = raw.get("name", source.stem)
+    if not isinstance(name, str):
+        raise InputError(f'{file}: name must be text in quotes ("..."), got {show(name)}')
+    missing = [table for table in _REQUIRED_TABLES if table not in raw]
+    if missing:
+        hint = _keys_of(missing[0])
+        raise InputError(f"{file}: table [{missing[0]}] is missing; it holds {hint}")
+
+    def table(cls: type, key: str) -> object:
+        return read_table(cls, raw.get(key, {}), file=file, table=key)
+
+    parts = {key: table(cls, key) for key, cls in (_TABLES | _OPTIONAL).items()}
+    run = parts.pop("run")
+    optional = {key: parts.pop(key) for key in _OPTIONAL}
+    try:
+        transmission = Transmission(**parts)  # type: ignore[arg-type]
+    except ParameterError as error:
+        raise InputError(f"{file}: {error}") from None
+    return Scenario(
+        name=name,
+        transmission=transmission,
+        reference=_read_reference(raw["reference"], file),
+        run=run,  # type: ignore[arg-type]
+        source=source,
+        **optional,  # type: ignore[arg-type]
+    )
+
+
+def _check_schema(raw: Mapping[str, object], file: str) -> None:
+    schema = raw.get("schema")
+    if schema is None:
+        raise InputError(f'{file}: key "schema" is missing; write schema = {SCHEMA} in the first line')
+    if isinstance(schema, bool) or schema != SCHEMA:
+        raise InputError(f"{file}: schema must be {SCHEMA}, got {show(schema)}; this version reads no other")
+
+
+def _check_names(raw: Mapping[str, object], file: str) -> None:
+    known = ["schema", "name", *_REQUIRED_TABLES, *_OPTIONAL]
+    for key, value in raw.items():
+        if key in known:
+            continue
+        if isinstance(value, Mapping):
+            near = suggestion(key, [*_REQUIRED_TABLES, *_OPTIONAL]).replace('"', "")
+            raise InputError(f"{file}: unknown table [{key}]{near}")
+        raise InputError(f'{file}: unknown key "{key}"{suggestion(key, known)}')
+
+
+def _keys_of(table: str) -> str:
+    """Keys of a required table, for the message that misses it."""
+    if table == "reference":
+        return 'kind ("sine", "waypoints" or "csv") and the keys of that kind'
+    return ", ".join(descriptions(_TABLES[table])) or "its keys"
+
+
+def _read_reference(raw: object, file: str) -> ReferenceSpec:
+    where = f"{file} [reference]"
+    kinds = ", ".join(f'"{kind}"' for kind in _KINDS)
+    if not isinstance(raw, Mapping):
+        raise InputError(f"{file}: reference must be a table, got {show(raw)}; write [reference] on a line of its own")
+    kind = raw.get("kind")
+    if kind is None:
+        raise InputError(f'{where}: key "kind" is missing; it is one of {kinds}')
+    if not isinstance(kind, str) or kind not in _KINDS:
+        raise InputError(f"{where}: kind must be one of {kinds}, got {show(kind)}")
+    return read_table(_KINDS[kind], raw, file=file, table="reference", extra_keys=("kind",))
+
+
+def scenario_to_toml(scenario: Scenario, *, folder: Path | None = None) -> str:
+    """Text of a scenario file that reads back as the same scenario; writes every key that is set.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    folder : Path, optional
+        Folder that the text will be stored in: the file of a CSV reference is renamed to be found from there.
+        Default: the folder the scenario came from.
+    """
+    reference = scenario.reference
+    kind = next(kind for kind, cls in _KINDS.items() if isinstance(reference, cls))
+    if isinstance(reference, CsvReference) and folder is not None:
+        reference = replace(reference, file=_relative(scenario.source.parent / reference.file, folder))
+    transmission = scenario.transmission
+    tables = {
+        "path": transmission.path,
+        "tendon": transmission.tendon,
+        "friction": transmission.friction,
+        "actuator": transmission.actuator,
+        "load": transmission.load,
+        "reference": reference,
+        "run": scenario.run,
+        "robust": scenario.robust,
+        "experiment": scenario.experiment,
+        "measurement": scenario.measurement,
+    }
+    parts = [f"schema = {SCHEMA}\nname = {toml_value(scenario.name)}\n"]
+    for table, value in tables.items():
+        lines = f'kind = "{kind}"\n' if table == "reference" else ""
+        lines += toml_table(value)
+        if lines:
+            parts.append(f"\n[{table}]\n{lines}")
+    return "".join(parts)
+
+
+def _relative(file: Path, folder: Path) -> str:
+    try:
+        return Path(os.path.relpath(file, folder)).as_posix()
+    except ValueError:  # another drive
+        return file.absolute().as_posix()
+
+
+def scenario_hash(scenario: Scenario) -> str:
+    """Sixteen hexadecimal digits that change when the scenario, or the contents of its CSV reference, change.
+
+    The name of the file it was read from and its comments do not matter.
+    """
+    digest = hashlib.sha256(scenario_to_toml(scenario).encode())
+    if (file := scenario.reference_file()) is not None:
+        digest.update(read_text(file).encode())
+    return digest.hexdigest()[:16]

@@ -1,0 +1,149 @@
+"""From a TOML table to a frozen dataclass, with messages for people.
+
+The dataclass says everything: its fields are the keys, their annotations the types, its docstring what each key is,
+and its `__post_init__` the bounds. Nothing is repeated here.
+"""
+
+import dataclasses
+import json
+import re
+from collections.abc import Mapping
+from enum import StrEnum
+from inspect import cleandoc
+from types import NoneType, UnionType
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from pydantic import BaseModel, ConfigDict, Strict, ValidationError, create_model
+
+from tendonff.compensator.files.reading import InputError, suggestion
+from tendonff.models.errors import ParameterError
+
+T = TypeVar("T")
+
+
+def read_table(cls: type[T], raw: object, *, file: str, table: str, extra_keys: tuple[str, ...] = ()) -> T:
+    """Build `cls` from one table.
+
+    Parameters
+    ----------
+    cls : type
+        Frozen dataclass.
+    raw : object
+        What tomllib read.
+    file, table : str
+        For messages.
+    extra_keys : tuple of str
+        Keys that the caller has read already (`kind`).
+
+    Raises
+    ------
+    InputError
+        Unknown key, missing key, wrong type or a value out of bounds: `file [table]: message`.
+    """
+    where = f"{file} [{table}]"
+    if not isinstance(raw, Mapping):
+        raise InputError(f"{file}: {table} must be a table, got {show(raw)}; write [{table}] on a line of its own")
+    keys = {key: value for key, value in raw.items() if key not in extra_keys}
+    known = [field.name for field in dataclasses.fields(cls)]  # type: ignore[arg-type]
+    for key in keys:
+        if key not in known:
+            if not known:
+                raise InputError(f'{where}: unknown key "{key}"; this table has no keys yet')
+            raise InputError(f'{where}: unknown key "{key}"{suggestion(key, [*known, *extra_keys])}')
+    try:
+        values = _validator(cls).model_validate(keys)
+    except ValidationError as error:
+        raise InputError(f"{where}: {_explain(cls, error)}") from None
+    try:
+        return cls(**{name: getattr(values, name) for name in known})
+    except ParameterError as error:
+        raise InputError(f"{where}: {error}") from None
+
+
+def show(value: object) -> str:
+    """A value as the user wrote it, with the name of its type."""
+    if isinstance(value, str):
+        return f'"{value[:40]}" (text)'
+    if isinstance(value, bool):
+        return f"{str(value).lower()} (true/false)"
+    if isinstance(value, Mapping):
+        return "a table"
+    if isinstance(value, list):
+        return "a list"
+    return str(value)[:40]
+
+
+def toml_value(value: object) -> str:
+    """A scalar or a tuple of scalars as TOML; floats read back as the same double."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):  # a StrEnum too
+        return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, tuple):
+        return f"[{', '.join(toml_value(item) for item in value)}]"
+    if isinstance(value, int | float):
+        return repr(value)
+    raise TypeError(f"{type(value).__name__} cannot be written to a scenario file")
+
+
+def toml_table(instance: object) -> str:
+    """All keys of a dataclass that are set, one per line."""
+    pairs = ((field.name, getattr(instance, field.name)) for field in dataclasses.fields(instance))  # type: ignore[arg-type]
+    return "".join(f"{name} = {toml_value(value)}\n" for name, value in pairs if value is not None)
+
+
+def descriptions(cls: type) -> dict[str, str]:
+    """What each field is: the `Parameters` section of the numpydoc docstring."""
+    found: dict[str, str] = {}
+    section = cleandoc(cls.__doc__ or "").partition("Parameters\n----------\n")[2]
+    for names, text in re.findall(r"^(\w[\w, ]*?)(?: : .*)?\n((?:[ ]+.*(?:\n|$))+)", section, flags=re.MULTILINE):
+        for name in names.split(","):
+            found[name.strip()] = " ".join(text.split()).rstrip(".")
+    return found
+
+
+def _validator(cls: type) -> type[BaseModel]:
+    """A pydantic model with the fields of the dataclass: strict, so that text is no number and true is not 1."""
+    hints = get_type_hints(cls)
+    fields: dict[str, Any] = {}
+    for field in dataclasses.fields(cls):
+        default = ... if field.default is dataclasses.MISSING else field.default
+        fields[field.name] = (_relaxed(hints[field.name]), default)
+    return create_model(cls.__name__, __config__=ConfigDict(strict=True, extra="forbid"), **fields)
+
+
+def _relaxed(annotation: Any) -> Any:
+    """TOML has lists and text where Python has tuples and enums: let those two pass, and only those."""
+    if get_origin(annotation) is tuple or (isinstance(annotation, type) and issubclass(annotation, StrEnum)):
+        return Annotated[annotation, Strict(False)]
+    if get_origin(annotation) in (UnionType, Union):
+        return Union[tuple(_relaxed(part) for part in get_args(annotation))]  # noqa: UP007 - built at run time
+    return annotation
+
+
+def _explain(cls: type, error: ValidationError) -> str:
+    """The first thing that is wrong, in words: a missing key before a wrong type."""
+    problems = error.errors(include_url=False)
+    missing = [str(problem["loc"][0]) for problem in problems if problem["type"] == "missing"]
+    if missing:
+        what = descriptions(cls).get(missing[0])
+        others = f"; also missing: {', '.join(missing[1:])}" if missing[1:] else ""
+        return f'key "{missing[0]}" is missing{f" ({what})" if what else ""}{others}'
+    problem = problems[0]
+    name, *rest = problem["loc"]
+    key = f"{name}{''.join(f'[{k}]' for k in rest if isinstance(k, int))}"
+    item = any(isinstance(k, int) for k in rest)
+    return f"{key} must be {_wanted(get_type_hints(cls)[str(name)], item=item)}, got {show(problem['input'])}"
+
+
+def _wanted(annotation: Any, *, item: bool) -> str:
+    """A type in words."""
+    if get_origin(annotation) in (UnionType, Union):
+        return _wanted(next(part for part in get_args(annotation) if part is not NoneType), item=item)
+    if get_origin(annotation) is tuple:
+        inner = _wanted(get_args(annotation)[0], item=False)
+        return inner if item else f"a list, each {inner}"
+    if isinstance(annotation, type) and issubclass(annotation, StrEnum):
+        return " or ".join(f'"{member}"' for member in annotation)
+    words = {float: "a number", int: "a whole number", str: 'text in quotes ("...")', bool: "true or false"}
+    return words.get(annotation, str(annotation))

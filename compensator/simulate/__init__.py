@@ -1,0 +1,1 @@
+"""`tendonff simulate`: the response to a force file."""

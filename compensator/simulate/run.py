@@ -1,0 +1,197 @@
+"""Play a force file on the chain: row by row into a file, in bounded memory."""
+
+import math
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tendonff.compensator.files.reading import FloatArray, InputError, read_csv
+from tendonff.compensator.files.writing import open_csv
+from tendonff.compensator.scenario.sampling import initial_tension
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.chain import Chain
+from tendonff.models.fidelity import Level
+from tendonff.ocp.crosscheck import StepHalving
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.simulate import Simulator, describe_failure, force_inputs, tensions_of
+
+_CHUNK_VALUES = 200_000  # numbers in memory at a time
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ForceProfile:
+    """A force file.
+
+    Parameters
+    ----------
+    time_s, force_N : ndarray, shape (rows,)
+        Piecewise linear force of the actuator; time rises from 0.
+    name : str
+        File name, for messages.
+    """
+
+    time_s: FloatArray
+    force_N: FloatArray
+    name: str
+
+    def steps(self, step_s: float) -> int:
+        """Number of whole steps until the last row."""
+        return math.floor(float(self.time_s[-1]) / step_s * (1 + 1e-9) + 1e-9)
+
+    def at(self, time_s: FloatArray) -> FloatArray:
+        """Force at the given times [N]."""
+        force: FloatArray = np.interp(time_s, self.time_s, self.force_N)
+        return force
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlayedForce:
+    """What became of a force that was played.
+
+    Parameters
+    ----------
+    rows : int
+        Rows written.
+    warnings : tuple of str
+        What the user should know.
+    check : str or None
+        Estimate of the discretisation error, and whether the run is reproducible, in words, when it was asked for.
+    """
+
+    rows: int
+    warnings: tuple[str, ...]
+    check: str | None
+
+
+def read_force(path: Path) -> ForceProfile:
+    """Read a force file: columns time_s, force_N, first row at 0.
+
+    Parameters
+    ----------
+    path : Path
+    """
+    columns = read_csv(path, ("time_s", "force_N"), starts_at_zero=True)
+    return ForceProfile(time_s=columns["time_s"], force_N=columns["force_N"], name=path.name)
+
+
+def play_force(
+    scenario: Scenario,
+    level: Level,
+    profile: ForceProfile,
+    out: Path,
+    *,
+    check: bool = False,
+    advance: Callable[[int, int], None] | None = None,
+) -> PlayedForce:
+    """Simulate the chain under a force file, from rest at the scenario's initial tension, and write the rows.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    level : Level
+    profile : ForceProfile
+    out : Path
+        File to write: `time_s,force_N,tension_1_N,...,actuator_position_m,load_position_m`.
+    check : bool
+        Run with a half and a quarter of the step as well and state the error estimate.
+    advance : callable
+        Told rows done and rows in all.
+
+    Raises
+    ------
+    SolveError
+        When a step cannot be solved; nothing is written then.
+    """
+    step = scenario.run.step_s
+    total = profile.steps(step) + 1
+    if total > 2_000_000_000:
+        raise InputError(
+            f"{profile.name}: {profile.time_s[-1]:g} s at step_s = {step:g} are {total} rows; use a larger step"
+        )
+    start_tension = initial_tension(scenario)
+    chain = Chain.of(scenario.transmission, level)
+    names = ["time_s", "force_N", *(f"tension_{k}_N" for k in range(1, chain.count + 2))]
+    size = max(1, _CHUNK_VALUES // (chain.count + 5))
+    pieces = [(first, min(first + size, total)) for first in range(1, total, size)]
+    columns = [*names, "actuator_position_m", "load_position_m"]
+    with open_csv(out, columns) as stream, ThreadPoolExecutor(max_workers=1) as worker:
+        run = _Run(chain, profile, start_tension, step, check=check)
+        stream.write(run.first_row())
+        # Compiled steps leave the interpreter free to write what came before them.
+        computed = (worker.submit(run.next_rows, *piece) for piece in pieces)
+        coming = next(computed, None)
+        while coming is not None:
+            rows = coming.result()
+            coming = next(computed, None)
+            stream.write(rows)
+            if advance is not None:
+                advance(round(rows[-1, 0] / step) + 1, total)
+    warnings = []
+    if (jump := abs(run.first_force - start_tension)) > 1e-6 * max(start_tension, 1.0):
+        warnings.append(
+            f"{profile.name} starts at {run.first_force:.6g} N, but the run starts at rest at {start_tension:.6g} N: "
+            f"the force jumps by {jump:.3g} N at t = 0"
+        )
+    warnings += _beyond(scenario, profile)
+    if run.slack_rows:
+        warnings.append(
+            f"the tendon goes slack at t = {run.first_slack_s:.6g} s, and in {100 * run.slack_rows / total:.2g} % of "
+            "the rows some link carries no tension: raise the force there"
+        )
+    found = run.halving.result().text if run.halving is not None else None
+    return PlayedForce(rows=total, warnings=tuple(warnings), check=found)
+
+
+def _beyond(scenario: Scenario, profile: ForceProfile) -> list[str]:
+    """Forces that the scenario's actuator could not apply; they are played all the same."""
+    actuator, force = scenario.transmission.actuator, profile.force_N
+    found = []
+    if force.max() > actuator.force_max_N:
+        found.append(f"{force.max():.4g} N where force_max_N is {actuator.force_max_N:g}")
+    if force.min() < actuator.force_min_N:
+        found.append(f"{force.min():.4g} N where force_min_N is {actuator.force_min_N:g}")
+    return [f"{profile.name} asks for {text}: played as it is" for text in found]
+
+
+class _Run:
+    """A simulation on its way from chunk to chunk."""
+
+    def __init__(
+        self, chain: Chain, profile: ForceProfile, start_tension: float, step_s: float, *, check: bool
+    ) -> None:
+        self._chain, self._profile, self._step = chain, profile, step_s
+        state = chain.rest_state(start_tension)
+        self.first_force = float(profile.force_N[0])
+        start = force_inputs(np.array([self.first_force]))[0]
+        self._first = state.vector()
+        self._simulator = Simulator(chain, step_s, state, start)
+        self.halving = StepHalving(chain, step_s, state, self.first_force) if check else None
+        self.slack_rows = 0
+        self.first_slack_s = math.nan
+
+    def first_row(self) -> FloatArray:
+        """The row at rest."""
+        tension = tensions_of(self._chain, self._first)
+        self._note_slack(tension, np.zeros(1))
+        return np.concatenate([[0.0, self.first_force], tension[0], self._first[-2:]])[None, :]
+
+    def next_rows(self, first: int, after: int) -> FloatArray:
+        """Rows first .. after - 1, which follow the last ones."""
+        time = np.arange(first, after, dtype=np.float64) * self._step
+        force = self._profile.at(time)
+        rows = self._simulator.advance(force_inputs(force))
+        if (good := len(rows.tension_N)) < len(time):
+            raise SolveError(describe_failure(self._chain, rows, float(time[good]), self._step))
+        self._note_slack(rows.tension_N, time)
+        if self.halving is not None:
+            self.halving.add(time, rows.tension_N[:, -1], self._profile.at)
+        return np.column_stack([time, force, rows.tension_N, rows.ends_m])
+
+    def _note_slack(self, tension: FloatArray, time: FloatArray) -> None:
+        slack = (tension <= 0).any(axis=1)
+        if slack.any() and not self.slack_rows:
+            self.first_slack_s = float(time[int(np.argmax(slack))])
+        self.slack_rows += int(slack.sum())

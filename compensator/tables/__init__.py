@@ -1,0 +1,1 @@
+"""`tendonff table`: compensation tables."""

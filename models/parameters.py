@@ -1,0 +1,224 @@
+"""Parameters of the transmission, as a user writes them: of the whole tendon, not of its elements."""
+
+import math
+from dataclasses import dataclass
+
+from tendonff.models.errors import ParameterError
+
+LARGEST = 1e15
+"""Largest value of any quantity in SI units: larger ones come from a wrong unit and would overflow on the way."""
+
+
+def _require(name: str, value: float, *, above: float | None = None, least: float | None = None, hint: str) -> None:
+    """Refuse `value` unless it is finite and above / at least the bound; NaN fails every comparison."""
+    if above is not None and not (above < value < math.inf):
+        raise ParameterError(f"{name} must be a finite number > {above:g}, got {value}; {hint}")
+    if least is not None and not (least <= value < math.inf):
+        raise ParameterError(f"{name} must be a finite number >= {least:g}, got {value}; {hint}")
+    if value > LARGEST:
+        raise ParameterError(f"{name} must be at most {LARGEST:g}, got {value:g}; check its unit")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Path:
+    """Curved path on which the tendon slides.
+
+    Parameters
+    ----------
+    total_angle_rad : float
+        Wrap angle theta: sum of the absolute bending angles [rad], >= 0.
+    segments : int
+        Number N of lumped masses, >= 1.
+    radius_m : float
+        Radius of curvature [m], > 0. It sets the length theta R; the friction does not depend on it.
+    """
+
+    total_angle_rad: float
+    segments: int
+    radius_m: float
+
+    def __post_init__(self) -> None:
+        _require("total_angle_rad", self.total_angle_rad, least=0, hint="add up the absolute bending angles")
+        if not (isinstance(self.segments, int) and 1 <= self.segments <= 10_000):
+            raise ParameterError(f"segments must be a whole number from 1 to 10000, got {self.segments}; try 6")
+        _require("radius_m", self.radius_m, above=0, hint="give the bending radius in metres")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tendon:
+    """The whole tendon between actuator and load, eqs. (6), (7).
+
+    Parameters
+    ----------
+    mass_kg : float
+        Mass m [kg], > 0.
+    stiffness_N_per_m : float
+        Lasting stiffness k1 [N/m], > 0.
+    relaxing_stiffness_N_per_m : float
+        Stiffness k2 that relaxes away [N/m], >= 0; ignored by the elastic level.
+    relaxation_time_s : float
+        Relaxation time tau = b_k/k2 [s], > 0.
+    damping_N_s_per_m : float
+        Structural damping c in parallel [N s/m], >= 0.
+    """
+
+    mass_kg: float
+    stiffness_N_per_m: float
+    relaxing_stiffness_N_per_m: float
+    relaxation_time_s: float
+    damping_N_s_per_m: float
+
+    def __post_init__(self) -> None:
+        _require("mass_kg", self.mass_kg, above=0, hint="weigh the tendon; a light one is fine")
+        _require("stiffness_N_per_m", self.stiffness_N_per_m, above=0, hint="EA/L of the whole tendon")
+        _require("relaxing_stiffness_N_per_m", self.relaxing_stiffness_N_per_m, least=0, hint="use 0 for no relaxation")
+        _require("relaxation_time_s", self.relaxation_time_s, above=0, hint="time in which a held force settles")
+        _require("damping_N_s_per_m", self.damping_N_s_per_m, least=0, hint="use 0 for none")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Friction:
+    """Friction between tendon and path, eqs. (4), (5), with two extensions that default to the paper.
+
+    Parameters
+    ----------
+    mu_dynamic, mu_static : float
+        Coefficients when pulling (v > 0), fast and near rest [-]; mu_static >= mu_dynamic >= 0.
+    stribeck_velocity_m_per_s : float
+        Speed omega of the transition from static to dynamic [m/s], > 0.
+    viscous_N_s_per_m : float
+        Viscous friction b of the whole tendon [N s/m], >= 0.
+    bristle_stiffness_N_per_m, soft_bristle_stiffness_N_per_m : float
+        Bristle stiffness sigma0 of the whole tendon [N/m], > 0: of the stiff levels, and of `presliding`.
+    mu_dynamic_release : float, optional
+        Coefficient when releasing (v < 0) [-]; default: mu_dynamic.
+    mu_static_release : float, optional
+        The same near rest [-]; default: mu_static mu_dynamic_release/mu_dynamic.
+    adhesion_N : float, optional
+        Load-independent tension p added to the tension in the friction law [N], >= 0; default 0.
+    """
+
+    mu_dynamic: float
+    mu_static: float
+    stribeck_velocity_m_per_s: float
+    viscous_N_s_per_m: float
+    bristle_stiffness_N_per_m: float
+    soft_bristle_stiffness_N_per_m: float
+    mu_dynamic_release: float | None = None
+    mu_static_release: float | None = None
+    adhesion_N: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require("mu_dynamic", self.mu_dynamic, least=0, hint="use 0 for a frictionless path")
+        _require("mu_static", self.mu_static, least=0, hint="use mu_dynamic for no Stribeck effect")
+        if self.mu_static < self.mu_dynamic:
+            raise ParameterError(
+                f"mu_static must be >= mu_dynamic = {self.mu_dynamic:g}, got {self.mu_static}; "
+                "set both equal for no Stribeck effect"
+            )
+        _require("stribeck_velocity_m_per_s", self.stribeck_velocity_m_per_s, above=0, hint="0.001 to 0.05 is usual")
+        _require("viscous_N_s_per_m", self.viscous_N_s_per_m, least=0, hint="use 0 for none")
+        _require("bristle_stiffness_N_per_m", self.bristle_stiffness_N_per_m, above=0, hint="1e5 to 1e7 is stiff")
+        soft = self.soft_bristle_stiffness_N_per_m
+        _require("soft_bristle_stiffness_N_per_m", soft, above=0, hint="1e3 to 1e5 is soft")
+        if self.mu_dynamic_release is not None:
+            _require("mu_dynamic_release", self.mu_dynamic_release, least=0, hint="leave it out to use mu_dynamic")
+        if self.mu_static_release is not None:
+            _require("mu_static_release", self.mu_static_release, least=0, hint="leave it out to scale mu_static")
+            if self.mu_static_release < self.release_dynamic:
+                raise ParameterError(
+                    f"mu_static_release must be >= mu_dynamic_release = {self.release_dynamic:g}, "
+                    f"got {self.mu_static_release}; set both equal for no Stribeck effect"
+                )
+        _require("adhesion_N", self.adhesion_N, least=0, hint="use 0 for friction that is proportional to tension")
+
+    @property
+    def release_dynamic(self) -> float:
+        """mu_dynamic when releasing [-], the default resolved."""
+        return self.mu_dynamic if self.mu_dynamic_release is None else self.mu_dynamic_release
+
+    @property
+    def release_static(self) -> float:
+        """mu_static when releasing [-], the default resolved."""
+        if self.mu_static_release is not None:
+            return self.mu_static_release
+        if self.mu_dynamic == 0:  # no ratio to scale by: keep the static excess of pulling
+            return max(self.mu_static, self.release_dynamic)
+        # In this order equal coefficients stay equal to the last bit: a rounding error is no Stribeck effect.
+        return self.release_dynamic * (self.mu_static / self.mu_dynamic)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Actuator:
+    """The motor that pulls, and its limits.
+
+    Parameters
+    ----------
+    mass_kg : float
+        Moving mass m_a [kg], > 0.
+    damping_N_s_per_m : float
+        Viscous damping b_a [N s/m], >= 0.
+    force_min_N, force_max_N : float
+        Range of the force [N], 0 <= force_min_N < force_max_N: a tendon cannot push.
+    force_rate_max_N_per_s : float
+        Largest rate of change of the force, either way [N/s], > 0.
+    """
+
+    mass_kg: float
+    damping_N_s_per_m: float
+    force_min_N: float
+    force_max_N: float
+    force_rate_max_N_per_s: float
+
+    def __post_init__(self) -> None:
+        _require("mass_kg", self.mass_kg, above=0, hint="include the rotor's inertia over the drum radius squared")
+        _require("damping_N_s_per_m", self.damping_N_s_per_m, least=0, hint="use 0 for none")
+        _require("force_min_N", self.force_min_N, least=0, hint="a tendon cannot push")
+        _require("force_max_N", self.force_max_N, above=0, hint="give the motor's peak force")
+        if self.force_max_N <= self.force_min_N:
+            raise ParameterError(f"force_max_N must be > force_min_N = {self.force_min_N:g}, got {self.force_max_N}")
+        _require("force_rate_max_N_per_s", self.force_rate_max_N_per_s, above=0, hint="use 1e9 for none")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Load:
+    """What the tendon pulls at its far end: a mass on a spring.
+
+    Parameters
+    ----------
+    mass_kg : float
+        Moving mass m_l [kg], > 0.
+    stiffness_N_per_m : float
+        Stiffness k_l towards the reference x_c2 [N/m], > 0: it carries the tension at rest.
+    damping_N_s_per_m : float
+        Viscous damping b_l [N s/m], >= 0.
+    """
+
+    mass_kg: float
+    stiffness_N_per_m: float
+    damping_N_s_per_m: float
+
+    def __post_init__(self) -> None:
+        _require("mass_kg", self.mass_kg, above=0, hint="use the mass of the finger, tool or force cell")
+        _require("stiffness_N_per_m", self.stiffness_N_per_m, above=0, hint="it carries the tension at rest")
+        _require("damping_N_s_per_m", self.damping_N_s_per_m, least=0, hint="use 0 for none")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Transmission:
+    """Path, tendon, friction, actuator and load: everything physical about a rig.
+
+    Parameters
+    ----------
+    path : Path
+    tendon : Tendon
+    friction : Friction
+    actuator : Actuator
+    load : Load
+    """
+
+    path: Path
+    tendon: Tendon
+    friction: Friction
+    actuator: Actuator
+    load: Load

@@ -1,0 +1,1 @@
+"""C from CasADi expressions: printing, partial evaluation, compiling."""

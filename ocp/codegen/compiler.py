@@ -1,0 +1,155 @@
+"""Compile generated C with the system's compiler, once, and load it."""
+
+import atexit
+import ctypes
+import functools
+import hashlib
+import importlib.util
+import os
+import platform
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from tendonff.ocp.errors import CodeError
+
+_PACKAGED = ("-m", "ziglang", "cc")
+_FLAGS = ("-O3", "-std=c99", "-shared", "-fPIC", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=off")
+
+
+@functools.cache
+def _machine_flags() -> tuple[str, ...]:
+    """Registers for four numbers, where this processor has them; nothing is contracted, so results stay the same."""
+    try:
+        known = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ()
+    return ("-mavx2",) if platform.machine() == "x86_64" and " avx2 " in known else ()
+
+
+def _candidates() -> list[tuple[str, ...]]:
+    """Commands that may be C compilers: what the environment variable CC says, or else whatever is there."""
+    if wanted := os.environ.get("CC", "").strip():
+        if path := shutil.which(wanted):  # also one with blanks in its path
+            return [(path,)]
+        try:
+            words = shlex.split(wanted, posix=os.name != "nt")
+        except ValueError as error:
+            raise CodeError(f"the environment variable CC must be a command, got {wanted!r} ({error})") from None
+        path = shutil.which(words[0]) if words else None
+        return [(path, *words[1:])] if path else []
+    found: list[tuple[str, ...]] = [(path,) for name in ("cc", "gcc", "clang") if (path := shutil.which(name))]
+    if importlib.util.find_spec("ziglang") is not None:  # clang; without a target it writes for this machine alone
+        found.append((sys.executable, *_PACKAGED, "-mcpu=baseline"))
+    return found
+
+
+def find_compiler() -> tuple[str, ...] | None:
+    """Command of the first C compiler that works: CC from the environment, else cc, gcc, clang, the package ziglang.
+
+    Returns
+    -------
+    tuple of str or None
+        None where there is none.
+
+    Raises
+    ------
+    CodeError
+        If CC cannot be read as a command.
+    """
+    return next((command for command in _candidates() if _works(command)), None)
+
+
+@functools.cache
+def _works(compiler: tuple[str, ...]) -> bool:
+    """Whether it makes a library that loads: a name on the path may stand for tools that are not installed."""
+    try:
+        ctypes.CDLL(str(_built("int tff_probe(void) { return 1; }\n", compiler)))
+    except (CodeError, OSError):
+        return False
+    return True
+
+
+def run_compiler(compiler: tuple[str, ...], arguments: Sequence[str], folder: Path | None = None) -> str | None:
+    """Run the C compiler; None where it succeeds, else what it said.
+
+    Parameters
+    ----------
+    compiler : tuple of str
+        From `find_compiler`.
+    arguments : sequence of str
+    folder : Path, optional
+        Where it runs.
+    """
+    environment = dict(os.environ)
+    if compiler[1:3] == _PACKAGED[:2]:  # it would leave its caches where it runs
+        for name in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"):
+            environment.setdefault(name, str(_cache_folder() / "zig"))
+    run = subprocess.run(
+        [*compiler, *arguments], cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
+    if run.returncode == 0:
+        return None
+    return f"{' '.join(compiler)} failed with status {run.returncode}: {run.stderr[:500]}"
+
+
+def _cache_folder() -> Path:
+    base = os.environ.get("XDG_CACHE_HOME")
+    folder = (Path(base) if base else Path.home() / ".cache") / "tendonff"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder
+    except OSError:  # no writable home: a folder of this process is slower, not wrong
+        return _folder_of_this_process()
+
+
+@functools.cache
+def _folder_of_this_process() -> Path:
+    folder = tempfile.mkdtemp(prefix="tendonff-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
+
+
+@functools.cache
+def _compiler_version(compiler: tuple[str, ...]) -> str:
+    return subprocess.run([*compiler, "--version"], capture_output=True, text=True, check=False).stdout
+
+
+def load_library(source: str) -> ctypes.CDLL:
+    """Compile C source into a shared library, or take it from the cache, and load it.
+
+    Parameters
+    ----------
+    source : str
+        C99.
+
+    Raises
+    ------
+    CodeError
+        If no compiler works or it refuses the source.
+    """
+    compiler = find_compiler()
+    if compiler is None:
+        wanted = os.environ.get("CC", "").strip()
+        where = f"CC is {wanted!r}" if wanted else "looked for cc, gcc, clang and the package ziglang"
+        raise CodeError(f"no C compiler found that works ({where}); pip install ziglang, or use the CasADi engine")
+    return ctypes.CDLL(str(_built(source, compiler)))
+
+
+def _built(source: str, compiler: tuple[str, ...]) -> Path:
+    """Shared library of C source, compiled unless the cache has it."""
+    flags = (*_FLAGS, *_machine_flags())
+    key = "\0".join([source, *compiler, _compiler_version(compiler), sys.platform, platform.machine(), *flags])
+    library = _cache_folder() / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.so"
+    if not library.exists():
+        with tempfile.TemporaryDirectory(dir=library.parent) as scratch:
+            c_file, built = Path(scratch) / "generated.c", Path(scratch) / library.name
+            c_file.write_text(source, encoding="utf-8")
+            if complaint := run_compiler(compiler, [*flags, "-o", str(built), str(c_file), "-lm"]):
+                raise CodeError(f"generated C: {complaint}")
+            built.replace(library)  # atomic: a second process sees all of it or nothing
+    return library

@@ -1,0 +1,377 @@
+"""Print laws with their parameters folded in: what a controller evaluates, and nothing else.
+
+A law as `elements` states it takes every parameter and the weight H of the scheme as arguments. On a controller these
+are known beforehand, so everything that depends on them alone is evaluated here, in double precision: a number that is
+the same for every weight H becomes a literal, one that differs becomes a field of a coefficient record with one value
+per weight. What remains depends on the state only.
+
+Folding keeps the order of operations, so that double code gives the bits that the unfolded law gives. Where `reorder`
+allows it, constants are gathered and divisions by them become multiplications.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import casadi as ca
+
+from tendonff.ocp.codegen.law import Law
+from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.codegen.printer import literal
+from tendonff.ocp.errors import CodeError
+
+Values = tuple[float, ...]
+
+_COMPARISONS = {ca.OP_LT: "<", ca.OP_LE: "<=", ca.OP_EQ: "==", ca.OP_NE: "!="}
+_FUNCTIONS = {ca.OP_SQRT: "sqrt", ca.OP_EXP: "exp", ca.OP_LOG: "log", ca.OP_TANH: "tanh", ca.OP_FABS: "fabs"}
+_ARITHMETIC = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
+_EVALUATE: dict[int, Callable[..., float]] = {
+    ca.OP_ADD: lambda a, b: a + b,
+    ca.OP_SUB: lambda a, b: a - b,
+    ca.OP_MUL: lambda a, b: a * b,
+    ca.OP_DIV: lambda a, b: a / b,
+    ca.OP_LT: lambda a, b: float(a < b),
+    ca.OP_LE: lambda a, b: float(a <= b),
+    ca.OP_EQ: lambda a, b: float(a == b),
+    ca.OP_NE: lambda a, b: float(a != b),
+    ca.OP_FMIN: min,
+    ca.OP_FMAX: max,
+    ca.OP_IF_ELSE_ZERO: lambda a, b: b if a else 0.0,
+    ca.OP_NEG: lambda a: -a,
+    ca.OP_NOT: lambda a: float(not a),
+    ca.OP_SQRT: math.sqrt,
+    ca.OP_EXP: math.exp,
+    ca.OP_LOG: math.log,
+    ca.OP_TANH: math.tanh,
+    ca.OP_FABS: abs,
+    ca.OP_SIGN: lambda a: float((a > 0) - (a < 0)),
+}
+_SELECT = -1  # our own: condition ? a : b
+
+
+@dataclass(frozen=True, slots=True)
+class _Node:
+    """One value: a constant per weight, an argument, or an operation on earlier nodes."""
+
+    op: int | None
+    operands: tuple["_Node", ...] = ()
+    constant: Values | None = None
+    argument: str | None = None
+
+    def is_number(self, value: float) -> bool:
+        """The same given number for every weight."""
+        return self.constant is not None and all(c == value for c in self.constant)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpecialisedLaw:
+    """A law with its parameters folded in, as a static C function.
+
+    Parameters
+    ----------
+    name : str
+        C identifier without the prefix of the file.
+    inputs : tuple of str
+        Arguments that remain, in the law's order.
+    outputs : tuple of str
+        Results, through pointers.
+    weighted : bool
+        Whether it reads the coefficient record.
+    code : str
+        The whole definition.
+    """
+
+    name: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    weighted: bool
+    code: str
+
+
+@dataclass(slots=True, kw_only=True)
+class Specialiser:
+    """Folds the laws of one file and gathers the coefficients that differ between weights.
+
+    Parameters
+    ----------
+    prefix : str
+        Prefix of every C name.
+    precision : Precision
+    parameters : mapping of str to tuple of float
+        Value of each known argument for each weight H.
+    reorder : bool, optional
+        Fewer operations at the price of other roundings.
+    """
+
+    prefix: str
+    precision: Precision
+    parameters: Mapping[str, Values]
+    reorder: bool = False
+    coefficients: dict[str, Values] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if len({len(values) for values in self.parameters.values()}) != 1:
+            raise CodeError("every parameter needs one value for each weight of the scheme")
+
+    @property
+    def weights(self) -> int:
+        """Number of weights H."""
+        return len(next(iter(self.parameters.values())))
+
+    def fold(self, law: Law, name: str | None = None, fixed: Mapping[str, float] | None = None) -> SpecialisedLaw:
+        """One law as C.
+
+        Parameters
+        ----------
+        law : Law
+        name : str, optional
+            C identifier without prefix; default: the law's own.
+        fixed : mapping of str to float, optional
+            Further arguments with a known value, which win over `parameters`.
+        """
+        name = name or law.name
+        known = dict(self.parameters) | {key: (value,) * self.weights for key, value in (fixed or {}).items()}
+        results = _Tape(self.reorder).run(law, known, self.weights)
+        return self._print(law, name, results)
+
+    def evaluate(self, law: Law) -> tuple[Values, ...]:
+        """Outputs of a law whose arguments are all known, one value per weight each.
+
+        Parameters
+        ----------
+        law : Law
+        """
+        return tuple(_constant_of(node, law.name) for node in _Tape(False).run(law, self.parameters, self.weights))
+
+    def _print(self, law: Law, name: str, results: Sequence[_Node]) -> SpecialisedLaw:
+        real = "float" if self.precision is Precision.FLOAT else "double"
+        used: set[str] = set()
+        lines: list[str] = []
+        texts: dict[int, str] = {}
+        weighted = False
+
+        def text_of(node: _Node) -> str:
+            nonlocal weighted
+            if node.constant is not None:
+                if len(set(node.constant)) == 1:
+                    text = literal(node.constant[0], self.precision)
+                    return f"({text})" if text.startswith("-") else text
+                weighted = True
+                return f"w->{self._coefficient(name, node.constant)}"
+            if node.argument is not None:
+                used.add(node.argument)
+                return node.argument
+            if id(node) not in texts:
+                value = expression(node)
+                if node.op in _COMPARISONS or node.op == ca.OP_NOT:
+                    return f"({value})"  # conditions stay where they are used
+                texts[id(node)] = f"t{len(texts)}"
+                lines.append(f"    const {real} {texts[id(node)]} = {value};")
+            return texts[id(node)]
+
+        def condition_of(node: _Node) -> str:
+            if node.op in _COMPARISONS or node.op == ca.OP_NOT:
+                return f"({expression(node)})"
+            return f"({text_of(node)} != {literal(0.0, self.precision)})"
+
+        def expression(node: _Node) -> str:
+            suffix = "f" if self.precision is Precision.FLOAT else ""
+            if node.op == _SELECT:
+                which, yes, no = node.operands
+                return f"{condition_of(which)} ? {text_of(yes)} : {text_of(no)}"
+            if node.op == ca.OP_NOT:
+                return f"!{condition_of(node.operands[0])}"
+            operands = [text_of(operand) for operand in node.operands]
+            if node.op in _ARITHMETIC:
+                return f"{operands[0]} {_ARITHMETIC[node.op]} {operands[1]}"
+            if node.op in _COMPARISONS:
+                return f"{operands[0]} {_COMPARISONS[node.op]} {operands[1]}"
+            if node.op in (ca.OP_FMIN, ca.OP_FMAX):
+                mark = "<" if node.op == ca.OP_FMIN else ">"
+                return f"({operands[0]} {mark} {operands[1]}) ? {operands[0]} : {operands[1]}"
+            if node.op == ca.OP_NEG:
+                return f"-{operands[0]}"
+            if node.op == ca.OP_SIGN:
+                zero, one = literal(0.0, self.precision), literal(1.0, self.precision)
+                return f"({operands[0]} > {zero}) ? {one} : (({operands[0]} < {zero}) ? -{one} : {zero})"
+            if node.op in _FUNCTIONS:
+                return f"{_FUNCTIONS[node.op]}{suffix}({operands[0]})"
+            raise CodeError(f"{law.name}: CasADi operation {node.op} has no C spelling; add it to ocp.specialise")
+
+        outputs = tuple(law.outputs)
+        for output, node in zip(outputs, results, strict=True):
+            lines.append(f"    *{output} = {text_of(node)};")
+        inputs = tuple(symbol.name() for symbol in law.inputs if symbol.name() in used)
+        record = [f"const {self.prefix}_weights *w"] if weighted else []
+        arguments = record + [f"{real} {n}" for n in inputs] + [f"{real} *{n}" for n in outputs]
+        head = f"/* {law.comment} */\nstatic void {self.prefix}_{name}(\n    {', '.join(arguments)})\n{{\n"
+        code = head + "\n".join(lines) + "\n}\n"
+        return SpecialisedLaw(name=name, inputs=inputs, outputs=outputs, weighted=weighted, code=code)
+
+    def _coefficient(self, law: str, values: Values) -> str:
+        """Field of the coefficient record that holds these values."""
+        for name, known in self.coefficients.items():
+            if known == values:
+                return name
+        name = f"{law}_{1 + sum(n.startswith(f'{law}_') for n in self.coefficients)}"
+        self.coefficients[name] = values
+        return name
+
+
+def _constant_of(node: _Node, law: str) -> Values:
+    if node.constant is None:
+        raise CodeError(f"{law}: an argument has no known value")
+    return node.constant
+
+
+_ONE_OPERAND = {ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE, ca.OP_INV, ca.OP_NOT, ca.OP_SIGN, *_FUNCTIONS}
+
+
+class _Tape:
+    """Runs the instructions of a law on nodes and folds what is known.
+
+    Parameters
+    ----------
+    reorder : bool
+        Gather constants and multiply instead of dividing.
+    """
+
+    def __init__(self, reorder: bool) -> None:
+        self._reorder = reorder
+        self._table: dict[tuple[object, ...], _Node] = {}
+
+    def run(self, law: Law, known: Mapping[str, Values], weights: int) -> list[_Node]:
+        """Nodes of the law's outputs.
+
+        Parameters
+        ----------
+        law : Law
+        known : mapping of str to tuple of float
+        weights : int
+        """
+        tape = ca.Function(law.name, [ca.vertcat(*law.inputs)], [ca.vertcat(*law.outputs.values())], {"cse": True})
+        names = [symbol.name() for symbol in law.inputs]
+        register: dict[int, _Node] = {}
+        results: dict[int, _Node] = {}
+        for k in range(tape.n_instructions()):
+            op, ins, outs = tape.instruction_id(k), tape.instruction_input(k), tape.instruction_output(k)
+            if op == ca.OP_CONST:
+                register[outs[0]] = _constant(tape.instruction_constant(k), weights)
+            elif op == ca.OP_INPUT:
+                name = names[ins[1]]
+                if name in known:
+                    register[outs[0]] = _Node(None, constant=tuple(known[name]))
+                else:
+                    register[outs[0]] = self._shared(_Node(None, argument=name))
+            elif op == ca.OP_OUTPUT:
+                results[outs[1]] = register[ins[0]]
+            else:
+                operands = tuple(register[i] for i in ins[: 1 if op in _ONE_OPERAND else 2])
+                register[outs[0]] = self._simplify(op, operands)
+        return [results[k] for k in range(len(law.outputs))]
+
+    def _shared(self, node: _Node) -> _Node:
+        """The one node with this operation on these operands."""
+        key = (node.op, node.argument, *(id(o) if o.constant is None else o.constant for o in node.operands))
+        return self._table.setdefault(key, node)
+
+    def _simplify(self, op: int, operands: tuple[_Node, ...]) -> _Node:
+        """A node for an operation, folded where its operands allow it."""
+        a = operands[0]
+        if op == ca.OP_SQ:
+            op, operands = ca.OP_MUL, (a, a)
+        elif op == ca.OP_TWICE:
+            op, operands = ca.OP_ADD, (a, a)
+        elif op == ca.OP_INV:
+            op, operands = ca.OP_DIV, (_Node(None, constant=(1.0,)), a)
+        if all(o.constant is not None for o in operands):
+            columns = [o.constant for o in operands if o.constant is not None]
+            count = max(len(column) for column in columns)
+            rows = zip(*(column if len(column) == count else column * count for column in columns), strict=True)
+            return _Node(None, constant=tuple(_EVALUATE[op](*row) for row in rows))
+        if (moved := self._into_choice(op, operands)) is not None:
+            return moved
+        if self._reorder and (gathered := self._gathered(op, operands)) is not None:
+            return gathered
+        return self._without_neutral(op, operands) or self._shared(_Node(op, operands))
+
+    def _gathered(self, op: int, operands: tuple[_Node, ...]) -> _Node | None:
+        """Division by a constant as multiplication, and K1 (K2 x) as (K1 K2) x."""
+        a, b = operands[0], operands[-1]
+        if op == ca.OP_DIV and (b.constant is not None or _is_choice(b)):
+            return self._simplify(ca.OP_MUL, (a, self._simplify(ca.OP_DIV, (_Node(None, constant=(1.0,)), b))))
+        if op == ca.OP_NEG and a.op == ca.OP_MUL and any(o.constant is not None for o in a.operands):
+            return self._simplify(ca.OP_MUL, (a, _Node(None, constant=(-1.0,))))
+        if op == ca.OP_MUL:
+            for outer, product in ((a, b), (b, a)):
+                if outer.constant is None or product.op != ca.OP_MUL:
+                    continue
+                for inner, rest in (product.operands, product.operands[::-1]):
+                    if inner.constant is not None:
+                        return self._simplify(ca.OP_MUL, (rest, self._simplify(ca.OP_MUL, (outer, inner))))
+        return None
+
+    def _without_neutral(self, op: int, operands: tuple[_Node, ...]) -> _Node | None:
+        """X + 0, x - x, 1 x, 0 x, c ? x : x and their like: exact."""
+        a, b = operands[0], operands[-1]
+        if op == ca.OP_MUL:
+            for this, other in ((a, b), (b, a)):
+                if this.is_number(0):
+                    return this
+                if this.is_number(1):
+                    return other
+                if this.is_number(-1):
+                    return self._simplify(ca.OP_NEG, (other,))
+        if op == ca.OP_ADD:
+            if a.is_number(0) or b.is_number(0):
+                return b if a.is_number(0) else a
+            return self._selection(a, b) or self._selection(b, a)
+        if op == ca.OP_SUB:
+            if a is b:
+                return _Node(None, constant=(0.0,))
+            if b.is_number(0):
+                return a
+            if a.is_number(0):
+                return self._simplify(ca.OP_NEG, (b,))
+        if op == ca.OP_DIV and b.is_number(1):
+            return a
+        if op == ca.OP_NEG and a.op == ca.OP_NEG:
+            return a.operands[0]
+        if op == ca.OP_IF_ELSE_ZERO:
+            if a.constant is not None and len(set(map(bool, a.constant))) == 1:
+                return b if a.constant[0] else _constant(0.0, len(a.constant))
+            if b.is_number(0):
+                return b
+            zero = _constant(0.0, len(b.constant) if b.constant is not None else 1)
+            return self._shared(_Node(_SELECT, (a, b, zero)))
+        return None
+
+    def _into_choice(self, op: int, operands: tuple[_Node, ...]) -> _Node | None:
+        """f(c ? K1 : K2, K3) as c ? f(K1, K3) : f(K2, K3), so that f is evaluated here and not on the controller."""
+        choices = [o for o in operands if _is_choice(o)]
+        if op not in _EVALUATE or not choices or any(o.constant is None and o is not choices[0] for o in operands):
+            return None
+        yes, no = (self._simplify(op, tuple(o.operands[k] if o is choices[0] else o for o in operands)) for k in (1, 2))
+        if yes.constant == no.constant:
+            return yes
+        return self._shared(_Node(_SELECT, (choices[0].operands[0], yes, no)))
+
+    def _selection(self, first: _Node, second: _Node) -> _Node | None:
+        """(c ? x : 0) + (!c ? y : 0), CasADi's if_else, as c ? x : y; x alone where both are the same."""
+        if first.op != _SELECT or second.op != _SELECT:
+            return None
+        (c, x, x_else), (not_c, y, y_else) = first.operands, second.operands
+        if not (x_else.is_number(0) and y_else.is_number(0) and not_c.op == ca.OP_NOT and not_c.operands[0] is c):
+            return None
+        if x is y or (x.constant is not None and x.constant == y.constant):
+            return x
+        return self._shared(_Node(_SELECT, (c, x, y)))
+
+
+def _constant(value: float, weights: int) -> _Node:
+    return _Node(None, constant=(value,) * weights)
+
+
+def _is_choice(node: _Node) -> bool:
+    """A choice between two constants."""
+    return node.op == _SELECT and all(o.constant is not None for o in node.operands[1:])

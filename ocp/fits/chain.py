@@ -1,0 +1,290 @@
+"""The chain under a measured input tension, with exact sensitivities over what identification looks for.
+
+The force cell sits between motor and tendon: the measured tension is f_1 itself. The near end is therefore a mass too
+light to matter that the measured tension pulls::
+
+    T_in(t) --> [~0] ~~f_1~~ (m_1) ~~ ... ~~ (m_N) ~~f_{N+1}~~ [m_l]--spring--|        compared: f_{N+1}, q_a - q_l
+
+The history before the first sample is not known. The run starts at rest under the first output tension and reaches the
+first input over a short smooth lead-in, so that the output starts where it was measured.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from tendonff.models.chain import Chain, End
+from tendonff.models.elements import Whole, whole_of
+from tendonff.models.fidelity import Level
+from tendonff.models.parameters import Transmission
+from tendonff.ocp.sensitivity import Parameter, force_sensitivity, parameter_sensitivity
+from tendonff.ocp.simulate import simulate
+
+Array = NDArray[np.float64]
+
+NEAR_MASS_KG = 1e-6
+LEAD_IN_S = 0.4
+LEAST_TENSION_N = 1e-6
+
+
+class DynamicParameter(StrEnum):
+    """What the dynamic fit may look for; values are names of estimates.
+
+    Attributes
+    ----------
+    MU_PULL, MU_RELEASE
+        mu_dynamic in either direction [-]; the static coefficients keep their ratio.
+    STATIC_EXCESS
+        mu_static/mu_dynamic - 1 in both directions [-], >= 0.
+    STRIBECK_VELOCITY, VISCOUS, BRISTLE, ADHESION
+        omega [m/s], b [N s/m], sigma0 [N/m], p [N].
+    STIFFNESS, RELAXING, RELAXATION_TIME, DAMPING
+        k1, k2 [N/m], tau [s], c [N s/m].
+    INPUT_BIAS, OUTPUT_BIAS
+        What the cells read at zero tension [N].
+    """
+
+    MU_PULL = "mu_dynamic"
+    MU_RELEASE = "mu_dynamic_release"
+    STATIC_EXCESS = "static_excess"
+    STRIBECK_VELOCITY = "stribeck_velocity_m_per_s"
+    VISCOUS = "viscous_N_s_per_m"
+    BRISTLE = "bristle_stiffness_N_per_m"
+    ADHESION = "adhesion_N"
+    STIFFNESS = "stiffness_N_per_m"
+    RELAXING = "relaxing_stiffness_N_per_m"
+    RELAXATION_TIME = "relaxation_time_s"
+    DAMPING = "damping_N_s_per_m"
+    INPUT_BIAS = "input_bias_N"
+    OUTPUT_BIAS = "output_bias_N"
+
+
+D = DynamicParameter
+_DIRECT = {
+    D.STRIBECK_VELOCITY: Parameter.STRIBECK_VELOCITY,
+    D.VISCOUS: Parameter.VISCOUS,
+    D.BRISTLE: Parameter.BRISTLE_STIFFNESS,
+    D.ADHESION: Parameter.ADHESION,
+    D.STIFFNESS: Parameter.STIFFNESS,
+    D.RELAXING: Parameter.RELAXING_STIFFNESS,
+    D.RELAXATION_TIME: Parameter.RELAXATION_TIME,
+    D.DAMPING: Parameter.DAMPING,
+}
+_MUS = (
+    Parameter.MU_DYNAMIC_PULL,
+    Parameter.MU_STATIC_PULL,
+    Parameter.MU_DYNAMIC_RELEASE,
+    Parameter.MU_STATIC_RELEASE,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drive:
+    """One piece of measured input.
+
+    Parameters
+    ----------
+    input_N : ndarray, shape (n,)
+        As the cell read it, low-passed.
+    step_s : float
+    first_output_N : float
+        Output at the first sample, as the cell read it.
+    """
+
+    input_N: Array
+    step_s: float
+    first_output_N: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChainResponse:
+    """What the chain makes of a drive, at the samples of the drive.
+
+    Parameters
+    ----------
+    output_N : ndarray, shape (n,)
+        Output as the cell would read it.
+    elongation_m : ndarray, shape (n,)
+        q_a - q_l.
+    output_slopes, elongation_slopes : ndarray, shape (n, k)
+        Over the parameters asked for.
+    """
+
+    output_N: Array
+    elongation_m: Array
+    output_slopes: Array
+    elongation_slopes: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChainModel:
+    """A transmission as the fit sees it.
+
+    Parameters
+    ----------
+    transmission : Transmission
+        Gives what is not looked for: path, masses, load.
+    level : Level
+    count : int
+        Number N of masses.
+    longest_step_s : float
+        Largest time step; the samples are interpolated or thinned to stay near it.
+    symmetric : bool
+        mu_dynamic counts for both directions.
+    """
+
+    transmission: Transmission
+    level: Level
+    count: int
+    longest_step_s: float = 1e-3
+    symmetric: bool = False
+
+    def values(self) -> dict[DynamicParameter, float]:
+        """The scenario's own values of all parameters."""
+        w = whole_of(self.transmission, self.level)
+        return {
+            D.MU_PULL: w.mu_dynamic_pull,
+            D.MU_RELEASE: w.mu_dynamic_release,
+            D.STATIC_EXCESS: w.mu_static_pull / w.mu_dynamic_pull - 1 if w.mu_dynamic_pull > 0 else 0.0,
+            D.INPUT_BIAS: 0.0,
+            D.OUTPUT_BIAS: 0.0,
+            **{k: float(getattr(w, name.value)) for k, name in _DIRECT.items()},
+        }
+
+    def whole(self, values: Mapping[DynamicParameter, float]) -> Whole:
+        """The undivided tendon with given values.
+
+        Parameters
+        ----------
+        values : mapping of DynamicParameter to float
+            All of them.
+        """
+        mu_pull = values[D.MU_PULL]
+        mu_release = mu_pull if self.symmetric else values[D.MU_RELEASE]
+        excess = 1 + values[D.STATIC_EXCESS]
+        return replace(
+            whole_of(self.transmission, self.level),
+            mu_dynamic_pull=mu_pull,
+            mu_static_pull=excess * mu_pull,
+            mu_dynamic_release=mu_release,
+            mu_static_release=excess * mu_release,
+            **{name.value: values[k] for k, name in _DIRECT.items()},
+        )
+
+    def chain(self, whole: Whole) -> Chain:
+        """The chain with a massless near end."""
+        chain = Chain.of(self.transmission, self.level, self.count)
+        near = End(mass_kg=NEAR_MASS_KG, damping_N_s_per_m=0.0, stiffness_N_per_m=0.0)
+        return replace(chain, elements=whole.divided(self.count), near=near)
+
+    def respond(
+        self, values: Mapping[DynamicParameter, float], drive: Drive, over: Sequence[DynamicParameter] = ()
+    ) -> ChainResponse:
+        """Simulate a drive, with derivatives over the parameters asked for.
+
+        Parameters
+        ----------
+        values : mapping of DynamicParameter to float
+            All of them.
+        drive : Drive
+        over : sequence of DynamicParameter, optional
+
+        Raises
+        ------
+        SolveError
+            If the simulation fails.
+        """
+        whole = self.whole(values)
+        chain = self.chain(whole)
+        force, step, lead, thin, refine, rest = self._force(values, drive)
+        if not over:
+            run = simulate(chain, force, step, initial_tension_N=rest).require()
+            output, elongation = run.output_tension_N, run.near_position_m - run.far_position_m
+            slopes = np.zeros((len(force), 2, 0))
+        else:
+            output, elongation, slopes = self._differentiate(values, whole, chain, force, step, rest, over)
+        rows = np.arange(len(drive.input_N))
+
+        def sampled(x: Array) -> Array:
+            x = x[lead:]
+            if refine > 1:
+                return np.asarray(x[::refine])
+            if thin == 1:
+                return x
+            spline = CubicSpline(np.arange(len(x)) * thin, x, axis=0)
+            return np.asarray(spline(rows))
+
+        return ChainResponse(
+            output_N=sampled(output) + values[D.OUTPUT_BIAS],
+            elongation_m=sampled(elongation),
+            output_slopes=sampled(slopes[:, 0]),
+            elongation_slopes=sampled(slopes[:, 1]),
+        )
+
+    def _force(
+        self, values: Mapping[DynamicParameter, float], drive: Drive
+    ) -> tuple[Array, float, int, int, int, float]:
+        """Force with lead-in, its step, rows of the lead-in, samples per step or steps per sample, tension at rest."""
+        thin = max(1, int(self.longest_step_s / drive.step_s + 1e-6))
+        refine = max(1, int(np.ceil(drive.step_s / self.longest_step_s - 1e-6)))
+        samples = drive.input_N - values[D.INPUT_BIAS]
+        rows = np.arange(len(samples))
+        if refine > 1:
+            samples = CubicSpline(rows, samples)(np.arange((len(rows) - 1) * refine + 1) / refine)
+        elif thin > 1:
+            last = int(np.ceil((len(rows) - 1) / thin)) * thin
+            samples = np.concatenate([samples, np.full(last - len(rows) + 1, samples[-1])])[::thin]
+        step = drive.step_s * thin / refine
+        rest = max(drive.first_output_N - values[D.OUTPUT_BIAS], LEAST_TENSION_N)
+        lead = max(8, int(LEAD_IN_S / step))
+        ramp = np.clip(np.arange(lead) / (lead / 2), 0, 1)
+        smooth = ramp * ramp * (3 - 2 * ramp)
+        force = np.concatenate([rest + (samples[0] - rest) * smooth, samples])
+        return np.maximum(force, 0.0), step, lead, thin, refine, rest
+
+    def _differentiate(
+        self,
+        values: Mapping[DynamicParameter, float],
+        whole: Whole,
+        chain: Chain,
+        force: Array,
+        step: float,
+        rest: float,
+        over: Sequence[DynamicParameter],
+    ) -> tuple[Array, Array, Array]:
+        """Output, elongation and their slopes, shape (rows, 2, k)."""
+        wanted = [p for k, p in _DIRECT.items() if k in over]
+        if {D.MU_PULL, D.MU_RELEASE, D.STATIC_EXCESS} & set(over):
+            wanted += _MUS
+        slopes = np.zeros((len(force), 2, len(over)))
+        run = parameter_sensitivity(whole, chain, force, step, tuple(wanted), initial_tension_N=rest)
+        assert run.ends_slopes is not None  # noqa: S101 - parameter_sensitivity always gives them
+        both = np.stack([run.tension_slopes[:, 0], run.ends_slopes[:, 0] - run.ends_slopes[:, 1]], axis=1)
+        column = {p: both[:, :, i] for i, p in enumerate(wanted)}
+        excess = 1 + values[D.STATIC_EXCESS]
+        for k, name in enumerate(over):
+            if name in _DIRECT:
+                slopes[:, :, k] = column[_DIRECT[name]]
+            elif name is D.OUTPUT_BIAS:
+                slopes[:, 0, k] = 1.0
+            elif name is D.INPUT_BIAS:
+                knots = np.array([0, len(force) - 1])
+                shift = force_sensitivity(chain, force, step, knots, state=chain.rest_state(rest))
+                slopes[:, 0, k] = -shift.tension_slopes[:, 0].sum(axis=1)
+            else:
+                pull = column[Parameter.MU_DYNAMIC_PULL] + excess * column[Parameter.MU_STATIC_PULL]
+                release = column[Parameter.MU_DYNAMIC_RELEASE] + excess * column[Parameter.MU_STATIC_RELEASE]
+                if name is D.MU_PULL:
+                    slopes[:, :, k] = pull + release if self.symmetric else pull
+                elif name is D.MU_RELEASE:
+                    slopes[:, :, k] = 0.0 if self.symmetric else release
+                else:
+                    slopes[:, :, k] = (
+                        whole.mu_dynamic_pull * column[Parameter.MU_STATIC_PULL]
+                        + whole.mu_dynamic_release * column[Parameter.MU_STATIC_RELEASE]
+                    )
+        return run.tension_N[:, -1], run.ends_m[:, 0] - run.ends_m[:, 1], slopes

@@ -1,0 +1,203 @@
+"""Stick-slip, seen coming: where sliding is unstable under any feedforward.
+
+The chain is linearised along the motion that the reference asks for. While the tendon slides, static friction above
+dynamic friction acts like a negative damper, strongest near the Stribeck velocity; and on long, lightly damped paths
+friction that follows the tension can feed an oscillation even without. Where that outweighs the damping, a mode grows.
+A force that was computed beforehand cannot stop it. How far a mode gets depends on how long it lasts, so what counts
+is the growth summed over a stretch, e^(integral of Re lambda).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tendonff.models.chain import Chain, ChainState
+from tendonff.models.interop import linear_system
+from tendonff.ocp.inverse import invert
+from tendonff.ocp.simulate import Outcome, simulate
+from tendonff.ocp.step.protocol import Array
+
+GROWTH_THAT_MATTERS = math.log(10.0)
+"""Growth exponent of a stretch that is worth a warning: a disturbance grows tenfold."""
+
+_SAMPLES = 160  # places along the reference that are linearised
+_REPLAY_STEPS = 4  # the replay's step is this much finer
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnstableStretch:
+    """A stretch of time in which some mode grows.
+
+    Parameters
+    ----------
+    start_s, end_s : float
+        When [s].
+    growth_per_s : float
+        Largest real part of a pole there [1/s].
+    frequency_Hz : float
+        Frequency of that mode [Hz]; 0 where it grows without oscillating.
+    growth_exponent : float
+        Integral of the largest real part over the stretch [-].
+    """
+
+    start_s: float
+    end_s: float
+    growth_per_s: float
+    frequency_Hz: float
+    growth_exponent: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Foresight:
+    """What to expect of any feedforward along a reference.
+
+    Parameters
+    ----------
+    stretches : tuple of UnstableStretch
+        Those whose growth matters, in order of time.
+    unstable_share : float
+        Share of the time they cover [-].
+    largest_growth_per_s : float
+        Largest real part of any pole along the reference, also where it does not matter [1/s]; may be negative.
+    expected_error_N : float
+        Root mean square error of the given force on the same chain with a quarter of the step [N]: what becomes of it
+        when nothing but the grid changes. NaN where no force was given or it fails.
+    warnings : tuple of str
+        For the user; empty where nothing is to be feared.
+    """
+
+    stretches: tuple[UnstableStretch, ...]
+    unstable_share: float
+    largest_growth_per_s: float
+    expected_error_N: float
+    warnings: tuple[str, ...]
+
+
+def foresee(
+    chain: Chain,
+    reference_N: Array,
+    step_s: float,
+    *,
+    force_N: Array | None = None,
+    initial_tension_N: float | None = None,
+) -> Foresight:
+    """Linearise the chain along a reference and say where feedforward will not hold it.
+
+    Parameters
+    ----------
+    chain : Chain
+    reference_N : ndarray, shape (n,)
+        Wanted output tension [N], > 0.
+    step_s : float
+        h [s].
+    force_N : ndarray, shape (n,), optional
+        A profile whose error is to be expected; default: the exact inverse.
+    initial_tension_N : float, optional
+        Default: the first reference.
+
+    Returns
+    -------
+    Foresight
+    """
+    reference = np.asarray(reference_N, dtype=np.float64)
+    inversion = invert(chain, reference, step_s, initial_tension_N=initial_tension_N, record=True)
+    force = inversion.force_N if force_N is None else force_N
+    expected = expected_error_N(chain, force, reference, step_s, float(inversion.force_N[0]))
+    states = inversion.states
+    if states is None:
+        raise AssertionError("the inverse was asked to record its states")
+    rows = np.unique(np.linspace(1, len(reference) - 1, min(_SAMPLES, len(reference) - 1)).astype(int))
+    poles = np.array([_fastest_growth(chain, states[row]) for row in rows])
+    time_s = rows * step_s
+    found = _stretches(time_s, poles)
+    duration = float(time_s[-1])
+    share = min(sum(s.end_s - s.start_s for s in found) / duration, 1.0)
+    return Foresight(
+        stretches=found,
+        unstable_share=share,
+        largest_growth_per_s=float(poles.real.max()),
+        expected_error_N=expected,
+        warnings=_warnings(found, share, expected, float(np.ptp(reference)), chain),
+    )
+
+
+def expected_error_N(
+    chain: Chain, force_N: Array, reference_N: Array, step_s: float, initial_tension_N: float
+) -> float:
+    """Error of a force on the same chain with a quarter of the step [N]; NaN if that fails.
+
+    Parameters
+    ----------
+    chain : Chain
+    force_N, reference_N : ndarray, shape (n,)
+    step_s : float
+    initial_tension_N : float
+    """
+    coarse = np.arange(len(force_N)) * step_s
+    fine = np.arange((len(force_N) - 1) * _REPLAY_STEPS + 1) * (step_s / _REPLAY_STEPS)
+    run = simulate(chain, np.interp(fine, coarse, force_N), step_s / _REPLAY_STEPS, initial_tension_N=initial_tension_N)
+    if run.outcome is Outcome.FAILED:
+        return math.nan
+    return float(np.sqrt(np.mean((run.output_tension_N[::_REPLAY_STEPS] - reference_N) ** 2)))
+
+
+def _fastest_growth(chain: Chain, state: Array) -> complex:
+    """Pole with the largest real part [1/s]."""
+    poles = np.linalg.eigvals(np.asarray(linear_system(chain, ChainState.from_vector(state)).A))
+    return complex(poles[int(np.argmax(poles.real))])
+
+
+def _stretches(time_s: Array, poles: Array) -> tuple[UnstableStretch, ...]:
+    """Runs of samples with a growing mode whose growth matters."""
+    growing = np.flatnonzero(poles.real > 0)
+    if growing.size == 0:
+        return ()
+    width = np.gradient(time_s)
+    found = []
+    for run in np.split(growing, np.flatnonzero(np.diff(growing) > 1) + 1):
+        exponent = float(np.sum(poles.real[run] * width[run]))
+        if exponent >= GROWTH_THAT_MATTERS:
+            top = poles[run][int(np.argmax(poles.real[run]))]
+            found.append(
+                UnstableStretch(
+                    start_s=max(float(time_s[run[0]] - width[run[0]] / 2), 0.0),
+                    end_s=min(float(time_s[run[-1]] + width[run[-1]] / 2), float(time_s[-1])),
+                    growth_per_s=float(top.real),
+                    frequency_Hz=abs(float(top.imag)) / (2 * math.pi),
+                    growth_exponent=exponent,
+                )
+            )
+    return tuple(found)
+
+
+def _warnings(
+    found: tuple[UnstableStretch, ...], share: float, expected_N: float, range_N: float, chain: Chain
+) -> tuple[str, ...]:
+    if not found:
+        return ()
+    worst = max(found, key=lambda s: s.growth_exponent)
+    e = chain.elements
+    error = (
+        f"expect about {expected_N:.2g} N rms ({100 * expected_N / max(range_N, 1e-300):.2g} % of range)"
+        if math.isfinite(expected_N)
+        else "expect a large error (the finer replay did not even converge)"
+    )
+    when = (
+        f"in {100 * share:.3g} % of the time, most from t = {worst.start_s:.3g} to {worst.end_s:.3g} s "
+        f"(a mode grows at {worst.growth_per_s:.3g} 1/s)"
+    )
+    if e.mu_static_pull > e.mu_dynamic_pull or e.mu_static_release > e.mu_dynamic_release:
+        speed = f"{e.stribeck_velocity_m_per_s:.3g} m/s"
+        text = (
+            f"stick-slip: friction weakens with speed and the tendon slides slowly {when}; no force computed "
+            f"beforehand can hold it; {error}; slide well above or below {speed}, add damping at the load, "
+            "lubricate (mu_static closer to mu_dynamic), or close a feedback loop"
+        )
+    else:
+        text = (
+            f"oscillation: sliding friction, proportional to tension, feeds a mode of {worst.frequency_Hz:.3g} Hz "
+            f"{when}; no force computed beforehand can hold it; {error}; add damping in the tendon or at the load, "
+            "or let the reference change more gently"
+        )
+    return (text,)

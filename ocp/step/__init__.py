@@ -1,0 +1,1 @@
+"""One implicit time step: scheme, laws, engines."""

@@ -1,0 +1,110 @@
+"""Forward sensitivities of the time step by CasADi alone: what `templates/tangent.c.j2` does without a C compiler."""
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonff.models.chain import Chain
+from tendonff.ocp.step.casadi_engine import CasadiStepper, step_expressions
+from tendonff.ocp.step.protocol import Array, Rows, StepperMemory
+from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT
+
+_CHUNK = 128
+"""Rows whose Jacobians are held at once."""
+
+
+class CasadiTangent:
+    """A simulation with its derivatives in several directions.
+
+    Parameters
+    ----------
+    chain : Chain
+        The numbers of the simulation.
+    symbolic : Chain
+        The same chain with the entries of `numbers` as CasADi scalars; `chain` itself where no number changes.
+    numbers : ca.SX, shape (p, 1)
+        Symbols in `symbolic`.
+    values : ndarray, shape (p,)
+        Their values.
+    step_s : float
+        h [s].
+    """
+
+    def __init__(self, chain: Chain, symbolic: Chain, numbers: ca.SX, values: Array, step_s: float) -> None:
+        self._stepper = CasadiStepper(chain, step_s)
+        self._step_s, self._count = step_s, chain.count
+        step = step_expressions(symbolic)
+        outputs = [
+            ca.densify(ca.jacobian(expression, argument))
+            for expression in (step.balance, step.end, step.force)
+            for argument in (step.v, step.base, step.u[0], numbers)
+        ]
+        inputs = [step.v, step.base, step.u, step.H, numbers]
+        self._slopes = ca.Function("slopes", inputs, outputs, {"cse": True})
+        self._values = values
+
+    def run(
+        self, x: Array, inputs: Array, start: Array, numbers: Array, drive: Array, forgotten: NDArray[np.int_]
+    ) -> tuple[Rows, Array, Array]:
+        """Simulate and differentiate.
+
+        Parameters
+        ----------
+        x : ndarray, shape (4 N + 6,)
+            State before the first step.
+        inputs : ndarray, shape (rows + 1, 4)
+            Inputs at that state, then at the ends of the steps.
+        start : ndarray, shape (4 N + 6, d)
+            Change of the first state in each direction.
+        numbers : ndarray, shape (p, d)
+            Change of the numbers in each direction.
+        drive : ndarray, shape (rows, d)
+            Change of f_c1 at the end of each step.
+        forgotten : ndarray of int, shape (rows,)
+            So many first directions are followed no longer.
+
+        Returns
+        -------
+        rows : Rows
+            With states; fewer than asked for where a step fails.
+        tension_slopes : ndarray, shape (rows, N + 1, d)
+        ends_slopes : ndarray, shape (rows, 2, d)
+        """
+        memory = StepperMemory(x=x.copy(), x_old=x.copy(), inputs=inputs[0].copy(), fresh=True)
+        rows = self._stepper.advance(memory, inputs[1:], record=True)
+        if rows.states is None:
+            raise AssertionError("the stepper was asked to record its states")
+        states, done, n = np.vstack([x, x, rows.states]), len(rows.states), self._count
+        bases = states[1:-1] + BDF2_CARRY * (states[1:-1] - states[:-2])
+        weights = np.full(done, BDF2_WEIGHT * self._step_s)
+        weights[:1] = self._step_s  # the first step is implicit Euler: its base is the state itself
+        tension, ends = np.empty((done, n + 1, start.shape[1])), np.empty((done, 2, start.shape[1]))
+        now, old = start, start
+        for first in range(0, done, _CHUNK):
+            part = slice(first, min(first + _CHUNK, done))
+            blocks = self._evaluate(rows.states[part, : n + 2], bases[part], inputs[1:][part], weights[part])
+            for k, row in enumerate(range(part.start, part.stop)):
+                (r_v, r_base, r_u, r_p), (x_v, x_base, _, x_p), (f_v, f_base, _, f_p) = (
+                    [block[k] for block in group] for group in blocks
+                )
+                base = now + BDF2_CARRY * (now - old)
+                known = r_base @ base + r_u @ drive[row][None, :] + r_p @ numbers
+                move = -np.linalg.solve(r_v, known)
+                now, old = x_v @ move + x_base @ base + x_p @ numbers, now
+                now[:, : forgotten[row]] = move[:, : forgotten[row]] = base[:, : forgotten[row]] = 0
+                tension[row] = f_v @ move + f_base @ base + f_p @ numbers
+                ends[row] = now[-2:]
+        return rows, tension, ends
+
+    def _evaluate(self, v: Array, base: Array, inputs: Array, weights: Array) -> list[list[Array]]:
+        """Jacobians of balance, end and force over v, base, f_c1 and numbers, each of shape (rows, ., .)."""
+        rows = len(v)
+        mapped = self._slopes.map(rows)(
+            v.T, base.T, inputs.T, weights[None, :], np.repeat(self._values[:, None], rows, axis=1)
+        )
+        blocks = []
+        for k, block in enumerate(mapped):
+            height, width = self._slopes.size_out(k)
+            dense = np.asarray(block.full()).reshape(height, rows, width)
+            blocks.append(np.ascontiguousarray(dense.transpose(1, 0, 2)))
+        return [blocks[4 * k : 4 * k + 4] for k in range(3)]

@@ -1,0 +1,1 @@
+"""Optimal control: the force profile within limits that tracks a reference."""

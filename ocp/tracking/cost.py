@@ -1,0 +1,248 @@
+"""The plants that one profile must serve: their response, and how it changes with the force at knots."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonff.models.chain import Chain, ChainState
+from tendonff.ocp.sensitivity import Links, force_sensitivity
+from tendonff.ocp.simulate import Outcome, simulate
+from tendonff.ocp.step.protocol import Array
+
+Rows = NDArray[np.int_]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TensionBounds:
+    """Bounds on the tension anywhere along the tendon.
+
+    Parameters
+    ----------
+    low_N, high_N : float
+        [N]; infinite for none.
+    """
+
+    low_N: float
+    high_N: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Goal:
+    """What a profile is judged by.
+
+    Parameters
+    ----------
+    reference_N : ndarray, shape (n,)
+        Wanted output tension at 0, h, 2 h ... [N].
+    step_s : float
+        h [s].
+    effort_weight : float
+        Weight of the mean squared force beside the mean squared tension error [-].
+    power : float
+        Mean of order `power` of the plants' mean squared errors: 1 is the mean, large is the worst.
+    bounds : TensionBounds
+    penalty_N : float
+        Cost of a newton outside the tension bounds [N].
+    """
+
+    reference_N: Array
+    step_s: float
+    effort_weight: float
+    power: float
+    bounds: TensionBounds
+    penalty_N: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plant:
+    """A chain and where it starts."""
+
+    chain: Chain
+    state: ChainState
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judgement:
+    """What a profile achieves on every plant.
+
+    Parameters
+    ----------
+    merit : float
+        What is made small: error, effort and penalty [N^2]; infinite where a simulation fails.
+    squares : ndarray, shape (plants,)
+        Mean squared tension errors [N^2].
+    beyond_N : float
+        Largest excess over the tension bounds [N], 0 inside.
+    tensions_N : tuple of ndarray, each (n, N + 1)
+    """
+
+    merit: float
+    squares: Array
+    beyond_N: float
+    tensions_N: tuple[Array, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LocalModel:
+    """Quadratic model of the merit around a profile, in changes of the force at the knots.
+
+    Parameters
+    ----------
+    hessian, gradient : ndarray, shape (k, k), (k,)
+    rows, low, high : ndarray, shape (c, k), (c,), (c,)
+        Tension rows: low <= rows @ change <= high, if they can be met.
+    """
+
+    hessian: Array
+    gradient: Array
+    rows: Array
+    low: Array
+    high: Array
+
+
+def order_mean(squares: Array, power: float) -> tuple[float, Array]:
+    """Mean of order `power` and its slopes over the values.
+
+    Parameters
+    ----------
+    squares : ndarray, shape (s,)
+    power : float
+    """
+    top = float(squares.max())
+    if top == 0:
+        return 0.0, np.full(len(squares), 1 / len(squares))
+    share = squares / top
+    mean = float(np.mean(share**power)) ** (1 / power)
+    return top * mean, share ** (power - 1) * mean ** (1 - power) / len(squares)
+
+
+def judge(plants: tuple[Plant, ...], goal: Goal, force_N: Array) -> Judgement:
+    """Simulate every plant and judge the profile.
+
+    Parameters
+    ----------
+    plants : tuple of Plant
+    goal : Goal
+    force_N : ndarray, shape (n,)
+    """
+    tensions = []
+    for plant in plants:
+        run = simulate(plant.chain, force_N, goal.step_s, state=plant.state)
+        if run.outcome is Outcome.FAILED:
+            return Judgement(merit=np.inf, squares=np.full(len(plants), np.inf), beyond_N=np.inf, tensions_N=())
+        tensions.append(run.tension_N)
+    return judge_tensions(tuple(tensions), goal, force_N)
+
+
+def judge_tensions(tensions_N: tuple[Array, ...], goal: Goal, force_N: Array) -> Judgement:
+    """Judge a profile by tensions that were already simulated.
+
+    Parameters
+    ----------
+    tensions_N : tuple of ndarray, each (n, N + 1)
+    goal : Goal
+    force_N : ndarray, shape (n,)
+    """
+    squares = np.array([np.mean((t[:, -1] - goal.reference_N) ** 2) for t in tensions_N])
+    low = min(float(t[1:].min()) for t in tensions_N)
+    high = max(float(t[1:].max()) for t in tensions_N)
+    beyond = max(goal.bounds.low_N - low, high - goal.bounds.high_N, 0.0)
+    effort = goal.effort_weight * float(np.mean(force_N**2))
+    # A slack link carries no force however slack it is, so its depth says nothing: the cost of slack is its own.
+    slack = goal.penalty_N * float(np.ptp(goal.reference_N)) if low <= 0 else 0.0
+    merit = order_mean(squares, goal.power)[0] + effort + goal.penalty_N * beyond + slack
+    return Judgement(merit=merit, squares=squares, beyond_N=beyond, tensions_N=tensions_N)
+
+
+def local_model(
+    plants: tuple[Plant, ...],
+    goal: Goal,
+    force_N: Array,
+    judgement: Judgement,
+    knots: Rows,
+    shape: Array,
+    reach_N: float,
+) -> LocalModel:
+    """Gauss-Newton model of the merit, from exact sensitivities.
+
+    Parameters
+    ----------
+    plants : tuple of Plant
+    goal : Goal
+    force_N : ndarray, shape (n,)
+    judgement : Judgement
+        Of that force.
+    knots : ndarray of int, shape (k,)
+        Rows where the change of the force has its corners.
+    shape : ndarray, shape (n, k)
+        The change of the force for a unit change at each knot.
+    reach_N : float
+        Tensions that come this close to a bound are watched [N].
+    """
+    n, k = shape.shape
+    _, slopes = order_mean(judgement.squares, goal.power)
+    hessian, gradient = np.zeros((k, k)), np.zeros(k)
+    rows, lows, highs = [np.empty((0, k))], [np.empty(0)], [np.empty(0)]
+    for plant, tension, slope in zip(plants, judgement.tensions_N, slopes, strict=True):
+        watched = _watched(tension, goal.bounds, reach_N)
+        found = force_sensitivity(
+            plant.chain,
+            force_N,
+            goal.step_s,
+            knots,
+            state=plant.state,
+            links=Links.ALL if watched.size else Links.OUTPUT,
+            window=_MEMORY,
+        )
+        output = found.tension_slopes[:, -1, :]
+        weight = 2 * slope / n
+        _add_gram(hessian, output, knots, weight)
+        gradient += weight * (output.T @ (tension[:, -1] - goal.reference_N))
+        if watched.size:
+            at, link = watched.T
+            rows.append(found.tension_slopes[at, link, :])
+            lows.append(goal.bounds.low_N - tension[at, link])
+            highs.append(goal.bounds.high_N - tension[at, link])
+    if goal.effort_weight > 0:
+        hessian += 2 * goal.effort_weight / n * (shape.T @ shape)
+        gradient += 2 * goal.effort_weight / n * (shape.T @ force_N)
+    return LocalModel(
+        hessian=hessian,
+        gradient=gradient,
+        rows=np.vstack(rows),
+        low=np.concatenate(lows),
+        high=np.concatenate(highs),
+    )
+
+
+_MEMORY = 120  # a knot's influence is followed over so many later ones: several reversals, which wipe it out
+_BLOCK_ROWS = 16
+
+
+def _add_gram(hessian: Array, slopes: Array, knots: Rows, weight: float) -> None:
+    """Add weight * slopes^T slopes, shape (k, k), in blocks of the few knots that matter at a time.
+
+    Blocks this small are also too small for the matrix library to start threads, which would wait for busy processors.
+    """
+    for i in range(len(knots) - 1):
+        last = i + 2
+        alive = slice(max(last - _MEMORY, 0), last)
+        for row in range(int(knots[i]) + 1, int(knots[i + 1]) + 1, _BLOCK_ROWS):
+            block = slopes[row : min(row + _BLOCK_ROWS, int(knots[i + 1]) + 1), alive]
+            hessian[alive, alive] += weight * (block.T @ block)
+
+
+_PIECE_ROWS = 10  # of so many successive rows, and all links, only the worst becomes a constraint
+
+
+def _watched(tension_N: Array, bounds: TensionBounds, reach_N: float) -> Rows:
+    """Pairs (row, link) near a bound, the worst of each piece; shape (c, 2)."""
+    room = np.minimum(tension_N - bounds.low_N, bounds.high_N - tension_N)
+    pairs: list[tuple[int, int]] = []
+    for start in range(1, len(room), _PIECE_ROWS):
+        piece = room[start : start + _PIECE_ROWS]
+        row, link = divmod(int(piece.argmin()), piece.shape[1])
+        if piece[row, link] < reach_N:
+            pairs.append((start + row, link))
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)

@@ -1,0 +1,158 @@
+"""What the actuator can do: a range of force and a largest rate, and the profiles that respect both."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tendonff.models.errors import ParameterError
+from tendonff.models.parameters import Actuator
+from tendonff.ocp.step.protocol import Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Violation:
+    """A bound that a profile breaks, or the one it comes closest to.
+
+    Parameters
+    ----------
+    name : str
+        Bound, as the user writes it.
+    time_s : float
+        When [s].
+    value, bound : float
+        What was found and what is allowed, in the bound's unit.
+    excess : float
+        How far beyond the bound, same unit; negative inside.
+    """
+
+    name: str
+    time_s: float
+    value: float
+    bound: float
+    excess: float
+
+    def __str__(self) -> str:
+        """In words."""
+        where = f"{self.name} = {self.bound:.6g}: {self.value:.6g} at t = {self.time_s:.6g} s"
+        return f"{where}, {self.excess:.3g} beyond" if self.excess > 0 else where
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ForceLimits:
+    """Range and rate of the actuator's force.
+
+    Parameters
+    ----------
+    minimum_N, maximum_N : float
+        Range [N], minimum < maximum.
+    rate_N_per_s : float
+        Largest rate of change, either way [N/s], > 0.
+    """
+
+    minimum_N: float
+    maximum_N: float
+    rate_N_per_s: float
+
+    def __post_init__(self) -> None:
+        if not self.minimum_N < self.maximum_N:
+            raise ParameterError(
+                f"force_min_N must be below force_max_N = {self.maximum_N:g}, got {self.minimum_N:g}; "
+                "no force lies between them"
+            )
+        if not self.rate_N_per_s > 0:
+            raise ParameterError(
+                f"force_rate_max_N_per_s must be > 0, got {self.rate_N_per_s}; give a large number for no limit"
+            )
+
+    @classmethod
+    def of(cls, actuator: Actuator) -> "ForceLimits":
+        """Limits of an actuator.
+
+        Parameters
+        ----------
+        actuator : Actuator
+        """
+        return cls(
+            minimum_N=actuator.force_min_N,
+            maximum_N=actuator.force_max_N,
+            rate_N_per_s=actuator.force_rate_max_N_per_s,
+        )
+
+    def start(self, tension_N: float) -> float:
+        """Force of row 0: what holds the tension at rest, or the nearest force in range [N].
+
+        Parameters
+        ----------
+        tension_N : float
+            T0 [N].
+        """
+        return min(max(tension_N, self.minimum_N), self.maximum_N)
+
+    def apply(self, force_N: Array, step_s: float, start_N: float | None = None) -> Array:
+        """What the actuator makes of a wanted profile: clipped, and never faster than its rate.
+
+        Parameters
+        ----------
+        force_N : ndarray, shape (n,)
+            Wanted force at 0, h, 2 h ... [N].
+        step_s : float
+            h [s].
+        start_N : float, optional
+            Force of row 0, brought into range [N]; default: the first wanted force.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+        """
+        wanted = np.clip(np.asarray(force_N, dtype=np.float64), self.minimum_N, self.maximum_N)
+        now = self.start(float(wanted[0]) if start_N is None else start_N)
+        most = self.rate_N_per_s * step_s
+        given = [now]
+        for target in wanted[1:].tolist():
+            now = min(max(target, now - most), now + most)
+            given.append(now)
+        return np.array(given)
+
+    def worst(self, force_N: Array, step_s: float) -> Violation:
+        """The bound that a profile breaks most, relative to its size, or comes closest to.
+
+        Parameters
+        ----------
+        force_N : ndarray, shape (n,)
+        step_s : float
+            h [s].
+        """
+        force = np.asarray(force_N, dtype=np.float64)
+        rate = np.diff(force) / step_s
+        low, high = int(np.argmin(force)), int(np.argmax(force))
+        found = [
+            self._violation("force_min_N", low * step_s, float(force[low]), self.minimum_N, -1.0),
+            self._violation("force_max_N", high * step_s, float(force[high]), self.maximum_N, 1.0),
+        ]
+        if rate.size:
+            fast = int(np.argmax(np.abs(rate)))
+            name, bound = "force_rate_max_N_per_s", self.rate_N_per_s
+            found.append(self._violation(name, fast * step_s, float(abs(rate[fast])), bound, 1.0))
+        return max(found, key=lambda v: v.excess / self._size(v.name))
+
+    def admits(self, force_N: Array, step_s: float, tolerance: float = 1e-6) -> bool:
+        """Whether a profile respects range and rate, each to a share of its size.
+
+        Parameters
+        ----------
+        force_N : ndarray, shape (n,)
+        step_s : float
+            h [s].
+        tolerance : float, optional
+        """
+        worst = self.worst(force_N, step_s)
+        return worst.excess <= tolerance * self._size(worst.name)
+
+    def _size(self, name: str) -> float:
+        size = self.rate_N_per_s if name == "force_rate_max_N_per_s" else self.maximum_N - self.minimum_N
+        return size if size < math.inf else 1.0
+
+    @staticmethod
+    def _violation(name: str, time_s: float, value: float, bound: float, side: float) -> Violation:
+        return Violation(name=name, time_s=time_s, value=value, bound=bound, excess=side * (value - bound))

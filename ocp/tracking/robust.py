@@ -1,0 +1,262 @@
+"""One profile for a tendon that is not known exactly, and what uncertainty does to any profile."""
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from scipy.stats import qmc
+
+from tendonff.models.chain import Chain
+from tendonff.models.errors import ParameterError
+from tendonff.models.fidelity import Level
+from tendonff.models.parameters import Transmission
+from tendonff.ocp.simulate import Outcome, simulate
+from tendonff.ocp.step.protocol import Array
+from tendonff.ocp.tracking.limits import ForceLimits
+from tendonff.ocp.tracking.result import Tracking, TrackOptions
+from tendonff.ocp.tracking.track import Progress, track_plants
+
+
+class Objective(StrEnum):
+    """Which error over the samples a robust profile makes small.
+
+    Attributes
+    ----------
+    WORST
+        The largest.
+    MEAN
+        The root of the mean square.
+    """
+
+    WORST = "worst"
+    MEAN = "mean"
+
+
+_POWER = {Objective.WORST: 8.0, Objective.MEAN: 1.0}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Uncertainty:
+    """How well the parameters are known: relative half-widths.
+
+    Parameters
+    ----------
+    mu, stiffness, bristle_stiffness : float
+        Of all friction coefficients, of k1 and k2, of both bristle stiffnesses [-], >= 0 and < 1.
+    samples : int
+        Transmissions to sample, the nominal one among them, >= 1.
+    seed : int
+    """
+
+    mu: float = 0.0
+    stiffness: float = 0.0
+    bristle_stiffness: float = 0.0
+    samples: int = 8
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("mu", "stiffness", "bristle_stiffness"):
+            if not 0 <= getattr(self, name) < 1:
+                raise ParameterError(
+                    f"{name} must be >= 0 and < 1, got {getattr(self, name)}; 0.2 means within 20 % either way"
+                )
+        if not self.samples >= 1:
+            raise ParameterError(f"samples must be >= 1, got {self.samples}; 8 is a good start")
+
+    @property
+    def is_certain(self) -> bool:
+        """No parameter is uncertain."""
+        return self.mu == self.stiffness == self.bristle_stiffness == 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sample:
+    """One transmission that the uncertainty admits.
+
+    Parameters
+    ----------
+    mu, stiffness, bristle_stiffness : float
+        Factors on the nominal parameters [-].
+    transmission : Transmission
+    """
+
+    mu: float
+    stiffness: float
+    bristle_stiffness: float
+    transmission: Transmission
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ErrorBand:
+    """What a profile achieves over the samples.
+
+    Parameters
+    ----------
+    nominal_rms_N, least_rms_N, median_rms_N, worst_rms_N : float
+        Tracking errors [N]; infinite where a simulation fails.
+    worst_peak_N : float
+        Largest error at any time on any sample [N].
+    worst_sample : Sample
+        The one with the largest rms error.
+    amplification : float
+        Largest swing of the output over the swing of the reference, less 1 [-]. Positive is over-compensation: the
+        output moves more than was asked for. That is the dangerous side: in a loop it adds energy that friction,
+        overestimated, does not take away.
+    amplified_sample : Sample
+        The one with that swing.
+    slack_samples : int
+        On so many samples some link goes slack.
+    """
+
+    nominal_rms_N: float
+    least_rms_N: float
+    median_rms_N: float
+    worst_rms_N: float
+    worst_peak_N: float
+    worst_sample: Sample
+    amplification: float
+    amplified_sample: Sample
+    slack_samples: int
+
+
+def sample_transmissions(transmission: Transmission, uncertainty: Uncertainty) -> tuple[Sample, ...]:
+    """The nominal transmission, then the two ends of the friction's range, then a Latin hypercube.
+
+    Parameters
+    ----------
+    transmission : Transmission
+    uncertainty : Uncertainty
+    """
+    width = np.array([uncertainty.mu, uncertainty.stiffness, uncertainty.bristle_stiffness])
+    if uncertainty.is_certain:
+        return (_sample(transmission, np.ones(3)),)
+    ends = [np.zeros(3), np.array([-1.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0])]
+    rest = max(uncertainty.samples - len(ends), 0)
+    cube = qmc.LatinHypercube(3, rng=uncertainty.seed) if _NEW_SCIPY else qmc.LatinHypercube(3, seed=uncertainty.seed)
+    places = [*ends, *(2 * cube.random(rest) - 1)] if rest else ends
+    return tuple(_sample(transmission, 1 + width * place) for place in places[: uncertainty.samples])
+
+
+_NEW_SCIPY = "rng" in qmc.LatinHypercube.__init__.__code__.co_varnames
+
+
+def _sample(transmission: Transmission, factors: Array) -> Sample:
+    mu, stiffness, bristle = (float(f) for f in factors)
+    friction, tendon = transmission.friction, transmission.tendon
+    release, release_static = friction.mu_dynamic_release, friction.mu_static_release
+    return Sample(
+        mu=mu,
+        stiffness=stiffness,
+        bristle_stiffness=bristle,
+        transmission=replace(
+            transmission,
+            friction=replace(
+                friction,
+                mu_dynamic=friction.mu_dynamic * mu,
+                mu_static=friction.mu_static * mu,
+                mu_dynamic_release=None if release is None else release * mu,
+                mu_static_release=None if release_static is None else release_static * mu,
+                bristle_stiffness_N_per_m=friction.bristle_stiffness_N_per_m * bristle,
+                soft_bristle_stiffness_N_per_m=friction.soft_bristle_stiffness_N_per_m * bristle,
+            ),
+            tendon=replace(
+                tendon,
+                stiffness_N_per_m=tendon.stiffness_N_per_m * stiffness,
+                relaxing_stiffness_N_per_m=tendon.relaxing_stiffness_N_per_m * stiffness,
+            ),
+        ),
+    )
+
+
+def error_band(
+    samples: tuple[Sample, ...],
+    level: Level,
+    force_N: Array,
+    reference_N: Array,
+    step_s: float,
+    *,
+    segments: int | None = None,
+    initial_tension_N: float | None = None,
+) -> ErrorBand:
+    """Play one profile on every sample.
+
+    Parameters
+    ----------
+    samples : tuple of Sample
+        The first is the nominal one.
+    level : Level
+    force_N, reference_N : ndarray, shape (n,)
+    step_s : float
+    segments : int, optional
+        Number of masses; default: the path's own.
+    initial_tension_N : float, optional
+        Default: the first reference.
+    """
+    reference = np.asarray(reference_N, dtype=np.float64)
+    start = float(reference[0]) if initial_tension_N is None else initial_tension_N
+    rms, peak, swing, slack = [], [], [], 0
+    for sample in samples:
+        chain = Chain.of(sample.transmission, level, segments)
+        run = simulate(chain, force_N, step_s, initial_tension_N=start)
+        slack += run.outcome is Outcome.SLACK
+        if run.outcome is Outcome.FAILED:
+            rms.append(np.inf)
+            peak.append(np.inf)
+            swing.append(np.inf)
+            continue
+        error = run.output_tension_N - reference
+        rms.append(float(np.sqrt(np.mean(error**2))))
+        peak.append(float(np.max(np.abs(error))))
+        swing.append(float(np.ptp(run.output_tension_N)) / max(float(np.ptp(reference)), 1e-300))
+    worst, widest = int(np.argmax(rms)), int(np.argmax(swing))
+    return ErrorBand(
+        nominal_rms_N=rms[0],
+        least_rms_N=min(rms),
+        median_rms_N=float(np.median(rms)),
+        worst_rms_N=rms[worst],
+        worst_peak_N=max(peak),
+        worst_sample=samples[worst],
+        amplification=swing[widest] - 1,
+        amplified_sample=samples[widest],
+        slack_samples=slack,
+    )
+
+
+def track_robust(
+    samples: tuple[Sample, ...],
+    level: Level,
+    reference_N: Array,
+    step_s: float,
+    limits: ForceLimits,
+    objective: Objective = Objective.WORST,
+    options: TrackOptions = TrackOptions(),  # noqa: B008 - frozen
+    *,
+    segments: int | None = None,
+    initial_tension_N: float | None = None,
+    progress: Progress | None = None,
+) -> Tracking:
+    """One profile that is best in the worst case or on average over the samples; see `track`.
+
+    Parameters
+    ----------
+    samples : tuple of Sample
+        The first is the nominal one: its inverse is the starting point, and its output is predicted.
+    level : Level
+    reference_N : ndarray, shape (n,)
+    step_s : float
+    limits : ForceLimits
+    objective : Objective, optional
+    options : TrackOptions, optional
+    segments : int, optional
+    initial_tension_N : float, optional
+    progress : callable, optional
+
+    Returns
+    -------
+    Tracking
+        Its rms error is that of the nominal plant; `error_band` gives the others.
+    """
+    chains = tuple(Chain.of(sample.transmission, level, segments) for sample in samples)
+    reference = np.asarray(reference_N, dtype=np.float64)
+    start = float(reference[0]) if initial_tension_N is None else initial_tension_N
+    return track_plants(chains, chains[0], reference, step_s, limits, options, _POWER[objective], start, progress)

@@ -1,0 +1,1 @@
+"""Feedforward friction compensation for tendon and Bowden-cable drives."""

@@ -1,0 +1,84 @@
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tendonff.compensator.cli import run
+from tendonff.models.errors import ParameterError, TendonffError
+from tendonff.ocp.errors import SolveError
+
+Capture = pytest.CaptureFixture[str]
+
+
+def stderr_of(capsys: Capture) -> str:
+    text = capsys.readouterr().err
+    assert "Traceback" not in text
+    return text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["simulat"], "No such command 'simulat'"),
+        (["simulate", "x.toml"], "Missing option '--"),
+        (["simulate", "x.toml", "--force", "f", "--out", "o", "--level", "soft"], "'soft' is not one of 'elastic'"),
+        (["simulate", "x.toml", "--nonsense"], "No such option"),
+        (["new"], "Missing argument 'FILE.toml'"),
+    ],
+)
+def test_a_bad_command_line_is_one_message_and_exit_2(capsys: Capture, arguments: list[str], message: str) -> None:
+    assert run(arguments) == 2
+    text = stderr_of(capsys)
+    assert text.startswith("error: ")
+    assert message in text
+    assert len(text.splitlines()) == 1
+
+
+def test_no_command_shows_the_help(capsys: Capture) -> None:
+    assert run([]) == 2
+    assert "simulate" in capsys.readouterr().out
+
+
+def test_help_and_version_succeed(capsys: Capture) -> None:
+    assert run(["--help"]) == 0
+    assert run(["simulate", "--help"]) == 0
+    assert run(["--version"]) == 0
+    assert "tendonff 0." in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "message"),
+    [
+        (ParameterError("mass_kg must be > 0"), 2, "error: mass_kg must be > 0"),
+        (TendonffError("bad input"), 2, "error: bad input"),
+        (SolveError("no force found"), 1, "error: no force found"),
+        (KeyboardInterrupt(), 130, "interrupted; nothing was written"),
+        (MemoryError(), 1, "not enough memory"),
+        (
+            OSError(28, "No space left on device", "o.csv"),
+            1,
+            "error: o.csv: No space left on device; nothing was written",
+        ),
+    ],
+)
+def test_what_goes_wrong_becomes_a_message_and_an_exit_code(
+    capsys: Capture, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, error: BaseException, code: int, message: str
+) -> None:
+    def fail(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr("tendonff.compensator.files.writing.write_text", fail)
+    assert run(["new", str(tmp_path / "x.toml")]) == code
+    assert message in stderr_of(capsys)
+
+
+def test_help_loads_no_heavy_package() -> None:
+    """What makes a command line feel slow: CasADi, SciPy, pandas and Matplotlib wait for a command that needs them."""
+    code = (
+        "import sys; from tendonff.compensator.cli import run; run(['--help']); "
+        "heavy = {'casadi', 'scipy', 'pandas', 'matplotlib', 'control', 'numpy'}; "
+        "print(sorted(heavy & set(sys.modules)), file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr.strip() == "[]"

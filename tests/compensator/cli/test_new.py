@@ -1,0 +1,22 @@
+from pathlib import Path
+
+import pytest
+
+from tendonff.compensator.cli import run
+from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.scenario import load_scenario
+
+
+def test_a_new_scenario_is_valid_and_can_be_delivered(tmp_path: Path) -> None:
+    assert run(["new", str(tmp_path / "mine.toml")]) == 0
+    assert sample_reference(load_scenario(tmp_path / "mine.toml")).range_N > 0
+
+
+def test_a_scenario_that_exists_is_replaced_only_on_request(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text("precious", encoding="utf-8")
+    assert run(["new", str(path)]) == 2
+    assert "mine.toml exists; choose another name, or replace it with --force" in capsys.readouterr().err
+    assert path.read_text(encoding="utf-8") == "precious"
+    assert run(["new", str(path), "--force"]) == 0
+    assert path.read_text(encoding="utf-8") != "precious"

@@ -1,0 +1,235 @@
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tendonff.compensator.cli import run
+from tendonff.compensator.compensators.base import Compensator, Plant, capstan_force, play, score
+from tendonff.compensator.design.figures import error_figure
+from tendonff.compensator.design.run import Design, design, summary
+from tendonff.compensator.scenario.reference import Shape, SineReference, WaypointReference
+from tendonff.compensator.scenario.robust import Robust
+from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.models.fidelity import Level
+
+WITHOUT_STRIBECK = ["finger", "bowden", "surgical"]
+COLUMNS = [
+    "time_s",
+    "reference_N",
+    "force_none_N",
+    "force_capstan_N",
+    "force_inverse_N",
+    "force_optimal_N",
+]
+
+
+@pytest.fixture(scope="module")
+def designs(examples: Path) -> dict[str, Design]:
+    return {
+        name: design(load_scenario(examples / f"{name}.toml"))
+        for name in [*WITHOUT_STRIBECK, "finger_fast", "finger_stribeck"]
+    }
+
+
+@pytest.mark.parametrize("name", WITHOUT_STRIBECK)
+@pytest.mark.parametrize("compensator", [Compensator.INVERSE, Compensator.OPTIMAL])
+def test_a_design_leaves_at_most_0_3_percent_on_its_own_level(designs, name, compensator):
+    result = designs[name]
+    assert result.on_level(compensator, result.level).score.rmse_percent_of_range <= 0.3
+
+
+@pytest.mark.parametrize("name", WITHOUT_STRIBECK)
+@pytest.mark.parametrize("compensator", [Compensator.INVERSE, Compensator.OPTIMAL])
+def test_a_design_leaves_at_most_0_3_percent_on_a_chain_of_40_masses_at_a_tenth_of_the_step(designs, name, compensator):
+    proof = next(p for p in designs[name].proof if p.compensator == compensator)
+    assert proof.score.rmse_percent_of_range <= 0.3
+
+
+@pytest.mark.parametrize("name", WITHOUT_STRIBECK)
+def test_without_compensation_more_than_15_percent_is_lost(designs, name):
+    result = designs[name]
+    assert result.on_level(Compensator.NONE, result.level).score.rmse_percent_of_range > 15
+
+
+@pytest.mark.parametrize("level", list(Level))
+def test_the_finger_can_be_designed_on_every_level(examples, level):
+    scenario = load_scenario(examples / "finger.toml")
+    result = design(replace(scenario, run=replace(scenario.run, level=level)))
+    for compensator in (Compensator.INVERSE, Compensator.OPTIMAL):
+        assert result.on_level(compensator, level).score.rmse_percent_of_range <= 0.3
+
+
+@pytest.mark.parametrize("name", [*WITHOUT_STRIBECK, "finger_fast", "finger_stribeck"])
+def test_every_profile_but_the_uncompensated_respects_the_actuator(designs, name):
+    result = designs[name]
+    actuator, step = result.scenario.transmission.actuator, result.reference.step_s
+    for compensator in (Compensator.CAPSTAN, Compensator.INVERSE, Compensator.OPTIMAL):
+        force = result.forces_N[compensator]
+        slack = 1e-6 * actuator.force_max_N
+        assert force.min() >= actuator.force_min_N - slack
+        assert force.max() <= actuator.force_max_N + slack
+        assert np.abs(np.diff(force)).max() <= actuator.force_rate_max_N_per_s * step * (1 + 1e-6)
+
+
+def test_where_the_rate_limit_binds_the_optimal_profile_beats_the_clipped_inverse(designs):
+    result = designs["finger_fast"]
+    errors = {c: result.on_level(c, result.level).score.rmse_N for c in Compensator}
+    assert errors[Compensator.OPTIMAL] <= 0.6 * min(errors[Compensator.INVERSE], errors[Compensator.CAPSTAN])
+    assert any("limits change the force" in w for w in result.warnings)
+
+
+def test_the_capstan_force_is_the_static_law_where_the_limits_allow_it(examples):
+    """T_in = T_out e^{mu theta} while the reference rises; the Bowden cable's limits leave room for it."""
+    scenario = load_scenario(examples / "bowden.toml")
+    reference = sample_reference(scenario)
+    force = capstan_force(scenario.transmission, reference)
+    friction, theta = scenario.transmission.friction, scenario.transmission.path.total_angle_rad
+    late = int(np.argmax(reference.tension_N))  # the top of a smooth rise: the rate limit has long let go
+    lifted = reference.tension_N[late] + friction.adhesion_N
+    assert force[late] == pytest.approx(lifted * math.exp(friction.mu_dynamic * theta) - friction.adhesion_N)
+
+
+def test_a_score_counts_rms_over_the_range_and_the_worst_error():
+    reference, output = np.array([10.0, 20.0, 30.0]), np.array([10.0, 17.0, 34.0])
+    result = score(reference, output)
+    assert result.rmse_N == pytest.approx(math.sqrt(25 / 3))
+    assert result.rmse_percent_of_range == pytest.approx(100 * math.sqrt(25 / 3) / 20)
+    assert result.peak_error_N == 4.0
+
+
+def test_a_refined_plant_reads_the_profile_as_linear_between_its_rows(examples):
+    """A refined simulation differs from the coarse one by the scheme's own error only."""
+    scenario = load_scenario(examples / "finger.toml")
+    reference = sample_reference(scenario)
+    force = 30.0 + 1.2 * (reference.tension_N - 30.0)
+    coarse = play(scenario.transmission, Plant(level=Level.PRESLIDING), force, reference)
+    fine = play(scenario.transmission, Plant(level=Level.PRESLIDING, refinement=4), force, reference)
+    difference = coarse.output_tension_N - fine.output_tension_N[::4]
+    assert np.sqrt(np.mean(difference**2)) < 5e-4 * np.ptp(coarse.output_tension_N)
+    assert len(fine.time_s) == 4 * (len(force) - 1) + 1
+
+
+def test_the_command_writes_everything_in_the_contract(examples, tmp_path, capsys):
+    assert run(["design", str(examples / "finger.toml"), "--out", str(tmp_path / "out")]) == 0
+    profile = pd.read_csv(tmp_path / "out" / "profile.csv")
+    assert list(profile.columns) == COLUMNS
+    assert len(profile) == 4001
+    assert profile.notna().all().all()
+    written = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert written["schema"] == 1
+    for name in ("none", "capstan", "inverse", "optimal"):
+        for level in ("elastic", "viscoelastic", "presliding"):
+            assert set(written["compensators"][name][level]) == {"rmse_N", "rmse_percent_of_range", "peak_error_N"}
+    assert {"status", "iterations", "build_s", "solve_s"} <= set(written["ocp"])
+    assert isinstance(written["warnings"], list)
+    for figure in ("tension", "force", "loop", "error"):
+        assert (tmp_path / "out" / f"{figure}.png").stat().st_size > 10_000
+    assert "presliding*" in capsys.readouterr().out
+
+
+def test_a_constant_reference_is_drawn_without_a_warning(examples, recwarn):
+    scenario = load_scenario(examples / "finger.toml")
+    still = replace(
+        scenario,
+        reference=WaypointReference(times_s=(0.0, 0.2), tensions_N=(30.0, 30.0), shape=Shape.LINEAR),
+    )
+    error_figure(design(still))
+    assert not [w for w in recwarn if "identical low and high" in str(w.message)]
+
+
+def test_a_compensator_that_is_worse_than_none_is_called_so(examples):
+    """At 40 Hz the rate limit leaves of the inverse a force that does more harm than good."""
+    scenario = load_scenario(examples / "finger_fast.toml")
+    quick = SineReference(
+        initial_tension_N=30.0, amplitudes_N=(3.0,), frequencies_Hz=(40.0,), duration_s=0.5, fade_in_s=0.1
+    )
+    fast = replace(
+        scenario,
+        reference=quick,
+        transmission=replace(
+            scenario.transmission, actuator=replace(scenario.transmission.actuator, force_rate_max_N_per_s=2000.0)
+        ),
+    )
+    result = design(fast)
+    worse = {w.split(" leaves ")[0] for w in result.warnings if "more than no compensation" in w}
+    assert worse == {"capstan", "inverse"}
+
+
+def test_an_impossible_reference_ends_with_the_largest_reachable_tension_and_no_folder(examples, tmp_path, capsys):
+    text = (examples / "finger.toml").read_text().replace("force_max_N = 200.0", "force_max_N = 60.0")
+    (tmp_path / "weak.toml").write_text(text)
+    assert run(["design", str(tmp_path / "weak.toml"), "--out", str(tmp_path / "out")]) == 2
+    message = capsys.readouterr().err
+    largest = 60 * math.exp(-0.2 * math.pi)
+    assert f"{largest:.4g} N" in message
+    assert message.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_really_measured_trace_can_be_the_reference(examples, measured_data, tmp_path):
+    """A band brake's tension, scaled to the finger's range: noisy as measured, and conditioned."""
+    trace = pd.read_csv(measured_data / "band_capstan" / "dataset4_harmonic.csv")
+    tension = trace["input_tension_N"]
+    scaled = 15 + 40 * (tension - tension.min()) / (tension.max() - tension.min())
+    pd.DataFrame({"time_s": trace["time_s"], "tension_N": scaled}).to_csv(tmp_path / "trace.csv", index=False)
+    head = (examples / "finger.toml").read_text().split("[reference]")[0]
+    run_table = '[run]\nstep_s = 0.001\nlevel = "presliding"\n'
+    results = {}
+    for cutoff in ("", "cutoff_Hz = 10.0\n"):
+        path = tmp_path / f"scenario{len(cutoff)}.toml"
+        path.write_text(f'{head}[reference]\nkind = "csv"\nfile = "trace.csv"\n{cutoff}\n{run_table}')
+        results[cutoff] = design(load_scenario(path))
+    raw, conditioned = results.values()
+    assert any("set cutoff_Hz" in w for w in raw.warnings)
+    assert any("removed" in w for w in conditioned.warnings)
+    inverse = next(p for p in conditioned.proof if p.compensator == Compensator.INVERSE)
+    assert inverse.score.rmse_percent_of_range <= 0.3
+
+
+@pytest.fixture(scope="module")
+def uncertain(examples: Path) -> Design:
+    scenario = load_scenario(examples / "finger.toml")
+    return design(replace(scenario, robust=Robust(mu=0.15, bristle_stiffness=0.2, samples=4)))
+
+
+def test_under_uncertainty_every_compensator_gets_an_error_band(uncertain):
+    assert set(uncertain.robustness.bands) == set(Compensator)
+    for band in uncertain.robustness.bands.values():
+        assert band.least_rms_N <= band.nominal_rms_N <= band.worst_rms_N
+
+
+def test_the_robust_profile_is_better_than_the_inverse_in_the_worst_case(uncertain):
+    bands = uncertain.robustness.bands
+    assert bands[Compensator.OPTIMAL].worst_rms_N < bands[Compensator.INVERSE].worst_rms_N
+
+
+def test_over_compensation_is_warned_of_where_friction_is_less_than_thought(uncertain):
+    inverse = uncertain.robustness.bands[Compensator.INVERSE]
+    assert inverse.amplification > 0
+    assert inverse.amplified_sample.mu < 1
+    assert any("over-compensates" in w for w in uncertain.warnings)
+
+
+def test_a_certain_scenario_has_no_error_band(designs):
+    assert designs["finger"].robustness is None
+    assert summary(designs["finger"])["robust"] is None
+
+
+def test_sliding_that_weakens_with_speed_is_foreseen_with_the_error_to_expect(examples):
+    """A stiff bristle, slow sliding and mu_static = 1.5 mu_dynamic: unstable under any feedforward."""
+    scenario = load_scenario(examples / "finger_stribeck.toml")
+    friction = replace(scenario.transmission.friction, mu_static=1.5 * scenario.transmission.friction.mu_dynamic)
+    stiff = replace(
+        scenario,
+        transmission=replace(scenario.transmission, friction=friction),
+        run=replace(scenario.run, level=Level.ELASTIC),
+    )
+    result = design(stiff)
+    assert result.foresight.stretches
+    assert any("unstable" in w or "stick" in w for w in result.warnings)
+    assert result.foresight.expected_error_N > 0.01 * result.reference.range_N

@@ -1,0 +1,97 @@
+"""What the interactive page computes; tests/test_reports_in_browser.py looks at the page itself."""
+
+import gc
+import socket
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.cli import run
+from tendonff.compensator.compensators.base import Compensator
+from tendonff.compensator.explore.run import Explorer, Knobs
+from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.models.errors import TendonffError
+from tendonff.models.fidelity import Level
+
+
+@pytest.fixture(scope="module")
+def scenario(examples):
+    return load_scenario(examples / "finger.toml")
+
+
+def test_the_knobs_start_at_the_scenario(scenario):
+    for level in Level:
+        knobs = Knobs.of(scenario.transmission, level)
+        moved = knobs.apply(scenario.transmission, level)
+        assert Knobs.of(moved, level) == knobs
+        assert moved.path.total_angle_rad == pytest.approx(scenario.transmission.path.total_angle_rad, rel=1e-15)
+
+
+def test_every_friction_coefficient_follows_mu(scenario):
+    friction = replace(scenario.transmission.friction, mu_dynamic=0.2, mu_static=0.3, mu_dynamic_release=0.1)
+    transmission = replace(scenario.transmission, friction=friction)
+    knobs = replace(Knobs.of(transmission, Level.ELASTIC), mu=0.4)
+    moved = knobs.apply(transmission, Level.ELASTIC).friction
+    assert [moved.mu_dynamic, moved.mu_static, moved.release_dynamic, moved.release_static] == pytest.approx(
+        [0.4, 0.6, 0.2, 2 * friction.release_static]
+    )
+
+
+def test_the_inverse_that_knows_the_change_stays_exact_and_the_other_does_not(scenario):
+    explorer = Explorer(scenario)
+    changed = replace(explorer.start, mu=0.25)
+    knowing, blind = (explorer.at(changed, design_knows=knows).curves for knows in (True, False))
+    assert knowing[Compensator.INVERSE].score.rmse_percent_of_range < 1e-6
+    assert blind[Compensator.INVERSE].score.rmse_percent_of_range > 1
+    assert np.abs(blind[Compensator.INVERSE].error_N).max() == pytest.approx(
+        blind[Compensator.INVERSE].score.peak_error_N, rel=0.05
+    )
+
+
+def test_a_slower_actuator_costs_accuracy(scenario):
+    explorer = Explorer(scenario)
+    errors = [
+        explorer.at(replace(explorer.start, force_rate_max_N_per_s=rate)).curves[Compensator.INVERSE].score.rmse_N
+        for rate in (1e5, 300.0, 100.0)
+    ]
+    assert errors == sorted(errors)
+    assert errors[-1] > 1
+
+
+def test_what_cannot_be_delivered_is_said_and_not_drawn(scenario):
+    explorer = Explorer(scenario)
+    with pytest.raises(TendonffError, match="force_max_N = 200 delivers at most"):
+        explorer.at(replace(explorer.start, mu=1.0))
+
+
+# Tornado leaves the socket that it could not bind to the garbage collector.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.filterwarnings("ignore::ResourceWarning")
+def test_a_port_that_is_taken_is_one_message(examples, capsys):
+    pytest.importorskip("bokeh", reason="bokeh is not installed")
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        assert run(["explore", str(examples / "finger.toml"), "--port", str(port), "--no-browser"]) == 2
+        gc.collect()
+    assert f"error: --port {port} cannot be used" in capsys.readouterr().err
+
+
+def test_without_bokeh_the_command_says_what_to_install(examples, capsys, monkeypatch):
+    class Missing:
+        """An importer that knows of no bokeh."""
+
+        @staticmethod
+        def find_spec(name, *_):
+            if name.partition(".")[0] == "bokeh":
+                raise ModuleNotFoundError("No module named 'bokeh'", name="bokeh")
+
+    for name in [name for name in sys.modules if name.partition(".")[0] == "bokeh"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.delitem(sys.modules, "tendonff.compensator.explore.page", raising=False)
+    monkeypatch.setattr("sys.meta_path", [Missing, *sys.meta_path])
+    assert run(["explore", str(examples / "finger.toml"), "--no-browser"]) == 2
+    assert "pip install bokeh" in capsys.readouterr().err

@@ -1,0 +1,194 @@
+"""The exported C against the Python model, and what the folder says of itself."""
+
+import ctypes
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.cli import run
+from tendonff.compensator.export.c_project import check_prefix, export_project, write_project
+from tendonff.compensator.export.golden import answers, rounded
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.models.chain import Chain
+from tendonff.models.fidelity import Level
+from tendonff.ocp.codegen.precision import Precision
+
+KINDS = ("inverse", "capstan", "table", "plant")
+TOLERANCE_N = {Precision.DOUBLE: 1e-9, Precision.FLOAT: 0.02}
+DRIVER = """
+void run_{kind}(long n, const tff_real *given, tff_real *answer)
+{{
+    tff_{kind} self;
+    long k;
+    tff_{kind}_init(&self, given[0]);
+    for (k = {first}; k < n; k++) {{
+        answer[k] = tff_{kind}_step(&self, given[k]);
+    }}
+}}
+"""
+
+
+@pytest.fixture(scope="module")
+def library(examples, tmp_path_factory):
+    """The exported C of an example as a library, with its scenario and table."""
+    if shutil.which("cc") is None:
+        pytest.skip("cc is not installed")
+    made = {}
+
+    def load(example, precision, first=0):
+        key = (example, precision, first)
+        if key not in made:
+            folder = tmp_path_factory.mktemp(f"{example}_{precision}")
+            scenario = load_scenario(examples / f"{example}.toml")
+            exported = export_project(scenario, precision=precision, profile_N=np.full(3, 30.0))
+            write_project(exported, folder)
+            includes = "".join(f'#include "tff_{kind}.h"\n' for kind in KINDS)
+            (folder / "driver.c").write_text(includes + "".join(DRIVER.format(kind=k, first=first) for k in KINDS))
+            sources = [*sorted(folder.glob("tff_*.c")), folder / "driver.c"]
+            flags = ("-std=c99", "-O2", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno")
+            subprocess.run(["cc", *flags, "-o", folder / "x.so", *sources, "-lm"], check=True)
+            made[key] = ctypes.CDLL(str(folder / "x.so")), scenario, exported
+        return made[key]
+
+    return load
+
+
+def play(code, kind, given, precision):
+    real = np.float32 if precision is Precision.FLOAT else np.float64
+    given = np.ascontiguousarray(given, dtype=real)
+    answer = given.copy()
+    pointers = (ctypes.c_void_p(values.ctypes.data) for values in (given, answer))
+    getattr(code, f"run_{kind}")(ctypes.c_long(len(given)), *pointers)
+    return answer.astype(np.float64)
+
+
+def a_minute(scenario):
+    """The scenario's reference, there and back, until 60 s are full."""
+    once = sample_reference(scenario).tension_N
+    loop = np.concatenate([once, once[::-1]])
+    rows = round(60 / scenario.run.step_s) + 1
+    return np.tile(loop, -(-rows // len(loop)))[:rows]
+
+
+@pytest.mark.parametrize(
+    ("example", "precision"),
+    [
+        ("finger", Precision.DOUBLE),
+        ("finger", Precision.FLOAT),
+        ("bowden", Precision.DOUBLE),
+        ("bowden", Precision.FLOAT),
+        ("finger_stribeck", Precision.FLOAT),
+        ("surgical", Precision.FLOAT),
+    ],
+)
+def test_c_equals_python_over_a_minute(library, example, precision, record_property):
+    """1e-9 N in double, 0.02 N in float; bowden holds its reference, which is where a float would drift."""
+    code, scenario, exported = library(example, precision)
+    reference = rounded(a_minute(scenario), precision)
+    chain = Chain.of(scenario.transmission, scenario.run.level)
+    force, expected = answers(scenario, chain, exported.built.table, reference, precision)
+    worst = {}
+    for kind in KINDS:
+        given = force if kind == "plant" else reference
+        worst[kind] = float(np.abs(play(code, kind, given, precision) - expected[kind]).max())
+    said = ", ".join(f"{kind} {error:.2g}" for kind, error in worst.items())
+    record_property("figure", f"C against Python, {example}, {precision}, 60 s: {said} N")
+    assert max(worst.values()) <= TOLERANCE_N[precision]
+
+
+def test_the_first_call_may_be_the_sample_at_zero_or_the_one_after_it(library):
+    code, scenario, _ = library("finger", Precision.DOUBLE)
+    other, _, _ = library("finger", Precision.DOUBLE, 1)
+    reference = sample_reference(scenario).tension_N[:500]
+    for kind in KINDS:
+        assert np.array_equal(play(code, kind, reference, "double"), play(other, kind, reference, "double"))
+
+
+@pytest.mark.parametrize("level", Level)
+def test_every_level_exports_and_passes_its_own_test(examples, tmp_path, level):
+    if shutil.which("make") is None or shutil.which("cc") is None:
+        pytest.skip("make or cc is not installed")
+    scenario = load_scenario(examples / "finger_fast.toml")
+    write_project(export_project(scenario, level=level, profile_N=np.full(3, 30.0), prefix="rig_2"), tmp_path)
+    said = subprocess.run(["make", "test"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert "self test passed" in said.stdout, said.stdout + said.stderr
+
+
+ODD = {
+    "one mass, unlike directions, adhesion": (
+        {"segments": 1},
+        {"mu_static": 0.25, "mu_dynamic_release": 0.1, "adhesion_N": 2.0},
+    ),
+    "a straight path": ({"total_angle_rad": 0.0}, {"viscous_N_s_per_m": 0.0}),
+}
+
+
+@pytest.mark.parametrize("case", ODD)
+def test_odd_transmissions_export_and_pass_their_own_test(examples, tmp_path, case):
+    if shutil.which("make") is None or shutil.which("cc") is None:
+        pytest.skip("make or cc is not installed")
+    scenario = load_scenario(examples / "finger.toml")
+    path, friction = ODD[case]
+    whole = scenario.transmission
+    whole = replace(whole, path=replace(whole.path, **path), friction=replace(whole.friction, **friction))
+    write_project(export_project(replace(scenario, transmission=whole), profile_N=np.full(3, 30.0)), tmp_path)
+    said = subprocess.run(["make", "test"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert "self test passed" in said.stdout, said.stdout + said.stderr
+
+
+def test_equal_input_gives_equal_bytes_and_no_date(examples):
+    scenario = load_scenario(examples / "finger.toml")
+    one, two = (export_project(scenario, profile_N=np.full(3, 30.0)).files for _ in range(2))
+    assert one == two
+    assert not any(re.search(r"20\d\d-\d\d-\d\d", text) for text in one.values())
+
+
+def test_float_code_holds_no_double(examples):
+    exported = export_project(load_scenario(examples / "finger.toml"), precision=Precision.FLOAT, profile_N=np.ones(3))
+    for name, text in exported.files.items():
+        if name.startswith("tff_"):
+            code = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
+            assert "double" not in code, name
+            assert not re.search(r"(?<![\w.])\d+\.\d+(?![\df.e-])", code), name
+
+
+def test_a_name_that_would_end_a_comment_does_not(examples):
+    scenario = replace(load_scenario(examples / "finger.toml"), name="evil */ #error \n line")
+    exported = export_project(scenario, profile_N=np.ones(3))
+    assert all("*/ #error" not in text for name, text in exported.files.items() if name.endswith((".c", ".h")))
+
+
+@pytest.mark.parametrize("bad", ["9x", "int", "a b", "", "_x", "x_", "a__b", "ä", "x" * 25, "a-b"])
+def test_a_prefix_that_is_no_good_c_name_is_refused(bad):
+    with pytest.raises(InputError, match="--prefix must be a C identifier"):
+        check_prefix(bad)
+
+
+def test_the_command_exports_the_agreed_files(examples, tmp_path):
+    out = tmp_path / "c"
+    arguments = [
+        "export-c",
+        str(examples / "finger.toml"),
+        "--out",
+        str(out),
+        "--precision",
+        "float",
+        "--prefix",
+        "rig",
+    ]
+    assert run(arguments) == 0
+    modules = ("inverse", "capstan", "table", "profile", "plant")
+    expected = {f"rig_{m}.{s}" for m in modules for s in "ch"}
+    expected |= {"design.json", "self_test.c", "example_main.c", "Makefile", "CMakeLists.txt", "README.md"}
+    assert expected <= {p.name for p in out.iterdir()}
+    assert json.loads((out / "design.json").read_text())["precision"] == "float"
+    assert "typedef float rig_real;" in (out / "rig_types.h").read_text()
+    assert run([*arguments[:3], str(tmp_path / "d"), "--prefix", "1"]) == 2
+    assert not (tmp_path / "d").exists()

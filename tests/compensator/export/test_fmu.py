@@ -1,0 +1,138 @@
+"""Co-simulation units: valid, equal to the Python model, and rebuilt from their own sources."""
+
+import shutil
+import subprocess
+import zipfile
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.cli import run
+from tendonff.compensator.export.fmu import build_fmu
+from tendonff.compensator.export.kinds import FmiVersion, Kind
+from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.models.chain import Chain
+from tendonff.ocp.inverse import invert
+from tendonff.ocp.simulate import simulate
+
+fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed")
+NAMES = {Kind.INVERSE: ("reference", "force"), Kind.PLANT: ("force", "tension")}
+ROWS = 1000
+
+
+@pytest.fixture(scope="module")
+def finger(examples):
+    return load_scenario(examples / "finger.toml")
+
+
+@pytest.fixture(scope="module")
+def unit(finger, tmp_path_factory):
+    """Path of a unit, made once."""
+    if shutil.which("cc") is None:
+        pytest.skip("cc is not installed")
+    folder, made = tmp_path_factory.mktemp("fmu"), {}
+
+    def path(kind, fmi):
+        target = folder / f"{kind}{fmi}.fmu"
+        if (kind, fmi) not in made:
+            made[kind, fmi] = build_fmu(finger, kind, fmi)
+            target.write_bytes(made[kind, fmi].content)
+        return target
+
+    return path
+
+
+def play(path, finger, kind, step=1):
+    """Recorded input and output of a unit over the scenario's reference, or its force."""
+    tension = sample_reference(finger).tension_N[: ROWS + 1]
+    given = tension
+    if kind is Kind.PLANT:
+        given = invert(Chain.of(finger.transmission, finger.run.level), tension, finger.run.step_s).force_N
+    name, answer = NAMES[kind]
+    signal = np.array(list(zip(np.arange(ROWS + 1) * 1e-3, given, strict=True)), dtype=[("time", float), (name, float)])
+    out = fmpy.simulate_fmu(
+        str(path),
+        stop_time=ROWS * 1e-3,
+        step_size=step * 1e-3,
+        output_interval=step * 1e-3,
+        input=signal,
+        output=[name, answer],
+        fmi_type="CoSimulation",
+    )
+    return out[name], out[answer]
+
+
+@pytest.mark.parametrize("fmi", FmiVersion)
+@pytest.mark.parametrize("kind", Kind)
+def test_a_unit_is_valid_and_equals_the_python_model(unit, finger, kind, fmi, record_property):
+    """FMPy records the input a row late: row k + 1 holds what step k used."""
+    from fmpy.validation import validate_fmu
+
+    path = unit(kind, fmi)
+    assert validate_fmu(str(path)) == []
+    given, answer = play(path, finger, kind)
+    chain, used = Chain.of(finger.transmission, finger.run.level), given[1:]
+    if kind is Kind.INVERSE:
+        expected = invert(chain, used, finger.run.step_s).force_N
+    else:
+        expected = simulate(chain, used, finger.run.step_s).output_tension_N
+    error = float(np.abs(answer[1:] - expected).max())
+    record_property("figure", f"FMU {kind}, FMI {fmi}, against Python over {ROWS} steps: {error:.2g} N")
+    assert np.ptp(answer) > 5
+    assert error <= 1e-9
+
+
+def test_communication_steps_of_several_samples_are_taken_sample_by_sample(unit, finger):
+    coarse = play(unit(Kind.INVERSE, FmiVersion.V2), finger, Kind.INVERSE, step=4)
+    assert len(coarse[1]) == ROWS // 4 + 1
+    assert np.all(np.isfinite(coarse[1]))
+
+
+def test_a_step_that_is_no_whole_number_of_samples_is_refused(unit, finger):
+    from fmpy.fmi1 import FMICallException
+
+    with pytest.raises(FMICallException):
+        fmpy.simulate_fmu(
+            str(unit(Kind.PLANT, FmiVersion.V3)), stop_time=0.01, step_size=0.0015, output_interval=0.0015
+        )
+
+
+@pytest.mark.parametrize("fmi", FmiVersion)
+def test_the_sources_in_a_unit_rebuild_it_bit_for_bit(unit, finger, fmi, tmp_path):
+    path = unit(Kind.INVERSE, fmi)
+    with zipfile.ZipFile(path) as archive:
+        archive.extractall(tmp_path)
+        names = archive.namelist()
+    sources = tmp_path / "sources"
+    shared = next(tmp_path.glob("binaries/*/*.so"))
+    shared.unlink()
+    flags = (
+        "-std=c99",
+        "-O2",
+        "-shared",
+        "-fPIC",
+        "-ffp-contract=off",
+        "-fno-math-errno",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+    )
+    files = sorted(sources.glob("*.c"))
+    subprocess.run(["cc", *flags, "-Wno-unused-parameter", "-o", shared, *files, "-lm"], check=True, cwd=sources)
+    again = tmp_path / "again.fmu"
+    with zipfile.ZipFile(again, "w") as archive:
+        for name in names:
+            archive.write(tmp_path / name, name)
+    for one, two in zip(play(path, finger, Kind.INVERSE), play(again, finger, Kind.INVERSE), strict=True):
+        assert np.array_equal(one, two)
+
+
+def test_equal_scenarios_give_equal_units(finger, unit):
+    content = unit(Kind.INVERSE, FmiVersion.V3).read_bytes()
+    assert build_fmu(finger, Kind.INVERSE, FmiVersion.V3).content == content
+
+
+def test_the_command_writes_a_unit_per_version(examples, tmp_path):
+    assert run(["export-fmu", str(examples / "finger.toml"), "--kind", "plant", "--out", str(tmp_path / "f")]) == 0
+    assert {p.name for p in (tmp_path / "f").iterdir()} == {"tff_plant_fmi2.fmu", "tff_plant_fmi3.fmu"}

@@ -1,0 +1,90 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.identification.output import write_identification
+from tendonff.compensator.identification.reading import read_measurement
+from tendonff.compensator.identification.run import identify
+from tendonff.compensator.identification.units import magnitude_warning, unit_warnings
+from tendonff.compensator.scenario.measurement import Explain, Measurement
+from tendonff.compensator.scenario.scenario import load_scenario
+
+TORQUES = Measurement(
+    input_column="input_torque_Nm", output_column="F_out [kN]", input_position_column="motor angle (deg)"
+)
+
+
+def test_columns_whose_names_tell_another_unit_are_named_with_the_option() -> None:
+    [message] = unit_warnings(TORQUES, ["input_position"])
+    assert "input_torque_Nm as N (--scale input=FACTOR)" in message
+    assert "F_out [kN] as N (--scale output=FACTOR)" in message
+    assert "motor angle (deg) as m (--scale input_position=FACTOR)" in message
+    assert "time_s" not in message
+
+
+def test_a_factor_or_a_column_that_was_not_read_needs_no_message() -> None:
+    assert unit_warnings(Measurement(), ["input_position", "output_position"]) == []
+    assert unit_warnings(replace(TORQUES, input_scale=100.0, output_scale=1000.0), []) == []
+
+
+@pytest.mark.parametrize("name", ["force_A", "pull_in", "cell_N", "F_g"])
+def test_a_name_that_tells_a_place_is_no_unit(name: str) -> None:
+    assert unit_warnings(Measurement(input_column=name, input_position_column="pos_in"), ["input_position"]) == []
+
+
+@pytest.mark.parametrize(("largest_N", "apart"), [(0.25, True), (1.6, False), (2900.0, False), (3100.0, True)])
+def test_tensions_far_from_those_of_the_scenario_are_told(largest_N: float, apart: bool) -> None:
+    message = magnitude_warning(largest_N, 150.0)
+    assert (message is not None) == apart
+    if message is not None:
+        assert "--scale" in message
+
+
+@pytest.fixture
+def strokes(tmp_path):
+    """A capstan of e^0.4 either way, in newtons."""
+    time = np.arange(3000) / 200
+    wave = 30 + 12 * np.sin(2 * np.pi * 0.4 * time)
+    out, memory = np.empty_like(wave), wave[0]
+    for k, tension in enumerate(wave):
+        out[k] = memory = min(max(memory, tension * np.exp(-0.4)), tension * np.exp(0.4))
+    write_csv(tmp_path / "a.csv", {"time_s": time, "input_tension_N": wave, "output_tension_N": out})
+    return tmp_path / "a.csv"
+
+
+def test_the_report_repeats_the_options_that_read_the_files(examples, strokes, tmp_path):
+    other = replace(
+        Measurement(), input_scale=2.0, output_scale=2.0, skip_s=0.5, explain=Explain.OUTPUT, time_column="time_s"
+    )
+    scenario = replace(load_scenario(examples / "finger.toml"), measurement=other)
+    found = identify(scenario, [strokes], static_only=True)
+    write_identification(found, tmp_path / "out", [strokes])
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "--data a.csv --scale input=2 --scale output=2 --skip 0.5 --explain output --out DIR" in page
+
+
+def test_a_file_cannot_judge_its_own_fit(examples, strokes):
+    with pytest.raises(InputError, match=r"a\.csv: given with --data and with --validate"):
+        identify(load_scenario(examples / "finger.toml"), [strokes], [strokes])
+
+
+def test_one_column_cannot_be_two_channels(strokes):
+    with pytest.raises(InputError, match='"input_tension_N" is named as the column of input and of output'):
+        read_measurement(strokes, Measurement(output_column="input_tension_N"))
+
+
+def test_a_column_that_does_not_rise_is_no_clock(strokes):
+    with pytest.raises(InputError, match="input_tension_N does not rise from row to row"):
+        read_measurement(strokes, Measurement(time_column="input_tension_N", input_column="time_s"))
+
+
+def test_small_numbers_get_a_message_and_no_excitation(examples, strokes):
+    scenario = load_scenario(examples / "finger.toml")
+    small = replace(scenario, measurement=Measurement(input_scale=0.01, output_scale=0.01))
+    found = identify(small, [strokes], static_only=True)
+    assert not found.comparable
+    assert any("the scenario's actuator 200 N" in warning for warning in found.warnings)
+    assert identify(scenario, [strokes], static_only=True).comparable

@@ -1,0 +1,166 @@
+"""The report as text; tests/test_reports_in_browser.py looks at it in a browser."""
+
+import base64
+import html
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.reporting.page import (
+    FileNote,
+    Picture,
+    Provenance,
+    Report,
+    Section,
+    Table,
+    Text,
+    figure_uri,
+    format_cell,
+    render_report,
+    write_report,
+)
+from tendonff.compensator.reporting.plots import new_figure
+from tendonff.compensator.scenario.scenario import load_scenario, scenario_hash, scenario_to_toml
+
+
+@pytest.fixture
+def report(examples):
+    figure, axes = new_figure()
+    axes[0, 0].plot([0, 1], [1, 2])
+    table = Table(caption="Errors", columns=("design", "rms [N]"), rows=(("none", 3.14159), ("inverse", None)))
+    return Report(
+        title="A design",
+        summary="It works.",
+        sections=(
+            Section(title="What arrives", blocks=(Text("Look."), Picture(figure=figure, caption="A line."), table)),
+        ),
+        provenance=Provenance(scenario=load_scenario(examples / "finger.toml"), command="tendonff design finger.toml"),
+        files=(FileNote(name="profile.csv", content="the forces"),),
+    )
+
+
+class _Page(HTMLParser):
+    """What a page loads, and whether its tags close."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.loaded, self.tags = [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.loaded += [value for name, value in attrs if name in ("src", "srcset", "data", "action")]
+        self.loaded += [value for name, value in attrs if tag == "link" and name == "href"]
+        if tag not in ("meta", "link", "img", "br"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def page_of(report):
+    page = _Page()
+    page.feed(render_report(report))
+    assert not page.open
+    return page
+
+
+def test_the_page_carries_everything_and_loads_nothing(report):
+    page = page_of(report)
+    assert page.loaded
+    assert all(source.startswith("data:") for source in page.loaded)
+    assert "script" not in page.tags
+    assert not re.search(r"url\(|@import|https?://(?!www\.w3\.org)", render_report(report))
+
+
+def test_the_page_says_how_to_make_it_again(report):
+    text = render_report(report)
+    scenario = report.provenance.scenario
+    assert scenario_hash(scenario) in text
+    assert scenario_to_toml(scenario) in html.unescape(text)
+    assert "tendonff design finger.toml" in text
+    assert re.search(r"casadi</th><td>3\.\d", text)
+    assert str(scenario.source.parent) not in text
+
+
+def test_what_a_user_wrote_is_shown_and_never_run(report):
+    bad = '<script>alert("x")</script> & <img src=x onerror=alert(1)>'
+    hostile = replace(
+        report,
+        title=bad,
+        summary=bad,
+        warnings=(bad,),
+        sections=(Section(title=bad, blocks=(Text(bad), Table(caption=bad, columns=(bad,), rows=((bad,),)))),),
+        provenance=replace(
+            report.provenance, command=bad, scenario=replace(report.provenance.scenario, name=bad.replace('"', "'"))
+        ),
+        files=(FileNote(name=bad, content=bad),),
+    )
+    page = page_of(hostile)
+    assert "script" not in page.tags
+    assert "img" not in page.tags
+
+
+def test_equal_results_give_equal_pages(report):
+    assert render_report(report) == render_report(report)
+
+
+def test_warnings_stand_before_the_results(report):
+    text = render_report(replace(report, warnings=("the tendon goes slack",)))
+    assert text.index("the tendon goes slack") < text.index("What arrives")
+    assert "No warnings." in render_report(report)
+
+
+def test_input_files_are_named_with_their_hash(report, tmp_path):
+    data = tmp_path / "run1.csv"
+    data.write_bytes(b"abc")
+    text = render_report(replace(report, provenance=replace(report.provenance, inputs=(data,))))
+    assert "run1.csv" in text
+    assert "ba7816bf8f01cfea" in text  # SHA-256 of "abc", as printed in FIPS 180-2
+    assert str(tmp_path) not in text
+
+
+@pytest.mark.parametrize(
+    ("cell", "text"),
+    [
+        (None, "–"),
+        (float("nan"), "–"),
+        (0.0, "0"),
+        (3.14159, "3.14"),
+        (2.0, "2.00"),
+        (0.012345, "0.0123"),
+        (12345.6, "12346"),
+        (1e-9, "1e-09"),
+        (-0.5, "-0.500"),
+        (7, "7"),
+        (True, "yes"),
+        ("none", "none"),
+    ],
+)
+def test_numbers_are_shown_to_three_digits(cell, text):
+    assert format_cell(cell) == text
+
+
+def test_a_table_whose_rows_do_not_fit_is_refused():
+    with pytest.raises(ValueError, match="row 1 has 1 cells, the header 2"):
+        Table(caption="t", columns=("a", "b"), rows=((1, 2), (1,)))
+
+
+def test_a_dense_figure_becomes_pixels():
+    rng = np.random.default_rng(0)
+    figure, axes = new_figure()
+    axes[0, 0].plot([0, 1], [0, 1])
+    assert figure_uri(figure).startswith("data:image/svg+xml;base64,")
+    axes[0, 0].scatter(rng.normal(size=30_000), rng.normal(size=30_000), s=1)
+    media, _, content = figure_uri(figure).partition(",")
+    assert media == "data:image/png;base64"
+    assert base64.b64decode(content).startswith(b"\x89PNG")
+
+
+def test_a_report_appears_whole(report, tmp_path):
+    path = tmp_path / "report.html"
+    write_report(path, report)
+    assert path.read_text(encoding="utf-8").endswith("</html>\n")
+    assert [p.name for p in tmp_path.iterdir()] == ["report.html"]

@@ -1,0 +1,250 @@
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tendonff.compensator.files.reading import InputError, read_csv
+from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec, Shape, SineReference, WaypointReference
+from tendonff.compensator.scenario.run import Run
+from tendonff.compensator.scenario.sampling import (
+    Reference,
+    initial_tension,
+    largest_tension,
+    low_pass,
+    noise_advice,
+    sample_reference,
+)
+from tendonff.compensator.scenario.scenario import Scenario, load_scenario
+from tendonff.models.chain import Chain
+from tendonff.models.fidelity import Level
+from tendonff.ocp.inverse import invert
+
+
+@pytest.fixture(scope="module")
+def finger(examples: Path) -> Scenario:
+    return load_scenario(examples / "finger.toml")
+
+
+def sampled(scenario: Scenario, spec: ReferenceSpec, step_s: float = 1e-3) -> Reference:
+    return sample_reference(replace(scenario, reference=spec, run=Run(step_s=step_s, level=Level.PRESLIDING)))
+
+
+def test_a_sine_is_the_formula_of_the_contract(finger: Scenario) -> None:
+    """T0 + min(t/fade, 1) sum_i a_i sin(2 pi f_i t)."""
+    spec = SineReference(
+        initial_tension_N=30.0, amplitudes_N=(7.0, -3.0), frequencies_Hz=(0.4, 1.7), duration_s=2.0, fade_in_s=0.5
+    )
+    reference = sampled(finger, spec)
+    assert len(reference.time_s) == 2001
+    for k in (0, 1, 137, 500, 2000):
+        t = k * 1e-3
+        waves = 7 * math.sin(2 * math.pi * 0.4 * t) - 3 * math.sin(2 * math.pi * 1.7 * t)
+        assert reference.time_s[k] == t
+        assert reference.tension_N[k] == pytest.approx(30 + min(t / 0.5, 1) * waves, rel=1e-14)
+
+
+def test_without_fade_in_a_sine_has_its_full_amplitude_at_once(finger: Scenario) -> None:
+    spec = SineReference(
+        initial_tension_N=30.0, amplitudes_N=(7.0,), frequencies_Hz=(1.0,), duration_s=1.0, fade_in_s=0.0
+    )
+    assert sampled(finger, spec).tension_N[250] == pytest.approx(37.0)
+
+
+@pytest.mark.parametrize(("duration", "step", "rows"), [(0.3, 0.1, 4), (4.0, 1e-3, 4001), (1.0, 0.3, 4), (0.7, 0.1, 8)])
+def test_the_grid_ends_at_the_last_whole_step(finger: Scenario, duration: float, step: float, rows: int) -> None:
+    spec = SineReference(
+        initial_tension_N=30.0, amplitudes_N=(1.0,), frequencies_Hz=(1.0,), duration_s=duration, fade_in_s=0.0
+    )
+    assert len(sampled(finger, spec, step).time_s) == rows
+
+
+WAYPOINTS = WaypointReference(times_s=(0.0, 0.7, 1.0, 2.0), tensions_N=(20.0, 40.0, 40.0, 10.0), shape=Shape.SMOOTH)
+
+
+@pytest.mark.parametrize("shape", Shape)
+def test_waypoints_are_met_and_never_overshot(finger: Scenario, shape: Shape) -> None:
+    reference = sampled(finger, replace(WAYPOINTS, shape=shape))
+    for time, tension in zip(WAYPOINTS.times_s, WAYPOINTS.tensions_N, strict=True):
+        assert reference.tension_N[round(time * 1000)] == pytest.approx(tension, rel=1e-12)
+    assert reference.tension_N.min() >= 10.0 - 1e-12
+    assert reference.tension_N.max() <= 40.0 + 1e-12
+    assert reference.initial_tension_N == 20.0
+
+
+def test_smooth_waypoints_have_continuous_velocity_and_acceleration(finger: Scenario) -> None:
+    """The largest jump of the n-th difference quotient shrinks with the step for n = 1, 2."""
+    for order in (1, 2):
+        jumps = []
+        for step in (1e-3, 0.5e-3):
+            quotient = np.diff(sampled(finger, WAYPOINTS, step).tension_N, order) / step**order
+            jumps.append(np.abs(np.diff(quotient)).max())
+        assert jumps[1] < 0.6 * jumps[0]
+
+
+def csv_reference(folder: Path, time: np.ndarray, tension: np.ndarray, cutoff: float | None = None) -> CsvReference:
+    write_csv(folder / "wanted.csv", {"time_s": time, "tension_N": tension})
+    return CsvReference(file=str(folder / "wanted.csv"), cutoff_Hz=cutoff)
+
+
+def test_a_file_without_cut_off_is_taken_as_it_is(finger: Scenario, tmp_path: Path) -> None:
+    time = np.array([0.0, 0.013, 0.5, 1.0])
+    reference = sampled(finger, csv_reference(tmp_path, time, np.array([20.0, 30.0, 10.0, 40.0])))
+    assert reference.tension_N[13] == 30.0
+    assert reference.tension_N[750] == pytest.approx(25.0)
+    assert reference.removed_noise_N == 0.0
+    assert reference.initial_tension_N == 20.0
+
+
+def test_a_gap_in_a_logged_trace_is_named(finger: Scenario, tmp_path: Path) -> None:
+    time = np.delete(np.arange(1001) * 2e-3, slice(400, 550))
+    [note] = sampled(finger, csv_reference(tmp_path, time, 30 + 5 * np.sin(2 * np.pi * time))).warnings
+    assert note == (
+        "wanted.csv: 1 gap in rows that are 0.002 s apart, the longest from 0.798 to 1.1 s; a straight line bridges it"
+    )
+
+
+def test_a_few_rows_written_by_hand_have_no_gaps(finger: Scenario, tmp_path: Path) -> None:
+    time, tension = np.array([0.0, 0.1, 0.2, 0.3, 5.0]), np.array([30.0, 35.0, 32.0, 35.0, 30.0])
+    assert sampled(finger, csv_reference(tmp_path, time, tension)).warnings == ()
+
+
+def test_a_cut_off_removes_noise_without_delay_and_says_how_much(finger: Scenario, tmp_path: Path) -> None:
+    time = np.arange(4001) * 1e-3
+    clean = 30 + 10 * np.sin(2 * np.pi * 0.5 * time)
+    noise = np.random.default_rng(3).normal(0, 0.2, len(time))
+    reference = sampled(finger, csv_reference(tmp_path, time, clean + noise, cutoff=10.0))
+    assert np.std(reference.tension_N - clean) < 0.04
+    assert reference.removed_noise_N == pytest.approx(0.2, rel=0.05)
+    assert "10 Hz removed 0.19" in reference.warnings[0] or "10 Hz removed 0.2" in reference.warnings[0]
+
+
+def test_samples_faster_than_the_run_do_not_fold_down(finger: Scenario, tmp_path: Path) -> None:
+    """A tone at 95 Hz sampled every 10 ms would appear at 5 Hz."""
+    time = np.arange(4001) * 1e-3
+    slow = 30 + 10 * np.sin(2 * np.pi * 0.25 * time)
+    tone = 5 * np.sin(2 * np.pi * 95 * time)
+    reference = sampled(finger, csv_reference(tmp_path, time, slow + tone, cutoff=8.0), step_s=1e-2)
+    assert np.abs(reference.tension_N - slow[::10])[30:-30].max() < 0.1
+
+
+def test_a_cut_off_beyond_the_sampling_rate_is_refused(finger: Scenario, tmp_path: Path) -> None:
+    spec = csv_reference(tmp_path, np.array([0.0, 1.0]), np.array([20.0, 30.0]), cutoff=500.0)
+    with pytest.raises(InputError, match=r"cutoff_Hz must be < 500 .half the sampling rate., got 500"):
+        sampled(finger, spec)
+
+
+@given(level=st.floats(1.0, 100.0), cutoff=st.floats(1.0, 400.0))
+def test_the_low_pass_leaves_a_constant_alone(level: float, cutoff: float) -> None:
+    assert low_pass(np.full(500, level), cutoff, 1000.0) == pytest.approx(np.full(500, level), rel=1e-9)
+
+
+def test_the_low_pass_halves_the_amplitude_at_its_cut_off() -> None:
+    """Twice -3 dB, forwards and backwards."""
+    wave = np.sin(2 * np.pi * 10 * np.arange(4000) * 1e-3)
+    assert np.abs(low_pass(wave, 10.0, 1000.0)[1000:3000]).max() == pytest.approx(0.5, rel=0.01)
+
+
+def test_an_initial_tension_that_differs_is_kept_and_noted(finger: Scenario) -> None:
+    reference = sampled(finger, replace(WAYPOINTS, initial_tension_N=25.0))
+    assert reference.initial_tension_N == 25.0
+    assert "starts at 20 N but initial_tension_N is 25 N" in reference.warnings[0]
+
+
+def test_a_reference_below_zero_is_refused_with_its_time(finger: Scenario) -> None:
+    spec = SineReference(
+        initial_tension_N=5.0, amplitudes_N=(10.0,), frequencies_Hz=(1.0,), duration_s=1.0, fade_in_s=0.0
+    )
+    with pytest.raises(InputError, match=r"finger\.toml \[reference\]: .* above 0, got -5 N at t = 0.75 s; a tendon"):
+        sampled(finger, spec)
+
+
+def test_the_largest_tension_is_the_capstan_law_with_adhesion(finger: Scenario) -> None:
+    """(F_max + p) e^{-mu theta} - p."""
+    transmission = replace(finger.transmission, friction=replace(finger.transmission.friction, adhesion_N=3.0))
+    assert largest_tension(transmission) == pytest.approx(203 * math.exp(-0.2 * math.pi) - 3, rel=1e-12)
+
+
+@pytest.mark.parametrize(("share", "fits"), [(0.999, True), (1.001, False)])
+def test_a_reference_beyond_reach_is_refused_with_the_largest_tension(
+    finger: Scenario, share: float, fits: bool
+) -> None:
+    top = share * largest_tension(finger.transmission)
+    spec = replace(WAYPOINTS, tensions_N=(20.0, top, top, 10.0))
+    if fits:
+        sampled(finger, spec)
+        return
+    with pytest.raises(InputError, match=r"force_max_N = 200 delivers at most 106\.7 N through the friction"):
+        sampled(finger, spec)
+
+
+def test_a_step_longer_than_the_reference_is_refused(finger: Scenario) -> None:
+    with pytest.raises(InputError, match=r"\[run\]: step_s must be <= the length of the reference, 2 s, got 3"):
+        sampled(finger, WAYPOINTS, 3.0)
+    with pytest.raises(InputError, match="makes more than 50000000 steps"):
+        sampled(finger, WAYPOINTS, 1e-12)
+
+
+def test_a_sine_too_fast_for_the_step_is_refused_instead_of_folded_down(finger: Scenario) -> None:
+    fast = SineReference(
+        initial_tension_N=30.0, amplitudes_N=(5.0, 1.0), frequencies_Hz=(1.0, 500.0), duration_s=0.5, fade_in_s=0.1
+    )
+    with pytest.raises(InputError, match=r"frequencies_Hz must be < 500 .*, got 500; use a step of 4e-05 s or less"):
+        sampled(finger, fast)
+
+
+@pytest.mark.parametrize("name", ["finger", "bowden", "surgical", "finger_fast", "finger_stribeck"])
+def test_every_example_can_be_delivered(examples: Path, name: str) -> None:
+    scenario = load_scenario(examples / f"{name}.toml")
+    assert sample_reference(scenario).initial_tension_N == initial_tension(scenario)
+
+
+# --- noise
+
+
+def inverse_of(scenario: Scenario) -> Callable[[np.ndarray], np.ndarray]:
+    chain = Chain.of(scenario.transmission, Level.PRESLIDING)
+    return lambda tension: invert(chain, tension, 1e-3).force_N
+
+
+def noisy(noise_N: float) -> Reference:
+    time = np.arange(4001) * 1e-3
+    tension = 30 + 10 * np.sin(2 * np.pi * 0.5 * time) + np.random.default_rng(5).normal(0, noise_N, len(time))
+    return Reference(time_s=time, tension_N=tension, step_s=1e-3, initial_tension_N=30.0)
+
+
+def test_a_cut_off_is_proposed_that_quietens_the_force(finger: Scenario) -> None:
+    force_of = inverse_of(finger)
+    advice = noise_advice(noisy(0.3), force_of, file="wanted.csv")
+    assert advice is not None
+    assert advice.noise_N == pytest.approx(0.3, rel=0.1)
+    assert "wanted.csv: noise of 0.3" in advice.message
+    assert f"set cutoff_Hz = {advice.cutoff_Hz:.2g}" in advice.message
+    quiet = force_of(noisy(0.0).tension_N)
+    advised = force_of(low_pass(noisy(0.3).tension_N, advice.cutoff_Hz, 1000.0))
+    raw = force_of(noisy(0.3).tension_N)
+    assert np.std(advised - quiet) < 0.2 * np.std(raw - quiet)
+
+
+def test_a_clean_reference_gets_no_advice(finger: Scenario) -> None:
+    assert noise_advice(noisy(0.0), inverse_of(finger)) is None
+
+
+def test_noise_that_the_force_does_not_feel_gets_no_advice() -> None:
+    assert noise_advice(noisy(0.05), lambda tension: 2 * tension) is None
+
+
+def test_a_measured_trace_becomes_a_reference(finger: Scenario, measured_data: Path, tmp_path: Path) -> None:
+    path = measured_data / "band_capstan" / "dataset4_harmonic.csv"
+    columns = read_csv(path, ("time_s", "output_tension_N"))
+    trace = columns["output_tension_N"]
+    scaled = 10 + 40 * (trace - trace.min()) / np.ptp(trace)
+    spec = csv_reference(tmp_path, columns["time_s"], scaled, cutoff=20.0)
+    reference = sampled(finger, spec)
+    assert 0 < reference.removed_noise_N < 2.0
+    assert reference.tension_N.min() > 5.0

@@ -1,0 +1,258 @@
+import re
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.files.writing import write_text
+from tendonff.compensator.scenario.reference import CsvReference, SineReference
+from tendonff.compensator.scenario.robust import Robust, RobustObjective
+from tendonff.compensator.scenario.run import Run
+from tendonff.compensator.scenario.scenario import (
+    Scenario,
+    load_scenario,
+    parse_scenario,
+    scenario_hash,
+    scenario_to_toml,
+)
+from tendonff.compensator.scenario.tables import descriptions
+from tendonff.models.fidelity import Level
+from tendonff.models.parameters import Friction
+
+ROOT = Path(__file__).resolve().parents[3]
+EXAMPLES = sorted((ROOT / "examples").glob("*.toml"))
+TEXT = (ROOT / "examples" / "finger.toml").read_text(encoding="utf-8")
+FILE = Path("finger.toml")
+
+
+def parse(text: str) -> Scenario:
+    return parse_scenario(text, FILE)
+
+
+def line(key: str, text: str = TEXT) -> str:
+    """The first line that sets a key, with its end."""
+    found = re.search(rf"^{key} = .*\n", text, flags=re.MULTILINE)
+    assert found
+    return found.group()
+
+
+def test_there_are_examples_of_every_kind_of_reference() -> None:
+    assert len(EXAMPLES) >= 4
+    assert len({type(load_scenario(path).reference) for path in EXAMPLES}) == 3
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_that_is_written_reads_back_as_the_same_scenario(path: Path) -> None:
+    scenario = load_scenario(path)
+    again = parse_scenario(scenario_to_toml(scenario), path)
+    assert again == scenario
+    assert scenario_hash(again) == scenario_hash(scenario)
+
+
+def test_every_value_ends_up_under_its_own_name() -> None:
+    scenario, raw = parse(TEXT), tomllib.loads(TEXT)
+    for table in ("path", "tendon", "friction", "actuator", "load"):
+        for key, value in raw[table].items():
+            assert getattr(getattr(scenario.transmission, table), key) == value
+    assert scenario.name == raw["name"]
+    assert scenario.run == Run(step_s=raw["run"]["step_s"], level=Level(raw["run"]["level"]))
+    assert isinstance(scenario.reference, SineReference)
+    assert scenario.reference.frequencies_Hz == tuple(raw["reference"]["frequencies_Hz"])
+
+
+def test_whole_numbers_are_accepted_where_numbers_are_wanted() -> None:
+    whole, real = (parse(TEXT.replace(line("force_max_N"), f"force_max_N = {value}\n")) for value in ("210", "210.0"))
+    assert whole == real
+
+
+def test_optional_tables_and_keys_default_to_nothing_special() -> None:
+    scenario = parse(TEXT)
+    assert scenario.robust == Robust()
+    assert scenario.robust.is_certain
+    assert scenario.transmission.friction.release_dynamic == scenario.transmission.friction.mu_dynamic
+    robust = parse(f'{TEXT}\n[robust]\nmu = 0.2\nobjective = "mean"\n').robust
+    assert robust == Robust(mu=0.2, objective=RobustObjective.MEAN)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (line("mu_dynamic"), "mu_dynamc = 0.2\n", '[friction]: unknown key "mu_dynamc", did you mean "mu_dynamic"?'),
+        (line("mass_kg"), "mass = 1.0\n", '[tendon]: unknown key "mass", did you mean "mass_kg"?'),
+        (
+            line("mu_dynamic"),
+            "mu_dynamic = -0.1\n",
+            "[friction]: mu_dynamic must be a finite number >= 0, got -0.1; use",
+        ),
+        (line("mu_dynamic"), "mu_dynamic = nan\n", "[friction]: mu_dynamic must be a finite number >= 0, got nan; use"),
+        (
+            line("mu_static"),
+            "mu_static = 0.1\n",
+            "[friction]: mu_static must be >= mu_dynamic = ",
+        ),
+        (line("mu_dynamic"), "", '[friction]: key "mu_dynamic" is missing (Coefficients when pulling'),
+        (line("mu_dynamic"), 'mu_dynamic = "0.2"\n', '[friction]: mu_dynamic must be a number, got "0.2" (text)'),
+        (line("mu_dynamic"), "mu_dynamic = true\n", "[friction]: mu_dynamic must be a number, got true (true/false)"),
+        (line("mu_dynamic"), "mu_dynamic = 2026-01-01\n", "[friction]: mu_dynamic must be a number, got 2026-01-01"),
+        (line("segments"), "segments = 6.0\n", "[path]: segments must be a whole number, got 6.0"),
+        (line("segments"), "segments = 0\n", "[path]: segments must be a whole number from 1 to"),
+        (
+            line("kind"),
+            'kind = "sin"\n',
+            '[reference]: kind must be one of "sine", "waypoints", "csv", got "sin" (text)',
+        ),
+        (line("kind"), "", '[reference]: key "kind" is missing; it is one of "sine", "waypoints", "csv"'),
+        (line("amplitudes_N"), "amplitudes_N = [1, true]\n", "[reference]: amplitudes_N[1] must be a number, got true"),
+        (
+            line("amplitudes_N"),
+            "amplitudes_N = 12\n",
+            "[reference]: amplitudes_N must be a list, each a number, got 12",
+        ),
+        (line("amplitudes_N"), "amplitudes_N = [1.0]\n", "[reference]: amplitudes_N must be as many as frequencies_Hz"),
+        (
+            line("frequencies_Hz"),
+            "frequencies_Hz = [1.0, 0.0]\n",
+            "[reference]: frequencies_Hz[1] must be a finite num",
+        ),
+        (
+            line("initial_tension_N"),
+            "initial_tension_N = -1\n",
+            "[reference]: initial_tension_N must be a finite number > 0",
+        ),
+        (line("step_s"), "step_s = 0\n", "[run]: step_s must be a finite number > 0, got 0"),
+        (
+            line("level"),
+            'level = "soft"\n',
+            '[run]: level must be "elastic" or "viscoelastic" or "presliding", got "soft"',
+        ),
+        (line("schema"), "schema = \n", ": not valid TOML: Invalid value (at line 4, column 10)"),
+        (line("name"), "name = 3\n", ': name must be text in quotes ("..."), got 3'),
+        (line("schema"), "", ': key "schema" is missing; write schema = 1 in the first line'),
+        (line("schema"), "schema = 2\n", ": schema must be 1, got 2; this version reads no other"),
+        (line("schema"), 'schema = 1\nnme = ""\n', ': unknown key "nme", did you mean "name"?'),
+        ("[friction]", "[frction]", ": unknown table [frction], did you mean friction?"),
+        ("[friction]", "[friction.coulomb]", '[friction]: unknown key "coulomb"; known: mu_dynamic, mu_static'),
+        ("[load]", "[run]\n[load]", ": not valid TOML: Cannot declare ('run',) twice"),
+        ("[run]", "[robust]\nmu = 1.5\n[run]", "[robust]: mu must be a finite number >= 0 and < 1, got 1.5; 0.2 means"),
+        ("[run]", "[robust]\nmue = 0.5\n[run]", '[robust]: unknown key "mue", did you mean "mu"?'),
+    ],
+)
+def test_a_bad_scenario_is_refused_with_table_key_and_value(old: str, new: str, message: str) -> None:
+    assert old in TEXT
+    with pytest.raises(InputError) as caught:
+        parse(TEXT.replace(old, new, 1))
+    assert str(caught.value).startswith(f"finger.toml{' ' if message.startswith('[') else ''}{message}")
+
+
+def test_a_missing_table_is_named_with_its_keys() -> None:
+    with pytest.raises(InputError, match=r"table \[path\] is missing; it holds total_angle_rad, segments, radius_m"):
+        parse("schema = 1")
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ("times_s = [0, 1]\ntensions_N = [1]", "times_s must be as many as tensions_N"),
+        ("times_s = [0, 1, 1]\ntensions_N = [1, 2, 3]", "times_s must increase, got 1.0 after 1.0"),
+        ("times_s = [0.5, 1]\ntensions_N = [1, 2]", "times_s must start at 0, got 0.5"),
+        (
+            "times_s = [0, 1]\ntensions_N = [1, 0]",
+            r"tensions_N\[1\] must be a finite number > 0, got 0.0; a tendon cannot",
+        ),
+    ],
+)
+def test_bad_waypoints_are_refused(keys: str, message: str) -> None:
+    text = re.sub(
+        r"(?s)\[reference\].*?\[run\]", f'[reference]\nkind = "waypoints"\nshape = "linear"\n{keys}\n[run]', TEXT
+    )
+    with pytest.raises(InputError, match=message):
+        parse(text)
+
+
+def test_every_key_of_the_friction_is_described_by_its_class() -> None:
+    assert set(descriptions(Friction)) == set(Friction.__dataclass_fields__)
+
+
+def test_a_scenario_written_elsewhere_still_finds_its_reference_file(tmp_path: Path, examples: Path) -> None:
+    scenario = load_scenario(examples / "surgical.toml")
+    write_text(tmp_path / "fit" / "fitted.toml", scenario_to_toml(scenario, folder=tmp_path / "fit"))
+    again = load_scenario(tmp_path / "fit" / "fitted.toml")
+    assert isinstance(scenario.reference, CsvReference)
+    assert again.reference_file().resolve() == scenario.reference_file().resolve()
+
+
+def test_the_hash_sees_values_and_reference_samples_but_not_comments(tmp_path: Path) -> None:
+    scenario = parse(TEXT)
+    assert scenario_hash(parse(TEXT.replace("# tau", "# time"))) == scenario_hash(scenario)
+    assert scenario_hash(replace(scenario, robust=Robust(seed=1))) != scenario_hash(scenario)
+    csv = replace(scenario, source=tmp_path / "x.toml", reference=CsvReference(file="w.csv"))
+    write_text(tmp_path / "w.csv", "time_s,tension_N\n0,1\n1,2\n")
+    before = scenario_hash(csv)
+    write_text(tmp_path / "w.csv", "time_s,tension_N\n0,1\n1,3\n")
+    assert scenario_hash(csv) != before
+
+
+def test_what_is_no_readable_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such file"):
+        load_scenario(tmp_path / "absent.toml")
+    with pytest.raises(InputError, match="is a folder"):
+        load_scenario(tmp_path)
+    (tmp_path / "x.toml").write_bytes(b"\xff\xfe")
+    with pytest.raises(InputError, match="not UTF-8"):
+        load_scenario(tmp_path / "x.toml")
+
+
+VALUES = st.sampled_from(
+    [
+        "nan",
+        "inf",
+        "-1",
+        "0",
+        "1e400",
+        "9" * 400,
+        "9" * 5000,
+        '""',
+        '"x"',
+        "[]",
+        "[[]]",
+        "{}",
+        "true",
+        "1979-05-27",
+        "=",
+        "",
+    ]
+)
+
+
+@settings(max_examples=150)
+@given(key=st.sampled_from(re.findall(r"^\w+(?= = )", TEXT, flags=re.MULTILINE)), value=VALUES, data=st.data())
+def test_any_value_of_any_key_gives_a_scenario_or_one_message(key: str, value: str, data: st.DataObject) -> None:
+    places = [found.span() for found in re.finditer(rf"^{key} = .*$", TEXT, flags=re.MULTILINE)]
+    start, end = data.draw(st.sampled_from(places))
+    check(f"{TEXT[:start]}{key} = {value}{TEXT[end:]}")
+
+
+@settings(max_examples=150)
+@given(text=st.text(max_size=40), at=st.integers(0, len(TEXT)), drop=st.integers(0, 40))
+def test_any_damage_to_the_text_gives_a_scenario_or_one_message(text: str, at: int, drop: int) -> None:
+    check(TEXT[:at] + text + TEXT[at + drop :])
+
+
+def check(text: str) -> None:
+    try:
+        scenario = parse(text)
+    except InputError as error:
+        assert str(error).startswith("finger.toml")
+        assert len(str(error).splitlines()) == 1
+        assert len(str(error)) < 600
+    else:
+        assert parse(scenario_to_toml(scenario)) == scenario
+
+
+def test_nesting_without_end_is_refused() -> None:
+    with pytest.raises(InputError, match=r"finger\.toml"):
+        parse("a = " + "[" * 100_000)

@@ -1,0 +1,180 @@
+"""Compensation tables."""
+
+import csv
+import io
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tendonff.compensator.cli import run
+from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.tables.build import sweep
+from tendonff.compensator.tables.run import limited_table_force, make_tables, scenario_table, table_csv, table_from_csv
+from tendonff.compensator.tables.table import BranchTable, Table, TableCompensator, table_force
+from tendonff.models.capstan import Branch, CapstanLaw
+from tendonff.models.chain import Chain
+from tendonff.models.errors import ParameterError
+from tendonff.models.fidelity import Level
+
+
+@pytest.fixture(scope="module")
+def finger(examples):
+    return load_scenario(examples / "finger.toml")
+
+
+@pytest.fixture(scope="module")
+def reference(finger):
+    return sample_reference(finger)
+
+
+@pytest.fixture(scope="module")
+def built(finger, reference):
+    return scenario_table(finger, reference)
+
+
+@pytest.fixture(scope="module")
+def tables(finger):
+    return make_tables(finger)
+
+
+def test_the_interpolation_error_stays_under_its_bound(built):
+    assert 0 < built.error_N <= built.bound_N
+
+
+@pytest.mark.parametrize("branch", Branch)
+def test_reversals_that_the_table_was_not_made_from_are_met_within_the_bound(finger, built, branch):
+    """Sweeps at tensions between those of the making, with the masses of the chain left out of the comparison."""
+    chain = Chain.of(finger.transmission, finger.run.level)
+    light = replace(
+        chain,
+        elements=replace(chain.elements, mass_kg=1e-9),
+        near=replace(chain.near, mass_kg=1e-9),
+        far=replace(chain.far, mass_kg=1e-9),
+    )
+    turn = 29.37
+    end = 44.0 if branch is Branch.PULL else 14.0
+    way, force = sweep(light, branch, turn, end, built.rate_N_per_s)
+    answer = built.table.force_N(way, branch, np.abs(way - turn) / way)
+    order = np.argsort(way)
+    near = [np.interp(way + shift * built.resolution_N, way[order], force[order]) for shift in (-1, 0, 1)]
+    outside = np.maximum(np.min(near, axis=0) - answer, answer - np.max(near, axis=0))
+    assert outside.max() < 1.2 * built.bound_N
+
+
+def test_a_smaller_bound_needs_more_nodes_and_gives_less_error(finger, reference, built):
+    finer = scenario_table(finger, reference, bound_N=0.3 * built.bound_N)
+    assert finer.table.nodes > built.table.nodes
+    assert finer.error_N <= 0.3 * built.bound_N
+
+
+def test_with_a_stiff_bristle_the_table_ends_in_the_capstan_law_and_viscous_drag(finger, reference):
+    law = CapstanLaw.of(finger.transmission)
+    table = scenario_table(finger, reference, level=Level.ELASTIC, bound_N=0.5).table
+    for branch in Branch:
+        slip = table.branch(branch).force_N[:, -1]
+        assert slip == pytest.approx(law.input_for_N(table.reference_N, branch), abs=0.5)
+
+
+def test_as_a_compensator_it_leaves_less_than_half_a_percent_where_the_static_law_leaves_ten(tables):
+    assert tables.scores[tables.level].rmse_percent_of_range < 0.5
+
+
+def test_the_force_does_not_jump_at_a_reversal(built):
+    compensator = TableCompensator(built.table, 30.0)
+    way = np.concatenate([np.linspace(30, 34, 40), np.linspace(34, 33, 11)[1:], np.linspace(33, 33.5, 6)[1:]])
+    force = np.array([compensator.step(t) for t in way])
+    steps = np.abs(np.diff(force))
+    assert steps.max() < 45 * 0.11  # steeper than 45 is no branch of this table; a jump to the other branch is 40 N
+
+
+def test_the_force_goes_on_without_a_jump_out_of_a_transition_in_any_state(built):
+    """Legs of all lengths; after each a step back by a nanonewton moves the force by next to nothing."""
+    noise, compensator, here = np.random.default_rng(3), TableCompensator(built.table, 30.0), 30.0
+    for sign in (1, -1) * 300:
+        end = float(np.clip(here + sign * 30 * 10 ** noise.uniform(-4, 0), 14.5, 46.5))
+        before = [compensator.step(t) for t in np.linspace(here, end, 5)[1:]][-1]
+        here = end - sign * 1e-9
+        assert compensator.step(here) == pytest.approx(before, abs=1e-5)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=25)
+def test_the_force_lies_between_the_branches_for_any_history(built, seed):
+    noise = np.random.default_rng(seed)
+    way = np.clip(30 + np.cumsum(noise.normal(0, 0.4, 200)), 13, 48)
+    force = table_force(built.table, way, 30.0)
+    low, high = (built.table.force_N(way, b, np.full(way.shape, 9.0)) for b in (Branch.RELEASE, Branch.PULL))
+    assert np.all(force[1:] >= low[1:] - built.bound_N)
+    assert np.all(force[1:] <= high[1:] + built.bound_N)
+
+
+def test_a_reference_outside_the_table_is_refused_by_value(built):
+    with pytest.raises(ParameterError, match=r"must stay from .* got 99"):
+        TableCompensator(built.table, 30.0).step(99.0)
+
+
+def test_doubtful_tables_are_refused():
+    flat = BranchTable(share=np.array([0.0, 1.0]), force_N=np.zeros((2, 2)))
+    with pytest.raises(ParameterError, match="equal steps"):
+        three = BranchTable(share=np.array([0.0, 1.0]), force_N=np.zeros((3, 2)))
+        Table(reference_N=np.array([1.0, 2.0, 4.0]), adhesion_N=0, pull=three, release=three)
+    with pytest.raises(ParameterError, match="one row per reference"):
+        Table(reference_N=np.array([1.0, 2.0, 3.0]), adhesion_N=0, pull=flat, release=flat)
+    with pytest.raises(ParameterError, match="finite"):
+        BranchTable(share=np.array([0.0, 1.0]), force_N=np.array([[0.0, np.nan]]))
+
+
+def test_the_csv_has_the_agreed_columns_no_empty_cell_and_reads_back(tables):
+    text = table_csv(tables)
+    rows = list(csv.DictReader(io.StringIO(text)))
+    assert list(rows[0]) == ["reference_N", "branch", "tension_since_reversal_N", "force_N"]
+    assert {row["branch"] for row in rows} == {"pull", "release"}
+    assert all(np.isfinite(float(row[name])) for row in rows for name in row if name != "branch")
+    again, table = table_from_csv(text), tables.runs[0].built.table
+    assert again.pull.force_N == pytest.approx(table.pull.force_N, abs=0)
+    assert again.release.share == pytest.approx(table.release.share, rel=1e-12)
+
+
+def test_angles_and_rates_become_further_columns(finger):
+    tables = make_tables(
+        finger, level=Level.VISCOELASTIC, bound_N=0.5, angles_rad=(1.0, 3.0), rates_N_per_s=(5.0, 50.0)
+    )
+    rows = list(csv.DictReader(io.StringIO(table_csv(tables))))
+    assert {(row["total_angle_rad"], row["rate_N_per_s"]) for row in rows} == {
+        (a, r) for a in ("1.0", "3.0") for r in ("5.0", "50.0")
+    }
+    ratios = [run.built.table.ratio(Branch.PULL)[:, -1].mean() for run in tables.runs]
+    assert ratios[0] == pytest.approx(np.exp(0.2 * 1.0), abs=0.03)
+    assert ratios[2] == pytest.approx(np.exp(0.2 * 3.0), abs=0.03)
+
+
+def test_the_command_writes_table_data_header_and_figure(examples, tmp_path, record_property):
+    out = tmp_path / "t"
+    assert run(["table", str(examples / "finger.toml"), "--out", str(out)]) == 0
+    assert {p.name for p in out.iterdir()} >= {"table.csv", "table.json", "table.h", "table.png", "table.pdf"}
+    said = json.loads((out / "table.json").read_text())
+    assert {"formula", "model", "level", "parameters", "scenario_hash", "valid_reference_N", "tendonff"} <= said.keys()
+    assert set(said["expected_error"]) == {level.value for level in Level}
+    first = said["tables"][0]
+    percent = said["expected_error"]["presliding"]["rmse_percent_of_range"]
+    record_property(
+        "figure", f"table of finger.toml: {first['nodes']} nodes, {percent:.2g} % of range as a compensator"
+    )
+    assert first["interpolation_error_N"] <= first["bound_N"]
+    assert run(["table", str(examples / "finger.toml"), "--out", str(tmp_path / "u"), "--rates", "5,x"]) == 2
+    assert run(["table", str(examples / "finger.toml"), "--out", str(tmp_path / "u"), "--rates", "-5"]) == 2
+    assert run(["table", str(examples / "finger.toml"), "--out", str(tmp_path / "u"), "--rates", "1e300"]) == 2
+    assert not (tmp_path / "u").exists()
+
+
+def test_the_actuators_limits_apply_to_the_table_too(examples):
+    slow = load_scenario(examples / "finger_fast.toml")
+    reference = sample_reference(slow)
+    force = limited_table_force(slow, reference, scenario_table(slow, reference).table)
+    most = slow.transmission.actuator.force_rate_max_N_per_s * slow.run.step_s
+    assert np.abs(np.diff(force)).max() <= most * (1 + 1e-9)

@@ -1,0 +1,147 @@
+import math
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tendonff.models.chain import Chain, ChainState, chain_equations
+from tendonff.models.elements import elements_of, whole_of
+from tendonff.models.errors import ParameterError
+from tendonff.models.fidelity import Level
+from tendonff.models.parameters import Transmission
+
+PARTS = ("path", "tendon", "friction", "actuator", "load")
+
+
+def changed(transmission: Transmission, part: str, **values: Any) -> Transmission:
+    return replace(transmission, **{part: replace(getattr(transmission, part), **values)})
+
+
+def test_every_number_is_refused_by_name_when_negative_or_nan(generic: Transmission) -> None:
+    seen = 0
+    for part in PARTS:
+        for field in fields(getattr(generic, part)):
+            for bad in (-1.0, math.nan, math.inf):
+                if field.name == "segments":
+                    continue
+                with pytest.raises(ParameterError, match=f"{field.name} must be .*got {bad}"):
+                    changed(generic, part, **{field.name: bad})
+                seen += 1
+    assert seen == 3 * 24
+
+
+def test_a_number_too_large_for_any_transmission_is_refused_instead_of_overflowing(generic: Transmission) -> None:
+    with pytest.raises(ParameterError, match=r"mass_kg must be at most 1e\+15, got 1e\+300; check its unit"):
+        changed(generic, "tendon", mass_kg=1e300)
+    with pytest.raises(ParameterError, match=r"adhesion_N must be at most 1e\+15"):
+        changed(generic, "friction", adhesion_N=2e15)
+
+
+@pytest.mark.parametrize("bad", [0, -3, 2.5, 10_001])
+def test_segments_are_a_whole_number_in_range(generic: Transmission, bad: float) -> None:
+    with pytest.raises(ParameterError, match=f"segments must be a whole number from 1 to 10000, got {bad}"):
+        changed(generic, "path", segments=bad)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"mu_static": 0.1}, "mu_static must be >= mu_dynamic = 0.2, got 0.1"),
+        ({"mu_static_release": 0.1}, "mu_static_release must be >= mu_dynamic_release = 0.15, got 0.1"),
+    ],
+)
+def test_static_friction_is_not_below_dynamic(generic: Transmission, values: dict[str, float], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        changed(generic, "friction", **values)
+
+
+def test_left_out_release_coefficients_follow_pulling(generic: Transmission) -> None:
+    friction = replace(generic.friction, mu_dynamic_release=None, mu_static_release=None)
+    assert (friction.release_dynamic, friction.release_static) == (0.2, pytest.approx(0.23))
+    friction = replace(friction, mu_dynamic_release=0.1)
+    assert friction.release_static == pytest.approx(0.23 * 0.1 / 0.2)
+    for mu in (0.2, 0.35, 0.7):  # equal when pulling: equal to the last bit when releasing, or it counts as Stribeck
+        for release in (None, 0.1, 0.3):
+            even = replace(friction, mu_dynamic=mu, mu_static=mu, mu_dynamic_release=release)
+            assert even.release_static == even.release_dynamic
+    frictionless = replace(friction, mu_dynamic=0.0, mu_static=0.05, mu_dynamic_release=0.02)
+    assert frictionless.release_static == 0.05
+
+
+@pytest.mark.parametrize("n", [1, 6, 40])
+def test_the_parts_add_up_to_the_whole(generic: Transmission, n: int) -> None:
+    """Masses, bristles and viscous friction in parallel, links in series."""
+    e = elements_of(generic, Level.VISCOELASTIC, n)
+    assert n * e.mass_kg == pytest.approx(0.002)
+    assert n * e.viscous_N_s_per_m == pytest.approx(1.0)
+    assert n * e.bristle_stiffness_N_per_m == pytest.approx(1e6)
+    assert e.stiffness_N_per_m / (n + 1) == pytest.approx(2e4)
+    assert e.relaxing_stiffness_N_per_m / (n + 1) == pytest.approx(6e3)
+    assert e.damping_N_s_per_m / (n + 1) == pytest.approx(2.0)
+    assert n * e.element_angle_rad == pytest.approx(3.1)
+    pairs = [
+        (e.mu_dynamic_pull, 0.2),
+        (e.mu_static_pull, 0.23),
+        (e.mu_dynamic_release, 0.15),
+        (e.mu_static_release, 0.18),
+    ]
+    for equivalent, mu in pairs:
+        assert equivalent == pytest.approx(math.tanh(mu * 3.1 / n / 2))
+    assert (e.adhesion_N, e.relaxation_time_s, e.stribeck_velocity_m_per_s) == (0.5, 0.4, 0.005)
+
+
+def test_a_level_chooses_link_and_bristle(generic: Transmission) -> None:
+    elastic, viscoelastic, presliding = (whole_of(generic, level) for level in Level)
+    assert (elastic.relaxing_stiffness_N_per_m, elastic.bristle_stiffness_N_per_m) == (0.0, 1e6)
+    assert viscoelastic == replace(elastic, relaxing_stiffness_N_per_m=6e3)
+    assert presliding == replace(viscoelastic, bristle_stiffness_N_per_m=2e4)
+
+
+@pytest.mark.parametrize("n", [1, 5])
+def test_the_start_is_an_equilibrium(generic: Transmission, n: int) -> None:
+    import casadi as ca
+
+    chain = Chain.of(generic, Level.PRESLIDING, n)
+    equations = chain_equations(chain)
+    rate = ca.Function("rate", [equations.state, equations.inputs], [equations.rate, equations.tension_N])
+    state = chain.rest_state(30.0, far_rest_position_m=0.01)
+    x_dot, tension = rate(state.vector(), [30.0, 0.0, 0.0, 0.01])
+    assert np.abs(np.asarray(x_dot)).max() < 1e-9
+    assert np.asarray(tension).ravel() == pytest.approx(np.full(n + 1, 30.0))
+    assert state.near_position_m - state.far_position_m == pytest.approx(state.elongation_m.sum())
+
+
+def test_a_state_survives_its_vector() -> None:
+    x = np.arange(4 * 3 + 6, dtype=np.float64)
+    assert ChainState.from_vector(x).vector() == pytest.approx(x)
+    assert ChainState.from_vector(x).bristle_N == pytest.approx([13.0, 14.0, 15.0])
+
+
+def test_a_chain_is_symmetric_in_its_ends(generic: Transmission) -> None:
+    """Seen from the other end, positions and velocities change sign, tensions do not."""
+    import casadi as ca
+
+    def mirrored(x: np.ndarray, n: int) -> np.ndarray:
+        s = ChainState.from_vector(x)
+        return ChainState(
+            velocity_m_per_s=-s.velocity_m_per_s[::-1],
+            elongation_m=s.elongation_m[::-1],
+            relaxed_m=s.relaxed_m[::-1],
+            bristle_N=-s.bristle_N[::-1],
+            near_position_m=-s.far_position_m,
+            far_position_m=-s.near_position_m,
+        ).vector()
+
+    n = 4
+    same = changed(generic, "friction", mu_dynamic_release=None, mu_static_release=None)
+    chain = Chain.of(same, Level.VISCOELASTIC, n).with_end_stiffness(700.0, 3000.0)
+    turned = replace(chain, near=chain.far, far=chain.near)
+    rng = np.random.default_rng(3)
+    x = np.concatenate([rng.normal(0, 0.01, n + 2), rng.uniform(1e-4, 5e-4, 2 * n + 2), rng.normal(0, 1, n + 2)])
+    results = []
+    for c, state, u in ((chain, x, [20.0, 0.1, 7.0, 0.2]), (turned, mirrored(x, n), [7.0, -0.2, 20.0, -0.1])):
+        equations = chain_equations(c)
+        rate = ca.Function("rate", [equations.state, equations.inputs], [equations.rate])
+        results.append(np.asarray(rate(state, u)).ravel())
+    assert mirrored(results[1], n) == pytest.approx(results[0], rel=1e-9, abs=1e-9)

@@ -1,0 +1,149 @@
+import ctypes
+import math
+import shutil
+import subprocess
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tendonff.ocp.codegen import compiler
+from tendonff.ocp.codegen.law import Law
+from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.codegen.printer import c_function, literal
+from tendonff.ocp.errors import CodeError
+from tendonff.ocp.step.laws import inverse_laws, simulation_laws, tangent_laws
+
+pytestmark = pytest.mark.compiler
+
+LAWS = (*simulation_laws(), *inverse_laws(), *tangent_laws())
+RANGES = {
+    **dict.fromkeys(("f_near", "f_far", "f", "f_c", "force", "start"), (1.0, 80.0)),
+    **dict.fromkeys(("v", "v_base", "rate"), (-0.2, 0.2)),
+    **dict.fromkeys(("e_base", "z_base", "q_base", "x_c"), (-0.01, 0.01)),
+    **dict.fromkeys(("s_base",), (-10.0, 10.0)),
+    **dict.fromkeys(("k1", "k2", "stiffness"), (1e3, 1e5)),
+    **dict.fromkeys(("mu_dp", "mu_sp", "mu_dr", "mu_sr"), (0.01, 0.2)),
+    **dict.fromkeys(("pull",), (-1.0, 1.0)),
+    "gain": (1.0, 100.0),
+    "sigma0": (1e3, 1e7),
+    "H": (1e-4, 1e-2),
+    "omega": (1e-3, 1e-1),
+}
+
+
+@given(value=st.floats(allow_nan=False, allow_infinity=False))
+def test_literals_read_back_as_the_same_number(value: float) -> None:
+    text = literal(value, Precision.DOUBLE)
+    assert float(text) == value
+    assert any(mark in text for mark in ".e")
+
+
+@given(value=st.floats(width=32, allow_nan=False, allow_infinity=False))
+def test_float_literals_read_back_as_the_same_float(value: float) -> None:
+    text = literal(value, Precision.FLOAT)
+    assert text.endswith("f")
+    assert np.float32(text[:-1]) == np.float32(value)
+
+
+def wrapped(law: Law, precision: Precision) -> str:
+    """The law in C with a visible entry that takes arrays."""
+    real = precision.value
+    code = c_function(law.name, law.comment, law.inputs, law.outputs, precision, real).code
+    inputs = ", ".join(f"in[{k}]" for k in range(len(law.inputs)))
+    outputs = ", ".join(f"&out[{k}]" for k in range(len(law.outputs)))
+    return f"{code}void call_{law.name}(const {real} *in, {real} *out) {{ {law.name}({inputs}, {outputs}); }}\n"
+
+
+def samples(law: Law, count: int = 200) -> np.ndarray:
+    rng = np.random.default_rng(len(law.name))
+    bounds = [RANGES.get(symbol.name(), (0.1, 2.0)) for symbol in law.inputs]
+    return np.array([[rng.uniform(*bound) for bound in bounds] for _ in range(count)])
+
+
+@pytest.fixture(scope="module", params=list(Precision))
+def library(request: pytest.FixtureRequest) -> tuple[ctypes.CDLL, Precision]:
+    precision: Precision = request.param
+    source = "#include <math.h>\n" + "\n".join(wrapped(law, precision) for law in LAWS)
+    return compiler.load_library(source), precision
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+def test_printed_c_computes_what_casadi_computes(library: tuple[ctypes.CDLL, Precision], law: Law) -> None:
+    """On both signs of every motion, to rounding of the type."""
+    code, precision = library
+    dtype, digits = (np.float64, 1e-12) if precision is Precision.DOUBLE else (np.float32, 2e-3)
+    function = law.function()
+    for values in samples(law):
+        given_values = values.astype(dtype)
+        out = np.zeros(len(law.outputs), dtype=dtype)
+        getattr(code, f"call_{law.name}")(ctypes.c_void_p(given_values.ctypes.data), ctypes.c_void_p(out.ctypes.data))
+        expected = [float(x) for x in function.call([float(x) for x in given_values])]
+        scale = max(1.0, *map(abs, expected)) if precision is Precision.FLOAT else 0.0
+        for found, wanted in zip(out, expected, strict=True):
+            assert found == pytest.approx(wanted, rel=digits, abs=max(1e-13, 1e-4 * scale))
+
+
+@pytest.mark.parametrize("precision", Precision)
+def test_printed_c_compiles_without_warnings(tmp_path: Path, precision: Precision) -> None:
+    compiler = shutil.which("gcc") or shutil.which("clang") or shutil.which("cc")
+    if compiler is None:
+        pytest.skip("no C compiler")
+    (tmp_path / "laws.c").write_text("#include <math.h>\n" + "\n".join(wrapped(law, precision) for law in LAWS))
+    flags = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wdouble-promotion", "-Wfloat-conversion", "-Werror"]
+    run = subprocess.run(
+        [compiler, *flags, "-Wno-missing-prototypes", "-c", "laws.c", "-o", "laws.o"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+
+
+def test_an_operation_without_a_spelling_is_refused_by_name() -> None:
+    x = ca.SX.sym("x")
+    with pytest.raises(CodeError, match=r"odd: CasADi operation \d+ has no C spelling"):
+        c_function("odd", "none", (x,), {"y": ca.erf(x)}, Precision.DOUBLE, "double")
+
+
+def test_every_operation_that_is_spelled_computes() -> None:
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    outputs = {
+        "a": ca.fmin(x, y) + ca.fmax(x, y) * ca.sign(x - y),
+        "b": ca.if_else(ca.logic_and(x > 0, y != 1), ca.sqrt(ca.fabs(x)), ca.exp(-x)),
+        "c": ca.if_else(ca.logic_or(x <= y, ca.logic_not(y == 2)), 2 * x, x**2) + ca.tanh(y) - ca.log(1 + y * y),
+        "d": 1 / (1 + x * x) - (-x),
+    }
+    law = Law(name="operations", comment="every operation", inputs=(x, y), outputs=outputs)
+    code = compiler.load_library("#include <math.h>\n" + wrapped(law, Precision.DOUBLE))
+    for pair in [(-1.5, 2.0), (1.5, 1.0), (0.0, 0.0), (3.0, 2.0), (2.0, 3.0), (-2.0, -2.0)]:
+        values, out = np.array(pair), np.zeros(4)
+        code.call_operations(ctypes.c_void_p(values.ctypes.data), ctypes.c_void_p(out.ctypes.data))
+        assert out == pytest.approx([float(v) for v in law.function()(*pair)], rel=1e-14)
+
+
+def test_refused_c_is_reported_with_the_compilers_words(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    compiler.find_compiler()  # its probe goes into the usual cache
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    with pytest.raises(CodeError, match=r"generated C: .* failed with status \d+"):
+        compiler.load_library("this is not C\n")
+    assert [path for path in (tmp_path / "tendonff").iterdir() if path.name != "zig"] == []  # a compiler's own cache
+
+
+def test_a_library_is_compiled_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    compiler.find_compiler()  # its probe goes into the usual cache
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    source = "double tff_answer(void) { return 42.0; }\n"
+    compiler.load_library(source)
+    built = list((tmp_path / "tendonff").glob("*.so"))
+    assert len(built) == 1
+    made = built[0].stat().st_mtime_ns
+    library = compiler.load_library(source)
+    library.tff_answer.restype = ctypes.c_double
+    assert library.tff_answer() == 42.0
+    assert built[0].stat().st_mtime_ns == made
+    assert math.isclose(library.tff_answer(), 42.0)

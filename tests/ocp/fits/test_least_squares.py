@@ -1,0 +1,61 @@
+"""Least squares and its statement about its own uncertainty."""
+
+import numpy as np
+import pytest
+
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.fits.least_squares import Residuals, Unknown, solve
+
+TIME = np.linspace(0, 1, 400)
+UNKNOWNS = [
+    Unknown(name="a", start=1.0, low=-10, high=10, scale=1),
+    Unknown(name="b", start=0.5, low=1e-3, high=1e3, scale=1, logarithmic=True),
+]
+
+
+def line(measured, extra=None):
+    def evaluate(values):
+        slopes = np.stack([np.ones_like(TIME), TIME], axis=1)
+        if extra is not None:
+            slopes = np.column_stack([slopes, extra])
+        model = values["a"] + values["b"] * TIME
+        return Residuals(values=model - measured, slopes=slopes, blocks=np.arange(len(TIME)) // 10)
+
+    return evaluate
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say_although_the_noise_is_correlated():
+    rng = np.random.default_rng(1)
+    hits = []
+    for _ in range(60):
+        noise = np.repeat(rng.normal(0, 0.05, 40), 10)  # constant within a block
+        found = solve(line(2 + 3 * TIME + noise), UNKNOWNS)
+        low, high = found.interval("b")
+        hits.append(low <= 3 <= high)
+    assert 0.85 <= np.mean(hits) <= 1.0
+
+
+def test_an_outlier_hardly_moves_a_robust_fit():
+    measured = 2 + 3 * TIME
+    measured[17] += 1000
+    assert solve(line(measured), UNKNOWNS).values["b"] == pytest.approx(3, abs=0.1)
+    assert solve(line(measured), UNKNOWNS, robust=False).values["b"] != pytest.approx(3, abs=0.1)
+
+
+def test_a_direction_that_the_data_does_not_see_has_no_standard_error():
+    """Two unknowns that only act together."""
+    twin = Unknown(name="c", start=0.0, low=-10, high=10, scale=1)
+    found = solve(line(2 + 3 * TIME + 0.01 * np.sin(40 * TIME), extra=TIME), [*UNKNOWNS, twin])
+    assert found.standard_error("b") == np.inf
+    assert found.standard_error("c") == np.inf
+    assert np.isfinite(found.standard_error("a"))
+
+
+def test_an_unknown_on_its_bound_is_named():
+    found = solve(line(-1 + 3 * TIME), [Unknown(name="a", start=1.0, low=0, high=10, scale=1), UNKNOWNS[1]])
+    assert found.at_bound == ("a",)
+
+
+def test_a_model_without_a_finite_answer_is_an_error_that_says_where_to_look():
+    with pytest.raises(SolveError, match="check units and signs"):
+        solve(line(np.full_like(TIME, np.nan)), UNKNOWNS)

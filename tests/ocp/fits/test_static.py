@@ -1,0 +1,56 @@
+"""Static laws of measured histories."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tendonff.models.capstan import CapstanLaw
+from tendonff.ocp.fits.static import ORDER, StaticParameter, input_from_output, output_from_input
+
+P = StaticParameter
+VALUES = {
+    P.PULL: 0.6,
+    P.RELEASE: 0.4,
+    P.ADHESION: 2.0,
+    P.INPUT_BIAS: 0.3,
+    P.OUTPUT_BIAS: -0.2,
+    P.GUIDE: 4.0,
+    P.BRISTLE: 600.0,
+}
+TIME = np.arange(0, 6, 0.01)
+INPUT = 30 + 12 * np.sin(2.1 * TIME) + 5 * np.sin(7.3 * TIME)
+MOTION = 0.1 * np.sin(2 * TIME)
+
+
+def play(values):
+    return output_from_input(values, INPUT, 28.0)
+
+
+def motion(values):
+    return input_from_output(values, INPUT, MOTION, 33.0)
+
+
+@pytest.mark.parametrize("law", [play, motion])
+@pytest.mark.parametrize("name", ORDER)
+def test_slopes_are_the_derivatives_of_the_prediction(law, name):
+    step = 1e-6 * max(1.0, VALUES[name])
+    ahead, behind = (law({**VALUES, name: VALUES[name] + sign * step}).prediction_N for sign in (1, -1))
+    slopes = law(VALUES).slopes[:, ORDER.index(name)]
+    np.testing.assert_allclose(slopes, (ahead - behind) / (2 * step), atol=2e-6 * max(1.0, np.abs(slopes).max()))
+
+
+def test_the_output_is_the_play_of_the_capstan_law():
+    law = CapstanLaw(pull_exponent=0.6, release_exponent=0.4, adhesion_N=2.0)
+    values = {P.PULL: 0.6, P.RELEASE: 0.4, P.ADHESION: 2.0}
+    expected = law.output_history_N(INPUT, 28.0)
+    np.testing.assert_allclose(output_from_input(values, INPUT, 28.0).prediction_N, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("sign", "exponent"), [(1, 0.6), (-1, -0.4)])
+def test_motion_in_gross_sliding_gives_the_capstan_ratio(sign, exponent):
+    """T_in + p = (T_out + p) e^{+-mu theta}, also where T_out is negative and p > -T_out."""
+    output, travel = np.full(400, -0.5), sign * np.linspace(0, 1, 400)
+    values = {P.PULL: 0.6, P.RELEASE: 0.4, P.ADHESION: 2.0, P.BRISTLE: 600.0}
+    found = input_from_output(values, output, travel, -0.5).prediction_N[-1]
+    assert found + 2.0 == pytest.approx(1.5 * math.exp(exponent), rel=1e-9)
