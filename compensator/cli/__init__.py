@@ -11,6 +11,7 @@ from typing import Annotated, NoReturn, cast
 
 import typer
 
+from tendonff._version import __version__
 from tendonff.compensator.cli.compare import compare
 from tendonff.compensator.cli.design import design
 from tendonff.compensator.cli.experiment import experiment
@@ -45,9 +46,7 @@ app = typer.Typer(
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        from importlib.metadata import version
-
-        typer.echo(f"tendonff {version('tendonff')}")
+        typer.echo(f"tendonff {__version__}")
         raise typer.Exit
 
 

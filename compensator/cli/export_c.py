@@ -21,11 +21,12 @@ def export_c(
     level: LevelOption = None,
 ) -> None:
     """Write C99 for the controller: inverse, capstan law, table, optimal profile, and the chain for tests."""
-    from tendonff.compensator.export.c_project import export_project, write_project
-    from tendonff.compensator.files.writing import atomic_directory
     from tendonff.compensator.scenario.scenario import load_scenario
 
-    loaded = load_scenario(scenario)
+    loaded = load_scenario(scenario)  # before the imports below, which take a second: a refusal is quick
+    from tendonff.compensator.export.c_project import export_project, write_project
+    from tendonff.compensator.files.writing import atomic_directory
+
     with progress("exporting"), atomic_directory(out) as folder:
         exported = export_project(loaded, precision=precision, prefix=prefix, level=level)
         write_project(exported, folder)

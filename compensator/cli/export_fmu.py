@@ -21,11 +21,12 @@ def export_fmu(
     level: LevelOption = None,
 ) -> None:
     """Wrap the exported C for Simulink, dSPACE or Modelica: co-simulation units with their sources."""
-    from tendonff.compensator.export.fmu import build_fmu
-    from tendonff.compensator.files.writing import atomic_directory
     from tendonff.compensator.scenario.scenario import load_scenario
 
-    loaded = load_scenario(scenario)
+    loaded = load_scenario(scenario)  # before the imports below, which take a second: a refusal is quick
+    from tendonff.compensator.export.fmu import build_fmu
+    from tendonff.compensator.files.writing import atomic_directory
+
     complete = True
     names = []
     with progress("exporting"), atomic_directory(out) as folder:

@@ -86,14 +86,13 @@ def identify(
 ) -> None:
     """Fit the scenario's parameters to measured tensions (and positions) at both ends."""
     from tendonff.compensator.files.reading import InputError
-    from tendonff.compensator.identification.output import write_identification, write_suggestion
-    from tendonff.compensator.identification.result import summary_lines
-    from tendonff.compensator.identification.run import identify as identify_files
     from tendonff.compensator.scenario.scenario import load_scenario
     from tendonff.models.errors import ParameterError
 
-    loaded = load_scenario(scenario)
+    loaded = load_scenario(scenario)  # before the imports below, which take a second: a refusal is quick
     if suggest:
+        from tendonff.compensator.identification.output import write_suggestion
+
         excitation = write_suggestion(loaded, out)
         say(f"{out / 'suggested_force.csv'}: {excitation.time_s[-1]:.4g} s, up to {excitation.force_N.max():.4g} N")
         for part in excitation.parts:
@@ -116,6 +115,10 @@ def identify(
         how = _scaled(replace(loaded.measurement, **{k: v for k, v in names.items() if v is not None}), scale or [])  # type: ignore[arg-type]
     except ParameterError as error:
         raise InputError(str(error)) from None
+    from tendonff.compensator.identification.output import write_identification
+    from tendonff.compensator.identification.result import summary_lines
+    from tendonff.compensator.identification.run import identify as identify_files
+
     with progress("identifying"):
         found = identify_files(replace(loaded, measurement=how), data, validate or [], static_only=static_only)
     with progress("writing"):

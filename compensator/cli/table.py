@@ -36,13 +36,14 @@ def table(
     ] = None,
 ) -> None:
     """Tabulate the feedforward force over reference, branch and tension since the last reversal."""
+    from tendonff.compensator.scenario.scenario import load_scenario
+
+    loaded = load_scenario(scenario)  # before the imports below, which take a second: a refusal is quick
     from tendonff.compensator.files.writing import atomic_directory
     from tendonff.compensator.reporting.page import write_report
-    from tendonff.compensator.scenario.scenario import load_scenario
     from tendonff.compensator.tables.report import table_report
     from tendonff.compensator.tables.run import make_tables, write_tables
 
-    loaded = load_scenario(scenario)
     angle_axis, rate_axis = _numbers(angles, "--angles"), _numbers(rates, "--rates")
     options = {"--level": level, "--bound": bound, "--angles": angles, "--rates": rates}
     given = [f"{name} {value}" for name, value in options.items() if value is not None]
