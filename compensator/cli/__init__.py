@@ -14,6 +14,7 @@ import typer
 from tendonff._version import __version__
 from tendonff.compensator.cli.compare import compare
 from tendonff.compensator.cli.design import design
+from tendonff.compensator.cli.example import example
 from tendonff.compensator.cli.experiment import experiment
 from tendonff.compensator.cli.explore import explore
 from tendonff.compensator.cli.export_c import export_c
@@ -60,6 +61,7 @@ def _root(
 
 
 app.command()(new)
+app.command()(example)
 app.command()(simulate)
 app.command()(design)
 app.command()(experiment)
