@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 
 import tendonff as tf
 
-SHOWN = {"none": ("reference applied directly", "C1", "--"), "inverse": ("tendonff feedforward", "C0", "-")}
+SHOWN = {"none": ("reference applied directly", "C1", "--"), "inverse": ("tendonff feedforward", "#7ab8e0", "-")}
 
 
 def draw(result: tf.Design, target: str) -> None:
@@ -28,7 +28,7 @@ def draw(result: tf.Design, target: str) -> None:
         if simulated.compensator in SHOWN:
             label, colour, style = SHOWN[simulated.compensator]
             force.plot(time, result.forces_N[tf.Compensator(simulated.compensator)], style, color=colour, label=label)
-            tension.plot(time, simulated.output_N, style, color=colour, linewidth=2.4)
+            tension.plot(time, simulated.output_N, style, color=colour, linewidth=4)
     tension.plot(time, result.reference.tension_N, color="black", linewidth=0.9, label="reference")
     force.set(xlabel="time [s]", ylabel="actuator force [N]", title="Actuator force")
     tension.set(xlabel="time [s]", ylabel="tension at the fingertip [N]", title="Output tension (black: reference)")
