@@ -90,7 +90,7 @@ def reason(
     if name is D.VISCOUS:
         return f"{doubt}adding viscous friction does not reduce the validation error; add faster strokes (10 times)"
     if name is D.ADHESION:
-        return f"{doubt}adding adhesion does not reduce the validation error; add strokes at low tension"
+        return f"{doubt}load-independent friction does not reduce the validation error; add strokes at low tension"
     if name is D.DAMPING:
         return f"{doubt}it acts on fast changes only; add excitation above 20 Hz"
     if name is D.BRISTLE:
