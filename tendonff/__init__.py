@@ -36,7 +36,7 @@ if TYPE_CHECKING:  # what editors and type checkers read; `_HOMES` says the same
     from tendonff.ocp.inverse import invert
     from tendonff.ocp.simulate import simulate
     from tendonff.ocp.tracking.limits import ForceLimits
-    from tendonff.ocp.tracking.result import TrackOptions
+    from tendonff.ocp.tracking.problem import TrackOptions
     from tendonff.ocp.tracking.track import track
 
 __all__ = [
@@ -111,7 +111,7 @@ _HOMES = {
     "ocp.inverse": ("invert",),
     "ocp.simulate": ("simulate",),
     "ocp.tracking.limits": ("ForceLimits",),
-    "ocp.tracking.result": ("TrackOptions",),
+    "ocp.tracking.problem": ("TrackOptions",),
     "ocp.tracking.track": ("track",),
 }
 _HOME_OF = {

@@ -52,3 +52,15 @@ def test_a_scenario_is_refused_before_heavy_packages_are_loaded(
     assert status == 2
     assert 'unknown key "mu_dynamc", did you mean "mu_dynamic"?' in message
     assert not HEAVY & modules
+
+
+@pytest.mark.parametrize("command", [c for c in COMMANDS if "o" in c], ids=lambda command: command[0])
+def test_a_folder_that_cannot_be_written_is_refused_before_the_work(
+    tmp_path: Path, examples: Path, command: tuple[str, ...]
+) -> None:
+    (tmp_path / "o").write_text("a file", encoding="utf-8")
+    name, *options = command
+    status, message, modules = start(tmp_path, name, str(examples / "finger.toml"), *options)
+    assert status == 2
+    assert "is a file; name a folder to write" in message
+    assert not HEAVY & modules
