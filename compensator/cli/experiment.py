@@ -5,7 +5,10 @@ from tendonff.compensator.cli.progress import say, warn
 
 
 def experiment(scenario: ScenarioArgument, out: OutFolderOption) -> None:
-    """Run the ten-state test on two motors, on all three model levels."""
+    """Run the ten-state test on two motors.
+
+    All three model levels receive the same commands.
+    """
     from tendonff.compensator.cli.opening import opened
 
     with opened(scenario, out) as (loaded, folder):

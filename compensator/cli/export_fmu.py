@@ -20,7 +20,10 @@ def export_fmu(
     prefix: PrefixOption = "tff",
     level: LevelOption = None,
 ) -> None:
-    """Wrap the exported C for Simulink, dSPACE or Modelica: co-simulation units with their sources."""
+    """Write FMUs for Simulink, dSPACE or Modelica.
+
+    Co-simulation units of the exported C, with their sources.
+    """
     from tendonff.compensator.cli.opening import opened
 
     complete = True

@@ -33,7 +33,7 @@ def identify(
         ),
     ] = None,
     suggest: Annotated[
-        bool, typer.Option("--suggest", help="Only write an excitation for this rig, ready to play as a force file.")
+        bool, typer.Option("--suggest", help="Only write an excitation for this rig, as a force file.")
     ] = False,
     time_column: Annotated[
         str | None, typer.Option("--time-column", help="Name of the column of time.", show_default=False)
@@ -86,7 +86,10 @@ def identify(
     ] = None,
     static_only: Annotated[bool, typer.Option("--static", help="Stop after the static stage.")] = False,
 ) -> None:
-    """Fit the scenario's parameters to measured tensions (and positions) at both ends."""
+    """Fit the parameters to measured data.
+
+    The data are tensions, and optionally positions, at both ends of the tendon.
+    """
     from tendonff.compensator.cli.opening import opened
     from tendonff.compensator.files.reading import InputError
     from tendonff.models.errors import ParameterError
