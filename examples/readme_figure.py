@@ -4,15 +4,15 @@ python examples/readme_figure.py docs/finger.png
 """
 
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
-from tendonff.compensator.compensators.base import Compensator
-from tendonff.compensator.design.figures import COLOURS, STYLES
+from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.design.run import Design, design
 from tendonff.compensator.reporting.plots import INK, figure_style, new_figure, save_figure
 from tendonff.compensator.scenario.scenario import load_scenario
 
-SHOWN = {Compensator.NONE: "the wish itself as force", Compensator.INVERSE: "the force that tendonff finds"}
+SHOWN = {"none": "the wish itself as force", "inverse": "the force that tendonff finds"}
 
 
 def draw(result: Design, target: Path) -> None:
@@ -28,11 +28,10 @@ def draw(result: Design, target: Path) -> None:
     with figure_style():
         figure, axes = new_figure(1, 2, height_in=2.9)
         applied, arrived = axes[0]
-        for compensator, label in SHOWN.items():
-            style = {"color": COLOURS[compensator], "linestyle": STYLES[compensator]}
-            played = next(p for p in result.proof if p.compensator == compensator)
-            applied.plot(time, result.forces_N[compensator], label=label, **style)
-            arrived.plot(time, played.output_N, linewidth=2.6, **style)
+        for name, label in SHOWN.items():
+            style = asdict(compensator(name).style)
+            applied.plot(time, result.profiles[name].force_N, label=label, **style)
+            arrived.plot(time, result.on_proof(name).output_N, linewidth=2.6, **style)
         arrived.plot(time, result.reference.tension_N, color=INK, linewidth=0.8, label="wanted")
         applied.set(xlabel="time [s]", ylabel="actuator force [N]", title="What you apply")
         arrived.set(xlabel="time [s]", ylabel="tension at the fingertip [N]", title="What arrives (black: wanted)")

@@ -6,7 +6,6 @@ from tendonff.compensator.cli.progress import progress, say, warn
 
 def compare(scenario: ScenarioArgument, out: OutFolderOption) -> None:
     """Compare the fidelity levels: every compensator designed on each, played on each and on the capstan law."""
-    from tendonff.compensator.compare.report import write_comparison
     from tendonff.compensator.compare.run import compare as compare_levels
     from tendonff.compensator.files.writing import atomic_directory
     from tendonff.compensator.scenario.scenario import load_scenario
@@ -14,8 +13,8 @@ def compare(scenario: ScenarioArgument, out: OutFolderOption) -> None:
     loaded = load_scenario(scenario)
     with atomic_directory(out) as folder:  # entered first: a folder that cannot be written is known before the work
         with progress("comparing") as advance:
-            result = compare_levels(loaded, advance=advance)
-        write_comparison(result, folder)
+            result = compare_levels(loaded, progress=advance)
+        result.write(folder)
     for warning in result.warnings:
         warn(warning)
     say(result.recommendation)
