@@ -7,14 +7,13 @@ EXIT_SOLVE = 1  # what was written is the best that was found
 
 
 def design(scenario: ScenarioArgument, out: OutFolderOption) -> int:
-    """Design the actuator's force profile for a wanted output tension, and prove what it delivers."""
-    from tendonff.compensator.design.run import design as design_profile
-    from tendonff.compensator.design.scores import print_scores
-    from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.scenario.scenario import load_scenario
+    """Compute the actuator force that produces a desired output tension, and verify it."""
+    from tendonff.compensator.cli.opening import opened
 
-    loaded = load_scenario(scenario)
-    with atomic_directory(out) as folder:  # entered first: a folder that cannot be written is known before the work
+    with opened(scenario, out) as (loaded, folder):
+        from tendonff.compensator.design.run import design as design_profile
+        from tendonff.compensator.design.scores import print_scores
+
         with progress("designing") as advance:
             result = design_profile(loaded, progress=advance)
         with progress("writing"):

@@ -5,14 +5,13 @@ from tendonff.compensator.cli.progress import progress, say, warn
 
 
 def experiment(scenario: ScenarioArgument, out: OutFolderOption) -> None:
-    """Run the ten-state test on two motors, on all three fidelity levels."""
-    from tendonff.compensator.experiment.numbers import warnings_of
-    from tendonff.compensator.experiment.run import experiment as run_test
-    from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.scenario.scenario import load_scenario
+    """Run the ten-state test on two motors, on all three model levels."""
+    from tendonff.compensator.cli.opening import opened
 
-    loaded = load_scenario(scenario)
-    with atomic_directory(out) as folder:  # entered first: a folder that cannot be written is known before the work
+    with opened(scenario, out) as (loaded, folder):
+        from tendonff.compensator.experiment.numbers import warnings_of
+        from tendonff.compensator.experiment.run import experiment as run_test
+
         with progress("experimenting") as advance:
             result = run_test(loaded, progress=advance)
         result.write(folder)

@@ -36,15 +36,15 @@ def table(
     ] = None,
 ) -> None:
     """Tabulate the feedforward force over reference, branch and tension since the last reversal."""
-    from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.scenario.scenario import load_scenario
-    from tendonff.compensator.tables.run import make_tables
+    from tendonff.compensator.cli.opening import opened
 
-    loaded = load_scenario(scenario)
     angle_axis, rate_axis = _numbers(angles, "--angles"), _numbers(rates, "--rates")
-    with progress("tabulating"), atomic_directory(out) as folder:
-        result = make_tables(loaded, level=level, bound_N=bound, angles_rad=angle_axis, rates_N_per_s=rate_axis)
-        result.write(folder)
+    with opened(scenario, out) as (loaded, folder):
+        from tendonff.compensator.tables.run import make_tables
+
+        with progress("tabulating"):
+            result = make_tables(loaded, level=level, bound_N=bound, angles_rad=angle_axis, rates_N_per_s=rate_axis)
+            result.write(folder)
     for warning in result.reference.warnings:
         warn(warning)
     built, own = result.tables[0].built, result.scores[result.level]
