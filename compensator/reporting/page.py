@@ -35,7 +35,7 @@ import hashlib
 import io
 import math
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -43,6 +43,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from tendonff._version import __version__
 from tendonff.compensator.files.reading import open_text
 from tendonff.compensator.files.writing import write_text
 from tendonff.compensator.reporting.plots import figure_style
@@ -52,7 +53,7 @@ Cell = str | float | int | bool | None
 """What a table holds; None shows as a dash."""
 
 _LARGEST_SVG_BYTES = 1_000_000  # a dense curve costs more as a path than as pixels
-_PACKAGES = ("tendonff", "casadi", "numpy", "scipy", "matplotlib", "control", "pandas", "pydantic")
+_PACKAGES = ("casadi", "numpy", "scipy", "matplotlib", "control", "pandas", "pydantic")
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,6 +205,33 @@ class Report:
     files: Sequence[FileNote] = ()
 
 
+def pictures_of(figures: Mapping[str, Figure], captions: Mapping[str, str]) -> dict[str, Picture]:
+    """Figures with their captions, by name.
+
+    Parameters
+    ----------
+    figures : mapping of str to Figure
+    captions : mapping of str to str
+    """
+    return {name: Picture(figure=figure, caption=captions[name]) for name, figure in figures.items()}
+
+
+def provenance_of(scenario: Scenario, command: str, options: str = "") -> Provenance:
+    """Provenance of a command that was given a scenario and a folder.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    command : str
+        Its name.
+    options : str, optional
+        Further options.
+    """
+    return Provenance(
+        scenario=scenario, command=f"tendonff {command} {scenario.source.name} --out DIR {options}".strip()
+    )
+
+
 def write_report(path: Path, report: Report) -> None:
     """Write the page, whole or not at all.
 
@@ -347,7 +375,7 @@ def file_hash(path: Path) -> str:
 @cache
 def versions() -> tuple[tuple[str, str], ...]:
     """Names and versions of what computed the result."""
-    found = [("Python", platform.python_version())]
+    found = [("Python", platform.python_version()), ("tendonff", __version__)]
     for package in _PACKAGES:
         try:
             found.append((package, version(package)))
