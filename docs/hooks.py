@@ -1,11 +1,42 @@
-"""Pages that are made from the code: the API's list of modules, and the keys of a scenario file."""
+"""What is made while the pages are built: figures, lists from the code, and the formulas' typesetter."""
 
 import re
+import runpy
+import shutil
+import tempfile
+from importlib.resources import as_file, files
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mkdocs.structure.files import File
+from mkdocs.utils import get_relative_url
+
+from tendonff.compensator.reporting.plots import save_figure
+
+if TYPE_CHECKING:
+    from mkdocs.config.defaults import MkDocsConfig
+    from mkdocs.structure.files import Files
+    from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).resolve().parents[1]
 _MODULES = re.compile(r"<!-- modules of (\w+) -->")
 _KEYS = "<!-- keys of a scenario -->"
+_MATHS = "assets/mathjax/tex-svg.js"
+
+
+def on_files(files: "Files", config: "MkDocsConfig") -> "Files":
+    """Add the figures: `figures/NAME.py` with a function `draw` gives `figures/NAME.svg`.
+
+    Parameters
+    ----------
+    files : Files
+    config : MkDocsConfig
+    """
+    for script in sorted((ROOT / "docs" / "figures").glob("*.py")):
+        with tempfile.TemporaryDirectory() as folder:
+            (svg,) = save_figure(runpy.run_path(str(script))["draw"](), Path(folder) / script.stem, ("svg",))
+            files.append(File.generated(config, f"figures/{svg.name}", content=svg.read_text(encoding="utf-8")))
+    return files
 
 
 def on_page_markdown(markdown: str, **_: object) -> str:
@@ -27,6 +58,34 @@ def on_page_content(html: str, **_: object) -> str:
     html : str
     """
     return html.replace("<p>::</p>\n", "").replace("::</p>", ":</p>")
+
+
+def on_post_page(output: str, page: "Page", **_: object) -> str:
+    """Load the typesetter where there are formulas.
+
+    Parameters
+    ----------
+    output : str
+    page : Page
+    """
+    if 'class="arithmatex"' not in output:
+        return output
+    sources = (get_relative_url(path, page.url) for path in ("assets/mathjax-config.js", _MATHS))
+    return output.replace("</body>", "".join(f'<script src="{s}"></script>' for s in sources) + "</body>")
+
+
+def on_post_build(config: "MkDocsConfig") -> None:
+    """Ship MathJax, with its licence, from the package that carries it.
+
+    Parameters
+    ----------
+    config : MkDocsConfig
+    """
+    target = Path(config.site_dir) / _MATHS
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with as_file(files("mathjax") / "static" / "mathjax") as carried:
+        shutil.copy(carried / "es5" / "tex-svg.js", target)
+        shutil.copy(carried / "LICENSE", target.parent)
 
 
 def _modules(package: str) -> list[str]:
