@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from mkdocs.structure.files import File
 from mkdocs.utils import get_relative_url
 
+import tendonff as tf
 from tendonff.compensator.reporting.plots import save_figure
 
 if TYPE_CHECKING:
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
     from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).resolve().parents[1]
-_MODULES = re.compile(r"<!-- modules of (\w+) -->")
+_NAMES = re.compile(r"<!-- names: (.+?) -->")
+_OTHERS = "the others"
 _KEYS = "<!-- keys of a scenario -->"
 _MATHS = "assets/mathjax/tex-svg.js"
 
@@ -46,7 +48,7 @@ def on_page_markdown(markdown: str, **_: object) -> str:
     ----------
     markdown : str
     """
-    markdown = _MODULES.sub(lambda found: "\n".join(_modules(found[1])), markdown)
+    markdown = _NAMES.sub(lambda found: _directives(found[1]), markdown)
     return markdown.replace(_KEYS, _keys()) if _KEYS in markdown else markdown
 
 
@@ -88,16 +90,14 @@ def on_post_build(config: "MkDocsConfig") -> None:
         shutil.copy(carried / "LICENSE", target.parent)
 
 
-def _modules(package: str) -> list[str]:
-    """One directive for each public module of a package."""
-    folder = ROOT / package
-    names = [
-        ".".join(path.relative_to(ROOT).with_suffix("").parts)
-        for path in sorted(folder.rglob("*.py"))
-        if not any(part.startswith("_") for part in path.relative_to(folder).with_suffix("").parts)
-        and "cli" not in path.relative_to(folder).parts  # described under commands
-    ]
-    return [f"::: tendonff.{name}\n" for name in names]
+def _directives(names: str) -> str:
+    """One directive for each public name; for the last page, for those that no other page has."""
+    if names != _OTHERS:
+        return "\n".join(f"::: tendonff.{name}\n" for name in names.split())
+    pages = " ".join(page.read_text(encoding="utf-8") for page in (ROOT / "docs" / "api").glob("*.md"))
+    taken = {name for found in _NAMES.findall(pages) for name in found.split()}
+    left = [name for name in tf.__all__ if not name.startswith("_") and name not in taken]
+    return "\n".join(f"::: tendonff.{name}\n" for name in left) or "There are none at present."
 
 
 def _keys() -> str:
