@@ -53,12 +53,13 @@ def on_page_markdown(markdown: str, **_: object) -> str:
 
 
 def on_page_content(html: str, **_: object) -> str:
-    """Docstrings mark literal blocks by `::`, which Markdown takes as text.
+    """Docstrings mark literal blocks by `::`, which Markdown takes as text; figures open alone, for small screens.
 
     Parameters
     ----------
     html : str
     """
+    html = re.sub(r'(<img [^>]*src="([^"]*figures/[^"]+)"[^>]*>)', r'<a href="\2">\1</a>', html)
     return html.replace("<p>::</p>\n", "").replace("::</p>", ":</p>")
 
 
