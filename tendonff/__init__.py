@@ -20,8 +20,10 @@ if TYPE_CHECKING:  # what editors and type checkers read; `_HOMES` says the same
     from tendonff.compensator.experiment.run import experiment
     from tendonff.compensator.export.c_project import export_project as export_c
     from tendonff.compensator.export.fmu import build_fmu as export_fmu
+    from tendonff.compensator.export.kinds import FmiVersion
+    from tendonff.compensator.export.kinds import Kind as FmuKind
     from tendonff.compensator.files.reading import InputError
-    from tendonff.compensator.identification.result import Identification
+    from tendonff.compensator.identification.output import Identification
     from tendonff.compensator.identification.run import identify
     from tendonff.compensator.identification.suggest import suggest
     from tendonff.compensator.scenario.sampling import Reference, sample_reference
@@ -53,6 +55,8 @@ __all__ = [
     "Compensator",
     "Design",
     "ExperimentResult",
+    "FmiVersion",
+    "FmuKind",
     "ForceLimits",
     "Friction",
     "Identification",
@@ -103,8 +107,9 @@ _HOMES = {
     "compensator.experiment.run": ("experiment",),
     "compensator.export.c_project": ("export_c:export_project",),
     "compensator.export.fmu": ("export_fmu:build_fmu",),
+    "compensator.export.kinds": ("FmiVersion", "FmuKind:Kind"),
     "compensator.files.reading": ("InputError",),
-    "compensator.identification.result": ("Identification",),
+    "compensator.identification.output": ("Identification",),
     "compensator.identification.run": ("identify",),
     "compensator.identification.suggest": ("suggest",),
     "compensator.scenario.sampling": ("Reference", "sample_reference"),

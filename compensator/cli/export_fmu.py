@@ -34,8 +34,8 @@ def export_fmu(
         with progress("exporting"):
             for each in FmiVersion if fmi is None else (fmi,):
                 unit = build_fmu(loaded, kind, each, prefix=prefix, level=level)
-                names.append(f"{prefix}_{kind}_fmi{each.value[0]}.fmu")
-                (folder / names[-1]).write_bytes(unit.content)
+                unit.write(folder)
+                names.append(unit.name)
                 complete = complete and unit.has_binary
     if not complete:
         warn("no binary was made here (a C compiler on Linux makes one); the unit holds its sources")

@@ -121,14 +121,13 @@ def identify(
             how = _scaled(replace(loaded.measurement, **{k: v for k, v in names.items() if v is not None}), scale or [])  # type: ignore[arg-type]
         except ParameterError as error:
             raise InputError(str(error)) from None
-        from tendonff.compensator.identification.output import write_identification
         from tendonff.compensator.identification.result import summary_lines
         from tendonff.compensator.identification.run import identify as identify_files
 
         with progress("identifying"):
             found = identify_files(replace(loaded, measurement=how), data, validate or [], static_only=static_only)
         with progress("writing"):
-            write_identification(found, folder, [*data, *(validate or [])])
+            found.write(folder)
     for warning in found.warnings:
         warn(warning)
     for line in summary_lines(found):
