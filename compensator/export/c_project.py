@@ -12,7 +12,6 @@ from pathlib import Path
 import jinja2
 import numpy as np
 
-from tendonff.compensator.export.chain_code import controller_limits, inverse_code, plant_code
 from tendonff.compensator.export.golden import golden_vectors
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_text
@@ -27,6 +26,7 @@ from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
+from tendonff.ocp.step.target import controller_limits, inverse_code, plant_code
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.track import track
 
@@ -258,8 +258,8 @@ def _context(
 ) -> dict[str, object]:
     transmission, step = scenario.transmission, scenario.run.step_s
     actuator, law = transmission.actuator, CapstanLaw.of(transmission)
-    count = transmission.path.segments
-    reals, size = 4 * count + 6, 4 if precision is Precision.FLOAT else 8
+    chain = Chain.of(transmission, level)
+    count, reals, size = chain.count, chain.layout.size, 4 if precision is Precision.FLOAT else 8
     low, _ = covered_range(scenario, reference)
     output = max(size, 4) + 8
     past = 2 * count + 2 if precision is Precision.FLOAT else 0

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.models.chain import Chain, ChainState
+from tendonff.models.chain import Chain
+from tendonff.models.layout import ChainState
 from tendonff.ocp.sensitivity import Links, force_sensitivity
 from tendonff.ocp.simulate import Outcome, simulate
 from tendonff.ocp.step.protocol import Array

@@ -10,7 +10,7 @@ import numpy as np
 from tendonff.models.chain import Chain
 from tendonff.ocp.errors import CodeError, SolveError
 from tendonff.ocp.inverse import InverseStatus, Inversion, invert
-from tendonff.ocp.simulate import Simulator, force_inputs
+from tendonff.ocp.simulate import Simulator
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.cost import Goal, Judgement, Plant, TensionBounds, judge
 from tendonff.ocp.tracking.diagnosis import departures, law_of, reasons
@@ -222,7 +222,7 @@ def _search(
         length = max(round(options.window_s / goal.step_s), 2)
         overlap = max(min(overlap, length), 1)
     pieces = list(windows(rows, length, overlap))
-    simulators = [Simulator(p.chain, goal.step_s, p.state, force_inputs(np.array([start_N]))[0]) for p in plants]
+    simulators = [Simulator(p.chain, goal.step_s, p.state, ChainInputs.of_force(np.array([start_N]))) for p in plants]
     force, improvements = np.array([start_N]), []
     rules = Rules(
         iterations=options.max_iterations,
@@ -249,7 +249,7 @@ def _search(
         force = np.concatenate([force, kept])
         if piece.end > piece.keep:
             for simulator in simulators:
-                simulator.advance(force_inputs(kept))
+                simulator.advance(ChainInputs.of_force(kept))
     counter.finish()
     return force, tuple(improvements)
 
