@@ -1,4 +1,4 @@
-"""The chain in C for a controller: element laws with the parameters folded in, and the kernel of the scheme around them."""
+"""The chain in C for a controller: element laws with the parameters folded in, and the scheme around them."""
 
 from dataclasses import dataclass
 
