@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tendonff.models.bounds import at_least
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.friction import COEFFICIENT_FLOOR, States, equivalent_coefficient
-from tendonff.models.bounds import at_least
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.codegen.compiler import load_library
 from tendonff.ocp.codegen.engine import Engine
