@@ -11,7 +11,7 @@ def experiment(scenario: ScenarioArgument, out: OutFolderOption) -> None:
     """
     from tendonff.compensator.cli.opening import opened
 
-    with opened(scenario, out) as (loaded, folder):
+    with opened(scenario, out, follows_reference=False) as (loaded, folder):
         from tendonff.compensator.experiment.numbers import warnings_of
         from tendonff.compensator.experiment.run import experiment as run_test
 

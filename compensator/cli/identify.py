@@ -95,7 +95,7 @@ def identify(
     from tendonff.models.errors import ParameterError
 
     if suggest:
-        with opened(scenario, out) as (loaded, folder):
+        with opened(scenario, out, follows_reference=False) as (loaded, folder):
             from tendonff.compensator.identification.output import write_suggestion
 
             excitation = write_suggestion(loaded, folder)
@@ -116,7 +116,7 @@ def identify(
         "skip_s": skip,
         "explain": explain,
     }
-    with opened(scenario, out) as (loaded, folder):
+    with opened(scenario, out, follows_reference=False) as (loaded, folder):
         try:
             how = _scaled(replace(loaded.measurement, **{k: v for k, v in names.items() if v is not None}), scale or [])  # type: ignore[arg-type]
         except ParameterError as error:
