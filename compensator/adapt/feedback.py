@@ -2,8 +2,8 @@
 
 In logarithms the static transmission is a play: its output follows its input with a slope that is 0 or 1 at every
 instant, whatever the history. The integral action u' = k (ln r - ln T_out) then closes a loop around a gain in the
-sector [0, 1] that varies in time. With what delays and bends the loop, L(z) = k h z^-(d+1)/(1 - z^-1) G(z), it is stable
-for every such gain where Re L > -1 at all frequencies. G is what the exact inverse leaves of the linear dynamics of
+sector [0, 1] that varies in time. With the delay and the compliance of the loop, L(z) = k h z^-(d+1)/(1 - z^-1) G(z),
+it is stable for every such gain where Re L > -1 at all frequencies. G is what the exact inverse leaves of the linear dynamics of
 actuator, tendon and load where their stiffness differs from the design.
 """
 
@@ -64,7 +64,9 @@ class FeedbackCertificate:
         return f"{bound}; {self.gain_per_s:g} is not certified, use {self.recommended_gain_per_s:.2g}"
 
 
-def transmission_dynamics(transmission: Transmission, tendon: float = 1.0, load: float = 1.0) -> control.TransferFunction:
+def transmission_dynamics(
+    transmission: Transmission, tendon: float = 1.0, load: float = 1.0
+) -> control.TransferFunction:
     """Output tension over actuator force without friction: two masses joined by the tendon.
 
     Parameters

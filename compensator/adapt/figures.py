@@ -45,12 +45,14 @@ def adaptation_figures(result: AdaptationData) -> dict[str, Figure]:
 def _case(result: AdaptationData, mu: float) -> Case:
     return min(
         (case for case in result.cases if not case.variation.changes),
-        key=lambda case: abs(case.variation.mu - mu)
-        + abs(case.variation.bristle - 1)
-        + abs(case.variation.stiffness - 1)
-        + abs(case.variation.load - 1)
-        + abs(case.variation.start - 1)
-        + abs(case.variation.offset),
+        key=lambda case: (
+            abs(case.variation.mu - mu)
+            + abs(case.variation.bristle - 1)
+            + abs(case.variation.stiffness - 1)
+            + abs(case.variation.load - 1)
+            + abs(case.variation.start - 1)
+            + abs(case.variation.offset)
+        ),
     )
 
 

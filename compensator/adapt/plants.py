@@ -1,6 +1,6 @@
 """The plants that differ from the scenario, on which the self-tuning compensator is tried."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from tendonff.models.errors import ParameterError
@@ -85,9 +85,13 @@ def variations(sensor: Sensor) -> tuple[Variation, ...]:
         for mu in (0.6, 0.8, 0.9, 1.1, 1.2, 1.4)
     )
     others = tuple(
-        Variation(name=f"friction +20 %, {words} {sign}20 %", mu=1.2, **{key: factor})
-        for key, words in (("bristle", "bristles"), ("stiffness", "tendon"), ("load", "load"))
+        replace(one, name=f"friction +20 %, {one.name} {sign}20 %")
         for sign, factor in (("\N{MINUS SIGN}", 0.8), ("+", 1.2))
+        for one in (
+            Variation(name="bristles", mu=1.2, bristle=factor),
+            Variation(name="tendon", mu=1.2, stiffness=factor),
+            Variation(name="load", mu=1.2, load=factor),
+        )
     )
     return (
         Variation(name="as the scenario"),

@@ -9,7 +9,7 @@ _CAPTIONS = {
     "overview": "Each row is a plant that differs from the scenario as its name says; sensor noise as in the scenario.",
     "friction": "Above: error. Below: the estimate that the controller uses.",
     "drift": "Friction that drifts: the estimate follows, the plain inverse does not.",
-    "information": "Standard deviation of each parameter from the information matrix along the reference, starting at 30 %.",
+    "information": "Standard deviation of each parameter along the reference, by the information matrix.",
     "bounds": "The output tension lies in the band for all time, if mu theta is within what is said.",
 }
 
@@ -24,7 +24,7 @@ def adaptation_report(result: AdaptationData, figures: dict[str, Figure]) -> Rep
         From `adaptation_figures`.
     """
     pictures = pictures_of(figures, _CAPTIONS)
-    interval = result.interval
+    interval, known = result.interval, result.information
     feedback = (
         result.certificate.sentence()
         if result.certificate is not None
@@ -39,9 +39,9 @@ def adaptation_report(result: AdaptationData, figures: dict[str, Figure]) -> Rep
                 title="Plants that differ",
                 blocks=(
                     Text(
-                        "The compensator is told the scenario; the plant differs from it, has 40 masses and sensor noise. "
-                        "Feedforward alone is the exact inverse. Self-tuning runs the same model beside the rig with the "
-                        "applied force and corrects the parameters by what the measurement says."
+                        "The compensator is told the scenario; the plant differs from it, has 40 masses and sensor "
+                        "noise. Feedforward alone is the exact inverse. Self-tuning runs the same model beside the rig "
+                        "with the applied force and corrects the parameters by what the measurement says."
                     ),
                     pictures["overview"],
                     _errors(result),
@@ -50,18 +50,18 @@ def adaptation_report(result: AdaptationData, figures: dict[str, Figure]) -> Rep
             Section(title="Error and estimate over time", blocks=(pictures["friction"], pictures["drift"])),
             Section(
                 title="What the reference can identify",
-                blocks=(pictures["information"], *(Text(f"{text}.".capitalize()) for text in result.information.sentences())),
+                blocks=(pictures["information"], *(Text(_sentence(text)) for text in known.sentences())),
             ),
-            Section(title="Integral action", blocks=(Text(f"{feedback[:1].upper()}{feedback[1:]}."),)),
+            Section(title="Integral action", blocks=(Text(_sentence(feedback)),)),
             Section(
                 title="Certified interval",
                 blocks=(
                     pictures["bounds"],
                     Text(
-                        f"Two plays bound the output tension with mu theta within {100 * interval.spread:.0f} % either way. "
-                        f"Stretch, presliding and inertia, which the static law leaves out, take a margin of "
-                        f"{100 * interval.margin:.2g} % of T + p on this reference, measured on the chain at both ends and "
-                        "in the middle of that range."
+                        f"Two plays bound the output tension with mu theta within {100 * interval.spread:.0f} % either "
+                        "way. Stretch, presliding and inertia, which the static law leaves out, take a margin of "
+                        f"{100 * interval.margin:.2g} % of T + p on this reference, measured on the chain at both "
+                        "ends and in the middle of that range."
                     ),
                 ),
             ),
@@ -72,6 +72,10 @@ def adaptation_report(result: AdaptationData, figures: dict[str, Figure]) -> Rep
             FileNote(name="summary.json", content="everything on this page for other programs"),
         ),
     )
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:].removesuffix('.')}."
 
 
 def _errors(result: AdaptationData) -> Table:

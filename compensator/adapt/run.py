@@ -2,6 +2,7 @@
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 
 import numpy as np
 
@@ -198,7 +199,7 @@ def _case(
         traces[scheme] = _trace(scheme, run, wanted, reference)
     return Case(
         variation=one,
-        time_s=np.arange(1, rows + 1) * reference.step_s,
+        time_s=np.arange(1, rows + 1, dtype=np.float64) * reference.step_s,
         reference_N=wanted[1:],
         mu_factor=mu,
         traces=traces,
@@ -238,7 +239,7 @@ def _run(
     tuner = SelfTuner(tuned, reference.step_s, tuning, limits_of(scenario), start)
     rig: SimulatedRig | None = None
     runs = []
-    for first, last in zip(cuts, cuts[1:], strict=False):
+    for first, last in pairwise(cuts):
         values = {
             Tunable.MU: float(mu[first]),
             Tunable.LOAD_STIFFNESS: float(load[first]),

@@ -13,8 +13,8 @@ class Adaptation:
 
     Parameters
     ----------
-    sensor : Sensor, optional
-        "output_tension", or "actuator_position" relative to the start. Without it nothing is tuned.
+    sensor : Sensor
+        "output_tension", or "actuator_position" relative to the start.
     noise : float, optional
         Standard deviation of the sensor [N or m], >= 0. Default 0.
     delay_samples : int, optional
@@ -27,7 +27,7 @@ class Adaptation:
         Integral action on the logarithm of the measured output tension [1/s], >= 0. Default 0: none.
     """
 
-    sensor: Sensor | None = None
+    sensor: Sensor
     noise: float = 0.0
     delay_samples: int = 0
     parameters: tuple[Tunable, ...] = (Tunable.MU,)
@@ -48,8 +48,3 @@ class Adaptation:
                 f"integral_gain_per_s must be 0 for actuator_position, got {self.integral_gain_per_s}; "
                 "integral action needs the output tension"
             )
-
-    @property
-    def is_active(self) -> bool:
-        """A sensor was named."""
-        return self.sensor is not None

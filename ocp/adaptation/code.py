@@ -167,6 +167,13 @@ def tuner_context(tuned: TunedChain, precision: Precision, *, prefix: str, past:
         "retuned_outputs": tuple(law.outputs),
         "retuned_link": any(name.startswith("link_") for name in names),
         "retuned_load": LOAD_STIFFNESS if LOAD_STIFFNESS in names else "",
+        "link_factor": next((k for k, p in enumerate(tuned.parameters) if p is Tunable.TENDON_STIFFNESS), -1),
+        "e": (layout.part("e").start, layout.part("e").stop + len(layout.link_states) * (chain.count + 1)),
+        "load_stiffness": (
+            f"self->model[1].{LOAD_STIFFNESS}"
+            if LOAD_STIFFNESS in names
+            else literal(float(chain.far.stiffness_N_per_m), precision)
+        ),
         "q_a": layout.part("q_a").start,
         "q_l": layout.part("q_l").start,
         "rest": lambda array: rest_statements(zero, one, array, precision),

@@ -58,7 +58,8 @@ class Information:
                 )
             else:
                 texts.append(
-                    f"this reference identifies {parameter} within {100 * TARGET:.0f} % after {after:.2g} s from {sensor}"
+                    f"this reference identifies {parameter} within {100 * TARGET:.0f} % "
+                    f"after {after:.2g} s from {sensor}"
                 )
         if abs(self.correlation) > COUPLED:
             names = " and ".join(self.tuning.parameters)

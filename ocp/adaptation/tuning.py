@@ -11,7 +11,7 @@ MAX_DELAY = 64
 
 # Found by the study in docs/adaptation.md; shares are of the range that the measured quantity covers.
 MODEL_ERROR_SHARE = 0.005
-WATCH_SHARE = 0.025
+WATCH_SHARE = 0.035
 FULL_SPEED_PER_S = 0.3
 CORRELATION_S = 0.05
 DRIFT_PER_S = 3e-3
@@ -87,7 +87,9 @@ def check_parameters(parameters: tuple[Tunable, ...]) -> None:
     if not friction:
         raise ParameterError(f'parameters must tune the friction, got [{names}]; add "mu"')
     if Tunable.MU in friction and len(friction) > 1:
-        raise ParameterError(f'parameters must not tune "mu" and a part of it, got [{names}]; use mu_pull and mu_release')
+        raise ParameterError(
+            f'parameters must not tune "mu" and a part of it, got [{names}]; use mu_pull and mu_release'
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,8 +1,7 @@
 """A rig written for these tests alone: another discretisation, another scheme, no code of the packages.
 
 Masses in the middle of N equal pieces, half links at the ends; linearly implicit Euler at 10 microseconds with the
-slopes of the last step, one tridiagonal solve a step, no iteration. The path may move: wrap angles and lengths of the
-sections follow a joint.
+slopes of the last step, one tridiagonal solve a step, no iteration.
 """
 
 import ctypes
@@ -22,8 +21,8 @@ SOURCE = r"""
 #define MAX 128
 typedef struct {
     int n;
-    double h, k1, k2, tau, c, mass, viscous, sigma, adhesion;      /* of the whole tendon */
-    double ma, ba, ml, bl, kl, anchor;                             /* anchor: tension that the load's spring has at q_l = 0 */
+    double h, k1, k2, tau, c, mass, viscous, sigma, adhesion; /* of the whole tendon */
+    double ma, ba, ml, bl, kl, anchor;       /* anchor: tension of the load's spring at q_l = 0 */
     double mu_pull, mu_release, angle;
     double v[MAX], e[MAX], z[MAX], fs[MAX], qa, ql, tension;
 } rig;
@@ -85,7 +84,10 @@ void rig_advance(rig *r, double force_from, double force_to, int steps)
 """
 
 _MOST = 128
-_NUMBERS = "h k1 k2 tau c mass viscous sigma adhesion ma ba ml bl kl anchor mu_pull mu_release angle".split()
+_NUMBERS = (
+    *("h", "k1", "k2", "tau", "c", "mass", "viscous", "sigma", "adhesion", "ma", "ba", "ml", "bl", "kl", "anchor"),
+    *("mu_pull", "mu_release", "angle"),
+)
 
 
 class _Rig(ctypes.Structure):
@@ -152,9 +154,7 @@ class Rig:
     def advance(self, force_from: float, force_to: float, duration_s: float) -> None:
         """The actuator's force goes straight from one value to the other."""
         steps = ctypes.c_int(round(duration_s / self.step_s))
-        _library().rig_advance(
-            ctypes.byref(self._rig), ctypes.c_double(force_from), ctypes.c_double(force_to), steps
-        )
+        _library().rig_advance(ctypes.byref(self._rig), ctypes.c_double(force_from), ctypes.c_double(force_to), steps)
 
     @property
     def tension_N(self) -> float:
