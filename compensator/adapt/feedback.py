@@ -3,8 +3,8 @@
 In logarithms the static transmission is a play: its output follows its input with a slope that is 0 or 1 at every
 instant, whatever the history. The integral action u' = k (ln r - ln T_out) then closes a loop around a gain in the
 sector [0, 1] that varies in time. With the delay and the compliance of the loop, L(z) = k h z^-(d+1)/(1 - z^-1) G(z),
-it is stable for every such gain where Re L > -1 at all frequencies. G is what the exact inverse leaves of the linear dynamics of
-actuator, tendon and load where their stiffness differs from the design.
+it is stable for every such gain where Re L > -1 at all frequencies. G is what the exact inverse leaves of the linear
+dynamics of actuator, tendon and load where their stiffness differs from the design.
 """
 
 import itertools

@@ -53,7 +53,7 @@ def test_the_example_tunes_friction_from_the_position(examples):
         ("delay_samples = 2", "delay_samples = 64", "delay_samples must be a whole number from 0 to 63, got 64"),
         ("[0.6, 1.8]", "[1.2, 1.8]", "range must be two numbers around 1"),
         ('["mu", "load_stiffness"]', '["load_stiffness"]', 'must tune the friction, got [load_stiffness]; add "mu"'),
-        ('["mu", "load_stiffness"]', '["mass"]', 'a list, each "mu" or'),
+        ('["mu", "load_stiffness"]', '["mass"]', 'parameters[0] must be "mu" or'),
         ('"output_tension"', '"actuator_position"', "integral action needs the output tension"),
         ("noise = 0.1", "noise = -0.1", "noise must be a finite number >= 0"),
         ("noise", "nois", 'unknown key "nois"'),
