@@ -30,10 +30,20 @@ class FrictionLaw(Protocol):
     What an implementer owes: (1) a frozen dataclass whose fields are its parameters, of the whole tendon or, after
     `on_piece`, of one element; (2) `states`; (3) their rate; (4) the same states under the implicit rule
     x = base + H dx/dt for a known normal force, in closed form; (5) either the closed form for f_n = A + state_force,
-    or None; then the force must lie between zero and its value for a large normal force, on one side of it throughout.
+    or None; then each state's share of the force must lie between zero and its value for a large normal force.
     """
 
     states: ClassVar[tuple[str, ...]]
+
+    @property
+    def slip_coefficients(self) -> tuple[float, float]:
+        """Friction over normal force in fast steady slip, pulling and releasing [-]."""
+        ...
+
+    @property
+    def weakening_speed_m_per_s(self) -> float | None:
+        """Speed about which friction falls, so that slow sliding may be unstable [m/s]; None where it does not."""
+        ...
 
     def on_piece(self, angle_rad: ca.SX, pieces: ca.SX) -> Self:
         """The law of one of `pieces` equal elements, each with wrap angle `angle_rad`."""
@@ -100,14 +110,16 @@ def from_far_side(law: FrictionLaw, v: ca.SX, base: States, step_s: ca.SX, far_s
     f_n = ca.SX.sym("f_n")
     excess = f_n - far_sum - law.state_force(law.implicit(v, base, step_s, f_n))
     slope = ca.jacobian(excess, f_n)
-    most = law.state_force(law.implicit(v, base, step_s, ca.SX(_LARGE_NORMAL_FORCE_N)))
-    low = at_least(far_sum + ca.if_else(most < 0, most, 0), NORMAL_FORCE_FLOOR_N)
-    high = at_least(far_sum + at_least(most, 0), NORMAL_FORCE_FLOOR_N)
-    x = (low + high) / 2
+    ends = law.implicit(v, base, step_s, ca.SX(_LARGE_NORMAL_FORCE_N))
+    alone = [tuple(end if k == j else ca.SX(0) for j, end in enumerate(ends)) for k in range(len(ends))]
+    most = [law.state_force(states) for states in alone]
+    low = at_least(far_sum + sum(ca.if_else(force < 0, force, 0) for force in most), NORMAL_FORCE_FLOOR_N)
+    high = at_least(far_sum + sum(at_least(force, 0) for force in most), NORMAL_FORCE_FLOOR_N)
+    x = ca.if_else(sum(most) > 0, high, low)  # from there Newton's method approaches a saturating law steadily
     # Unrolled, so that every engine and the exported code take the same moves in the same, bounded time.
     for _ in range(_NEWTON_MOVES):
         now, by_x = ca.substitute([excess, slope], [f_n], [x])
-        low, high = ca.if_else(now > 0, low, x), ca.if_else(now > 0, x, high)
+        low, high = ca.if_else(now < 0, x, low), ca.if_else(now > 0, x, high)
         newton = x - now / by_x
         inside = (newton >= low) * (newton <= high)  # a Newton move that leaves the bracket becomes a bisection
         x = ca.if_else(inside, newton, (low + high) / 2)
@@ -141,13 +153,19 @@ class LuGreBristle:
     viscous_N_s_per_m: ca.SX
 
     @property
-    def weakens_with_speed(self) -> bool:
-        """Static and dynamic coefficients differ in some direction (Stribeck effect)."""
-        return bool(self.mu_static_pull != self.mu_dynamic_pull or self.mu_static_release != self.mu_dynamic_release)
+    def slip_coefficients(self) -> tuple[float, float]:
+        """The dynamic coefficients."""
+        return self.mu_dynamic_pull, self.mu_dynamic_release
+
+    @property
+    def weakening_speed_m_per_s(self) -> float | None:
+        """The Stribeck velocity, where static and dynamic coefficients differ in some direction."""
+        weakens = self.mu_static_pull != self.mu_dynamic_pull or self.mu_static_release != self.mu_dynamic_release
+        return float(self.stribeck_velocity_m_per_s) if weakens else None
 
     def aliases(self) -> Mapping[str, str]:
         """The static coefficients, where friction does not fall with speed: an exponential takes most of a step."""
-        if self.weakens_with_speed:
+        if self.weakening_speed_m_per_s is not None:
             return {}
         return {"mu_static_pull": "mu_dynamic_pull", "mu_static_release": "mu_dynamic_release"}
 

@@ -127,7 +127,8 @@ def invert(
         row = int(pushed[0])
         status = InverseStatus.WOULD_PUSH
         message = (
-            f"the reference asks the tendon to push at t = {row * step_s:.6g} s ({pushed.size} of {least_tension.size} rows); "
+            f"the reference asks the tendon to push at t = {row * step_s:.6g} s ({pushed.size} of {least_tension.size} "
+            "rows); "
             "let it fall more slowly or keep more tension"
         )
     else:

@@ -215,10 +215,10 @@ def parameter_sensitivity(
     at = [whole.value(name) for name in parameters]
     numbers = ca.vertcat(*symbolic.numbers().values())
     stretch, own = symbolic.link.rest(initial_tension_N)
-    links = [ca.repmat(state, chain.count + 1, 1) for state in (stretch, *own)]
+    by_link = [ca.repmat(state, chain.count + 1, 1) for state in (stretch, *own)]
     masses = ca.SX.zeros(len(chain.friction.states) * chain.count)
-    ends = ca.vertcat(ca.sum1(links[0]), 0)  # q_a - q_l; the load's spring does not depend on the tendon
-    start = ca.vertcat(ca.SX.zeros(chain.count + 2), *links, masses, ends)
+    ends = ca.vertcat(ca.sum1(by_link[0]), 0)  # q_a - q_l; the load's spring does not depend on the tendon
+    start = ca.vertcat(ca.SX.zeros(chain.count + 2), *by_link, masses, ends)
     slopes = ca.Function("slopes", [unknowns], [ca.jacobian(numbers, unknowns), ca.jacobian(start, unknowns)])
     by_number, by_start = (np.ascontiguousarray(np.asarray(m.full())) for m in slopes(at))
     directions = _Directions(width=len(parameters), numbers=by_number, start=by_start, knot=None, weight=None, window=0)

@@ -192,8 +192,8 @@ def _warnings(
         f"in {100 * share:.3g} % of the time, most from t = {worst.start_s:.3g} to {worst.end_s:.3g} s "
         f"(a mode grows at {worst.growth_per_s:.3g} 1/s)"
     )
-    if chain.friction.weakens_with_speed:
-        speed = f"{chain.friction.stribeck_velocity_m_per_s:.3g} m/s"
+    if (weakening := chain.friction.weakening_speed_m_per_s) is not None:
+        speed = f"{weakening:.3g} m/s"
         text = (
             f"stick-slip: friction weakens with speed and the tendon slides slowly {when}; no force computed "
             f"beforehand can hold it; {error}; slide well above or below {speed}, add damping at the load, "

@@ -25,7 +25,6 @@ from tendonff.compensator.files.writing import atomic_directory, write_text
 from tendonff.compensator.scenario.sampling import largest_tension
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.capstan import Branch, CapstanLaw
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
@@ -277,7 +276,7 @@ def _context(scenario: Scenario, problem: Problem, precision: Precision, prefix:
     """What every template may use."""
     transmission, reference, step = problem.transmission, problem.reference, problem.reference.step_s
     actuator, law = transmission.actuator, CapstanLaw.of(transmission)
-    chain = Chain.of(transmission, problem.level)
+    chain = problem.chain
     count, reals, size = chain.count, chain.layout.size, 4 if precision is Precision.FLOAT else 8
     low, _ = table_range(problem)
     modules = c_modules()

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from tendonff.models.chain import Chain, End
+from tendonff.models.assembly import End
+from tendonff.models.chain import Chain
 from tendonff.models.elements import Whole, whole_of
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
@@ -168,8 +169,8 @@ class ChainModel:
         mu_release = mu_pull if self.symmetric else values[D.MU_RELEASE]
         excess = 1 + values[D.STATIC_EXCESS]
         mus = zip(_MUS, (mu_pull, excess * mu_pull, mu_release, excess * mu_release), strict=True)
-        direct = {name: values[k] for k, name in _DIRECT.items()}
-        return whole_of(self.transmission, self.level).changed({**dict(mus), **direct})
+        direct = {name.value: values[k] for k, name in _DIRECT.items()}
+        return whole_of(self.transmission, self.level).changed({name.value: mu for name, mu in mus} | direct)
 
     def chain(self, whole: Whole) -> Chain:
         """The chain with a massless near end."""
@@ -280,7 +281,7 @@ class ChainModel:
                     slopes[:, :, k] = 0.0 if self.symmetric else release
                 else:
                     slopes[:, :, k] = (
-                        whole.mu_dynamic_pull * column[Parameter.MU_STATIC_PULL]
-                        + whole.mu_dynamic_release * column[Parameter.MU_STATIC_RELEASE]
+                        whole.value(Parameter.MU_DYNAMIC_PULL) * column[Parameter.MU_STATIC_PULL]
+                        + whole.value(Parameter.MU_DYNAMIC_RELEASE) * column[Parameter.MU_STATIC_RELEASE]
                     )
         return run.tension_N[:, -1], run.ends_m[:, 0] - run.ends_m[:, 1], slopes

@@ -143,7 +143,8 @@ class CasadiStepper:
         finish = ca.Function("finish", [s.v, known], [s.end, s.force, s.balance, s.tolerance], {"cse": True})
         guess, known = ca.MX.sym("guess", n + 2), ca.MX.sym("known", known.numel())
         end, force, balance, tolerance = finish(solve(guess, known), known)
-        solved = ca.norm_inf(balance) <= _SLACK * tolerance  # NaN is not
+        good = ca.norm_inf(balance) <= _SLACK * tolerance
+        solved = ca.logic_and(good, ca.sumsqr(balance) >= 0)  # the norm overlooks what is not a number
         self._try = ca.Function("try", [guess, known], [end, force, balance, solved])
         pair, u = ca.MX.sym("pair", 2 * size), ca.MX.sym("u", s.u.numel())
         x, change = pair[:size], pair[:size] - pair[size:]

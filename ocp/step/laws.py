@@ -99,7 +99,7 @@ class ElementLaws:
         rate, *_, step = known = self._link_known()
         return Law(
             name="link_gain",
-            comment="Slope of a link's force over its rate of elongation under an implicit step [N s/m], eqs. (6), (7).",
+            comment="Slope of a link's force over its rate of elongation in an implicit step [N s/m], eqs. (6), (7).",
             inputs=(step, *self.link_symbols),
             outputs={"gain": ca.jacobian(self._link(known)[0], rate)},
         )
@@ -246,7 +246,7 @@ class ElementLaws:
         )
         return Law(
             name="path_mass_drop" if drop else "path_mass_inverse",
-            comment=f"{'Friction and inertia of a mass' if drop else 'Tension on the actuator side'} [N], and the states.",
+            comment=f"{'Friction and inertia' if drop else 'Near tension'} of a mass [N], and its states.",
             inputs=(v, f_far, v_base, *base, step, piece.mass_kg, piece.adhesion_N, *self.friction_symbols),
             outputs={**found, **dict(zip(self.friction.states, states, strict=True))},
         )

@@ -82,10 +82,10 @@ def law_of(chain: Chain) -> CapstanLaw:
     ----------
     chain : Chain
     """
-    friction = chain.friction
+    pull, release = chain.friction.slip_coefficients
     return CapstanLaw(
-        pull_exponent=2 * chain.count * math.atanh(friction.mu_dynamic_pull),
-        release_exponent=2 * chain.count * math.atanh(friction.mu_dynamic_release),
+        pull_exponent=2 * chain.count * math.atanh(pull),
+        release_exponent=2 * chain.count * math.atanh(release),
         adhesion_N=chain.elements.piece.adhesion_N,
     )
 
