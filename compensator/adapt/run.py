@@ -10,25 +10,20 @@ from tendonff.compensator.adapt.feedback import FeedbackCertificate, feedback_ce
 from tendonff.compensator.adapt.output import AdaptationStudy
 from tendonff.compensator.adapt.plants import Change, Variation, variations
 from tendonff.compensator.adapt.result import SETTLED_S, Case, Scheme, Trace
-from tendonff.compensator.compensators.base import FloatArray
+from tendonff.compensator.adapt.setup import certified, tuned_chain, tuning_of
+from tendonff.compensator.compensators.base import FloatArray, Problem
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.adaptation import Adaptation
-from tendonff.compensator.scenario.sampling import Reference, sample_reference
+from tendonff.compensator.scenario.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.models.capstan import CapstanLaw
-from tendonff.ocp.adaptation.bounds import CertifiedInterval
 from tendonff.ocp.adaptation.code import TunedChain
 from tendonff.ocp.adaptation.information import Information, information
 from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig, TunedRun, TunerStatus
 from tendonff.ocp.adaptation.tuning import GATE, Sensor, Tunable, Tuning
-from tendonff.ocp.inverse import invert
-from tendonff.ocp.simulate import simulate
-from tendonff.ocp.tracking.limits import ForceLimits
 
 PLANT_MASSES = 40
 PLANT_SUBSTEPS = 4
-BOUND_SPREAD = 0.2
 _SEGMENTS_OF_A_DRIFT = 120
 _WINDOW_S = 0.25
 _VARIED = (Tunable.MU, Tunable.TENDON_STIFFNESS, Tunable.LOAD_STIFFNESS)
@@ -60,15 +55,15 @@ def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy
             f'{scenario.source.name}: table [adaptation] is missing; it holds sensor ("output_tension" or '
             '"actuator_position"), noise, delay_samples, parameters, range and integral_gain_per_s'
         )
-    reference = sample_reference(scenario)
-    tuning = tuning_for(scenario, settings, reference)
-    known = learnt(scenario, tuning, reference)
+    problem = Problem.of(scenario)
+    reference, tuning = problem.reference, tuning_of(problem, settings)
+    known = learnt(problem, tuning)
     certificate = _certificate(scenario, settings)
-    interval, bounds = certified(scenario, reference)
+    bounds = certified(problem)
     every = variations(settings.sensor)
     cases: list[Case] = []
     with ThreadPoolExecutor(2) as pool:  # the loops run in C, outside the interpreter's lock
-        for case in pool.map(lambda one: _case(scenario, tuning, certificate, reference, one), every):
+        for case in pool.map(lambda one: _case(problem, tuning, certificate, one), every):
             cases.append(case)
             progress(len(cases), len(every))
     return AdaptationStudy(
@@ -77,96 +72,29 @@ def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy
         tuning=tuning,
         information=known,
         certificate=certificate,
-        interval=interval,
-        bounds_N=bounds,
+        interval=bounds.interval,
+        bounds_N=(bounds.low_N, bounds.high_N),
         cases=tuple(cases),
         headline=_headline(cases, known),
         warnings=_warnings(cases, known, certificate),
     )
 
 
-def limits_of(scenario: Scenario) -> ForceLimits:
-    """What the actuator can do.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    """
-    return ForceLimits.of(scenario.transmission.actuator)
-
-
-def tuning_for(scenario: Scenario, settings: Adaptation, reference: Reference) -> Tuning:
-    """Numbers of the recursion: noise and delay from the scenario, the measured range from the design.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    settings : Adaptation
-    reference : Reference
-    """
-    span = float(np.ptp(reference.tension_N))
-    if settings.sensor is Sensor.ACTUATOR_POSITION:
-        tuned = TunedChain.of(scenario.transmission, scenario.run.level, settings.parameters)
-        inverse = invert(
-            tuned.chain,
-            reference.tension_N,
-            reference.step_s,
-            initial_tension_N=reference.initial_tension_N,
-            record=True,
-        )
-        assert inverse.states is not None  # noqa: S101 - recorded on request
-        span = float(np.ptp(inverse.states[:, tuned.chain.layout.part("q_a")]))
-    low, high = settings.range
-    return Tuning.of(
-        sensor=settings.sensor,
-        parameters=settings.parameters,
-        delay_samples=settings.delay_samples,
-        noise=settings.noise,
-        span=span,
-        step_s=reference.step_s,
-        lowest=low,
-        highest=high,
-        integral_gain_per_s=settings.integral_gain_per_s,
-    )
-
-
-def learnt(scenario: Scenario, tuning: Tuning, reference: Reference) -> Information:
+def learnt(problem: Problem, tuning: Tuning) -> Information:
     """What the reference teaches, on the scenario's own plant without noise.
 
     Parameters
     ----------
-    scenario : Scenario
+    problem : Problem
     tuning : Tuning
-    reference : Reference
     """
-    tuned = TunedChain.of(scenario.transmission, scenario.run.level, tuning.parameters)
+    tuned, reference = tuned_chain(problem, tuning), problem.reference
     start = reference.initial_tension_N
-    tuner = SelfTuner(tuned, reference.step_s, tuning, limits_of(scenario), start)
+    tuner = SelfTuner(tuned, reference.step_s, tuning, problem.limits, start)
     rig = SimulatedRig(tuned.chain, reference.step_s, 1, start)
     run = tuner.run(rig, reference.tension_N[1:], np.zeros(len(reference.tension_N) - 1), adapt=False)
     weight = np.minimum(run.moved / tuning.full_speed, 1.0)
     return information(tuning, reference.time_s[1:], run.slopes, np.where(weight > GATE, weight, 0.0))
-
-
-def certified(scenario: Scenario, reference: Reference) -> tuple[CertifiedInterval, tuple[FloatArray, FloatArray]]:
-    """The interval of two plays along the reference, with what the static law leaves out as its margin.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    reference : Reference
-    """
-    tuned = TunedChain.of(scenario.transmission, scenario.run.level, (Tunable.MU,))
-    start, step = reference.initial_tension_N, reference.step_s
-    inverse = invert(tuned.chain, reference.tension_N, step, initial_tension_N=start)
-    force = limits_of(scenario).apply(inverse.force_N, step)
-    outputs = [
-        simulate(tuned.with_factors({Tunable.MU: mu}), force, step, initial_tension_N=start).require().output_tension_N
-        for mu in (1 - BOUND_SPREAD, 1.0, 1 + BOUND_SPREAD)
-    ]
-    bare = CertifiedInterval(law=CapstanLaw.of(scenario.transmission), spread=BOUND_SPREAD, noise_N=0.0)
-    interval = bare.with_margin_for(force, np.stack(outputs))
-    return interval, interval.history_N(force, start)
 
 
 def _certificate(scenario: Scenario, settings: Adaptation) -> FeedbackCertificate | None:
@@ -177,9 +105,8 @@ def _certificate(scenario: Scenario, settings: Adaptation) -> FeedbackCertificat
     )
 
 
-def _case(
-    scenario: Scenario, tuning: Tuning, certificate: FeedbackCertificate | None, reference: Reference, one: Variation
-) -> Case:
+def _case(problem: Problem, tuning: Tuning, certificate: FeedbackCertificate | None, one: Variation) -> Case:
+    reference = problem.reference
     wanted = _extended(reference, one.duration_s)
     rows = len(wanted) - 1
     shares = np.linspace(0, 1, rows)
@@ -195,7 +122,7 @@ def _case(
     for scheme in Scheme:
         if scheme is Scheme.FEEDBACK and certificate is None:
             continue
-        run = _run(scenario, _scheme_tuning(tuning, certificate, scheme), reference, one, wanted, mu, load, scheme)
+        run = _run(problem, _scheme_tuning(tuning, certificate, scheme), one, wanted, mu, load, scheme)
         traces[scheme] = _trace(scheme, run, wanted, reference)
     return Case(
         variation=one,
@@ -215,18 +142,17 @@ def _scheme_tuning(tuning: Tuning, certificate: FeedbackCertificate | None, sche
 
 
 def _run(
-    scenario: Scenario,
+    problem: Problem,
     tuning: Tuning,
-    reference: Reference,
     one: Variation,
     wanted: FloatArray,
     mu: FloatArray,
     load: FloatArray,
     scheme: Scheme,
 ) -> TunedRun:
-    level, start = scenario.run.level, reference.initial_tension_N
-    tuned = TunedChain.of(scenario.transmission, level, tuning.parameters)
-    plant = TunedChain.of(scenario.transmission, level, _VARIED, PLANT_MASSES)
+    reference, start = problem.reference, problem.reference.initial_tension_N
+    tuned = tuned_chain(problem, tuning)
+    plant = TunedChain.of(problem.transmission, problem.level, _VARIED, PLANT_MASSES)
     plant = TunedChain(
         whole=plant.whole.changed(
             {"bristle_stiffness_N_per_m": one.bristle * plant.whole.value("bristle_stiffness_N_per_m")}
@@ -236,7 +162,7 @@ def _run(
     )
     noise = np.random.default_rng(0).normal(size=len(mu)) * tuning.noise + one.offset * tuning.span
     cuts = [0, len(mu)] if not one.changes else list(np.linspace(0, len(mu), _SEGMENTS_OF_A_DRIFT + 1, dtype=int))
-    tuner = SelfTuner(tuned, reference.step_s, tuning, limits_of(scenario), start)
+    tuner = SelfTuner(tuned, reference.step_s, tuning, problem.limits, start)
     rig: SimulatedRig | None = None
     runs = []
     for first, last in pairwise(cuts):

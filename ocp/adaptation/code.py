@@ -222,7 +222,7 @@ def _host_text(tuned: TunedChain) -> str:
         "work": "&work_area",
         "plant_q_a": "(({} * n) + {})".format(*chain.layout.offset("q_a")),
     }
-    templates = [render_tuner(name, context) for name in ("tuner.c.j2", "tuner_host.c.j2")]
+    templates = [render_tuner(name, context) for name in ("tuner.h.j2", "tuner.c.j2", "tuner_host.c.j2")]
     return "\n".join([scheme, *own, *templates])
 
 

@@ -35,17 +35,18 @@ class TunerStatus(IntFlag):
     AT_BOUND = 4
 
 
-_REALS = (
+REALS = (
     *("lowest", "highest", "variance", "deviation", "full_speed", "drift_variance", "start_deviation", "slew"),
     *("watch_limit", "watch_samples"),
 )
+"""Fields of `Tuning` that the C record takes as reals, in its order."""
 
 
 class _TuningStruct(ctypes.Structure):
     _fields_ = (
         ("sensor", ctypes.c_int),
         ("delay", ctypes.c_int),
-        *((name, ctypes.c_double) for name in _REALS),
+        *((name, ctypes.c_double) for name in REALS),
         ("hold_samples", ctypes.c_int),
         ("rest_samples", ctypes.c_int),
         ("integral_gain", ctypes.c_double),
@@ -81,6 +82,8 @@ class TunedRun:
         Change of the predicted measurement with each factor.
     moved : ndarray, shape (n,)
         How far the prediction moved in the step.
+    measured : ndarray, shape (n,)
+        What the tuner was given at the beginning of the step, unit of the sensor.
     residual : ndarray, shape (n,)
         Mean size of what the model does not explain, unit of the sensor.
     status : ndarray of int, shape (n,)
@@ -93,6 +96,7 @@ class TunedRun:
     deviation: Array
     slopes: Array
     moved: Array
+    measured: Array
     residual: Array
     status: NDArray[np.intc]
 
@@ -104,7 +108,7 @@ class TunedRun:
         ----------
         runs : list of TunedRun
         """
-        names = ("force_N", "tension_N", "factors", "deviation", "slopes", "moved", "residual", "status")
+        names = ("force_N", "tension_N", "factors", "deviation", "slopes", "moved", "measured", "residual", "status")
         return cls(**{name: np.concatenate([getattr(run, name) for run in runs]) for name in names})
 
 
@@ -175,7 +179,7 @@ class SelfTuner:
         self._struct = _TuningStruct(
             int(tuning.sensor is Sensor.ACTUATOR_POSITION),
             tuning.delay_samples,
-            *(getattr(tuning, name) for name in _REALS),
+            *(getattr(tuning, name) for name in REALS),
             tuning.hold_samples,
             tuning.rest_samples,
             tuning.integral_gain,
@@ -266,7 +270,7 @@ class SelfTuner:
         """
         rows, count = len(reference_N), self._count
         reference, noise = (np.ascontiguousarray(a, dtype=np.float64) for a in (reference_N, noise))
-        force, tension, moved, residual = (np.empty(rows) for _ in range(4))
+        force, tension, moved, measured, residual = (np.empty(rows) for _ in range(5))
         factors, deviation, slopes = (np.empty((rows, count)) for _ in range(3))
         status = np.zeros(rows, dtype=np.intc)
         memory = np.empty(self._library.tff_work_reals(ctypes.c_int(rig.chain.count)))
@@ -292,6 +296,7 @@ class SelfTuner:
             pointer(slopes),
             pointer(moved),
             pointer(residual),
+            pointer(measured),
             ctypes.c_void_p(status.ctypes.data),
         )
         if done < rows:
@@ -306,6 +311,7 @@ class SelfTuner:
             deviation=deviation,
             slopes=slopes,
             moved=moved,
+            measured=measured,
             residual=residual,
             status=status,
         )
