@@ -6,7 +6,9 @@ slopes of the last step, one tridiagonal solve a step, no iteration.
 
 import ctypes
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -165,3 +167,41 @@ class Rig:
     def position_m(self) -> float:
         """Actuator's position relative to the start."""
         return float(self._rig.qa)
+
+
+class Tuner(Protocol):
+    """What closes the loop."""
+
+    @property
+    def status(self) -> int:
+        """Bits of the last step."""
+        ...
+
+    def step(self, reference_N: float, measured: float) -> float:
+        """Force at the end of the step."""
+        ...
+
+
+def closed_loop(
+    rig: Rig,
+    tuner: Tuner,
+    reference_N: Array,
+    measure: Callable[[Rig], float],
+    noise: Array,
+    *,
+    delay: int = 2,
+    step_s: float = 1e-3,
+    change: Callable[[Rig, float], None] | None = None,
+) -> tuple[Array, NDArray[np.int_]]:
+    """Output tension and status at 0, h, 2 h ...; the tuner sees what was measured `delay` steps ago."""
+    force, past, tension, status = rig.initial_tension_N, [], [rig.initial_tension_N], [0]
+    for k, wanted in enumerate(reference_N[1:]):
+        if change is not None:
+            change(rig, k * step_s)
+        past.append(measure(rig) + noise[k])
+        new = tuner.step(float(wanted), float(past[max(0, k - delay)]))
+        rig.advance(force, new, step_s)
+        force = new
+        tension.append(rig.tension_N)
+        status.append(int(tuner.status))
+    return np.array(tension), np.array(status)

@@ -22,7 +22,7 @@ class Bench:
 
     step_s, start_N, noise = STEP_S, START_N, NOISE
 
-    def __init__(self, transmission, rig_class) -> None:
+    def __init__(self, transmission, rigs) -> None:
         friction = replace(
             transmission.friction,
             mu_dynamic=0.2,
@@ -34,7 +34,7 @@ class Bench:
         )
         load = replace(transmission.load, damping_N_s_per_m=8.0)
         self.transmission = replace(transmission, friction=friction, load=load)
-        self.rig_class = rig_class
+        self.rigs = rigs
         self.limits = ForceLimits.of(self.transmission.actuator)
 
     def tuning(self, sensor: Sensor, parameters=(Tunable.MU,), *, delay: int = 2, gain: float = 0.0) -> Tuning:
@@ -52,28 +52,18 @@ class Bench:
         tuned = TunedChain.of(self.transmission, Level.PRESLIDING, tuning.parameters)
         return SelfTuner(tuned, STEP_S, tuning, limits or self.limits, START_N)
 
-    def blind(self, tuner: SelfTuner, tuning: Tuning, reference, *, change: Callable | None = None, seed=0, **hidden):
-        """Output tension, force and status bits; hidden: what the rig has and the tuner is not told."""
-        rig = self.rig_class(self.transmission, START_N, step_s=2e-5, **hidden)
-        noise = NOISE[tuning.sensor] * np.random.default_rng(seed).normal(size=len(reference))
-        force, tensions, forces, status, past = START_N, [START_N], [START_N], [0], []
-        for k, wanted in enumerate(reference[1:]):
-            if change is not None:
-                change(rig, k * STEP_S)
-            true = rig.tension_N if tuning.sensor is Sensor.OUTPUT_TENSION else rig.position_m
-            past.append(true + noise[k])
-            new = tuner.step(wanted, past[max(0, k - tuning.delay_samples)])
-            rig.advance(force, new, STEP_S)
-            force = new
-            tensions.append(rig.tension_N)
-            forces.append(force)
-            status.append(int(tuner.status))
-        return np.array(tensions), np.array(forces), np.array(status)
+    def blind(self, tuner: SelfTuner, tuning: Tuning, reference, *, change: Callable | None = None, **hidden):
+        """Output tension and status bits; hidden: what the rig has and the tuner is not told."""
+        rig = self.rigs.Rig(self.transmission, START_N, step_s=2e-5, **hidden)
+        position = tuning.sensor is Sensor.ACTUATOR_POSITION
+        noise = NOISE[tuning.sensor] * np.random.default_rng(0).normal(size=len(reference))
+        measure = (lambda r: r.position_m) if position else (lambda r: r.tension_N)
+        return self.rigs.closed_loop(rig, tuner, reference, measure, noise, delay=tuning.delay_samples, change=change)
 
 
 @pytest.fixture(scope="session")
 def bench(generic, independent_rig) -> Bench:
-    return Bench(generic, independent_rig.Rig)
+    return Bench(generic, independent_rig)
 
 
 @pytest.fixture(scope="session")

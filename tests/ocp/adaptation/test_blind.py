@@ -29,7 +29,7 @@ def test_plain_feedforward_misses_by_8_to_12_percent_there(bench, reference, per
     for mu in (0.8, 1.2):
         tuner = bench.tuner(tuning)
         forces = [30.0, *(tuner.step(wanted, 30.0) for wanted in reference[1:])]  # a sensor that says nothing new
-        rig = bench.rig_class(bench.transmission, 30.0, step_s=2e-5, mu=mu)
+        rig = bench.rigs.Rig(bench.transmission, 30.0, step_s=2e-5, mu=mu)
         tension = [30.0]
         for before, after in pairwise(forces):
             rig.advance(before, after, bench.step_s)
@@ -73,9 +73,9 @@ def test_a_load_that_changes_in_mid_run_is_said_and_harmless(bench, reference, p
             rig.set(mu=mu, load=load)
 
     tuning = bench.tuning(POSITION)
-    tension, _, status = bench.blind(bench.tuner(tuning), tuning, reference, change=change, mu=mu)
+    tension, status = bench.blind(bench.tuner(tuning), tuning, reference, change=change, mu=mu)
     silent = bench.tuner(tuning)
-    rig = bench.rig_class(bench.transmission, 30.0, step_s=2e-5, mu=mu)
+    rig = bench.rigs.Rig(bench.transmission, 30.0, step_s=2e-5, mu=mu)
     plain, force = [30.0], 30.0
     for k, wanted in enumerate(reference[1:]):
         change(rig, k * bench.step_s)

@@ -169,7 +169,7 @@ def test_integral_action_takes_out_what_is_left(bench, reference):
     plain, held = bench.tuning(TENSION), bench.tuning(TENSION, gain=40.0)
     errors = []
     for tuning in (plain, held):
-        tension, _, _ = bench.blind(bench.tuner(tuning), tuning, reference, mu=1.2, bristle=2.0)
+        tension, _ = bench.blind(bench.tuner(tuning), tuning, reference, mu=1.2, bristle=2.0)
         errors.append(np.sqrt(np.mean((tension[2000:] - reference[2000:]) ** 2)))
     assert errors[1] < 0.5 * errors[0]
 
