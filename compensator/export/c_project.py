@@ -18,6 +18,7 @@ from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
 from tendonff.compensator.compensators.table import table_of, table_range
 from tendonff.compensator.compensators.table_build import BuiltTable
+from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_code, adaptive_golden
 from tendonff.compensator.export.golden import golden_vectors
 from tendonff.compensator.export.table_index import share_index
 from tendonff.compensator.files.reading import InputError
@@ -101,9 +102,15 @@ def check_prefix(prefix: str) -> str:
     return prefix
 
 
-def c_modules() -> tuple[CModule, ...]:
-    """Modules of the compensators that can be exported, in the order of the registry, and of the plant."""
-    return (*(c.c_module for c in COMPENSATORS if c.c_module is not None), PLANT)
+def c_modules(scenario: Scenario) -> tuple[CModule, ...]:
+    """Modules of the compensators that can be exported, in the order of the registry, of the plant, and of the tuner.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    """
+    more = () if scenario.adaptation is None else ADAPTIVE_MODULES
+    return (*(c.c_module for c in COMPENSATORS if c.c_module is not None), PLANT, *more)
 
 
 def export_project(
@@ -142,15 +149,20 @@ def export_project(
         profile = compensator("optimal").profile(problem).require()
         profile_N, warnings = profile.force_N, (*warnings, *profile.warnings)
     built = table_of(problem)
+    golden = golden_vectors(problem, built.table, precision)
     further = {
         **_table_context(built, precision),
         "table_bytes": _table_bytes(built.table, precision),
         "profile": profile_N,
         "profile_bytes": (4 if precision is Precision.FLOAT else 8) * len(profile_N),
-        "golden": golden_vectors(problem, built.table, precision),
+        "golden": golden,
         "measured": measured(precision),
     }
-    texts = c_sources(scenario, problem, c_modules(), precision, prefix, further)
+    if scenario.adaptation is not None:
+        vectors = adaptive_golden(problem, scenario.adaptation, golden.reference_N, golden.plant_force_N, precision)
+        mu = problem.transmission.friction.mu_dynamic
+        further["adaptive"] = {"golden": vectors, "mu_dynamic": mu}
+    texts = c_sources(scenario, problem, c_modules(scenario), precision, prefix, further)
     context = _context(scenario, problem, precision, prefix) | further
     for name in ("self_test.c", "example_main.c", "Makefile", "CMakeLists.txt", "README.md"):
         texts[name] = _render(f"{name}.j2", context)
@@ -182,12 +194,16 @@ def c_sources(
     context = _context(scenario, problem, precision, prefix) | dict(further)
     names = [module.name for module in modules]
     code: dict[str, dict[str, object]] = {}
+    if scenario.adaptation is not None and {m.name for m in ADAPTIVE_MODULES} & set(names):
+        code |= dict.fromkeys(
+            (m.name for m in ADAPTIVE_MODULES), adaptive_code(problem, scenario.adaptation, precision, prefix)
+        )
     if "inverse" in names:
         code["inverse"] = asdict(inverse_code(chain, step, f"{prefix}_inverse", precision))
     if "plant" in names:
         code["plant"] = asdict(plant_code(chain, step, f"{prefix}_chain", precision))
     headers = ("types", "limits", *(header for module in modules for header in (*module.headers, module.name)))
-    texts = {f"{prefix}_{name}.h": _render(f"{name}.h.j2", context) for name in headers}
+    texts = {f"{prefix}_{name}.h": _render(f"{name}.h.j2", context | code.get(name, {})) for name in headers}
     for name in ("limits", *names):
         texts[f"{prefix}_{name}.c"] = _render(f"{name}.c.j2", context | code.get(name, {}))
     return texts
@@ -234,6 +250,7 @@ def _naming(scenario: Scenario, level: Level, precision: Precision, prefix: str)
         "guard": prefix.upper(),
         "real": "float" if precision is Precision.FLOAT else "double",
         "num": number,
+        "exact": lambda value: literal(float(value), Precision.DOUBLE),
         "rows": rows,
         "exact_rows": exact_rows,
         "integers": integers,
@@ -279,7 +296,7 @@ def _context(scenario: Scenario, problem: Problem, precision: Precision, prefix:
     chain = problem.chain
     count, reals, size = chain.count, chain.layout.size, 4 if precision is Precision.FLOAT else 8
     low, _ = table_range(problem)
-    modules = c_modules()
+    modules = c_modules(scenario)
     output = max(size, 4) + 8
     past = 2 * count + 2 if precision is Precision.FLOAT else 0
     state = {
@@ -304,7 +321,8 @@ def _context(scenario: Scenario, problem: Problem, precision: Precision, prefix:
         "release_ratio": math.exp(-law.release_exponent),
         "adhesion": law.adhesion_N,
         "modules": modules,
-        "followers": [m for m in modules if not m.plays_back and m != PLANT],  # of a reference
+        "followers": [m for m in modules if not m.plays_back and m not in (PLANT, *ADAPTIVE_MODULES)],  # of a reference
+        "adaptive": None,
         "initial": reference.initial_tension_N,
         "amplitude": 0.25 * min(reference.initial_tension_N, max(reference.range_N, 1e-3)),
         "example_rows": max(20, min(4000, round(2.0 / step))),
@@ -367,6 +385,6 @@ def _design_json(
             "rate_N_per_s": built.rate_N_per_s,
         },
         "profile": {"samples": len(profile), "least_N": float(np.min(profile)), "most_N": float(np.max(profile))},
-        "files": {f"{prefix}_{module.name}": module.content for module in c_modules()},
+        "files": {f"{prefix}_{module.name}": module.content for module in c_modules(scenario)},
     }
     return json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False) + "\n"

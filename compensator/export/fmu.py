@@ -103,7 +103,7 @@ def build_fmu(
     """
     check_prefix(prefix)
     problem = Problem.of(scenario, level=level)
-    module = next(module for module in c_modules() if module.name == kind.value)
+    module = next(module for module in c_modules(scenario) if module.name == kind.value)
     identifier = f"{prefix}_{kind}"
     compiled = [f"{prefix}_limits.c", f"{prefix}_{kind}.c"]
     wrapper = "fmi2.c" if fmi is FmiVersion.V2 else "fmi3.c"
