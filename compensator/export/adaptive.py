@@ -1,4 +1,4 @@
-"""What `export-c` adds for a scenario with [adaptation]: the tuner, the certified interval, and their golden vectors."""
+"""What `export-c` adds for a scenario with [adaptation]: tuner, certified interval, and their golden vectors."""
 
 import math
 from dataclasses import asdict, dataclass

@@ -266,7 +266,8 @@ def _free_code(
     )
     name = f"{folder.prefix}_weights"
     return FreeCode(
-        record=f"/* What depends on the weight H [s] of the scheme, and what is tuned. */\ntypedef struct {{\n{fields}\n}} {name};\n",
+        record="/* What depends on the weight H [s] of the scheme, and what is tuned. */\n"
+        f"typedef struct {{\n{fields}\n}} {name};\n",
         rows=f"static const {name} {folder.prefix}_rows[{len(weights)}] = {{\n{rows}\n}};\n",
         laws="\n".join(law.code for law in used),
         body="\n".join(code.render(template) for template in templates),
