@@ -153,7 +153,7 @@ def levels_figure(result: ComparisonData) -> Figure:
     hold.set(
         xlabel="time held [s]",
         ylabel="tension at the actuator [%]",
-        title="Stress relaxation, actuator's position held",
+        title="Relaxation in a hold",
     )
     legend_below(figure, loop, columns=4)
     return figure

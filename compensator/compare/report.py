@@ -99,11 +99,12 @@ def compare_report(result: ComparisonData, figures: dict[str, Figure]) -> Report
                 title="Every design on every plant",
                 blocks=(
                     Text(
-                        "A design is a force profile made with one model; a plant is the model that it is simulated on, "
-                        "the static capstan law included. All with the scenario's own parameters. Each simulation takes "
-                        "a quarter of the step, so that no design profits from sharing its plant's rounding; the spread "
-                        "is the largest RMS difference to simulations with half the step, the whole step, and a force "
-                        "that differs in the ninth digit. Errors that differ by less than their spreads are equal."
+                        "A design is a force profile made with one model; a plant is the model that it is simulated "
+                        "on, the static capstan law included, here with the scenario's own parameters. Each simulation "
+                        "takes a quarter of the step, so that no design profits from sharing its plant's rounding; the "
+                        "spread is the largest RMS difference to simulations with half the step, the whole step, and a "
+                        "force that differs in the ninth digit. Errors that differ by less than their spreads are "
+                        "equal."
                     ),
                     pictures["matrix"],
                     errors,
