@@ -93,6 +93,7 @@ def design_report(result: DesignData, figures: dict[str, Figure]) -> Report:
             )
             for c in result.compensators
         ),
+        least=1e-3,
     )
     peaks = Table(
         caption="Largest error [N], the design's own parameters",
@@ -101,6 +102,7 @@ def design_report(result: DesignData, figures: dict[str, Figure]) -> Report:
             (c.label, *(result.on_level(c.name, level).score.peak_error_N for level in Level))
             for c in result.compensators
         ),
+        least=1e-3,
     )
     return Report(
         title=f"Design: {result.scenario.name}",

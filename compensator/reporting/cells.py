@@ -6,6 +6,8 @@ from collections.abc import Sequence
 Cell = str | float | int | bool | None
 """What a table holds; None shows as a dash."""
 
+_DECADES = 4  # that one number of decimals serves
+
 
 def is_number(cell: Cell) -> bool:
     """Whether a cell holds a number; yes and no are none.
@@ -17,24 +19,26 @@ def is_number(cell: Cell) -> bool:
     return isinstance(cell, (int, float)) and not isinstance(cell, bool)
 
 
-def column_decimals(cells: Sequence[Cell], digits: int = 3) -> int | None:
+def column_decimals(cells: Sequence[Cell], digits: int = 3, least: float = 0.0) -> int | None:
     """Decimals that a column of numbers is shown with; None where its magnitudes span too much for one choice.
 
-    The smallest number shows two digits, at most three decimals; the largest at most six digits in all.
+    The smallest number shows two digits, with three decimals at most.
 
     Parameters
     ----------
     cells : sequence of Cell
     digits : int, optional
         Significant digits of a float that stands alone.
+    least : float, optional
+        Numbers below this need not be told apart.
     """
-    sizes = [abs(c) for c in cells if isinstance(c, float) and math.isfinite(c) and c != 0]
+    sizes = [max(abs(c), least) for c in cells if isinstance(c, float) and math.isfinite(c) and c != 0]
     if not sizes or any(isinstance(c, str) for c in cells):
         return None
-    least, most = (math.floor(math.log10(size)) for size in (min(sizes), max(sizes)))
-    if not -3 <= most <= 5:
+    low, high = (math.floor(math.log10(size)) for size in (min(sizes), max(sizes)))
+    if high - low > _DECADES or low < -_DECADES:
         return None
-    return max(0, digits - 1 - most, min(3, 1 - least, 5 - most))
+    return max(0, digits - 1 - high, min(3, 1 - low))
 
 
 def format_cell(cell: Cell, digits: int = 3, decimals: int | None = None) -> str:

@@ -8,13 +8,13 @@ A command fills a `Report` and writes it beside its other files, inside the fold
             folder / "report.html",
             Report(
                 title="Compensation of " + scenario.name,
-                summary="The optimal profile leaves 0.12 % of range on the presliding plant.",
+                summary="Expect an RMS error of up to 5 % of range.",
                 warnings=warnings,
                 sections=(
                     Section(
                         title="Force profiles",
                         blocks=(
-                            Text("Four forces for the same wanted tension."),
+                            Text("Four forces for the same reference."),
                             Picture(figure=figure, caption="Forces over time."),
                             Table(caption="Error", columns=("compensator", "rms [N]"), rows=(("none", 3.1),)),
                         ),
@@ -79,14 +79,16 @@ class Table:
     rows : sequence of sequence of Cell
         Numbers are aligned to the right, those of one column with the same number of decimals; None is a dash.
     digits : int, optional
-        Significant digits of the largest float of a column, at most; small ones set more decimals, up to three.
-        Default 3.
+        Significant digits of a float. Default 3.
+    least : float, optional
+        Smaller floats are shown as less than it, and set no decimals. Default 0: all are told apart.
     """
 
     caption: str
     columns: Sequence[str]
     rows: Sequence[Sequence[Cell]]
     digits: int = 3
+    least: float = 0.0
 
     def __post_init__(self) -> None:
         for k, row in enumerate(self.rows):
@@ -294,9 +296,8 @@ def _prepared(block: Block, numbers: Iterator[int]) -> dict[str, object]:
                 and all(row[k] is None or is_number(row[k]) for row in block.rows)
                 for k in range(len(block.columns))
             ]
-            decimals = [
-                column_decimals([row[k] for row in block.rows], block.digits) for k in range(len(block.columns))
-            ]
+            columns = [[row[k] for row in block.rows] for k in range(len(block.columns))]
+            decimals = [column_decimals(column, block.digits, block.least) for column in columns]
             rows = [
                 [
                     (format_cell(cell, block.digits, places), right)

@@ -96,7 +96,6 @@ def new_figure(
     share_x: bool = False,
     share_y: bool = False,
     height_ratios: Sequence[float] | None = None,
-    projection: str | None = None,
 ) -> tuple[Figure, "NDArray[np.object_]"]:
     """An empty figure in our style, without touching matplotlib's global state or a display.
 
@@ -110,8 +109,6 @@ def new_figure(
         Panels of one column share the abscissa, panels of one row the ordinate.
     height_ratios : sequence of float, optional
         Relative heights of the rows.
-    projection : str, optional
-        "3d" for panels in space.
 
     Returns
     -------
@@ -128,7 +125,6 @@ def new_figure(
             sharex="col" if share_x else False,
             sharey="row" if share_y else False,
             gridspec_kw={} if height_ratios is None else {"height_ratios": list(height_ratios)},
-            subplot_kw={} if projection is None else {"projection": projection},
         )
     return figure, axes
 
