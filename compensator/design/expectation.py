@@ -14,7 +14,7 @@ from tendonff.models.uncertainty import Uncertainty
 from tendonff.ocp.simulate import simulate
 from tendonff.ocp.tracking.robust import Sample, error_band
 
-_TIE = 1.01  # errors that differ by less are equal: then what comes first in the registry is simpler
+_TIE = 1.02  # worst errors that differ by less are equal: then the error with the nominal parameters decides
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,7 +28,7 @@ class Expectation:
     worst_percent : dict of str to float
         Largest RMS error over the samples, by name of the compensator [% of the reference's range].
     recommended : str
-        Name of the compensator whose worst error is least.
+        Name of the compensator whose worst error is least, and of equal ones the best with the nominal parameters.
     low_N, high_N : ndarray, shape (n,)
         Least and largest output tension over the samples under the recommended profile [N].
     """
@@ -58,22 +58,21 @@ def expect(
     reference, level = problem.reference, problem.level
     start, span = reference.initial_tension_N, scale_N(reference.tension_N)
     real = doubt(problem.transmission, uncertainty)
-    if found is not None:
-        worst = {name: found.bands[name].worst_rms_N for name in forces_N}
-    else:
-        worst = {
-            name: error_band(
-                real.samples, level, force, reference.tension_N, reference.step_s, initial_tension_N=start
-            ).worst_rms_N
+    bands = (
+        found.bands
+        if found is not None
+        else {
+            name: error_band(real.samples, level, force, reference.tension_N, reference.step_s, initial_tension_N=start)
             for name, force in forces_N.items()
         }
-    percent = {name: 100 * value / span for name, value in worst.items()}
-    least = min(percent.values())
-    recommended = next(name for name, value in percent.items() if value <= _TIE * least)
+    )
+    least = min(bands[name].worst_rms_N for name in forces_N)
+    equal = [name for name in forces_N if bands[name].worst_rms_N <= _TIE * least]
+    recommended = min(equal or forces_N, key=lambda name: bands[name].nominal_rms_N)
     outputs = _outputs(problem, real.samples, forces_N[recommended])
     return Expectation(
         doubt=real,
-        worst_percent=percent,
+        worst_percent={name: 100 * bands[name].worst_rms_N / span for name in forces_N},
         recommended=recommended,
         low_N=np.min(outputs, axis=0),
         high_N=np.max(outputs, axis=0),

@@ -8,6 +8,7 @@ import pytest
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.capstan import Capstan
 from tendonff.compensator.compensators.inverse import Inverse
+from tendonff.compensator.compensators.smoothed import Smoothed
 from tendonff.compensator.compensators.uncertain import doubt
 from tendonff.compensator.compensators.uncompensated import Uncompensated
 from tendonff.compensator.design.report import fine_print, headline
@@ -64,8 +65,19 @@ def test_the_first_sentence_has_the_worst_case_and_the_small_print_the_model_aga
 
 def test_the_profile_with_the_least_worst_error_is_recommended(assumed):
     worst = assumed.expectation.worst_percent
-    assert worst[assumed.recommended.name] == min(worst.values())
+    assert worst[assumed.recommended.name] <= 1.02 * min(worst.values())
     assert assumed.recommended.label in headline(assumed)
+
+
+def test_of_profiles_that_do_equally_well_there_the_one_that_is_best_with_the_design_s_parameters_is_recommended(
+    examples,
+):
+    """On the Bowden cable the worst cases of the smoothed law and of the inverse are half a per cent apart."""
+    scenario = load_scenario(examples / "bowden.toml")
+    result = design(scenario, compensators=(Uncompensated(), Capstan(), Smoothed(), Inverse()))
+    worst = result.expectation.worst_percent
+    assert worst["smoothed"] < worst["inverse"] < 1.02 * worst["smoothed"]
+    assert result.recommended.name == "inverse"
 
 
 def test_the_band_holds_the_output_of_every_sample(finger, assumed):
