@@ -45,7 +45,7 @@ def compare(
     ----------
     scenario : Scenario
     compensators : sequence of Compensator, optional
-        Default: all; "none", "capstan" and one that knows the level must be among them.
+        Default: all; "none", "capstan" and one beside "smoothed" that knows the level must be among them.
     options : TrackOptions, optional
         What the optimal profile is optimised for.
     progress : callable, optional
