@@ -18,7 +18,7 @@ from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
 from tendonff.compensator.compensators.table import table_of, table_range
 from tendonff.compensator.compensators.table_build import BuiltTable
-from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_code, adaptive_golden
+from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_code, adaptive_golden, tunable_inverse
 from tendonff.compensator.export.golden import golden_vectors
 from tendonff.compensator.export.table_index import share_index
 from tendonff.compensator.files.reading import InputError
@@ -198,7 +198,9 @@ def c_sources(
         code |= dict.fromkeys(
             (m.name for m in ADAPTIVE_MODULES), adaptive_code(problem, scenario.adaptation, precision, prefix)
         )
-    if "inverse" in names:
+    if "inverse" in names and scenario.adaptation is not None:
+        code["inverse"] = tunable_inverse(problem, precision, prefix)
+    elif "inverse" in names:
         code["inverse"] = asdict(inverse_code(chain, step, f"{prefix}_inverse", precision))
     if "plant" in names:
         code["plant"] = asdict(plant_code(chain, step, f"{prefix}_chain", precision))
@@ -323,6 +325,7 @@ def _context(scenario: Scenario, problem: Problem, precision: Precision, prefix:
         "modules": modules,
         "followers": [m for m in modules if not m.plays_back and m not in (PLANT, *ADAPTIVE_MODULES)],  # of a reference
         "adaptive": None,
+        "tunable": None,
         "initial": reference.initial_tension_N,
         "amplitude": 0.25 * min(reference.initial_tension_N, max(reference.range_N, 1e-3)),
         "example_rows": max(20, min(4000, round(2.0 / step))),
