@@ -13,6 +13,7 @@ from types import MappingProxyType
 import jinja2
 import numpy as np
 
+from tendonff.compensator.adapt.setup import learnt, tuning_of
 from tendonff.compensator.compensators.base import CModule, FloatArray, Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
@@ -66,12 +67,15 @@ class Exported:
         The profile that is played back [N].
     warnings : tuple of str
         What the user should know.
+    notes : tuple of str
+        What the tuner can identify along the reference, and what it cannot; empty without one.
     """
 
     files: dict[str, str]
     built: BuiltTable
     profile_N: FloatArray
     warnings: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write every file, all or nothing.
@@ -149,16 +153,18 @@ def export_project(
         profile = compensator("optimal").profile(problem).require()
         profile_N, warnings = profile.force_N, (*warnings, *profile.warnings)
     built = table_of(problem)
-    further = {
+    golden = golden_vectors(problem, built.table, precision)
+    further: dict[str, object] = {
         **_table_context(built, precision),
         "table_bytes": _table_bytes(built.table, precision),
         "profile": profile_N,
         "profile_bytes": (4 if precision is Precision.FLOAT else 8) * len(profile_N),
-        "golden": golden_vectors(problem, built.table, precision),
+        "golden": golden,
         "measured": measured(precision),
     }
+    notes: tuple[str, ...] = ()
     if scenario.adaptation is not None:
-        golden = further["golden"]
+        notes = learnt(problem, tuning_of(problem, scenario.adaptation)).sentences()
         vectors = adaptive_golden(problem, scenario.adaptation, golden.reference_N, golden.plant_force_N, precision)
         mu = problem.transmission.friction.mu_dynamic
         further["adaptive"] = {"golden": vectors, "mu_dynamic": mu}
@@ -167,7 +173,7 @@ def export_project(
     for name in ("self_test.c", "example_main.c", "Makefile", "CMakeLists.txt", "README.md"):
         texts[name] = _render(f"{name}.j2", context)
     texts["design.json"] = _design_json(scenario, problem.level, precision, prefix, built, profile_N)
-    return Exported(files=texts, built=built, profile_N=profile_N, warnings=warnings)
+    return Exported(files=texts, built=built, profile_N=profile_N, warnings=warnings, notes=notes)
 
 
 def c_sources(

@@ -3,7 +3,14 @@
 from dataclasses import dataclass
 
 from tendonff.models.chain import Chain
-from tendonff.ocp.adaptation.code import LOAD_STIFFNESS, TunedChain, render_tuner, rest_statements, tuner_context, tuner_laws
+from tendonff.ocp.adaptation.code import (
+    LOAD_STIFFNESS,
+    TunedChain,
+    render_tuner,
+    rest_statements,
+    tuner_context,
+    tuner_laws,
+)
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal, real_type
@@ -77,7 +84,9 @@ def inverse_free_code(
     far: dict[str, float] = {"f_c": 0.0, "x_c": 0.0, "pull": 1.0} | ({"f": 0.0} if shifted else {})
     numbers = chain.numbers()
     ends = {
-        which: {f"end_{n[len(which) + 1 :]}": v for n, v in numbers.items() if n.startswith(f"{which}_") and n not in names}
+        which: {
+            f"end_{n[len(which) + 1 :]}": v for n, v in numbers.items() if n.startswith(f"{which}_") and n not in names
+        }
         for which in ("near", "far")
     }
     folded = (
@@ -153,7 +162,7 @@ def tuner_code(tuned: TunedChain, step_s: float, prefix: str, precision: Precisi
     inverse = inverse_free_code(tuned, step_s, inverse_prefix, precision, names)
     shifted, chain = precision is Precision.FLOAT, tuned.chain
     zero, one = (chain.rest_state(value).vector() * (0.0 if shifted else 1.0) for value in (0.0, 1.0))
-    layout, limits = chain.layout, controller_limits(precision)
+    limits = controller_limits(precision)
     context |= {
         "model": model_prefix,
         "inverse": inverse_prefix,
@@ -177,7 +186,6 @@ def tuner_code(tuned: TunedChain, step_s: float, prefix: str, precision: Precisi
         f"    {real_type(precision)} drop[{chain.count}];",
         f"}} {inverse_prefix}_past;\n",
     ]
-    assert layout.size > 0  # noqa: S101 - for the reader
     header = [model.record, inverse.record, *(past if shifted else []), render_tuner("tuner.h.j2", context)]
     source = [
         *counts,
@@ -256,8 +264,9 @@ def _free_code(
         for k in range(len(weights))
     )
     name = f"{folder.prefix}_weights"
+    record = f"typedef struct {{\n{fields}\n}} {name};\n"
     return FreeCode(
-        record=f"/* What depends on the weight H [s] of the scheme, and what is tuned. */\ntypedef struct {{\n{fields}\n}} {name};\n",
+        record=f"/* What depends on the weight H [s] of the scheme, and what is tuned. */\n{record}",
         rows=f"static const {name} {folder.prefix}_rows[{len(weights)}] = {{\n{rows}\n}};\n",
         laws="\n".join(law.code for law in used),
         body="\n".join(code.render(template) for template in templates),
