@@ -260,14 +260,17 @@ def _free_code(
         columns["gain"] = (0.0,) * len(weights)
     fields = "\n".join(f"    {real} {name};" for name in columns)
     rows = "\n".join(
-        f"    {{ {', '.join(literal(column[k], folder.precision) for column in columns.values())} }},"
+        f"        {{ {', '.join(literal(column[k], folder.precision) for column in columns.values())} }},"
         for k in range(len(weights))
     )
     name = f"{folder.prefix}_weights"
     record = f"typedef struct {{\n{fields}\n}} {name};\n"
     return FreeCode(
         record=f"/* What depends on the weight H [s] of the scheme, and what is tuned. */\n{record}",
-        rows=f"static const {name} {folder.prefix}_rows[{len(weights)}] = {{\n{rows}\n}};\n",
+        rows=(
+            f"static const {name} *{folder.prefix}_rows(void)\n{{\n    static const {name} rows[{len(weights)}] = {{\n"
+            f"{rows}\n    }};\n    return rows;\n}}\n"
+        ),
         laws="\n".join(law.code for law in used),
         body="\n".join(code.render(template) for template in templates),
         gain_call=law_calls(folder.prefix, laws)("link_gain", {"gain": "&rows[k].gain"}),
