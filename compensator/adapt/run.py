@@ -10,7 +10,7 @@ from tendonff.compensator.adapt.feedback import FeedbackCertificate, feedback_ce
 from tendonff.compensator.adapt.output import AdaptationStudy
 from tendonff.compensator.adapt.plants import Change, Variation, variations
 from tendonff.compensator.adapt.result import SETTLED_S, Case, Scheme, Trace
-from tendonff.compensator.adapt.setup import certified, tuned_chain, tuning_of
+from tendonff.compensator.adapt.setup import certified, learnt, tuned_chain, tuning_of
 from tendonff.compensator.compensators.base import FloatArray, Problem
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import InputError
@@ -18,9 +18,9 @@ from tendonff.compensator.scenario.adaptation import Adaptation
 from tendonff.compensator.scenario.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.ocp.adaptation.code import TunedChain
-from tendonff.ocp.adaptation.information import Information, information
+from tendonff.ocp.adaptation.information import Information
 from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig, TunedRun, TunerStatus
-from tendonff.ocp.adaptation.tuning import GATE, Sensor, Tunable, Tuning
+from tendonff.ocp.adaptation.tuning import Sensor, Tunable, Tuning
 
 PLANT_MASSES = 40
 PLANT_SUBSTEPS = 4
@@ -78,23 +78,6 @@ def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy
         headline=_headline(cases, known),
         warnings=_warnings(cases, known, certificate),
     )
-
-
-def learnt(problem: Problem, tuning: Tuning) -> Information:
-    """What the reference teaches, on the scenario's own plant without noise.
-
-    Parameters
-    ----------
-    problem : Problem
-    tuning : Tuning
-    """
-    tuned, reference = tuned_chain(problem, tuning), problem.reference
-    start = reference.initial_tension_N
-    tuner = SelfTuner(tuned, reference.step_s, tuning, problem.limits, start)
-    rig = SimulatedRig(tuned.chain, reference.step_s, 1, start)
-    run = tuner.run(rig, reference.tension_N[1:], np.zeros(len(reference.tension_N) - 1), adapt=False)
-    weight = np.minimum(run.moved / tuning.full_speed, 1.0)
-    return information(tuning, reference.time_s[1:], run.slopes, np.where(weight > GATE, weight, 0.0))
 
 
 def _certificate(scenario: Scenario, settings: Adaptation) -> FeedbackCertificate | None:

@@ -1,4 +1,4 @@
-"""What a scenario's self-tuning needs to know: the numbers of the recursion, and the certified interval."""
+"""What a scenario's self-tuning is made of: the recursion's numbers, what the reference teaches, the interval."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,9 @@ from tendonff.compensator.scenario.adaptation import Adaptation
 from tendonff.models.capstan import CapstanLaw
 from tendonff.ocp.adaptation.bounds import CertifiedInterval
 from tendonff.ocp.adaptation.code import TunedChain
-from tendonff.ocp.adaptation.tuning import Sensor, Tunable, Tuning
+from tendonff.ocp.adaptation.information import Information, information
+from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig
+from tendonff.ocp.adaptation.tuning import GATE, Sensor, Tunable, Tuning
 from tendonff.ocp.simulate import simulate
 
 BOUND_SPREAD = 0.2
@@ -68,6 +70,23 @@ def tuned_chain(problem: Problem, tuning: Tuning) -> TunedChain:
     tuning : Tuning
     """
     return TunedChain.of(problem.transmission, problem.level, tuning.parameters)
+
+
+def learnt(problem: Problem, tuning: Tuning) -> Information:
+    """What the reference teaches, on the scenario's own plant without noise.
+
+    Parameters
+    ----------
+    problem : Problem
+    tuning : Tuning
+    """
+    tuned, reference = tuned_chain(problem, tuning), problem.reference
+    start = reference.initial_tension_N
+    tuner = SelfTuner(tuned, reference.step_s, tuning, problem.limits, start)
+    rig = SimulatedRig(tuned.chain, reference.step_s, 1, start)
+    run = tuner.run(rig, reference.tension_N[1:], np.zeros(len(reference.tension_N) - 1), adapt=False)
+    weight = np.minimum(run.moved / tuning.full_speed, 1.0)
+    return information(tuning, reference.time_s[1:], run.slopes, np.where(weight > GATE, weight, 0.0))
 
 
 def certified(problem: Problem) -> Certified:

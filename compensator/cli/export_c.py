@@ -32,6 +32,8 @@ def export_c(
         with progress("exporting"):
             exported = export_project(loaded, precision=precision, prefix=prefix, level=level)
             exported.write(folder)
+    for note in exported.notes:
+        say(note)
     for warning in exported.warnings:
         warn(warning)
     say(f"{len(exported.files)} files in {out}; `make test` there compares them with the Python model")

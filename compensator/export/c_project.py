@@ -13,12 +13,13 @@ import jinja2
 import numpy as np
 
 from tendonff._version import __version__
+from tendonff.compensator.adapt.setup import learnt, tuning_of
 from tendonff.compensator.compensators.base import CModule, FloatArray, Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
 from tendonff.compensator.compensators.table import table_of, table_range
 from tendonff.compensator.compensators.table_build import BuiltTable
-from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_code, adaptive_golden
+from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_code, adaptive_golden, tunable_inverse
 from tendonff.compensator.export.golden import golden_vectors
 from tendonff.compensator.export.table_index import share_index
 from tendonff.compensator.files.reading import InputError
@@ -66,12 +67,15 @@ class Exported:
         The profile that is played back [N].
     warnings : tuple of str
         What the user should know.
+    notes : tuple of str
+        What the tuner can identify along the reference, and what it cannot; empty without one.
     """
 
     files: dict[str, str]
     built: BuiltTable
     profile_N: FloatArray
     warnings: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write every file, all or nothing.
@@ -150,7 +154,7 @@ def export_project(
         profile_N, warnings = profile.force_N, (*warnings, *profile.warnings)
     built = table_of(problem)
     golden = golden_vectors(problem, built.table, precision)
-    further = {
+    further: dict[str, object] = {
         **_table_context(built, precision),
         "table_bytes": _table_bytes(built.table, precision),
         "profile": profile_N,
@@ -158,7 +162,9 @@ def export_project(
         "golden": golden,
         "measured": measured(precision),
     }
+    notes: tuple[str, ...] = ()
     if scenario.adaptation is not None:
+        notes = learnt(problem, tuning_of(problem, scenario.adaptation)).sentences()
         vectors = adaptive_golden(problem, scenario.adaptation, golden.reference_N, golden.plant_force_N, precision)
         mu = problem.transmission.friction.mu_dynamic
         further["adaptive"] = {"golden": vectors, "mu_dynamic": mu}
@@ -167,7 +173,7 @@ def export_project(
     for name in ("self_test.c", "example_main.c", "Makefile", "CMakeLists.txt", "README.md"):
         texts[name] = _render(f"{name}.j2", context)
     texts["design.json"] = _design_json(scenario, problem.level, precision, prefix, built, profile_N)
-    return Exported(files=texts, built=built, profile_N=profile_N, warnings=warnings)
+    return Exported(files=texts, built=built, profile_N=profile_N, warnings=warnings, notes=notes)
 
 
 def c_sources(
@@ -198,7 +204,9 @@ def c_sources(
         code |= dict.fromkeys(
             (m.name for m in ADAPTIVE_MODULES), adaptive_code(problem, scenario.adaptation, precision, prefix)
         )
-    if "inverse" in names:
+    if "inverse" in names and scenario.adaptation is not None:
+        code["inverse"] = tunable_inverse(problem, precision, prefix)
+    elif "inverse" in names:
         code["inverse"] = asdict(inverse_code(chain, step, f"{prefix}_inverse", precision))
     if "plant" in names:
         code["plant"] = asdict(plant_code(chain, step, f"{prefix}_chain", precision))
@@ -323,6 +331,7 @@ def _context(scenario: Scenario, problem: Problem, precision: Precision, prefix:
         "modules": modules,
         "followers": [m for m in modules if not m.plays_back and m not in (PLANT, *ADAPTIVE_MODULES)],  # of a reference
         "adaptive": None,
+        "tunable": None,
         "initial": reference.initial_tension_N,
         "amplitude": 0.25 * min(reference.initial_tension_N, max(reference.range_N, 1e-3)),
         "example_rows": max(20, min(4000, round(2.0 / step))),

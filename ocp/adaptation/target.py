@@ -162,7 +162,7 @@ def tuner_code(tuned: TunedChain, step_s: float, prefix: str, precision: Precisi
     inverse = inverse_free_code(tuned, step_s, inverse_prefix, precision, names)
     shifted, chain = precision is Precision.FLOAT, tuned.chain
     zero, one = (chain.rest_state(value).vector() * (0.0 if shifted else 1.0) for value in (0.0, 1.0))
-    layout, limits = chain.layout, controller_limits(precision)
+    limits = controller_limits(precision)
     context |= {
         "model": model_prefix,
         "inverse": inverse_prefix,
@@ -186,7 +186,6 @@ def tuner_code(tuned: TunedChain, step_s: float, prefix: str, precision: Precisi
         f"    {real_type(precision)} drop[{chain.count}];",
         f"}} {inverse_prefix}_past;\n",
     ]
-    assert layout.size > 0  # noqa: S101 - for the reader
     header = [model.record, inverse.record, *(past if shifted else []), render_tuner("tuner.h.j2", context)]
     source = [
         *counts,
@@ -261,14 +260,17 @@ def _free_code(
         columns["gain"] = (0.0,) * len(weights)
     fields = "\n".join(f"    {real} {name};" for name in columns)
     rows = "\n".join(
-        f"    {{ {', '.join(literal(column[k], folder.precision) for column in columns.values())} }},"
+        f"        {{ {', '.join(literal(column[k], folder.precision) for column in columns.values())} }},"
         for k in range(len(weights))
     )
     name = f"{folder.prefix}_weights"
+    record = f"typedef struct {{\n{fields}\n}} {name};\n"
     return FreeCode(
-        record="/* What depends on the weight H [s] of the scheme, and what is tuned. */\n"
-        f"typedef struct {{\n{fields}\n}} {name};\n",
-        rows=f"static const {name} {folder.prefix}_rows[{len(weights)}] = {{\n{rows}\n}};\n",
+        record=f"/* What depends on the weight H [s] of the scheme, and what is tuned. */\n{record}",
+        rows=(
+            f"static const {name} *{folder.prefix}_rows(void)\n{{\n    static const {name} rows[{len(weights)}] = {{\n"
+            f"{rows}\n    }};\n    return rows;\n}}\n"
+        ),
         laws="\n".join(law.code for law in used),
         body="\n".join(code.render(template) for template in templates),
         gain_call=law_calls(folder.prefix, laws)("link_gain", {"gain": "&rows[k].gain"}),
