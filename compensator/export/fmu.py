@@ -15,7 +15,7 @@ from pathlib import Path
 import jinja2
 
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.export.c_project import c_modules, c_sources, check_prefix
+from tendonff.compensator.export.c_text import c_modules, c_sources, check_prefix
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.fidelity import Level
