@@ -31,7 +31,9 @@ def export_c(
         from tendonff.compensator.export.judgement import score_lines
 
         with progress("exporting"):
-            exported = export_project(loaded, precision=precision, prefix=prefix, level=level, force_export=force_export)
+            exported = export_project(
+                loaded, precision=precision, prefix=prefix, level=level, force_export=force_export
+            )
             exported.write(folder)
     for warning in exported.warnings:
         warn(warning)

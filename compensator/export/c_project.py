@@ -15,6 +15,7 @@ from tendonff.compensator.compensators.table import CompensationTable, table_of
 from tendonff.compensator.compensators.table_build import BuiltTable
 from tendonff.compensator.export.c_text import (
     PLANT,
+    accepted_range,
     c_modules,
     c_sources,
     check_prefix,
@@ -134,7 +135,9 @@ def export_project(
     modules, faults = _chosen(judged, force_export=force_export)
     further = {
         **numbers,
-        **self_test_context(problem, built.table, profile_N, golden, precision, found),
+        **self_test_context(
+            problem, built.table, profile_N, golden, precision, found, accepted_N=accepted_range(problem)
+        ),
         "measured": measured(precision),
         "judged": judged,
         "losses": losses,
@@ -176,8 +179,8 @@ def _chosen(judged: Sequence[Judged], *, force_export: bool) -> tuple[tuple[CMod
     """Modules to export, and warnings of those that do harm."""
     faults = {each.module: each.fault for each in judged if each.fault}
     if force_export:
-        said = (f"{module}: {fault}; exported because of --force-export" for module, fault in faults.items())
-        return c_modules(), tuple(said)
+        kept = (f"{module}: {fault}; exported because of --force-export" for module, fault in faults.items())
+        return c_modules(), tuple(kept)
     modules = tuple(module for module in c_modules() if module.name not in faults)
     if modules == (PLANT,):
         said = "; ".join(f"{module}: {fault}" for module, fault in faults.items())
@@ -185,8 +188,8 @@ def _chosen(judged: Sequence[Judged], *, force_export: bool) -> tuple[tuple[CMod
             f"nothing to export: {said}. Let the reference move more slowly, raise the actuator's limits, "
             "or export all the same with --force-export"
         )
-    said = (f"{module} is not exported: {fault}; --force-export exports it" for module, fault in faults.items())
-    return modules, tuple(said)
+    left = (f"{module} is not exported: {fault}; --force-export exports it" for module, fault in faults.items())
+    return modules, tuple(left)
 
 
 def _design_json(

@@ -226,6 +226,19 @@ def table_context(built: BuiltTable, precision: Precision) -> dict[str, object]:
     }
 
 
+def accepted_range(problem: Problem) -> tuple[float, float]:
+    """References that the exported modules accept [N].
+
+    Parameters
+    ----------
+    problem : Problem
+    """
+    tension = problem.reference.tension_N
+    low, _ = table_range(problem)
+    high = max(largest_tension(problem.transmission), float(np.max(tension)))
+    return min(low, 0.01 * float(np.min(tension))), high
+
+
 def _context(
     scenario: Scenario, problem: Problem, modules: Sequence[CModule], precision: Precision, prefix: str
 ) -> dict[str, object]:
@@ -234,7 +247,7 @@ def _context(
     actuator, law = transmission.actuator, CapstanLaw.of(transmission)
     chain = problem.chain
     count, reals, size = chain.count, chain.layout.size, 4 if precision is Precision.FLOAT else 8
-    low, _ = table_range(problem)
+    accepted = accepted_range(problem)
     names = [module.name for module in modules]
     followers = [m for m in modules if not m.plays_back and m != PLANT]  # of a reference
     output = max(size, 4) + 8
@@ -252,8 +265,8 @@ def _context(
         "reals": reals,
         "step": step,
         "step_s": repr(step),
-        "reference_min": min(low, 0.01 * float(np.min(reference.tension_N))),
-        "reference_max": max(largest_tension(transmission), float(np.max(reference.tension_N))),
+        "reference_min": accepted[0],
+        "reference_max": accepted[1],
         "force_min": actuator.force_min_N,
         "force_max": actuator.force_max_N,
         "change_max": actuator.force_rate_max_N_per_s * step,

@@ -88,6 +88,8 @@ def self_test_context(
     golden: Golden,
     precision: Precision,
     found_N: Sequence[Mapping[str, FloatArray]] | None,
+    *,
+    accepted_N: tuple[float, float],
 ) -> dict[str, object]:
     """What the template of the self test needs.
 
@@ -100,6 +102,8 @@ def self_test_context(
     precision : Precision
     found_N : sequence of mapping, or None
         Answers of the exported code to the course and to the jumps [N]; None where they were not measured.
+    accepted_N : tuple of float
+        References that the modules accept [N].
     """
     actuator, step = problem.transmission.actuator, problem.reference.step_s
     course, jumps = golden.course, golden.jumps
@@ -108,19 +112,22 @@ def self_test_context(
     pushed = simulate(problem.chain, np.append(start, np.full(_SLACK_ROWS, -start)), step, initial_tension_N=start)
     slack = len(pushed.tension_N) > _SLACK_ROWS and float(pushed.output_tension_N[-1]) <= 0
     stiffness = min(problem.transmission.load.stiffness_N_per_m, problem.transmission.tendon.stiffness_N_per_m)
-    tolerances = _tolerances(course, precision, found_N and found_N[0])
+    tolerances = _tolerances(course, precision, None if found_N is None else found_N[0])
     bits = {}
-    low, high = actuator.force_min_N, actuator.force_max_N
+    least, most = actuator.force_min_N, actuator.force_max_N
     exact = invert(problem.chain, jumps.reference_N, step, initial_tension_N=float(jumps.reference_N[0]))
+    high, low_end = float(course.reference_N.max()), 1.02 * accepted_N[0]
+    dropped = (np.array([high, drop, drop]) for drop in (low_end, 2 * low_end))  # the second: beyond doubt
+    pushes = all(
+        (invert(problem.chain, fall, step, initial_tension_N=high).least_tension_N <= 0).any() for fall in dropped
+    )
     for name, limited in jumps.columns.items():
         bits[name] = Status.OK
         if name == "inverse":
-            bits[name] = seen(exact.force_N, limited, low, high)
-            if exact.least_tension_N.min() < -0.01 * start:
-                bits[name] |= Status.WOULD_PUSH
+            bits[name] = seen(exact.force_N, limited, least, most)
     return {
         "golden": golden,
-        "limit_cases": limit_cases(low, high, actuator.force_rate_max_N_per_s * step, precision),
+        "limit_cases": limit_cases(least, most, actuator.force_rate_max_N_per_s * step, precision),
         "checksums": {
             "profile": checksum(profile_N, precision),
             **{b.value: checksum(_numbers(table, b), precision) for b in Branch},
@@ -128,11 +135,12 @@ def self_test_context(
         },
         "tolerances": {
             "course": tolerances,
-            "jumps": _tolerances(jumps, precision, found_N and found_N[1]),
+            "jumps": _tolerances(jumps, precision, None if found_N is None else found_N[1]),
             "position": tolerances["plant"] / stiffness,
         },
         "jump_bits": {name: int(value) for name, value in bits.items()},
         "plant_ends": (float(ends.near_position_m[-1]), float(ends.far_position_m[-1])),
+        "push_N": (high, low_end) if pushes else None,
         "slack_rows": _SLACK_ROWS if slack else 0,
     }
 
