@@ -23,7 +23,10 @@ def export_c(
         bool, typer.Option("--force-export", help="Export modules all the same that are worse than no compensation.")
     ] = False,
 ) -> None:
-    """Write C99 for the controller: inverse, capstan law, table, optimal profile, and the chain for tests."""
+    """Write C99 for the controller.
+
+    Inverse, capstan law, table, optimal profile, and the chain itself for tests.
+    """
     from tendonff.compensator.cli.opening import opened
 
     with opened(scenario, out) as (loaded, folder):

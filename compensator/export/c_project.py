@@ -5,10 +5,10 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from importlib.metadata import version
 
 import numpy as np
 
+from tendonff._version import __version__
 from tendonff.compensator.compensators.base import CModule, FloatArray, Problem
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
 from tendonff.compensator.compensators.table import CompensationTable, table_of
@@ -210,7 +210,7 @@ def _design_json(
         "schema": 1,
         "scenario": scenario.name,
         "scenario_hash": scenario_hash(scenario),
-        "tendonff": version("tendonff"),
+        "tendonff": __version__,
         "level": level,
         "precision": precision,
         "prefix": prefix,
