@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, ProfileStatus
 from tendonff.compensator.compensators.registry import COMPENSATORS
-from tendonff.compensator.compensators.score import SimulatedPlant, Verified, verify
+from tendonff.compensator.compensators.score import SimulatedPlant, Verified, is_worse, verify
 from tendonff.compensator.design.expectation import expect
 from tendonff.compensator.design.output import Design
 from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS
@@ -81,7 +81,7 @@ def design(
         for plant, found in (*((SimulatedPlant(level=each), verified) for each in Level), (fine, proof)):
             found.append(verify(transmission, plant, name, force, reference))
             parts.done()
-    warnings += _worse_than_nothing([v for v in verified if v.plant.level is level])
+    warnings += _worse_than_nothing([v for v in verified if v.plant.level is level], reference.tension_N)
     warnings += [f"{v.compensator} on {v.plant.level}: {v.slack}" for v in verified if v.slack]
     return Design(
         scenario=scenario,
@@ -97,7 +97,7 @@ def design(
     )
 
 
-def _worse_than_nothing(verified: Sequence[Verified]) -> list[str]:
+def _worse_than_nothing(verified: Sequence[Verified], reference_N: FloatArray) -> list[str]:
     """Compensators with a larger error on their own level than the reference applied directly."""
     nothing = next((v.score for v in verified if v.compensator == "none"), None)
     if nothing is None:
@@ -106,7 +106,7 @@ def _worse_than_nothing(verified: Sequence[Verified]) -> list[str]:
         f"{v.compensator}: RMS error {v.score.rmse_percent_of_range:.3g} % of range, more than without compensation "
         f"({nothing.rmse_percent_of_range:.3g} %): do not use it for this reference and these limits"
         for v in verified
-        if v.score.rmse_N > 1.01 * nothing.rmse_N
+        if is_worse(v.score, nothing, reference_N)
     ]
 
 
