@@ -267,6 +267,13 @@ def track_robust(
     start = float(reference[0]) if initial_tension_N is None else initial_tension_N
     inverse = invert(chains[0], reference, step_s, initial_tension_N=start) if inversion is None else inversion
     problem = TrackingProblem.of(
-        chains, reference, step_s, limits, options, initial_tension_N=start, power=_POWER[objective]
+        chains,
+        reference,
+        step_s,
+        limits,
+        options,
+        initial_tension_N=start,
+        inverse_N=inverse.force_N,
+        power=_POWER[objective],
     )
     return solve_tracking(problem, inverse, options, progress)

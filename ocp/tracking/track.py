@@ -81,7 +81,9 @@ def track(
     reference = np.asarray(reference_N, dtype=np.float64)
     start = float(reference[0]) if initial_tension_N is None else initial_tension_N
     inverse = invert(chain, reference, step_s, initial_tension_N=start) if inversion is None else inversion
-    problem = TrackingProblem.of((chain,), reference, step_s, limits, options, initial_tension_N=start)
+    problem = TrackingProblem.of(
+        (chain,), reference, step_s, limits, options, initial_tension_N=start, inverse_N=inverse.force_N
+    )
     return solve_tracking(problem, inverse, options, progress)
 
 
@@ -121,11 +123,9 @@ def solve_tracking(
         best, status = 0, TrackStatus.EXACT
     else:
         try:
-            for wanted in (inversion.force_N, law):  # the law only where the search from the inverse ends worse
-                force, refinements = solve(_taut(problem, wanted), wanted, options, progress)
-                candidates.insert(0, (evaluate(problem, force), force))
-                if candidates[0][0].merit < min(found.merit for found, _ in candidates[1:]):
-                    break
+            taut = _taut(problem, inversion.force_N)
+            force, refinements = solve(taut, (inversion.force_N, law), options, progress)
+            candidates.insert(0, (evaluate(problem, force), force))
         except (CodeError, SolveError) as error:
             note = f"; the search stopped: {error}"
         best = min(range(len(candidates)), key=lambda i: candidates[i][0].merit)
