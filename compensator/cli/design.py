@@ -7,20 +7,18 @@ EXIT_SOLVE = 1  # what was written is the best that was found
 
 
 def design(scenario: ScenarioArgument, out: OutFolderOption) -> int:
-    """Design the actuator's force profile for a wanted output tension, and prove what it delivers."""
-    from tendonff.compensator.design.run import design as design_profile
-    from tendonff.compensator.design.run import write_design
-    from tendonff.compensator.design.scores import print_scores
-    from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.scenario.scenario import load_scenario
-    from tendonff.ocp.tracking.result import TrackStatus
+    """Compute the actuator force that produces a desired output tension, and verify it."""
+    from tendonff.compensator.cli.opening import opened
 
-    loaded = load_scenario(scenario)
-    with progress("designing") as advance:
-        result = design_profile(loaded, advance=advance)
-    with progress("writing"), atomic_directory(out) as folder:
-        write_design(result, folder)
+    with opened(scenario, out) as (loaded, folder):
+        from tendonff.compensator.design.run import design as design_profile
+        from tendonff.compensator.design.scores import print_scores
+
+        with progress("designing") as advance:
+            result = design_profile(loaded, progress=advance)
+        with progress("writing"):
+            result.write(folder)
     for warning in result.warnings:
         warn(warning)
     print_scores(result, out)
-    return EXIT_SOLVE if result.tracking.status in (TrackStatus.INFEASIBLE, TrackStatus.FAILED) else 0
+    return 0 if result.is_usable else EXIT_SOLVE

@@ -15,7 +15,6 @@ from tendonff.compensator.files.reading import InputError, read_text, suggestion
 from tendonff.compensator.scenario.experiment import Experiment
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec, SineReference, WaypointReference
-from tendonff.compensator.scenario.robust import Robust
 from tendonff.compensator.scenario.run import Run
 from tendonff.compensator.scenario.tables import descriptions, read_table, show, toml_table, toml_value
 from tendonff.models.errors import ParameterError
@@ -27,6 +26,7 @@ from tendonff.models.parameters import (
     Transmission,
 )
 from tendonff.models.parameters import Path as TendonPath
+from tendonff.models.uncertainty import Uncertainty
 
 SCHEMA = 1
 
@@ -43,7 +43,7 @@ _TABLES: dict[str, type] = {
     "load": Load,
     "run": Run,
 }
-_OPTIONAL: dict[str, type] = {"robust": Robust, "experiment": Experiment, "measurement": Measurement}
+_OPTIONAL: dict[str, type] = {"robust": Uncertainty, "experiment": Experiment, "measurement": Measurement}
 _REQUIRED_TABLES = ("path", "tendon", "friction", "actuator", "load", "reference", "run")
 
 
@@ -61,7 +61,7 @@ class Scenario:
         The tension wanted at the far end.
     run : Run
         Time step and fidelity level.
-    robust : Robust
+    robust : Uncertainty
         Uncertainty of the parameters.
     experiment : Experiment
         The two-motor test.
@@ -75,7 +75,7 @@ class Scenario:
     transmission: Transmission
     reference: ReferenceSpec
     run: Run
-    robust: Robust = field(default_factory=Robust)
+    robust: Uncertainty = field(default_factory=Uncertainty)
     experiment: Experiment = field(default_factory=Experiment)
     measurement: Measurement = field(default_factory=Measurement)
     source: Path = Path("scenario.toml")
@@ -87,12 +87,12 @@ class Scenario:
         return None
 
 
-def load_scenario(path: Path) -> Scenario:
+def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     """Read a scenario file.
 
     Parameters
     ----------
-    path : Path
+    path : str or path-like
         TOML file.
 
     Raises
@@ -104,16 +104,17 @@ def load_scenario(path: Path) -> Scenario:
     return parse_scenario(read_text(path), path)
 
 
-def parse_scenario(text: str, source: Path) -> Scenario:
+def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") -> Scenario:
     """Read a scenario from its text.
 
     Parameters
     ----------
     text : str
         TOML.
-    source : Path
+    source : str or path-like, optional
         File name for messages; a CSV reference is relative to its folder.
     """
+    source = Path(source)
     file = source.name
     try:
         raw = tomllib.loads(text)
@@ -190,13 +191,13 @@ def _read_reference(raw: object, file: str) -> ReferenceSpec:
     return read_table(_KINDS[kind], raw, file=file, table="reference", extra_keys=("kind",))
 
 
-def scenario_to_toml(scenario: Scenario, *, folder: Path | None = None) -> str:
+def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | None = None) -> str:
     """Text of a scenario file that reads back as the same scenario; writes every key that is set.
 
     Parameters
     ----------
     scenario : Scenario
-    folder : Path, optional
+    folder : str or path-like, optional
         Folder that the text will be stored in: the file of a CSV reference is renamed to be found from there.
         Default: the folder the scenario came from.
     """
@@ -226,7 +227,7 @@ def scenario_to_toml(scenario: Scenario, *, folder: Path | None = None) -> str:
     return "".join(parts)
 
 
-def _relative(file: Path, folder: Path) -> str:
+def _relative(file: Path, folder: str | os.PathLike[str]) -> str:
     try:
         return Path(os.path.relpath(file, folder)).as_posix()
     except ValueError:  # another drive

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.compensator.identification.cleaning import Record
-from tendonff.compensator.identification.residuals import ChainTask, Run, runs_of, spans_of
-from tendonff.compensator.identification.smoothing import low_pass
-from tendonff.compensator.identification.static import SIMPLER_WITHIN, FileError
+from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece, fit_pieces, spans_of
+from tendonff.compensator.identification.fitting.static import SIMPLER_WITHIN, FileError
+from tendonff.compensator.identification.measured.cleaning import Record
+from tendonff.compensator.identification.measured.smoothing import low_pass
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.fits.chain import ChainModel, DynamicParameter
@@ -49,7 +49,7 @@ lowers the error by more than that."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ChainLaw:
+class ChainCandidate:
     """A candidate law of the chain, and how it did.
 
     Parameters
@@ -82,7 +82,7 @@ class DynamicFit:
         Of the free ones, with the input's noise in its covariance.
     expected : dict of DynamicParameter to float
         Standard error that each parameter would have if it were free as well; infinite where the data is blind.
-    laws : tuple of ChainLaw
+    laws : tuple of ChainCandidate
         The laws that were compared.
     """
 
@@ -90,7 +90,7 @@ class DynamicFit:
     values: dict[DynamicParameter, float]
     solution: Solution
     expected: dict[DynamicParameter, float]
-    laws: tuple[ChainLaw, ...]
+    laws: tuple[ChainCandidate, ...]
 
 
 def _unknown(name: DynamicParameter, start: float, span_N: float) -> Unknown:
@@ -110,7 +110,7 @@ def _unknown(name: DynamicParameter, start: float, span_N: float) -> Unknown:
 
 
 def _solve(
-    task: ChainTask, start: Mapping[DynamicParameter, float], span_N: float, most: int, tolerance: float
+    task: ChainResiduals, start: Mapping[DynamicParameter, float], span_N: float, most: int, tolerance: float
 ) -> Solution:
     unknowns = [_unknown(name, start[name], span_N) for name in task.free]
     return solve(task.evaluate, unknowns, most=most, tolerance=tolerance)
@@ -139,13 +139,13 @@ class CoarseFit:
 
     Parameters
     ----------
-    task : ChainTask
+    task : ChainResiduals
     solution : Solution
     percent : float
         Robust error of the output in percent of its range.
     """
 
-    task: ChainTask
+    task: ChainResiduals
     solution: Solution
     percent: float
 
@@ -162,14 +162,14 @@ def fit_coarse(
     start : mapping of DynamicParameter to float
         From the stages before; the rest comes from `transmission`.
     """
-    runs = runs_of(records)
+    runs = fit_pieces(records)
     span_N, span_m = spans_of(runs)
     model = ChainModel(
         transmission=transmission, level=Level.PRESLIDING, count=COARSE_MASSES, longest_step_s=COARSE_STEP_S
     )
     known = {**model.values(), **{n: v for n, v in start.items() if n not in EXTRAS}}
     seconds = sum(float(np.ptp(r.piece.time_s)) for r in runs)
-    task = ChainTask(
+    task = ChainResiduals(
         model=model,
         runs=runs,
         fixed=known,
@@ -217,7 +217,7 @@ def fit_dynamic(
     task = replace(task, fixed=known, output_unit_N=2 * output_unit, elongation_unit_m=2 * elongation_unit)
     say("dynamic stage: choice of the law")
     extras = (*EXTRAS, *((D.INPUT_BIAS,) if biases else ()))
-    task, solution, laws = _choose(task, runs_of(validation), extras, start, span_N, mean_N)
+    task, solution, laws = _choose(task, fit_pieces(validation), extras, start, span_N, mean_N)
     say("dynamic stage: fine chain")
     known = task.complete(solution.values)
     output_unit, elongation_unit = task.channel_rms(solution.residuals)
@@ -235,24 +235,25 @@ def fit_dynamic(
 
 
 def _choose(
-    task: ChainTask,
-    validation: Sequence[Run],
+    task: ChainResiduals,
+    validation: Sequence[FitPiece],
     extras: Sequence[DynamicParameter],
     start: Mapping[DynamicParameter, float],
     span_N: float,
     mean_N: float,
-) -> tuple[ChainTask, Solution, tuple[ChainLaw, ...]]:
+) -> tuple[ChainResiduals, Solution, tuple[ChainCandidate, ...]]:
     """Add to the law what lowers the error where it was not fitted: on other files, or on the last third of these."""
-    own = {n: _fallback(n, task.model) for n in extras}
+    scenario = task.model.values()
+    own = {n: scenario[n] for n in extras}
     task = replace(task, fixed={**task.fixed, **own})
     train, judge = task.split(validation)
     laws = []
 
-    def attempt(candidate: ChainTask, at: Mapping[DynamicParameter, float], name: str) -> tuple[Solution, float]:
+    def attempt(candidate: ChainResiduals, at: Mapping[DynamicParameter, float], name: str) -> tuple[Solution, float]:
         found = _solve(candidate, at, span_N, 15, 1e-4)
         error = replace(judge, model=candidate.model).robust_rms_N(candidate.complete(found.values))
         fitted = candidate.robust_rms_N(candidate.complete(found.values))
-        laws.append(ChainLaw(name=name, size=len(candidate.free), fit_rms_N=fitted, validation_rms_N=error))
+        laws.append(ChainCandidate(name=name, size=len(candidate.free), fit_rms_N=fitted, validation_rms_N=error))
         return found, error
 
     name = "symmetric with presliding" if task.model.symmetric else "asymmetric with presliding"
@@ -289,7 +290,7 @@ def _choose(
         ]
         if not poor:
             break
-        known = {**chosen.complete(solution.values), **{n: _fallback(n, task.model) for n in poor}}
+        known = {**chosen.complete(solution.values), **{n: scenario[n] for n in poor}}
         chosen = replace(chosen, fixed=known, free=tuple(n for n in chosen.free if n not in poor))
         solution = _solve(chosen, known, span_N, 20, 1e-4)
     return chosen, solution, tuple(laws)
@@ -309,12 +310,7 @@ def _nudged(
     return {**at, extra: at[extra] + more, D.MU_PULL: share * at[D.MU_PULL], D.MU_RELEASE: share * at[D.MU_RELEASE]}
 
 
-def _fallback(name: DynamicParameter, model: ChainModel) -> float:
-    """Value of what the data cannot tell: the scenario's own."""
-    return model.values()[name]
-
-
-def _expected(task: ChainTask, names: tuple[DynamicParameter, ...]) -> dict[DynamicParameter, float]:
+def _expected(task: ChainResiduals, names: tuple[DynamicParameter, ...]) -> dict[DynamicParameter, float]:
     """Standard errors if all of `names` were free, by the slopes at the present values."""
     values = {n: task.fixed[n] for n in names}
     try:
@@ -325,7 +321,7 @@ def _expected(task: ChainTask, names: tuple[DynamicParameter, ...]) -> dict[Dyna
     return dict(zip(names, np.sqrt(np.diag(covariance)), strict=True))
 
 
-def _with_input_noise(task: ChainTask, solution: Solution) -> Solution:
+def _with_input_noise(task: ChainResiduals, solution: Solution) -> Solution:
     """Take the input's noise into account: what it shifts is taken out, what it scatters joins the covariance.
 
     The model is driven by a measurement, whose noise is not in the residuals' statistics and is rectified by the play
@@ -345,7 +341,7 @@ def _with_input_noise(task: ChainTask, solution: Solution) -> Solution:
     for _ in range(REPLICAS):
         shaken = []
         for run, noise in noisy:
-            extra = run.piece.quiet.apply(noise * rng.standard_normal(len(run.drive.input_N)))
+            extra = run.piece.input_filter.apply(noise * rng.standard_normal(len(run.drive.input_N)))
             shaken.append(replace(run, drive=replace(run.drive, input_N=run.drive.input_N + extra)))
         other = replace(quick, runs=shaken, free=()).evaluate(solution.values)
         moves.append(-inverse @ (normal @ (other.values - base.values)))
@@ -374,7 +370,7 @@ def errors_of(fit: DynamicFit, records: Sequence[Record]) -> tuple[FileError, ..
     found = []
     for record in records:
         wanted, given, good = [], [], []
-        for run in runs_of([record]):
+        for run in fit_pieces([record]):
             response = fit.model.respond(fit.values, run.drive)
             wanted.append(run.piece.output_N)
             given.append(low_pass(response.output_N, run.step_s, run.cutoff_Hz))

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.compensator.identification.cleaning import Piece, Record
-from tendonff.compensator.identification.reading import Array, Mask
+from tendonff.compensator.identification.measured.cleaning import Piece, Record
+from tendonff.compensator.identification.measured.reading import Array, Mask
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.fits.least_squares import Residuals, Solution, Unknown, solve
 from tendonff.ocp.fits.static import NEUTRAL, ORDER, Response, StaticParameter, input_from_output, output_from_input
@@ -142,8 +142,8 @@ def respond(
     """
     if explain is Explain.OUTPUT:
         return output_from_input(values, piece.input_N[::thin], float(piece.output_N[0]))
-    assert piece.input_m is not None  # noqa: S101 - the caller asks only where positions exist
-    return input_from_output(values, piece.output_N[::thin], piece.input_m[::thin] - middle_m, float(piece.input_N[0]))
+    motion_m = piece.travel_m()[::thin] - middle_m
+    return input_from_output(values, piece.output_N[::thin], motion_m, float(piece.input_N[0]))
 
 
 def candidates(explain: Explain) -> tuple[StaticModel, ...]:

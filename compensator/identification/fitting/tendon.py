@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.compensator.identification.cleaning import Piece, Record
-from tendonff.compensator.identification.reading import Array, Mask
-from tendonff.compensator.identification.static import BLOCKS_WANTED
+from tendonff.compensator.identification.fitting.static import BLOCKS_WANTED
+from tendonff.compensator.identification.measured.cleaning import Piece, Record
+from tendonff.compensator.identification.measured.reading import Array, Mask
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.parameters import Tendon
 from tendonff.ocp.fits.elongation import TENDON_PARAMETERS, elongation
@@ -65,13 +65,6 @@ def mean_tension(piece: Piece, values: Mapping[StaticParameter, float]) -> Array
     return np.asarray(np.trapezoid(profile, shares, axis=1))
 
 
-def elongation_of(piece: Piece) -> Array:
-    """Measured elongation with an unknown zero, shape (n,) [m]."""
-    assert piece.input_m is not None  # noqa: S101 - asked by callers
-    assert piece.output_m is not None  # noqa: S101
-    return piece.input_m - piece.output_m
-
-
 def longest_hold_s(records: Sequence[Record]) -> float:
     """Longest time over which the input stays within 2 % of its range [s].
 
@@ -110,7 +103,7 @@ def _thinned(record: Record, piece: Piece, values: Mapping[StaticParameter, floa
     return _Run(
         step_s=thin * record.step_s,
         force_N=mean_tension(piece, values)[::thin],
-        elongation_m=elongation_of(piece)[::thin],
+        elongation_m=piece.elongation_m()[::thin],
         good=piece.good[::thin],
     )
 

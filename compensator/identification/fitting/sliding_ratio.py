@@ -2,13 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.compensator.identification.cleaning import Piece, Record
-from tendonff.compensator.identification.reading import Array, Mask
+from tendonff.compensator.identification.measured.cleaning import Piece, Record
+from tendonff.compensator.identification.measured.reading import Array, Mask
 from tendonff.models.capstan import Branch
 
 FAST_SHARE, TRAVEL_SHARE = 0.5, 0.4
@@ -19,15 +18,8 @@ MOST_REFUSED = 0.05
 """A direction with more than this share of readings at or below zero has no ratio."""
 
 
-class Motion(StrEnum):
-    """Where the direction of sliding was taken from."""
-
-    POSITION = "input position"
-    NONE = "none"
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GrossRatio:
+class SlidingRatio:
     """ln(T_in/T_out) in one direction.
 
     Parameters
@@ -50,7 +42,7 @@ class GrossRatio:
     reason: str
 
 
-def gross_ratios(records: Sequence[Record]) -> tuple[GrossRatio, ...]:
+def sliding_ratios(records: Sequence[Record]) -> tuple[SlidingRatio, ...]:
     """Ratios for both directions over all records together.
 
     Parameters
@@ -59,7 +51,7 @@ def gross_ratios(records: Sequence[Record]) -> tuple[GrossRatio, ...]:
     """
     if not all(r.has_input_position for r in records):
         reason = "no input position was measured: which rows slide is not known; measure it"
-        return tuple(GrossRatio(branch=b, rows=0, log_ratio=None, interval=None, reason=reason) for b in Branch)
+        return tuple(SlidingRatio(branch=b, rows=0, log_ratio=None, interval=None, reason=reason) for b in Branch)
     found = []
     for branch in Branch:
         ratios = []
@@ -76,7 +68,7 @@ def gross_ratios(records: Sequence[Record]) -> tuple[GrossRatio, ...]:
     return tuple(found)
 
 
-def _judge(branch: Branch, ratios: Array, total: int, refused: int) -> GrossRatio:
+def _judge(branch: Branch, ratios: Array, total: int, refused: int) -> SlidingRatio:
     if total < LEAST_ROWS:
         reason = f"{total} rows slide fast and far enough from a reversal, {LEAST_ROWS} are needed; use longer strokes"
     elif refused > MOST_REFUSED * total:
@@ -86,14 +78,13 @@ def _judge(branch: Branch, ratios: Array, total: int, refused: int) -> GrossRati
         )
     else:
         low, middle, high = (float(v) for v in np.percentile(ratios, [5, 50, 95]))
-        return GrossRatio(branch=branch, rows=total, log_ratio=middle, interval=(low, high), reason="")
-    return GrossRatio(branch=branch, rows=total, log_ratio=None, interval=None, reason=reason)
+        return SlidingRatio(branch=branch, rows=total, log_ratio=middle, interval=(low, high), reason="")
+    return SlidingRatio(branch=branch, rows=total, log_ratio=None, interval=None, reason=reason)
 
 
 def _sliding(piece: Piece, step_s: float, branch: Branch) -> Mask:
     """Rows in gross sliding in one direction."""
-    assert piece.input_m is not None  # noqa: S101 - the caller has asked
-    q = piece.input_m
+    q = piece.travel_m()
     speed = np.gradient(q, step_s)
     top = float(np.percentile(np.abs(speed), 98))
     sign = 1.0 if branch is Branch.PULL else -1.0

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.compensator.identification.cleaning import SHORT_GAP_ROWS, Piece, Record
-from tendonff.compensator.identification.reading import Array, Mask
-from tendonff.compensator.identification.smoothing import low_pass
+from tendonff.compensator.identification.measured.cleaning import SHORT_GAP_ROWS, Piece, Record
+from tendonff.compensator.identification.measured.reading import Array, Mask
+from tendonff.compensator.identification.measured.smoothing import low_pass
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.chain import ChainModel, Drive, DynamicParameter
 from tendonff.ocp.fits.least_squares import Residuals
@@ -28,7 +28,7 @@ TRAINING_SHARE = 0.65
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Run:
+class FitPiece:
     """A piece as the residuals need it."""
 
     piece: Piece
@@ -47,9 +47,7 @@ class Run:
     @property
     def elongation(self) -> Array:
         """Measured elongation with an unknown zero, shape (n,) [m]."""
-        assert self.piece.input_m is not None  # noqa: S101 - only where `with_elongation`
-        assert self.piece.output_m is not None  # noqa: S101
-        return self.piece.input_m - self.piece.output_m
+        return self.piece.elongation_m()
 
 
 def _swept(x: Array) -> Array:
@@ -63,7 +61,7 @@ def _gap_ends(good: Mask) -> list[int]:
     return [int(stop) for start, stop in zip(edges[::2], edges[1::2], strict=True) if stop - start > SHORT_GAP_ROWS]
 
 
-def runs_of(records: Sequence[Record]) -> list[Run]:
+def fit_pieces(records: Sequence[Record]) -> list[FitPiece]:
     """Pieces of all records, thinned to what their low-pass leaves."""
     found = []
     span = max((float(np.ptp(r.joined("input_N"))) for r in records), default=0.0)
@@ -83,7 +81,7 @@ def runs_of(records: Sequence[Record]) -> list[Run]:
                 good[end : end + min(known, int(FORGET_MOST * len(good)))] = False
             drive = Drive(input_N=piece.input_N, step_s=record.step_s, first_output_N=float(piece.output_N[0]))
             found.append(
-                Run(
+                FitPiece(
                     piece=piece,
                     drive=drive,
                     good=good[::thin],
@@ -98,11 +96,11 @@ def runs_of(records: Sequence[Record]) -> list[Run]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ChainTask:
+class ChainResiduals:
     """Residuals of a chain model over runs, in given units."""
 
     model: ChainModel
-    runs: Sequence[Run]
+    runs: Sequence[FitPiece]
     fixed: Mapping[DynamicParameter, float]
     free: tuple[DynamicParameter, ...]
     output_unit_N: float
@@ -150,7 +148,7 @@ class ChainTask:
             blocks=np.zeros(rows, dtype=np.int64),
         )
 
-    def split(self, validation: Sequence[Run]) -> tuple["ChainTask", "ChainTask"]:
+    def split(self, validation: Sequence[FitPiece]) -> tuple["ChainResiduals", "ChainResiduals"]:
         """A task to fit and one to judge: on `validation`, or on the last part of each piece."""
         if validation:
             return self, replace(self, runs=validation)
@@ -195,7 +193,7 @@ class ChainTask:
         return size(outputs, self.output_unit_N), size(moves, self.elongation_unit_m)
 
 
-def spans_of(runs: Sequence[Run]) -> tuple[float, float]:
+def spans_of(runs: Sequence[FitPiece]) -> tuple[float, float]:
     """Ranges of the output tension [N] and of the elongation [m] over all runs."""
     output = max(r.piece.output_N.max() for r in runs) - min(r.piece.output_N.min() for r in runs)
     travel = max((float(np.ptp(r.elongation)) for r in runs if r.with_elongation), default=1.0)

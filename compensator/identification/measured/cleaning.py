@@ -1,13 +1,26 @@
 """From usable rows to evenly sampled pieces: gaps, spikes, signs, noise, low-pass."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import median_filter, percentile_filter
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.identification.reading import Array, Dirt, Finding, Mask, Raw, finding
-from tendonff.compensator.identification.smoothing import Quiet, find_cutoff_Hz, find_quiet, low_pass, noise_of
+from tendonff.compensator.identification.measured.reading import (
+    Array,
+    DataIssue,
+    Finding,
+    Mask,
+    RawMeasurement,
+    issue_found,
+)
+from tendonff.compensator.identification.measured.smoothing import (
+    AdaptiveLowPass,
+    find_adaptive_low_pass,
+    find_cutoff_Hz,
+    low_pass,
+    noise_of,
+)
 from tendonff.compensator.scenario.measurement import Measurement
 
 SHORT_GAP_ROWS = 10
@@ -39,7 +52,7 @@ class Piece:
     input_m, output_m : ndarray, shape (n,), or None
     good : ndarray of bool, shape (n,)
         False where a value was bridged or a spike replaced.
-    quiet : Quiet
+    input_filter : AdaptiveLowPass
         How the input was smoothed: it drives the models.
     """
 
@@ -49,7 +62,36 @@ class Piece:
     input_m: Array | None
     output_m: Array | None
     good: Mask
-    quiet: Quiet
+    input_filter: AdaptiveLowPass
+
+    def travel_m(self) -> Array:
+        """Measured position of the input end, shape (n,) [m]."""
+        if self.input_m is None:
+            raise InputError("the position of the input end was not measured; name it with --input-position-column")
+        return self.input_m
+
+    def elongation_m(self) -> Array:
+        """Measured elongation with an unknown zero, shape (n,) [m]."""
+        if self.output_m is None:
+            raise InputError("the position of the output end was not measured; name it with --output-position-column")
+        return np.asarray(self.travel_m() - self.output_m)
+
+    def part(self, rows: slice) -> "Piece":
+        """Some of the rows.
+
+        Parameters
+        ----------
+        rows : slice
+        """
+        return Piece(
+            time_s=self.time_s[rows],
+            input_N=self.input_N[rows],
+            output_N=self.output_N[rows],
+            input_m=None if self.input_m is None else self.input_m[rows],
+            output_m=None if self.output_m is None else self.output_m[rows],
+            good=self.good[rows],
+            input_filter=replace(self.input_filter, level=self.input_filter.level[rows]),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,12 +157,12 @@ def spikes(x: Array) -> Mask:
     return np.asarray(off > limit)
 
 
-def clean(raw: Raw, how: Measurement) -> Record:
+def clean(raw: RawMeasurement, how: Measurement) -> Record:
     """Evenly sampled, filtered pieces of one file, with a list of all that was found.
 
     Parameters
     ----------
-    raw : Raw
+    raw : RawMeasurement
     how : Measurement
 
     Raises
@@ -149,7 +191,7 @@ def clean(raw: Raw, how: Measurement) -> Record:
         grids.append(grid)
         goods.append(good)
     if short:
-        findings.append(finding(Dirt.SHORT, short, "too short to use, left out"))
+        findings.append(issue_found(DataIssue.SHORT, short, "too short to use, left out"))
     if not grids:
         raise InputError(
             f"{raw.name}: no piece longer than {min(LEAST_PIECE_S, 50 * step):g} s without a gap; nothing to fit"
@@ -157,17 +199,17 @@ def clean(raw: Raw, how: Measurement) -> Record:
     longest = max(grids, key=lambda g: len(g["time_s"]))
     cutoff = how.cutoff_Hz or find_cutoff_Hz([longest["input_N"], longest["output_N"]], step)
     for grid, good in zip(grids, goods, strict=True):
-        quiet = find_quiet(grid["input_N"], step)
+        input_filter = find_adaptive_low_pass(grid["input_N"], step)
         smooth = {k: v if k == "time_s" else low_pass(v, step, cutoff) for k, v in grid.items()}
         pieces.append(
             Piece(
                 time_s=smooth["time_s"],
-                input_N=quiet.apply(grid["input_N"]),
+                input_N=input_filter.apply(grid["input_N"]),
                 output_N=smooth["output_N"],
                 input_m=smooth.get("input_m"),
                 output_m=smooth.get("output_m"),
                 good=good,
-                quiet=quiet,
+                input_filter=input_filter,
             )
         )
     signed = _judge_signs(pieces, findings)
@@ -212,14 +254,14 @@ def _bridge(grid_time: Array, filled: Array, time: Array, values: Array, longest
     return filled
 
 
-def _note_clock(raw: Raw, intervals: Array, step: float, findings: list[Finding]) -> None:
+def _note_clock(raw: RawMeasurement, intervals: Array, step: float, findings: list[Finding]) -> None:
     bridged = np.flatnonzero((intervals > 1.5 * step) & (intervals <= (SHORT_GAP_ROWS + 0.5) * step))
     split = np.flatnonzero(intervals > longest_bridge_s(step))
     curved = np.flatnonzero((intervals > (SHORT_GAP_ROWS + 0.5) * step) & (intervals <= longest_bridge_s(step)))
     if len(bridged) > 0.02 * len(intervals):
         findings.append(
-            finding(
-                Dirt.UNEVEN,
+            issue_found(
+                DataIssue.UNEVEN,
                 [],
                 f"intervals from {intervals.min():.3g} to {intervals[bridged].max():.3g} s; "
                 f"resampled to {step:g} s by straight lines",
@@ -227,18 +269,24 @@ def _note_clock(raw: Raw, intervals: Array, step: float, findings: list[Finding]
             )
         )
     elif len(bridged):
-        findings.append(finding(Dirt.GAP, raw.time_s[bridged], f"up to {SHORT_GAP_ROWS} rows, bridged and not fitted"))
+        findings.append(
+            issue_found(DataIssue.GAP, raw.time_s[bridged], f"up to {SHORT_GAP_ROWS} rows, bridged and not fitted")
+        )
     if len(curved):
         longest = float(intervals[curved].max())
         findings.append(
-            finding(Dirt.GAP, raw.time_s[curved], f"up to {longest:.3g} s, bridged by a smooth curve and not fitted")
+            issue_found(
+                DataIssue.GAP, raw.time_s[curved], f"up to {longest:.3g} s, bridged by a smooth curve and not fitted"
+            )
         )
     if len(split):
         longest = float(intervals[split].max())
-        findings.append(finding(Dirt.GAP, raw.time_s[split], f"up to {longest:.3g} s, a new piece starts after each"))
+        findings.append(
+            issue_found(DataIssue.GAP, raw.time_s[split], f"up to {longest:.3g} s, a new piece starts after each")
+        )
 
 
-def _spikes_of(raw: Raw, starts: list[int], findings: list[Finding]) -> Mask:
+def _spikes_of(raw: RawMeasurement, starts: list[int], findings: list[Finding]) -> Mask:
     """Rows with a spike in any channel."""
     marked = np.zeros(len(raw.time_s), dtype=bool)
     channels = {
@@ -255,13 +303,15 @@ def _spikes_of(raw: Raw, starts: list[int], findings: list[Finding]) -> Mask:
             found[start:stop] = spikes(values[start:stop])
         if found.any():
             findings.append(
-                finding(Dirt.SPIKE, raw.time_s[found], f"in the {name}, replaced by a straight line and not fitted")
+                issue_found(
+                    DataIssue.SPIKE, raw.time_s[found], f"in the {name}, replaced by a straight line and not fitted"
+                )
             )
         marked |= found
     return marked
 
 
-def _on_grid(raw: Raw, rows: slice, replaced: Mask, step: float) -> tuple[dict[str, Array], Mask]:
+def _on_grid(raw: RawMeasurement, rows: slice, replaced: Mask, step: float) -> tuple[dict[str, Array], Mask]:
     """Channels of one piece on an even grid, and which grid rows lie on measured ones."""
     time, keep = raw.time_s[rows], ~replaced
     count = int(np.floor((time[-1] - time[0]) / step + 1e-6)) + 1
@@ -295,8 +345,8 @@ def _judge_signs(pieces: list[Piece], findings: list[Finding]) -> bool:
         if -values.min() > SIGNED_SHARE * span and share > 1:
             signed = True
             findings.append(
-                finding(
-                    Dirt.NEGATIVE,
+                issue_found(
+                    DataIssue.NEGATIVE,
                     time[below],
                     f"{share:.2g} % of the {name}, down to {values.min():.4g}: read as "
                     "signed forces of a pre-tensioned loop",
@@ -305,8 +355,8 @@ def _judge_signs(pieces: list[Piece], findings: list[Finding]) -> bool:
             )
         elif share > 10:
             findings.append(
-                finding(
-                    Dirt.BIAS,
+                issue_found(
+                    DataIssue.BIAS,
                     time[below],
                     f"{share:.2g} % of the {name} lies below zero, down to "
                     f"{values.min():.4g}: a tendon cannot push, so this cell reads too low by an amount that the file "
@@ -316,8 +366,8 @@ def _judge_signs(pieces: list[Piece], findings: list[Finding]) -> bool:
             )
         else:
             findings.append(
-                finding(
-                    Dirt.NEGATIVE,
+                issue_found(
+                    DataIssue.NEGATIVE,
                     time[below],
                     f"of the {name}, down to {values.min():.4g}: slack or a cell's offset, kept",
                     int(below.sum()),

@@ -2,17 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
-
-import numpy as np
-from numpy.typing import NDArray
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.identification.cleaning import Piece, Record
-from tendonff.compensator.identification.dynamic import CoarseFit, fit_coarse
-from tendonff.compensator.identification.result import POOR_PERCENT, Law
-from tendonff.compensator.identification.smoothing import Quiet
-from tendonff.compensator.identification.static import (
+from tendonff.compensator.identification.fitting.dynamic import CoarseFit, fit_coarse
+from tendonff.compensator.identification.fitting.residuals import TRAINING_SHARE
+from tendonff.compensator.identification.fitting.static import (
     SIMPLER_WITHIN,
     StaticFit,
     StaticModel,
@@ -22,35 +16,32 @@ from tendonff.compensator.identification.static import (
     middle_of,
     pooled_percent,
 )
+from tendonff.compensator.identification.measured.cleaning import Piece, Record
+from tendonff.compensator.identification.result import POOR_PERCENT, CandidateLaw
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.errors import SolveError
-
-T = TypeVar("T", NDArray[np.float64], NDArray[np.bool_])
-
-TRAINING_SHARE = 0.65
-"""Without validation files a law is fitted to this share of each piece and judged on the rest."""
 
 BETTER_BY = 0.6
 """The other channel is explained instead where it leaves less than this share of the error."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StaticStage:
+class StaticSelection:
     """The static stage's answer.
 
     Parameters
     ----------
     fit : StaticFit
         The chosen law, fitted to all records.
-    laws : tuple of Law
+    laws : tuple of CandidateLaw
         All that were compared.
     fit_percent, validation_percent : float
         Of the chosen law.
     """
 
     fit: StaticFit
-    laws: tuple[Law, ...]
+    laws: tuple[CandidateLaw, ...]
     fit_percent: float
     validation_percent: float
 
@@ -105,7 +96,7 @@ def _static_percent(records: Sequence[Record], model: StaticModel, explain: Expl
     return pooled_percent(errors_of(fit, records, middle_of(records)), records, explain)
 
 
-def static_stage(records: Sequence[Record], validation: Sequence[Record], explain: Explain) -> StaticStage:
+def select_static(records: Sequence[Record], validation: Sequence[Record], explain: Explain) -> StaticSelection:
     """Fit the candidates, judge them where they were not fitted, keep the simplest that is as good as the best.
 
     Parameters
@@ -116,7 +107,7 @@ def static_stage(records: Sequence[Record], validation: Sequence[Record], explai
     """
     signed = any(r.signed for r in records)
     train, judge = (records, validation) if validation else split(records)
-    tried: list[tuple[StaticFit, Law]] = []
+    tried: list[tuple[StaticFit, CandidateLaw]] = []
     best_of: dict[tuple[bool, bool, bool], StaticFit] = {}
     for model in candidates(explain):
         if signed and model.presliding and not model.constants:
@@ -127,7 +118,7 @@ def static_stage(records: Sequence[Record], validation: Sequence[Record], explai
         fit = fit_static(train, model, explain, most=40, start=simpler)
         best_of[model.constants, model.presliding, model.guide] = fit
         middle = middle_of(train)
-        law = Law(
+        law = CandidateLaw(
             name=model.name,
             stage="static",
             free_values=model.size,
@@ -141,7 +132,7 @@ def static_stage(records: Sequence[Record], validation: Sequence[Record], explai
     chosen, chosen_law = min(enough, key=lambda pair: pair[1].free_values)
     fit = chosen if train is records else fit_static(records, chosen.model, explain, start=chosen)
     laws = tuple(replace(law, chosen=law is chosen_law) for _, law in tried)
-    return StaticStage(
+    return StaticSelection(
         fit=fit,
         laws=laws,
         fit_percent=pooled_percent(errors_of(fit, records, middle_of(records)), records, explain),
@@ -157,17 +148,4 @@ def split(records: Sequence[Record]) -> tuple[list[Record], list[Record]]:
 
 
 def _part(piece: Piece, start: float, stop: float) -> Piece:
-    rows = slice(round(start * len(piece.time_s)), max(round(stop * len(piece.time_s)), 2))
-
-    def cut(x: T) -> T:
-        return x[rows]
-
-    return Piece(
-        time_s=cut(piece.time_s),
-        input_N=cut(piece.input_N),
-        output_N=cut(piece.output_N),
-        input_m=None if piece.input_m is None else cut(piece.input_m),
-        output_m=None if piece.output_m is None else cut(piece.output_m),
-        good=cut(piece.good),
-        quiet=Quiet(step_s=piece.quiet.step_s, cutoffs_Hz=piece.quiet.cutoffs_Hz, level=cut(piece.quiet.level)),
-    )
+    return piece.part(slice(round(start * len(piece.time_s)), max(round(stop * len(piece.time_s)), 2)))

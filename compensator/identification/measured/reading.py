@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.compensator.files.reading import InputError, nearest_column, open_text
-from tendonff.compensator.identification.onset import switched_on_s
+from tendonff.compensator.identification.measured.onset import switched_on_s
 from tendonff.compensator.scenario.measurement import Measurement
 
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ LEAST_RISING = 0.5
 """A clock that rises in fewer of the rows is none."""
 
 
-class Dirt(StrEnum):
+class DataIssue(StrEnum):
     """What can be wrong with a measurement."""
 
     LONG = "rows with more cells than the header"
@@ -46,11 +46,11 @@ class Dirt(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """One kind of dirt in one file, and what was done about it.
+    """One kind of data issue in one file, and what was done about it.
 
     Parameters
     ----------
-    dirt : Dirt
+    issue : DataIssue
     count : int
         Rows or places concerned.
     times_s : tuple of float
@@ -59,18 +59,18 @@ class Finding:
         In words, with what was done.
     """
 
-    dirt: Dirt
+    issue: DataIssue
     count: int
     times_s: tuple[float, ...]
     text: str
 
 
-def finding(dirt: Dirt, times_s: Sequence[float] | Array, action: str, count: int | None = None) -> Finding:
+def issue_found(issue: DataIssue, times_s: Sequence[float] | Array, action: str, count: int | None = None) -> Finding:
     """A finding with its count and first times in the text.
 
     Parameters
     ----------
-    dirt : Dirt
+    issue : DataIssue
     times_s : sequence of float
         Where.
     action : str
@@ -82,11 +82,11 @@ def finding(dirt: Dirt, times_s: Sequence[float] | Array, action: str, count: in
     first = tuple(float(t) for t in times_s[:5])
     where = ", ".join(f"{t:.4g}" for t in first)
     at = f" (at t = {where}{' ...' if len(times_s) > len(first) else ''} s)" if first else ""
-    return Finding(dirt=dirt, count=number, times_s=first, text=f"{dirt}: {number}{at}; {action}")
+    return Finding(issue=issue, count=number, times_s=first, text=f"{issue}: {number}{at}; {action}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Raw:
+class RawMeasurement:
     """Usable rows of one file in SI units, in the order of time.
 
     Parameters
@@ -160,8 +160,8 @@ def _table(path: Path, columns: dict[str, str]) -> tuple[dict[str, Array], int, 
     return found, long_rows, tuple(name for name in frame.columns if name not in columns.values())
 
 
-def read_measurement(path: Path, how: Measurement) -> Raw:
-    """Read one measured file, tolerant of dirt but never silent about it.
+def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
+    """Read one measured file, tolerant of data issues but never silent about them.
 
     Parameters
     ----------
@@ -196,14 +196,14 @@ def read_measurement(path: Path, how: Measurement) -> Raw:
     data = {key: values * scales[key] for key, values in table.items()}
     findings: list[Finding] = []
     if long_rows:
-        findings.append(finding(Dirt.LONG, [], "rows left out", long_rows))
+        findings.append(issue_found(DataIssue.LONG, [], "rows left out", long_rows))
     bad: Mask = np.asarray(~np.isfinite(np.stack(list(data.values()))).all(axis=0))
     if bad.any():
-        findings.append(finding(Dirt.MISSING, _times(data["time"], bad), "rows left out", int(bad.sum())))
+        findings.append(issue_found(DataIssue.MISSING, _times(data["time"], bad), "rows left out", int(bad.sum())))
         data = {key: values[~bad] for key, values in data.items()}
     if how.skip_s and len(data["time"]):
         early = data["time"] < data["time"][0] + how.skip_s
-        findings.append(finding(Dirt.SKIPPED, [], f"the first {how.skip_s:g} s, as asked", int(early.sum())))
+        findings.append(issue_found(DataIssue.SKIPPED, [], f"the first {how.skip_s:g} s, as asked", int(early.sum())))
         data = {key: values[~early] for key, values in data.items()}
     if len(data["time"]) > 2 and float(np.mean(np.diff(data["time"]) > 0)) < LEAST_RISING:
         raise InputError(
@@ -219,8 +219,8 @@ def read_measurement(path: Path, how: Measurement) -> Raw:
     if how.skip_s is None and (length := switched_on_s(time, kept["input"], kept["output"])) > 0:
         late = int(np.searchsorted(time, time[0] + length))
         findings.append(
-            finding(
-                Dirt.ONSET,
+            issue_found(
+                DataIssue.ONSET,
                 [],
                 f"the output jumps within a row and rings while the input hardly moves; the first {length:.2g} s are "
                 "left out (--skip 0 keeps them)",
@@ -235,7 +235,7 @@ def read_measurement(path: Path, how: Measurement) -> Raw:
                 f"{path.name}: {columns[key]} is {kept[key][0]:g} N in all {len(kept[key])} usable rows; nothing can "
                 "be identified from a tension that never moves: drive the tendon, or check the column"
             )
-    return Raw(
+    return RawMeasurement(
         name=path.name,
         time_s=time,
         input_N=kept["input"],
@@ -275,16 +275,18 @@ def _mend_clock(time: Array, findings: list[Finding]) -> tuple[Mask, Array, tupl
         breaks.append(k)
         mended[k:] += mended[:k].max() + usual - mended[k]
     if breaks:
-        findings.append(finding(Dirt.CLOCK_JUMP, jump_times, "a new piece starts there, its history is not known"))
+        findings.append(
+            issue_found(DataIssue.CLOCK_JUMP, jump_times, "a new piece starts there, its history is not known")
+        )
     highest = np.maximum.accumulate(mended)
     late = np.zeros(n, dtype=bool)
     late[1:] = mended[1:] <= highest[:-1]
     repeated = late.copy()
     repeated[1:] &= mended[1:] == highest[:-1]
     if repeated.any():
-        findings.append(finding(Dirt.DUPLICATE, time[repeated], "the first row of each was kept"))
+        findings.append(issue_found(DataIssue.DUPLICATE, time[repeated], "the first row of each was kept"))
     if (disordered := late & ~repeated).any():
-        findings.append(finding(Dirt.OUT_OF_ORDER, time[disordered], "rows left out"))
+        findings.append(issue_found(DataIssue.OUT_OF_ORDER, time[disordered], "rows left out"))
     keep &= ~late
     index = np.cumsum(keep) - 1
     return keep, mended[keep], tuple(int(index[k]) for k in breaks if k < n)

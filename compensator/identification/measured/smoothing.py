@@ -2,7 +2,7 @@
 
 A friction model remembers every extreme of its input, so noise on the input ratchets: it opens hysteresis loops that
 were never there, most of all while the input is held. What drives the model is therefore smoothed harder where nothing
-happens (`Quiet`); what it is compared with goes through one linear low-pass, as the model's answer does.
+happens (`AdaptiveLowPass`); what it is compared with goes through one linear low-pass, as the model's answer does.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.signal import butter, sosfiltfilt
 
-from tendonff.compensator.identification.reading import Array
+from tendonff.compensator.identification.measured.reading import Array
 
 CUTOFFS_HZ = (5.0, 7.0, 10.0, 14.0, 20.0, 28.0)
 HIGHEST_CUTOFF_HZ, CUTOFF_WINDOW_S, LEAST_NOISE = 40.0, 0.1, 1e-4
@@ -83,7 +83,7 @@ def low_pass(x: Array, step_s: float, cutoff_Hz: float) -> Array:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Quiet:
+class AdaptiveLowPass:
     """A zero-phase low-pass whose cut-off varies along the record.
 
     Parameters
@@ -114,7 +114,7 @@ class Quiet:
         return smooth
 
 
-def find_quiet(x: Array, step_s: float) -> Quiet:
+def find_adaptive_low_pass(x: Array, step_s: float) -> AdaptiveLowPass:
     """Lowest cut-off at each place that differs from every higher one by noise only (Lepski's rule).
 
     Parameters
@@ -141,4 +141,4 @@ def find_quiet(x: Array, step_s: float) -> Quiet:
         # Sharp places keep their cut-off, its surroundings come down to theirs gradually.
         around = max(3, int(0.05 / step_s))
         level = uniform_filter1d(maximum_filter1d(level, 2 * around + 1), around)
-    return Quiet(step_s=step_s, cutoffs_Hz=cutoffs, level=level)
+    return AdaptiveLowPass(step_s=step_s, cutoffs_Hz=cutoffs, level=level)
