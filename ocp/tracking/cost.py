@@ -195,7 +195,7 @@ def _add_force_cost(hessian: Array, gradient: Array, goal: Goal, force_N: Array,
 
 _REVERSALS = 2  # a change of the force is followed over so many later ones: they wipe it out
 _ROWS_OF_INTERVAL = 4  # that enter the Hessian
-_UNTHREADED = 2 * 65536  # rows x columns^2
+_TILE, _TILE_ROWS = 120, 16  # knots and rows of a block
 
 
 def _memory(reference_N: Array, knots: Knots) -> int:
@@ -208,18 +208,22 @@ def _memory(reference_N: Array, knots: Knots) -> int:
 def _add_gram(hessian: Array, slopes: Array, knots: Knots, weight: float, window: int) -> None:
     """Add weight * slopes^T slopes, shape (k, k), in blocks of the few knots that matter at a time.
 
-    A few rows stand for all between two knots: the output moves smoothly there. Blocks this small are also too small
-    for the matrix library to start threads, which would wait for busy processors.
+    A few rows stand for all between two knots: the output moves smoothly there. The blocks are so small that the matrix
+    library starts no threads, which would wait for busy processors.
     """
-    at_once = max(_UNTHREADED // window**2, 1)
     for i, (first, end) in enumerate(zip(knots[:-1].tolist(), knots[1:].tolist(), strict=True)):
-        alive = slice(max(i + 2 - window, 0), i + 2)
         stride = max((end - first) // _ROWS_OF_INTERVAL, 1)
-        rows = slopes[end:first:-stride, alive]
-        each = weight * (end - first) / len(rows)
-        for start in range(0, len(rows), at_once):
-            block = rows[start : start + at_once]
-            hessian[alive, alive] += each * (block.T @ block)
+        each = weight * (end - first) / len(range(end, first, -stride))
+        tiles = [slice(k, min(k + _TILE, i + 2)) for k in range(max(i + 2 - window, 0), i + 2, _TILE)]
+        for start in range(end, first, -stride * _TILE_ROWS):
+            rows = slice(start, max(start - stride * _TILE_ROWS, first), -stride)
+            parts = [each * slopes[rows, tile].T for tile in tiles]
+            for m, left in enumerate(tiles):
+                for part, right in zip(parts[: m + 1], tiles[: m + 1], strict=True):
+                    product = part @ slopes[rows, left]
+                    hessian[right, left] += product
+                    if right != left:
+                        hessian[left, right] += product.T
 
 
 _PIECE_ROWS = 10  # of so many successive rows, and all links, only the worst becomes a constraint

@@ -202,6 +202,8 @@ class _Stage:
     iterations: int
 
 
+_LOCAL_KNOTS = 240  # at most so many near the edges of limits
+
 _STAGES = (
     _Stage(rows=8, base=2, edge=0, iterations=12),
     _Stage(rows=0, base=2, edge=4, iterations=16),
@@ -268,7 +270,9 @@ def _knots_and_start(grid: TrackingProblem, force_N: Array, stage: _Stage, spaci
     limited = limited_rows(force_N, grid.step_s, grid.limits)
     knots = even_knots(len(force_N), max(spacing // stage.base, 1))
     if stage.edge:
-        knots = local_knots(limited, knots, spacing, max(spacing // stage.edge, 1))
+        edges = int(np.count_nonzero(limited[1:] != limited[:-1])) + 1
+        apart = max(spacing // stage.edge, 1, 2 * spacing * edges // _LOCAL_KNOTS)
+        knots = local_knots(limited, knots, spacing, apart)
     return knots, straightened(force_N, knots, limited)
 
 

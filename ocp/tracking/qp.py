@@ -98,33 +98,39 @@ def solve_qp(model: GaussNewtonModel, room: StepBounds, trust_N: Array | float, 
             column = sp.csc_array(np.full((len(model.low), 1), missed))
             rows = sp.hstack([rows, sp.csc_array((len(row_low), 1))])
             tension = sp.vstack([sp.hstack([tension, column]), sp.hstack([tension, -column])])
-            open_row = np.full(len(model.low), np.inf)
+            open_row = np.full(len(model.low), _FAR)
             row_low = np.concatenate([row_low, model.low, -open_row])
-            row_high = np.concatenate([row_high, open_row, model.high])
+            row_high = np.concatenate([row_high, open_row, np.minimum(model.high, _FAR)])
         else:
-            row_low, row_high = np.concatenate([row_low, model.low]), np.concatenate([row_high, model.high])
-        rows = sp.vstack([rows, tension], format="csr")
-        bounded = np.isfinite(row_low) | np.isfinite(row_high)
-        rows, row_low, row_high = rows[bounded], row_low[bounded], row_high[bounded]
+            row_low = np.concatenate([row_low, model.low])
+            row_high = np.concatenate([row_high, np.minimum(model.high, _FAR)])
+        rows = sp.vstack([rows, tension])
     solution = _solve(hessian, gradient, rows, row_low, row_high, low, high)
     return None if solution is None else solution[:k]
+
+
+_FAR = 1e9  # no bound [N]
+_PIQP = {"error_on_fail": False, "piqp": {"max_iter": 60}}
+_DAQP = {"error_on_fail": False}
 
 
 def _solve(
     hessian: Array, gradient: Array, constraint: sp.sparray, row_low: Array, row_high: Array, low: Array, high: Array
 ) -> Array | None:
-    """CasADi's interface to PIQP: a sparse interior-point method, for a knot acts only for a while."""
-    scale, k = 1 / max(float(np.diag(hessian).max()), 1e-300), len(gradient)  # its tolerances are absolute
-    filled = sp.csc_array(hessian)
-    filled = (filled + filled.T) * (0.5 * scale) + 1e-300 * sp.eye_array(k)
-    a, h = ca.DM(sp.csc_matrix(constraint)), sp.csc_array(filled)
-    pattern = ca.Sparsity(k, k, h.indptr.tolist(), h.indices.tolist())
-    diagonal = np.flatnonzero(h.indices == np.repeat(np.arange(k), np.diff(h.indptr)))
-    solver = ca.conic("change", "piqp", {"h": pattern, "a": a.sparsity()}, {"error_on_fail": False})
-    for damping in (1e-9, 1e-7, 1e-5):  # where the tendon sticks the Hessian is singular
-        values = h.data.copy()
-        values[diagonal] += damping
-        found = solver(h=ca.DM(pattern, values), g=gradient * scale, a=a, lba=row_low, uba=row_high, lbx=low, ubx=high)
+    """CasADi's interfaces to PIQP, sparse, for a knot acts only for a while; and to DAQP, dense, where that fails."""
+    scale, k = 1 / max(float(np.diag(hessian).max()), 1e-300), len(gradient)  # their tolerances are absolute
+    a = ca.DM(sp.csc_matrix(constraint))
+    bounds = {"a": a, "lba": row_low, "uba": row_high, "lbx": low, "ubx": high, "g": gradient * scale}
+    dense = ca.Sparsity.dense(k, k)
+    sparse = sp.csc_array(hessian + sp.eye_array(k) * 1e-300)
+    pattern = ca.Sparsity(k, k, sparse.indptr.tolist(), sparse.indices.tolist())
+    places = (sparse.indices, np.repeat(np.arange(k), np.diff(sparse.indptr)))
+    attempts = [] if len(row_low) >= k else [("piqp", pattern, 1e-9, _PIQP)]  # tension rows are what it fails on
+    attempts += [("daqp", dense, damping, _DAQP) for damping in (1e-8, 1e-5)]
+    for name, shape, damping, options in attempts:  # where the tendon sticks the Hessian is singular
+        damped = hessian * scale + damping * np.eye(k)
+        solver = ca.conic("change", name, {"h": shape, "a": a.sparsity()}, options)
+        found = solver(h=ca.DM(shape, damped[places] if shape is pattern else damped.ravel()), **bounds)
         x: Array = np.asarray(found["x"].full()).ravel()
         if solver.stats()["success"] and np.all(np.isfinite(x)):
             inside: Array = np.clip(x, low, high)
