@@ -33,16 +33,19 @@ class GridRefinement:
     force_N : ndarray, shape (n,)
     evaluation : Evaluation
     searches : tuple of SqpResult
-        Of all grids and starts.
+        Of all grids, each of the start that won there.
+    improved : bool
+        Better than the clipped inverse.
     """
 
     force_N: Array
     evaluation: Evaluation
     searches: tuple[SqpResult, ...]
+    improved: bool
 
     @property
     def iterations(self) -> int:
-        """Quadratic programs in all."""
+        """Quadratic programs of the search that won."""
         return sum(s.iterations for s in self.searches)
 
     @property
@@ -51,9 +54,9 @@ class GridRefinement:
         return self.searches[-1].status is not SqpStatus.ITERATIONS
 
     @property
-    def promise(self) -> float:
-        """Relative decrease of the merit that the last quadratic program promised [-]."""
-        return self.searches[-1].promise
+    def gain(self) -> float:
+        """Relative decrease of the merit that the last iteration brought [-]."""
+        return self.searches[-1].gain
 
 
 def even_knots(rows: int, spacing: int) -> Knots:
@@ -244,10 +247,11 @@ def refine(
     near = even_knots(n, max(spacing // 4, 1))
     forces = [nearest_profile(problem, start, near) for start in starts_N]
     searches: list[SqpResult] = []
+    first, spent = best[0], 0
     for stage in _STAGES:
         factor = max(spacing // stage.rows, 1) if stage.rows else 1
         grid = problem.coarsened(factor)
-        left = settings.iterations - sum(s.iterations for s in searches)
+        left = settings.iterations - spent
         rules = replace(settings, iterations=max(min(left // len(forces), stage.iterations), 1))
         tried = []
         for force in forces:
@@ -256,13 +260,14 @@ def refine(
             if factor == 1:
                 evaluation, start = _as_far_as_taut(problem, best, start)
             tried.append(solve_sqp(grid, start, evaluation, knots, rules, tell))
-        searches += tried
+        spent += sum(result.iterations for result in tried)
         found = min(tried, key=lambda result: result.evaluation.merit)
+        searches.append(found)
         if factor == 1 and found.evaluation.merit < best[0].merit:
             best = (found.evaluation, found.force_N)
         forces = [_on_rows(found.force_N, factor, inverse, problem)]
     force = problem.clipped(best[1])  # what rounding of the quadratic programs left
-    return GridRefinement(force_N=force, evaluation=best[0], searches=tuple(searches))
+    return GridRefinement(force_N=force, evaluation=best[0], searches=tuple(searches), improved=best[0] is not first)
 
 
 def _knots_and_start(grid: TrackingProblem, force_N: Array, stage: _Stage, spacing: int) -> tuple[Knots, Array]:

@@ -23,6 +23,9 @@ from tendonff.models.errors import ParameterError
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.limits import ForceLimits
 
+WORST_POWER = 8.0
+"""Order of a mean that is close to the largest value."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackOptions:

@@ -70,6 +70,8 @@ class SqpResult:
     iterations : int
     promise : float
         Relative decrease of the merit that the last quadratic program promised [-].
+    gain : float
+        Relative decrease of the merit that the last iteration brought [-].
     """
 
     force_N: Array
@@ -77,6 +79,7 @@ class SqpResult:
     status: SqpStatus
     iterations: int
     promise: float
+    gain: float
 
 
 def solve_sqp(
@@ -109,7 +112,7 @@ def solve_sqp(
     """
     blocks = _Blocks.between_reversals(problem, knots)
     trust, poor = np.full(blocks.count, settings.trust_N), np.zeros(blocks.count)
-    promise, iteration, status = np.inf, 0, SqpStatus.ITERATIONS
+    promise, iteration, status, gain = np.inf, 0, SqpStatus.ITERATIONS, np.zeros(blocks.count)
     while iteration < settings.iterations and status is SqpStatus.ITERATIONS:
         iteration += 1
         free, active = blocks.free_knots(poor < _POOR)
@@ -129,7 +132,14 @@ def solve_sqp(
             status = SqpStatus.CONVERGED
         elif stuck:
             status = SqpStatus.STALLED
-    return SqpResult(force_N=force_N, evaluation=evaluation, status=status, iterations=iteration, promise=promise)
+    return SqpResult(
+        force_N=force_N,
+        evaluation=evaluation,
+        status=status,
+        iterations=iteration,
+        promise=promise,
+        gain=float(gain.sum()),
+    )
 
 
 _POOR = 2  # a block that gains next to nothing so many times in a row is left as it is
