@@ -93,7 +93,8 @@ def answer(
         TrackStatus.EXACT: f"no limit binds: the exact inverse is the optimum, {rms:.2g} N rms remain; no iterations",
         TrackStatus.OPTIMAL: f"{left}; {effort}",
         TrackStatus.UNSTABLE: (
-            f"no limit binds, but simulated the exact inverse leaves {rms:.3g} N rms ({100 * rms / span:.2g} % of range): "
+            f"no limit binds, but simulated the exact inverse leaves {rms:.3g} N rms "
+            f"({100 * rms / span:.2g} % of range): "
             "this rig amplifies rounding (stick-slip), so do not expect it to follow"
         ),
         TrackStatus.BEST_ACHIEVABLE: f"the reference is out of reach; the best achievable profile: {left}; {effort}",

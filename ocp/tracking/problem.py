@@ -180,8 +180,7 @@ class TrackingProblem:
         """
         span = max(float(np.ptp(reference_N)), 1e-3 * float(reference_N.max()))
         margin = 1e-4 * span  # the search aims a little inside, so that what it finds is inside
-        travel = np.abs(np.diff(limits.apply(inverse_N, step_s, limits.start(initial_tension_N)))).sum()
-        travel = max(float(travel), 1e-3 * span)
+        travel = max(travel_N(limits.apply(inverse_N, step_s, limits.start(initial_tension_N))), 1e-3 * span)
         slack = 1e-3 * min(float(reference_N.min()), initial_tension_N)
         return cls(
             step_s=step_s,
@@ -257,3 +256,13 @@ def every(values: Array, factor: int) -> Array:
     factor : int
     """
     return values[np.minimum(np.arange(0, len(values) + factor - 1, factor), len(values) - 1)]
+
+
+def travel_N(force_N: Array) -> float:
+    """How far a force goes up and down in all [N].
+
+    Parameters
+    ----------
+    force_N : ndarray, shape (n,)
+    """
+    return float(np.abs(np.diff(force_N)).sum())

@@ -15,7 +15,7 @@ from tendonff.ocp.tracking.cost import Evaluation, evaluate
 from tendonff.ocp.tracking.diagnosis import law_of
 from tendonff.ocp.tracking.grids import GridRefinement
 from tendonff.ocp.tracking.limits import ForceLimits
-from tendonff.ocp.tracking.problem import WORST_POWER, TrackingProblem, TrackOptions
+from tendonff.ocp.tracking.problem import WORST_POWER, TrackingProblem, TrackOptions, travel_N
 from tendonff.ocp.tracking.ratcheting import disagreement, stiffened
 from tendonff.ocp.tracking.receding_horizon import Progress, solve
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
@@ -94,10 +94,11 @@ def solve_tracking(
     found = _search(problem, inversion, options, progress)
     cautions: tuple[str, ...] = ()
     if found.refinements and _pumps(problem, inversion, found.force_N):
+        usual = found.at_clipped.squares.max() / travel_N(problem.clipped(inversion.force_N))
         sober = replace(
             problem,
             plants=(*problem.plants, *(replace(p, chain=stiffened(p.chain)) for p in problem.plants)),
-            goal=replace(problem.goal, power=WORST_POWER),
+            goal=replace(problem.goal, power=WORST_POWER, travel_weight=_SOBER * usual),
         )
         calm = _search(sober, inversion, options, progress)
         promised, left = (float(np.sqrt(f.evaluation.squares.max())) for f in (found, calm))
@@ -158,6 +159,7 @@ def _search(problem: TrackingProblem, inversion: Inversion, options: TrackOption
     )
 
 
+_SOBER = 1.0  # of the clipped inverse's squared error: the cost of travelling as far once more
 _EXACT = 1e-3  # of the reference's range: an error below this is called rounding
 
 
