@@ -110,8 +110,8 @@ def solve_qp(model: GaussNewtonModel, room: StepBounds, trust_N: Array | float, 
 
 
 _FAR = 1e9  # no bound [N]
-_PIQP = {"error_on_fail": False, "piqp": {"max_iter": 60}}
-_DAQP = {"error_on_fail": False}
+_PIQP: dict[str, object] = {"error_on_fail": False, "piqp": {"max_iter": 60}}
+_DAQP: dict[str, object] = {"error_on_fail": False}
 
 
 def _solve(
@@ -125,6 +125,7 @@ def _solve(
     sparse = sp.csc_array(hessian + sp.eye_array(k) * 1e-300)
     pattern = ca.Sparsity(k, k, sparse.indptr.tolist(), sparse.indices.tolist())
     places = (sparse.indices, np.repeat(np.arange(k), np.diff(sparse.indptr)))
+    attempts: list[tuple[str, ca.Sparsity, float, dict[str, object]]]
     attempts = [] if len(row_low) >= k else [("piqp", pattern, 1e-9, _PIQP)]  # tension rows are what it fails on
     attempts += [("daqp", dense, damping, _DAQP) for damping in (1e-8, 1e-5)]
     for name, shape, damping, options in attempts:  # where the tendon sticks the Hessian is singular
