@@ -52,8 +52,8 @@ def _play_history(start: float, low: Array, high: Array) -> Array:
         composed = np.clip(low[:-span], low[span:], high[span:]), np.clip(high[:-span], low[span:], high[span:])
         low[span:], high[span:] = composed
         span *= 2
-    history: Array = np.clip(start, low, high)
-    return history
+    held: Array = np.clip(start, low, high)
+    return held
 
 
 def _shape(exponent: float) -> float:
