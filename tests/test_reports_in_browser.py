@@ -247,10 +247,10 @@ def test_the_interactive_page_follows_its_sliders(browser, explorer):
     assert "exact inverse" in before
     move(browser, "friction", 0.3)
     wait.until(lambda b: scores(b) != before)
-    assert "Not possible" not in scores(browser)
+    assert "Infeasible" not in scores(browser)
     move(browser, "wrap angle", 360.0)
     move(browser, "friction", 0.5)
-    wait.until(lambda b: "Not possible" in scores(b))  # in words, not as a dead page
+    wait.until(lambda b: "Infeasible" in scores(b))  # in words, not as a dead page
     move(browser, "wrap angle", 180.0)
     move(browser, "friction", 0.2)
     wait.until(lambda b: scores(b) == before)
