@@ -30,21 +30,62 @@ class ReportStruct(ctypes.Structure):
     )
 
 
-def chain_struct(chain: Chain) -> ctypes.Structure:
+class ChainNumbers:
     """The numbers of a chain as `tff_weights` of host.h.j2; what belongs to a weight is left for the C code to fill.
 
     Parameters
     ----------
     chain : Chain
     """
-    numbers = chain.numbers()
-    return _struct_type(tuple(numbers))(chain.count, 0.0, 0.0, 0.0, *numbers.values())
+
+    def __init__(self, chain: Chain) -> None:
+        numbers, path = chain.numbers(), chain.elements.path
+        self._ratio = np.ascontiguousarray(chain.elements.ratio, dtype=np.float64)  # kept as long as the record
+        self._of_masses = np.ascontiguousarray(np.stack(list(chain.of_masses().values())))
+        self._struct = _struct_type(tuple(numbers))(
+            *(chain.count, 0.0, 0.0, self._ratio.ctypes.data, self._of_masses.ctypes.data),
+            *(path.total_angle_rad, chain.far_joint is not None, *numbers.values()),
+        )
+
+    def reference(self) -> object:
+        """What ctypes passes."""
+        return ctypes.byref(self._struct)
 
 
 @functools.cache
 def _struct_type(names: tuple[str, ...]) -> type[ctypes.Structure]:
-    fields = [("count", ctypes.c_int), *((name, ctypes.c_double) for name in ("H", "carry", "gain", *names))]
+    fields = [
+        ("count", ctypes.c_int),
+        *((name, ctypes.c_double) for name in ("H", "carry")),
+        *((name, ctypes.c_void_p) for name in ("ratio", "of_masses")),
+        ("total_angle_rad", ctypes.c_double),
+        ("far_driven", ctypes.c_int),
+        *((name, ctypes.c_double) for name in names),
+    ]
     return type("Weights", (ctypes.Structure,), {"_fields_": fields})
+
+
+def places_of(chain: Chain, time_s: float, step_s: float, rows: int) -> list[Array]:
+    """Where the path is one step before an instant, at it, and at the ends of the steps that follow; as arguments in C.
+
+    Parameters
+    ----------
+    chain : Chain
+    time_s : float
+        The instant [s].
+    step_s : float
+    rows : int
+        Steps.
+
+    Returns
+    -------
+    list
+        Empty where all masses are alike and nothing moves.
+    """
+    if not chain.moving:
+        return []
+    table = np.ascontiguousarray(chain.path_at(time_s + step_s * np.arange(-1, rows + 1)).table())
+    return [table]
 
 
 def host_source(chain: Chain, laws: tuple[Law, ...], templates: tuple[str, ...]) -> str:
@@ -58,7 +99,10 @@ def host_source(chain: Chain, laws: tuple[Law, ...], templates: tuple[str, ...])
         What follows the laws.
     """
     printer = Specialiser(prefix=PREFIX, precision=Precision.DOUBLE, parameters={})
-    printed = {law.name: printer.fold(law) for law in laws}
+    elements = ElementLaws.of(chain, folded=True)
+    moved = (elements.contact(),) if chain.moving else ()
+    printed = {law.name: printer.fold(law) for law in (*laws, *moved)}
+    templates = ("moving.c.j2", *templates) if chain.moving else templates
     code = StepCode(
         prefix=PREFIX,
         precision=Precision.DOUBLE,
@@ -66,9 +110,10 @@ def host_source(chain: Chain, laws: tuple[Law, ...], templates: tuple[str, ...])
         laws=printed,
         count="c->count",
         size="n",
-        solve="solve_host.c.j2",
         numbers={name: f"c->{name}" for name in chain.numbers()},
         host=True,
+        moving=chain.moving,
+        of_masses=tuple(chain.of_masses()),
     )
     parts = ["#include <math.h>\n#include <stddef.h>\n", *(code.render(name) for name in ("types.h.j2", "host.h.j2"))]
     return "\n".join([*parts, *(law.code for law in printed.values()), *(code.render(name) for name in templates)])
@@ -83,7 +128,8 @@ def library_of(chain: Chain, make_source: Callable[[Chain], str]) -> ctypes.CDLL
     make_source : callable
         Chain to C source.
     """
-    key = (make_source.__name__, type(chain.friction), type(chain.link), frozenset(chain.friction.aliases().items()))
+    aliases = frozenset(chain.friction.aliases().items())
+    key = (make_source.__name__, type(chain.friction), type(chain.link), aliases, chain.moving)
     if (known := _LIBRARIES.get(key)) is None:
         known = _LIBRARIES[key] = load_library(make_source(chain))
         known.tff_work_reals.restype = ctypes.c_int
@@ -134,7 +180,7 @@ class CompiledStepper:
 
     def __init__(self, chain: Chain, step_s: float) -> None:
         self._chain, self._step_s = chain, step_s
-        self._struct = chain_struct(chain)
+        self._numbers = ChainNumbers(chain)
         self._library = _library_of(chain)
         self._work = np.empty(self._library.tff_work_reals(ctypes.c_int(chain.count)))
 
@@ -145,12 +191,14 @@ class CompiledStepper:
         tension, ends = np.empty((rows, self._chain.count + 1)), np.empty((rows, 2))
         states = np.empty((rows, self._chain.layout.size)) if record else None
         report, worst = ReportStruct(), ctypes.c_int()
+        places = places_of(self._chain, memory.time_s, self._step_s, rows)
         done = self._library.tff_run(
-            ctypes.byref(self._struct),
+            self._numbers.reference(),
             ctypes.c_double(self._step_s),
             pointer(table),
             ctypes.c_long(rows),
             ctypes.c_int(memory.fresh),
+            *map(pointer, places),
             pointer(memory.x),
             pointer(memory.x_old),
             pointer(self._work),
@@ -162,6 +210,7 @@ class CompiledStepper:
         )
         if done:
             memory.fresh = False
+            memory.time_s += done * self._step_s
             memory.inputs = inputs[done - 1 : done]
         return Rows(
             tension_N=tension[:done],
@@ -190,21 +239,24 @@ class CompiledInverse:
     """
 
     def __init__(self, chain: Chain, step_s: float) -> None:
-        self._struct, self._step_s = chain_struct(chain), step_s
+        self._chain, self._numbers, self._step_s = chain, ChainNumbers(chain), step_s
         self._library = _library_of(chain)
 
-    def invert(self, x: Array, reference: Array, record: bool) -> InverseRows:
+    def invert(self, x: Array, time_s: float, reference: Array, record: bool) -> InverseRows:
         """See `protocol.Inverse`."""
         rows, now, old = len(reference), x.copy(), x.copy()
         reference = np.ascontiguousarray(reference, dtype=np.float64)
         force, least = np.empty(rows), np.empty(rows)
         states = np.empty((rows, len(x))) if record else None
+        places = places_of(self._chain, time_s, self._step_s, rows)
+        work = np.empty(self._library.tff_work_reals(ctypes.c_int(self._chain.count)))
         self._library.tff_invert_run(
-            ctypes.byref(self._struct),
+            self._numbers.reference(),
             ctypes.c_double(self._step_s),
             pointer(reference),
             ctypes.c_long(rows),
             ctypes.c_int(1),
+            *([pointer(places[0]), pointer(work)] if places else []),
             pointer(now),
             pointer(old),
             pointer(force),

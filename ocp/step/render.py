@@ -1,6 +1,6 @@
 """The time step in C: templates filled in, for the host and for a controller alike, and how they call the laws."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import jinja2
@@ -53,33 +53,6 @@ class Limits:
     tolerance_N: float = RESIDUAL_TOLERANCE_N
 
 
-def law_calls(prefix: str, laws: Mapping[str, SpecialisedLaw]) -> Callable[..., str]:
-    """How generated code calls its laws: arguments by name, parameters from the record `c`.
-
-    Parameters
-    ----------
-    prefix : str
-        Prefix of every C name.
-    laws : mapping of str to SpecialisedLaw
-        By their names; those of an end mass that differ between the ends with "_near" or "_far" behind.
-
-    Returns
-    -------
-    callable
-        (law, *arguments, end) -> C text. `arguments` hold the text of inputs that are no parameters and of outputs;
-        `end` is "near" or "far" for the laws of an end mass.
-    """
-
-    def call(law: str, *parts: Mapping[str, str], end: str = "") -> str:
-        arguments = {name: text for part in parts for name, text in part.items()}
-        known = laws.get(f"{law}_{end}") or laws[law]
-        parameters = (arguments.get(name) or f"c->{name.replace('end_', f'{end}_', 1)}" for name in known.inputs)
-        passed = [*(["c"] if known.weighted else []), *parameters, *(arguments[name] for name in known.outputs)]
-        return f"{prefix}_{known.name}({', '.join(passed)})"
-
-    return call
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepCode:
     """What the templates need to know.
@@ -94,15 +67,21 @@ class StepCode:
     laws : mapping of str to SpecialisedLaw
     count, size : str
         C text of the number of masses, in functions and where arrays are declared.
-    solve : str
-        Template of one implicit step.
     numbers : mapping of str to str
         C text of each of the chain's numbers where it stands alone.
     host : bool, optional
-        Help the host's compiler: arrays do not overlap, and the numbers do not change.
+        For the host: any number of masses, numbers in a record, easy steps; else for a controller.
+    moving : bool, optional
+        Masses differ from one another, or from step to step.
+    of_masses : tuple of str, optional
+        Names of what differs from mass to mass.
     limits : Limits, optional
     compliances : mapping of str to float, optional
         For an inverse that keeps states relative to what the tension alone would cause: by state, [m/N].
+    kinds : int, optional
+        Rows of coefficients for each weight: kinds of links, on a controller.
+    link_kind : str, optional
+        C text of the kind of link i.
     """
 
     prefix: str
@@ -111,11 +90,46 @@ class StepCode:
     laws: Mapping[str, SpecialisedLaw]
     count: str
     size: str
-    solve: str
     numbers: Mapping[str, str]
     host: bool = False
+    moving: bool = False
+    of_masses: tuple[str, ...] = ()
     limits: Limits = Limits()
     compliances: Mapping[str, float] | None = None
+    kinds: int = 1
+    link_kind: str = "0"
+
+    def call(self, law: str, *parts: Mapping[str, str], end: str = "", link: str = "", mass: str = "") -> str:
+        """C text of a call: arguments by name, parameters from the record `c`, or from `own` where masses differ.
+
+        Parameters
+        ----------
+        law : str
+        *parts : mapping of str to str
+            Text of inputs that are no parameters, and of outputs; what the law does not take is left out.
+        end : str, optional
+            "near" or "far" for the laws of an end mass.
+        link, mass : str, optional
+            Index of the link or the mass that the law is for.
+        """
+        known = self.laws.get(f"{law}_{end}") or self.laws[law]
+        arguments = {name: text for part in parts for name, text in part.items()}
+
+        def value(name: str) -> str:
+            if (text := arguments.get(name)) is not None:
+                return text
+            if self.moving and mass and name.startswith(("friction_", "piece_mass")):
+                return f"own->{name}[{mass}]"
+            return f"c->{name.replace('end_', f'{end}_', 1)}"
+
+        record = f"&c[{self.link_kind}]" if link and self.kinds > 1 else "c"
+        passed = [*([record] if known.weighted else []), *map(value, known.inputs)]
+        return f"{self.prefix}_{known.name}({', '.join([*passed, *(arguments[name] for name in known.outputs)])})"
+
+    @property
+    def friction_numbers(self) -> tuple[str, ...]:
+        """Names of the parameters of friction on one mass."""
+        return tuple(name for name in self.numbers if name.startswith("friction_"))
 
     def work(self) -> tuple[tuple[str, str], ...]:
         """Arrays of the work area of one step, with their sizes in C."""
@@ -123,7 +137,12 @@ class StepCode:
         links = ((name, f"{n} + 1") for name in ("start", "force", "slope"))
         own = ((f"new_{name}", n) for name in self.layout.friction_states)
         masses = ("v", "trial", "residual", "lower", "diag", "upper", "move")
-        return (("base", _text(*self.layout.offset("end"), n)), *links, *own, *((name, f"{n} + 2") for name in masses))
+        extra: list[tuple[str, str]] = [("gain", f"{n} + 1")] if self.host else []
+        if self.moving:
+            extra += [("ratio", f"{n} + 1"), ("drift", f"{n} + 2")]
+            extra += [(name, n) for name in ("kept", "kept_old", "piece_mass_kg", *self.friction_numbers)]
+        base = ("base", _text(*self.layout.offset("end"), n))
+        return (base, *links, *own, *((name, f"{n} + 2") for name in masses), *extra)
 
     def render(self, template: str) -> str:
         """One of the templates in `ocp/step/templates`, filled in.
@@ -136,6 +155,9 @@ class StepCode:
         limits, precision, states = self.limits, self.precision, self.layout
         target = f"const {self.prefix}_weights *const c = given;\n    (void)c;"
 
+        real, restrict = real_type(precision), "restrict " if self.host else ""
+        own = self.friction_numbers if self.moving else ()
+
         def number(value: float) -> str:
             return literal(value, precision)
 
@@ -145,14 +167,41 @@ class StepCode:
         return _TEMPLATES.get_template(template).render(
             prefix=self.prefix,
             upper=self.prefix.upper(),
-            real=real_type(precision),
+            real=real,
             fabs="fabsf" if precision is Precision.FLOAT else "fabs",
-            restrict="restrict " if self.host else "",
+            restrict=restrict,
             # On the host a copy that nothing can change lets the compiler keep the numbers in registers.
-            enter=f"const {self.prefix}_weights own = *given, *const c = &own;" if self.host else target,
+            enter=f"const {self.prefix}_weights local = *given, *const c = &local;" if self.host else target,
             count=self.count,
-            solve=self.solve,
-            call=law_calls(self.prefix, self.laws),
+            weights=f"const {self.prefix}_weights *c",
+            given=f"const {self.prefix}_weights *given",
+            solve="solve_host.c.j2" if self.host else "solve_target.c.j2",
+            host=self.host,
+            moving=self.moving,
+            call=self.call,
+            rate=lambda i, drift: (
+                f"v[{i}] - v[{i} + 1]" if not self.moving else f"(v[{i}] - v[{i} + 1]) + {drift}[{i}]"
+            ),
+            row_of=lambda k: k if self.kinds == 1 else f"{self.kinds} * ({k})",
+            per_mass=lambda name: f"c->of_masses[({self.of_masses.index(name)} * n) + i]",
+            contact_arguments={
+                **{
+                    f"contact_{n[9:]}": f"c->of_masses[({self.of_masses.index('contact_' + n[9:])} * n) + i]"
+                    for n in own
+                },
+                **{name: f"&w->{name}[i]" for name in own},
+            },
+            ratio_at="w->ratio[i]" if self.moving else "c->ratio[i]",
+            ratio_parameter=f"const {real} *{restrict}ratio, " if self.host else "",
+            ratio_argument=("w->ratio, " if self.moving else "c->ratio, ") if self.host else "",
+            gain_parameter=f", {real} *{restrict}gain" if self.host else "",
+            gain_argument=", w->gain" if self.host else "",
+            drift_parameter=f"const {real} *{restrict}drift, " if self.moving else "",
+            drift_argument="w->drift, " if self.moving else "",
+            own_parameter=f"const {self.prefix}_work *own, " if self.moving else "",
+            own_argument="w, " if self.moving else "",
+            place_argument="&place, " if self.moving else "",
+            of_masses=self.of_masses,
             at=lambda name: _text(*states.offset(name), "n"),
             bases=indexed,
             ends=lambda names, prefix, at: {s: f"&{prefix}{s}[{at}]" for s in names},

@@ -208,7 +208,9 @@ def _record(folder: Specialiser, weights: Weights) -> str:
         f"    static const {folder.prefix}_weights rows[{len(weights)}] = {{",
     ]
     rows = ([literal(column[k], folder.precision) for column in columns] for k in range(len(weights)))
-    return "\n".join([*lines, *(f"        {{ {', '.join(row)} }}," for row in rows), "    };", "    return rows;", "}", ""])
+    return "\n".join(
+        [*lines, *(f"        {{ {', '.join(row)} }}," for row in rows), "    };", "    return rows;", "}", ""]
+    )
 
 
 def _rest(chain: Chain, precision: Precision, *, relative: bool = False) -> str:
