@@ -262,7 +262,7 @@ def chain_equations(chain: Chain) -> ChainEquations:
     links, masses = tuple(own[: len(link.states)]), tuple(own[len(link.states) :])
 
     v_far = v[n + 1] if chain.far_joint is None else far_rate
-    e_rate = ca.vertcat(v[:-2] - v[1:-1], v[n] - v_far) + gained_rate
+    e_rate = ca.vertcat(v[:-2] - v[1:-1], v[n] - v_far) + (gained_rate if chain.moving else 0)
     f = tendon_force(link.unclipped_force(e, e_rate, links))
     on_path = v[1:-1]
     f_n = normal_force(f[:-1], f[1:], piece.adhesion_N)

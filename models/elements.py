@@ -14,6 +14,7 @@ from tendonff.models.assembly import Piece
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.friction import FrictionLaw, LuGreBristle
+from tendonff.models.layout import fields_of
 from tendonff.models.link import LinkLaw, ZenerLink
 from tendonff.models.parameters import Transmission
 from tendonff.models.path import Array, CutPath, JointMotion, Section, cut_path
@@ -142,13 +143,11 @@ class Whole:
             friction, mass = contact.on_piece(phi, share, share), self.piece.mass_kg / n
         else:
             laws = [self.friction.in_section(self.sections[k]) for k in path.section_of]
-            contact = replace(
-                self.friction,
-                **{f.name: _column([getattr(law, f.name) for law in laws]) for f in fields(self.friction)},
-            )
-            phi: Any = rows.angle_rad[0]
-            total = path.total_angle_rad
-            friction = contact.on_piece(phi, phi / total if total > 0 else path.length_share, path.length_share)
+            columns = {name: _column([getattr(law, name) for law in laws]) for name in fields_of(self.friction)}
+            contact = replace(self.friction, **columns)  # type: ignore[type-var]
+            phi_i, total = rows.angle_rad[0], path.total_angle_rad
+            angle_share = phi_i / total if total > 0 else path.length_share
+            friction = contact.on_piece(phi_i, angle_share, path.length_share)
             mass = self.piece.mass_kg * path.length_share
         return Elements(
             path=path,

@@ -147,7 +147,7 @@ def tensions_of(chain: Chain, states: Array, time_s: Array | float = 0.0) -> Arr
     chain : Chain
     states : ndarray, shape (rows, size)
     time_s : float or ndarray of shape (rows,), optional
-        When: it matters where the path moves. The rate at which it moves then is left out: it acts by the damping alone.
+        When: it matters where the path moves. The rate of that motion, which acts by the damping alone, is left out.
     """
     layout, x = chain.layout, np.atleast_2d(states)
     v, own = x[:, layout.part("v")], tuple(x[:, layout.part(name)] for name in layout.link_states)

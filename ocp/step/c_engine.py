@@ -43,7 +43,7 @@ class ChainNumbers:
         self._ratio = np.ascontiguousarray(chain.elements.ratio, dtype=np.float64)  # kept as long as the record
         self._of_masses = np.ascontiguousarray(np.stack(list(chain.of_masses().values())))
         self._struct = _struct_type(tuple(numbers))(
-            *(chain.count, 0.0, 0.0, self._ratio.ctypes.data, self._of_masses.ctypes.data),
+            *(chain.count, 0.0, 0.0, self._ratio.ctypes.data, None, self._of_masses.ctypes.data),
             *(path.total_angle_rad, chain.far_joint is not None, *numbers.values()),
         )
 
@@ -57,7 +57,7 @@ def _struct_type(names: tuple[str, ...]) -> type[ctypes.Structure]:
     fields = [
         ("count", ctypes.c_int),
         *((name, ctypes.c_double) for name in ("H", "carry")),
-        *((name, ctypes.c_void_p) for name in ("ratio", "of_masses")),
+        *((name, ctypes.c_void_p) for name in ("ratio", "gain", "of_masses")),
         ("total_angle_rad", ctypes.c_double),
         ("far_driven", ctypes.c_int),
         *((name, ctypes.c_double) for name in names),
@@ -84,7 +84,7 @@ def places_of(chain: Chain, time_s: float, step_s: float, rows: int) -> list[Arr
     """
     if not chain.moving:
         return []
-    table = np.ascontiguousarray(chain.path_at(time_s + step_s * np.arange(-1, rows + 1)).table())
+    table = np.ascontiguousarray(chain.path_at(time_s + step_s * np.arange(-1.0, rows + 1)).table())
     return [table]
 
 
@@ -256,7 +256,7 @@ class CompiledInverse:
             pointer(reference),
             ctypes.c_long(rows),
             ctypes.c_int(1),
-            *([pointer(places[0]), pointer(work)] if places else []),
+            *map(pointer, [*places, work]),
             pointer(now),
             pointer(old),
             pointer(force),

@@ -221,7 +221,7 @@ class CasadiStepper:
     def advance(self, memory: StepperMemory, inputs: ChainInputs, record: bool) -> Rows:
         """See `protocol.Stepper`."""
         table, size, n = inputs.table(), self._chain.layout.size, self._chain.count
-        times = memory.time_s + self._step_s * np.arange(-1, len(table) + 1)
+        times = memory.time_s + self._step_s * np.arange(-1.0, len(table) + 1)
         places = self._chain.path_at(times).table()
         moves = path_moves(self._chain, places, self._step_s, fresh=memory.fresh)
         states, tensions = np.empty((len(table), size)), np.empty((len(table), n + 1))
@@ -395,7 +395,7 @@ class CasadiInverse:
         """See `protocol.Inverse`."""
         if not len(reference):
             return InverseRows(force_N=np.empty(0), least_tension_N=np.empty(0), states=None)
-        times = time_s + self._step_s * np.arange(-1, len(reference) + 1)
+        times = time_s + self._step_s * np.arange(-1.0, len(reference) + 1)
         moves = path_moves(self._chain, self._chain.path_at(times).table(), self._step_s, fresh=True)
         pair, force, least = self._first(np.concatenate([x, x]), reference[0], moves[:, 0])
         pairs, forces, leasts = [pair], [force], [least]

@@ -45,7 +45,14 @@ class CasadiTangent:
         self._values = values
 
     def run(
-        self, x: Array, time_s: float, inputs: ChainInputs, start: Array, numbers: Array, drive: Array, forgotten: NDArray[np.int_]
+        self,
+        x: Array,
+        time_s: float,
+        inputs: ChainInputs,
+        start: Array,
+        numbers: Array,
+        drive: Array,
+        forgotten: NDArray[np.int_],
     ) -> tuple[Rows, Array, Array]:
         """Simulate and differentiate.
 
@@ -78,7 +85,7 @@ class CasadiTangent:
         if rows.states is None:
             raise AssertionError("the stepper was asked to record its states")
         states, done, n = np.vstack([x, x, rows.states]), len(rows.states), self._count
-        times = time_s + self._step_s * np.arange(-1, done + 1)
+        times = time_s + self._step_s * np.arange(-1.0, done + 1)
         moves = path_moves(self._chain, self._chain.path_at(times).table(), self._step_s, fresh=True).T
         layout = self._chain.layout
         kept, kept_old = np.ones((2, done, layout.size))
@@ -93,7 +100,9 @@ class CasadiTangent:
         now, old = start, start
         for first in range(0, done, _CHUNK):
             part = slice(first, min(first + _CHUNK, done))
-            blocks = self._evaluate(rows.states[part, : n + 2], bases[part], inputs.table()[1:][part], weights[part], moves[part])
+            blocks = self._evaluate(
+                rows.states[part, : n + 2], bases[part], inputs.table()[1:][part], weights[part], moves[part]
+            )
             for k, row in enumerate(range(part.start, part.stop)):
                 (r_v, r_base, r_u, r_p), (x_v, x_base, _, x_p), (f_v, f_base, _, f_p) = (
                     [block[k] for block in group] for group in blocks

@@ -258,7 +258,7 @@ class ElementLaws:
         outputs = fields_of(whole.on_piece(angle, share, length), "friction_")
         return Law(
             name="contact",
-            comment="Parameters of friction on a piece, eqs. (8), (9), from those of the whole and its wrap angle [rad].",
+            comment="Parameters of friction on a piece, eqs. (8), (9), from the whole's and a wrap angle [rad].",
             inputs=(angle, share, length, *fields_of(whole).values()),
             outputs=outputs,
         )

@@ -76,8 +76,8 @@ class StepCode:
     of_masses : tuple of str, optional
         Names of what differs from mass to mass.
     limits : Limits, optional
-    compliances : mapping of str to float, optional
-        For an inverse that keeps states relative to what the tension alone would cause: by state, [m/N].
+    compliances : mapping of str to str, optional
+        For an inverse that keeps states relative to what the tension alone would cause: C text by state, [m/N].
     kinds : int, optional
         Rows of coefficients for each weight: kinds of links, on a controller.
     link_kind : str, optional
@@ -95,7 +95,7 @@ class StepCode:
     moving: bool = False
     of_masses: tuple[str, ...] = ()
     limits: Limits = Limits()
-    compliances: Mapping[str, float] | None = None
+    compliances: Mapping[str, str] | None = None
     kinds: int = 1
     link_kind: str = "0"
 
@@ -137,9 +137,11 @@ class StepCode:
         links = ((name, f"{n} + 1") for name in ("start", "force", "slope"))
         own = ((f"new_{name}", n) for name in self.layout.friction_states)
         masses = ("v", "trial", "residual", "lower", "diag", "upper", "move")
-        extra: list[tuple[str, str]] = [("gain", f"{n} + 1")] if self.host else []
+        extra: list[tuple[str, str]] = []
+        if self.host and not self.moving:
+            extra = [("gains", f"{self.limits.splits + 2} * ({n} + 1)")]
         if self.moving:
-            extra += [("ratio", f"{n} + 1"), ("drift", f"{n} + 2")]
+            extra += [("gain", f"{n} + 1"), ("ratio", f"{n} + 1"), ("drift", f"{n} + 2")]
             extra += [(name, n) for name in ("kept", "kept_old", "piece_mass_kg", *self.friction_numbers)]
         base = ("base", _text(*self.layout.offset("end"), n))
         return (base, *links, *own, *((name, f"{n} + 2") for name in masses), *extra)
@@ -194,8 +196,10 @@ class StepCode:
             ratio_at="w->ratio[i]" if self.moving else "c->ratio[i]",
             ratio_parameter=f"const {real} *{restrict}ratio, " if self.host else "",
             ratio_argument=("w->ratio, " if self.moving else "c->ratio, ") if self.host else "",
-            gain_parameter=f", {real} *{restrict}gain" if self.host else "",
-            gain_argument=", w->gain" if self.host else "",
+            gain_parameter=f", {real} *{restrict}gain" if self.moving else "",
+            gain_at="w->gain[i]" if self.moving else "c->gain[i]",
+            gains_argument="w.gain" if self.moving else "w.gains",
+            gain_argument=", w->gain" if self.moving else "",
             drift_parameter=f"const {real} *{restrict}drift, " if self.moving else "",
             drift_argument="w->drift, " if self.moving else "",
             own_parameter=f"const {self.prefix}_work *own, " if self.moving else "",
@@ -219,7 +223,7 @@ class StepCode:
             friction_states=states.friction_states,
             input_names=INPUT_NAMES,
             shifted=self.compliances is not None,
-            compliances={name: number(value) for name, value in (self.compliances or {}).items()},
+            compliances=self.compliances or {},
             zero=number(0.0),
             half=number(0.5),
             one=number(1.0),
