@@ -19,7 +19,7 @@ from tendonff.models.layout import ChainInputs, ChainState
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import describe_failure, tensions_of
-from tendonff.ocp.step.c_engine import ChainNumbers, ReportStruct, host_source, library_of, places_of, pointer
+from tendonff.ocp.step.c_engine import ReportStruct, chain_struct, host_source, library_of, places_of, pointer
 from tendonff.ocp.step.casadi_tangent import CasadiTangent
 from tendonff.ocp.step.laws import ElementLaws
 from tendonff.ocp.step.protocol import Array, Rows
@@ -119,7 +119,9 @@ class _Numbers:
 
 def _tangent_source(chain: Chain) -> str:
     laws = ElementLaws.of(chain)
-    return host_source(chain, (*laws.simulation(), *laws.tangent()), ("kernel.c.j2", "weigh.c.j2", "tangent.c.j2"))
+    return host_source(
+        chain, (*laws.simulation(), *laws.tangent()), ("kernel.c.j2", "weigh.c.j2", "tangent.c.j2", "tangent_run.c.j2")
+    )
 
 
 def force_sensitivity(
@@ -257,9 +259,9 @@ def _run(
     if ends_slopes is not None:
         ends_slopes[0] = dx[-2:]
     report, worst = ReportStruct(), ctypes.c_int()
-    record, places = ChainNumbers(chain), places_of(chain, state.time_s, step_s, rows)
+    record, places = chain_struct(chain), places_of(chain, state.time_s, step_s, rows)
     done = library.tff_tangent_run(
-        record.reference(),
+        ctypes.byref(record),
         ctypes.c_double(step_s),
         pointer(inputs),
         ctypes.c_long(rows),

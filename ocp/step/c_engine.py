@@ -30,34 +30,41 @@ class ReportStruct(ctypes.Structure):
     )
 
 
-class ChainNumbers:
+def chain_struct(chain: Chain) -> ctypes.Structure:
     """The numbers of a chain as `tff_weights` of host.h.j2; what belongs to a weight is left for the C code to fill.
 
     Parameters
     ----------
     chain : Chain
     """
+    numbers, elements = chain.numbers(), chain.elements
+    of_masses = np.ascontiguousarray(np.stack(list(chain.of_masses().values())))
+    inner, ends = link_ratios(elements.ratio)
+    struct = _struct_type(tuple(numbers))(
+        *(chain.count, 0.0, 0.0, 0.0, inner, ends, of_masses.ctypes.data),
+        *(elements.path.total_angle_rad, chain.far_joint is not None, *numbers.values()),
+    )
+    struct.kept_alive = of_masses
+    return struct
 
-    def __init__(self, chain: Chain) -> None:
-        numbers, path = chain.numbers(), chain.elements.path
-        self._ratio = np.ascontiguousarray(chain.elements.ratio, dtype=np.float64)  # kept as long as the record
-        self._of_masses = np.ascontiguousarray(np.stack(list(chain.of_masses().values())))
-        self._struct = _struct_type(tuple(numbers))(
-            *(chain.count, 0.0, 0.0, self._ratio.ctypes.data, None, self._of_masses.ctypes.data),
-            *(path.total_angle_rad, chain.far_joint is not None, *numbers.values()),
-        )
 
-    def reference(self) -> object:
-        """What ctypes passes."""
-        return ctypes.byref(self._struct)
+def link_ratios(ratio: Array) -> tuple[float, float]:
+    """Length of the whole over that of an inner link, and over that of the links at the ends, where all masses are alike.
+
+    Parameters
+    ----------
+    ratio : ndarray, shape (N + 1,)
+        As `Elements.ratio`.
+    """
+    return float(ratio[1]) if len(ratio) > 2 else float(ratio[0]), float(ratio[0])
 
 
 @functools.cache
 def _struct_type(names: tuple[str, ...]) -> type[ctypes.Structure]:
     fields = [
         ("count", ctypes.c_int),
-        *((name, ctypes.c_double) for name in ("H", "carry")),
-        *((name, ctypes.c_void_p) for name in ("ratio", "gain", "of_masses")),
+        *((name, ctypes.c_double) for name in ("H", "carry", "gain", "ratio", "ratio_of_ends")),
+        ("of_masses", ctypes.c_void_p),
         ("total_angle_rad", ctypes.c_double),
         ("far_driven", ctypes.c_int),
         *((name, ctypes.c_double) for name in names),
@@ -180,7 +187,7 @@ class CompiledStepper:
 
     def __init__(self, chain: Chain, step_s: float) -> None:
         self._chain, self._step_s = chain, step_s
-        self._numbers = ChainNumbers(chain)
+        self._struct = chain_struct(chain)
         self._library = _library_of(chain)
         self._work = np.empty(self._library.tff_work_reals(ctypes.c_int(chain.count)))
 
@@ -193,7 +200,7 @@ class CompiledStepper:
         report, worst = ReportStruct(), ctypes.c_int()
         places = places_of(self._chain, memory.time_s, self._step_s, rows)
         done = self._library.tff_run(
-            self._numbers.reference(),
+            ctypes.byref(self._struct),
             ctypes.c_double(self._step_s),
             pointer(table),
             ctypes.c_long(rows),
@@ -239,7 +246,7 @@ class CompiledInverse:
     """
 
     def __init__(self, chain: Chain, step_s: float) -> None:
-        self._chain, self._numbers, self._step_s = chain, ChainNumbers(chain), step_s
+        self._chain, self._struct, self._step_s = chain, chain_struct(chain), step_s
         self._library = _library_of(chain)
 
     def invert(self, x: Array, time_s: float, reference: Array, record: bool) -> InverseRows:
@@ -251,12 +258,12 @@ class CompiledInverse:
         places = places_of(self._chain, time_s, self._step_s, rows)
         work = np.empty(self._library.tff_work_reals(ctypes.c_int(self._chain.count)))
         self._library.tff_invert_run(
-            self._numbers.reference(),
+            ctypes.byref(self._struct),
             ctypes.c_double(self._step_s),
             pointer(reference),
             ctypes.c_long(rows),
             ctypes.c_int(1),
-            *map(pointer, [*places, work]),
+            *map(pointer, [*places, work] if places else []),
             pointer(now),
             pointer(old),
             pointer(force),

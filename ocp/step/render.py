@@ -1,6 +1,6 @@
 """The time step in C: templates filled in, for the host and for a controller alike, and how they call the laws."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import jinja2
@@ -30,6 +30,10 @@ _TEMPLATES = jinja2.Environment(  # noqa: S701 - C, not HTML
     trim_blocks=True,
 )
 
+_ALL_LINKS = (("c", "for (i = 0; i <= n; i++)"),)
+_LINKS_BY_KIND = (("c", "for (i = 1; i < n; i++)"), ("(&c[1])", "for (i = 0; i <= n; i += n)"))
+"""Loops over links: those at the ends are half as long, and have rows of their own."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
@@ -51,6 +55,34 @@ class Limits:
     pieces: int = MAX_PIECES
     rounding: float = RESIDUAL_ROUNDING
     tolerance_N: float = RESIDUAL_TOLERANCE_N
+
+
+def law_calls(prefix: str, laws: Mapping[str, SpecialisedLaw]) -> Callable[..., str]:
+    """How generated code calls its laws: see `StepCode.call`.
+
+    Parameters
+    ----------
+    prefix : str
+        Prefix of every C name.
+    laws : mapping of str to SpecialisedLaw
+        By their names; those of an end mass that differ between the ends with "_near" or "_far" behind.
+    """
+
+    def call(law: str, *parts: Mapping[str, str], end: str = "", link: str = "c", own: str = "", mass: str = "") -> str:
+        known = laws.get(f"{law}_{end}") or laws[law]
+        arguments = {name: text for part in parts for name, text in part.items()}
+
+        def value(name: str) -> str:
+            if (text := arguments.get(name)) is not None:
+                return text
+            if own and name.startswith(("friction_", "piece_mass")):
+                return f"{own}->{name}[{mass}]"
+            return f"{link}->{name.replace('end_', f'{end}_', 1)}"
+
+        passed = [*([link] if known.weighted else []), *map(value, known.inputs)]
+        return f"{prefix}_{known.name}({', '.join([*passed, *(arguments[name] for name in known.outputs)])})"
+
+    return call
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,12 +108,8 @@ class StepCode:
     of_masses : tuple of str, optional
         Names of what differs from mass to mass.
     limits : Limits, optional
-    compliances : mapping of str to str, optional
-        For an inverse that keeps states relative to what the tension alone would cause: C text by state, [m/N].
-    kinds : int, optional
-        Rows of coefficients for each weight: kinds of links, on a controller.
-    link_kind : str, optional
-        C text of the kind of link i.
+    compliances : mapping of str to float or C text, optional
+        For an inverse that keeps states relative to what the tension alone would cause: by state, [m/N].
     """
 
     prefix: str
@@ -95,11 +123,9 @@ class StepCode:
     moving: bool = False
     of_masses: tuple[str, ...] = ()
     limits: Limits = Limits()
-    compliances: Mapping[str, str] | None = None
-    kinds: int = 1
-    link_kind: str = "0"
+    compliances: Mapping[str, float | str] | None = None
 
-    def call(self, law: str, *parts: Mapping[str, str], end: str = "", link: str = "", mass: str = "") -> str:
+    def call(self, law: str, *parts: Mapping[str, str], end: str = "", link: str = "c", mass: str = "") -> str:
         """C text of a call: arguments by name, parameters from the record `c`, or from `own` where masses differ.
 
         Parameters
@@ -109,22 +135,13 @@ class StepCode:
             Text of inputs that are no parameters, and of outputs; what the law does not take is left out.
         end : str, optional
             "near" or "far" for the laws of an end mass.
-        link, mass : str, optional
-            Index of the link or the mass that the law is for.
+        link : str, optional
+            Record of the link that the law is for.
+        mass : str, optional
+            Index of the mass that the law is for.
         """
-        known = self.laws.get(f"{law}_{end}") or self.laws[law]
-        arguments = {name: text for part in parts for name, text in part.items()}
-
-        def value(name: str) -> str:
-            if (text := arguments.get(name)) is not None:
-                return text
-            if self.moving and mass and name.startswith(("friction_", "piece_mass")):
-                return f"own->{name}[{mass}]"
-            return f"c->{name.replace('end_', f'{end}_', 1)}"
-
-        record = f"&c[{self.link_kind}]" if link and self.kinds > 1 else "c"
-        passed = [*([record] if known.weighted else []), *map(value, known.inputs)]
-        return f"{self.prefix}_{known.name}({', '.join([*passed, *(arguments[name] for name in known.outputs)])})"
+        own = "own" if self.moving and mass else ""
+        return law_calls(self.prefix, self.laws)(law, *parts, end=end, link=link, own=own, mass=mass)
 
     @property
     def friction_numbers(self) -> tuple[str, ...]:
@@ -138,8 +155,6 @@ class StepCode:
         own = ((f"new_{name}", n) for name in self.layout.friction_states)
         masses = ("v", "trial", "residual", "lower", "diag", "upper", "move")
         extra: list[tuple[str, str]] = []
-        if self.host and not self.moving:
-            extra = [("gains", f"{self.limits.splits + 2} * ({n} + 1)")]
         if self.moving:
             extra += [("gain", f"{n} + 1"), ("ratio", f"{n} + 1"), ("drift", f"{n} + 2")]
             extra += [(name, n) for name in ("kept", "kept_old", "piece_mass_kg", *self.friction_numbers)]
@@ -173,7 +188,9 @@ class StepCode:
             fabs="fabsf" if precision is Precision.FLOAT else "fabs",
             restrict=restrict,
             # On the host a copy that nothing can change lets the compiler keep the numbers in registers.
-            enter=f"const {self.prefix}_weights local = *given, *const c = &local;" if self.host else target,
+            enter=f"const {self.prefix}_weights local[2] = {{ given[0], given[1] }}, *const c = local;"
+            if self.host
+            else target,
             count=self.count,
             weights=f"const {self.prefix}_weights *c",
             given=f"const {self.prefix}_weights *given",
@@ -184,7 +201,11 @@ class StepCode:
             rate=lambda i, drift: (
                 f"v[{i}] - v[{i} + 1]" if not self.moving else f"(v[{i}] - v[{i} + 1]) + {drift}[{i}]"
             ),
-            row_of=lambda k: k if self.kinds == 1 else f"{self.kinds} * ({k})",
+            row_of=lambda k: f"2 * ({k})",
+            link_loops=_ALL_LINKS if self.moving else _LINKS_BY_KIND,
+            link_of_i="c" if self.moving else "l",
+            ratio_given=lambda record: "ratio[i]" if self.moving and record == "c" else f"{record}->ratio",
+            gain_given=lambda record: "w->gain[i]" if self.moving else f"{record}->gain",
             per_mass=lambda name: f"c->of_masses[({self.of_masses.index(name)} * n) + i]",
             contact_arguments={
                 **{
@@ -193,12 +214,9 @@ class StepCode:
                 },
                 **{name: f"&w->{name}[i]" for name in own},
             },
-            ratio_at="w->ratio[i]" if self.moving else "c->ratio[i]",
-            ratio_parameter=f"const {real} *{restrict}ratio, " if self.host else "",
-            ratio_argument=("w->ratio, " if self.moving else "c->ratio, ") if self.host else "",
+            ratio_parameter=f"const {real} *{restrict}ratio, " if self.moving else "",
+            ratio_argument="w->ratio, " if self.moving else "",
             gain_parameter=f", {real} *{restrict}gain" if self.moving else "",
-            gain_at="w->gain[i]" if self.moving else "c->gain[i]",
-            gains_argument="w.gain" if self.moving else "w.gains",
             gain_argument=", w->gain" if self.moving else "",
             drift_parameter=f"const {real} *{restrict}drift, " if self.moving else "",
             drift_argument="w->drift, " if self.moving else "",
@@ -223,7 +241,10 @@ class StepCode:
             friction_states=states.friction_states,
             input_names=INPUT_NAMES,
             shifted=self.compliances is not None,
-            compliances=self.compliances or {},
+            compliances={
+                name: value if isinstance(value, str) else number(value)
+                for name, value in (self.compliances or {}).items()
+            },
             zero=number(0.0),
             half=number(0.5),
             one=number(1.0),

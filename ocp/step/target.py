@@ -1,5 +1,6 @@
 """The chain in C for a controller: element laws with the parameters folded in, and the scheme around them."""
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal, real_type
 from tendonff.ocp.errors import CodeError
+from tendonff.ocp.step.c_engine import link_ratios
 from tendonff.ocp.step.laws import ElementLaws, end_mass, far_velocity, near_force
 from tendonff.ocp.step.render import Limits, StepCode
 from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT, RESIDUAL_ROUNDING, RESIDUAL_TOLERANCE_N
@@ -76,7 +78,11 @@ def inverse_code(chain: Chain, step_s: float, prefix: str, precision: Precision)
     """
     weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY))
     folder, laws = _specialiser(chain, weights, prefix, precision), ElementLaws.of(chain)
-    compliances = None if precision is Precision.DOUBLE else _compliances(chain)
+    compliances = (
+        None
+        if precision is Precision.DOUBLE
+        else {"q_l": literal(1 / chain.far.stiffness_N_per_m, precision), **link_compliances(chain, precision)}
+    )
     far, rate = {"f_c": 0.0, "x_c": 0.0, "pull": 1.0}, {}
     if compliances is not None:  # the laws depend on tension and position through their balance only
         far["f"], rate["force"] = 0.0, 0.0
@@ -139,12 +145,8 @@ def _code(
     laws: tuple[SpecialisedLaw, ...],
     *,
     limits: Limits | None = None,
-    compliances: dict[str, tuple[float, ...]] | None = None,
+    compliances: dict[str, str] | None = None,
 ) -> StepCode:
-    def by_kind(values: tuple[float, ...]) -> str:
-        texts = [literal(value, folder.precision) for value in values]
-        return texts[0] if len(texts) == 1 else f"({_LINK_KIND} ? {texts[1]} : {texts[0]})"
-
     return StepCode(
         prefix=folder.prefix,
         precision=folder.precision,
@@ -154,28 +156,29 @@ def _code(
         size=f"{folder.prefix.upper()}_COUNT",
         numbers={name: literal(value, folder.precision) for name, value in chain.numbers().items()},
         limits=limits or Limits(),
-        compliances=None if compliances is None else {name: by_kind(value) for name, value in compliances.items()},
-        kinds=_KINDS,
-        link_kind=f"{_LINK_KIND} ? 1 : 0",
+        compliances=compliances,
     )
 
 
-def _compliances(chain: Chain) -> dict[str, tuple[float, ...]]:
-    """What a lasting newton does to the load's position and to the states of each kind of link [m/N].
+def link_compliances(chain: Chain, precision: Precision) -> dict[str, str]:
+    """What a lasting newton does to the states of link i [m/N], as C text.
 
     A float holds a position of centimetres to nanometres only, which a stiff bristle turns into newtons over a hold.
     Relative to what the tension alone would cause, positions are small and their rounding harmless. Double code keeps
     the states themselves, and so agrees with the Python model to rounding.
+
+    Parameters
+    ----------
+    chain : Chain
+    precision : Precision
     """
-    rests = [chain.link.shortened(ratio).rest(1.0) for ratio in _ratios(chain)]
-    links = {name: tuple(float(states[k]) for _, states in rests) for k, name in enumerate(chain.link.states)}
-    return {"q_l": (1 / chain.far.stiffness_N_per_m,), "e": tuple(float(stretch) for stretch, _ in rests), **links}
-
-
-def _ratios(chain: Chain) -> tuple[float, float]:
-    """Of an inner link and of those at the ends, which are half as long."""
-    ratio = chain.elements.ratio
-    return float(ratio[1:-1].mean()) if chain.count > 1 else float(ratio[0]), float(ratio[0])
+    rests = [chain.link.shortened(ratio).rest(1.0) for ratio in link_ratios(chain.elements.ratio)]
+    kinds = {"e": [stretch for stretch, _ in rests]}
+    kinds |= {name: [states[k] for _, states in rests] for k, name in enumerate(chain.link.states)}
+    return {
+        name: f"({_LINK_KIND} ? {literal(float(ends), precision)} : {literal(float(inner), precision)})"
+        for name, (inner, ends) in kinds.items()
+    }
 
 
 def _specialiser(chain: Chain, weights: Weights, prefix: str, precision: Precision) -> Specialiser:
@@ -183,7 +186,7 @@ def _specialiser(chain: Chain, weights: Weights, prefix: str, precision: Precisi
         raise CodeError(
             "a path in sections, or one that moves, cannot be printed for a controller yet; use one section"
         )
-    rows = [(weight, ratio) for weight, _ in weights for ratio in _ratios(chain)]
+    rows = [(weight, ratio) for weight, _ in weights for ratio in link_ratios(chain.elements.ratio)]
     parameters = {name: (value,) * len(rows) for name, value in _snapped(chain).items()}
     parameters["H"], parameters["ratio"] = tuple(weight for weight, _ in rows), tuple(ratio for _, ratio in rows)
     folder = Specialiser(prefix=prefix, precision=precision, parameters=parameters)
@@ -218,7 +221,8 @@ def _record(folder: Specialiser, weights: Weights) -> str:
     lines = [
         "/* What depends on the weight H [s] of the scheme: two rows for the first step (implicit Euler), two for every",
         " * later step (second-order backward differences; `carry` is the share of the last change in the base), and",
-        " * two for each halving of a step, where there are any: for inner links, and for those at the ends, which are half\n * as long. Fields are named after the law that needs them. */",
+        " * two for each halving of a step, where there are any: for inner links, and for those at the ends, which are",
+        " * half as long. Fields are named after the law that needs them. */",
         "typedef struct {",
         *(f"    {real} {name};" for name in fields),
         f"}} {folder.prefix}_weights;",
@@ -239,7 +243,7 @@ def _rest(chain: Chain, precision: Precision, *, relative: bool = False) -> str:
     slopes = np.zeros(chain.layout.size) if relative else one - zero
     lines = []
     borders = [0, *(np.flatnonzero(np.abs(np.diff(slopes)) > 1e-14 * np.abs(slopes).max()) + 1).tolist(), len(slopes)]
-    for first, last in zip(borders[:-1], borders[1:], strict=True):
+    for first, last in itertools.pairwise(borders):
         slope = float(slopes[first])
         value = f"tension * {literal(slope, precision)}" if slope else literal(0.0, precision)
         if last - first == 1:
