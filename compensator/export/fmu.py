@@ -16,7 +16,7 @@ import jinja2
 
 from tendonff._version import __version__
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.export.c_project import c_modules, c_sources, check_prefix
+from tendonff.compensator.export.c_text import c_modules, c_sources, check_prefix
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_file

@@ -1,7 +1,7 @@
 """Scenario files: the one reader, and the writer that it reads back.
 
 A scenario is a TOML file (schema 1) with the tables [path], [tendon], [friction], [actuator], [load], [reference] and
-[run], and the optional tables [robust], [experiment] and [measurement].
+[run], and the optional tables [robust], [optimal], [experiment] and [measurement].
 """
 
 import hashlib
@@ -15,6 +15,7 @@ from tendonff.compensator.files.reading import InputError, read_text, suggestion
 from tendonff.compensator.scenario.adaptation import Adaptation
 from tendonff.compensator.scenario.experiment import Experiment
 from tendonff.compensator.scenario.measurement import Measurement
+from tendonff.compensator.scenario.optimal import OptimalSettings
 from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec, SineReference, WaypointReference
 from tendonff.compensator.scenario.run import Run
 from tendonff.compensator.scenario.tables import descriptions, read_table, show, toml_table, toml_value
@@ -44,7 +45,12 @@ _TABLES: dict[str, type] = {
     "load": Load,
     "run": Run,
 }
-_OPTIONAL: dict[str, type] = {"robust": Uncertainty, "experiment": Experiment, "measurement": Measurement}
+_OPTIONAL: dict[str, type] = {
+    "robust": Uncertainty,
+    "optimal": OptimalSettings,
+    "experiment": Experiment,
+    "measurement": Measurement,
+}
 _ON_REQUEST: dict[str, type] = {"adaptation": Adaptation}
 """Tables whose absence means that there is none of it."""
 
@@ -67,6 +73,8 @@ class Scenario:
         Time step and fidelity level.
     robust : Uncertainty
         Uncertainty of the parameters.
+    optimal : OptimalSettings
+        What the optimal profile is asked for.
     experiment : Experiment
         The two-motor test.
     measurement : Measurement
@@ -82,6 +90,7 @@ class Scenario:
     reference: ReferenceSpec
     run: Run
     robust: Uncertainty = field(default_factory=Uncertainty)
+    optimal: OptimalSettings = field(default_factory=OptimalSettings)
     experiment: Experiment = field(default_factory=Experiment)
     measurement: Measurement = field(default_factory=Measurement)
     adaptation: Adaptation | None = None
@@ -223,6 +232,7 @@ def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | Non
         "reference": reference,
         "run": scenario.run,
         "robust": scenario.robust,
+        "optimal": scenario.optimal,
         "experiment": scenario.experiment,
         "measurement": scenario.measurement,
         "adaptation": scenario.adaptation,

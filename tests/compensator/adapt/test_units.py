@@ -9,7 +9,7 @@ import pytest
 
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.inverse import Inverse
-from tendonff.compensator.export.c_project import c_sources
+from tendonff.compensator.export.c_text import c_sources
 from tendonff.compensator.export.fmu import build_fmu
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.files.reading import InputError
