@@ -1,7 +1,7 @@
 """`tendonff compare`: how much model the task needs."""
 
 from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument
-from tendonff.compensator.cli.progress import progress, say, warn
+from tendonff.compensator.cli.progress import announce, progress, say, warn
 
 
 def compare(scenario: ScenarioArgument, out: OutFolderOption) -> None:
@@ -12,6 +12,7 @@ def compare(scenario: ScenarioArgument, out: OutFolderOption) -> None:
     from tendonff.compensator.scenario.scenario import load_scenario
 
     loaded = load_scenario(scenario)
+    announce(loaded)
     with atomic_directory(out) as folder:  # entered first: a folder that cannot be written is known before the work
         with progress("comparing") as advance:
             result = compare_levels(loaded, advance=advance)

@@ -1,7 +1,7 @@
 """`tendonff design`: the main job."""
 
 from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument
-from tendonff.compensator.cli.progress import progress, warn
+from tendonff.compensator.cli.progress import announce, progress, warn
 
 EXIT_SOLVE = 1  # what was written is the best that was found
 
@@ -16,6 +16,7 @@ def design(scenario: ScenarioArgument, out: OutFolderOption) -> int:
     from tendonff.ocp.tracking.result import TrackStatus
 
     loaded = load_scenario(scenario)
+    announce(loaded)
     with progress("designing") as advance:
         result = design_profile(loaded, advance=advance)
     with progress("writing"), atomic_directory(out) as folder:

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from tendonff.compensator.cli.options import LevelOption, OutFolderOption, ScenarioArgument
-from tendonff.compensator.cli.progress import progress, say, warn
+from tendonff.compensator.cli.progress import announce, progress, say, warn
 from tendonff.ocp.codegen.precision import Precision
 
 PrefixOption = Annotated[str, typer.Option("--prefix", metavar="NAME", help="Prefix of every C name and file.")]
@@ -26,6 +26,7 @@ def export_c(
     from tendonff.compensator.scenario.scenario import load_scenario
 
     loaded = load_scenario(scenario)
+    announce(loaded)
     with progress("exporting"), atomic_directory(out) as folder:
         exported = export_project(loaded, precision=precision, prefix=prefix, level=level)
         write_project(exported, folder)

@@ -6,7 +6,7 @@ import typer
 
 from tendonff.compensator.cli.export_c import PrefixOption
 from tendonff.compensator.cli.options import LevelOption, OutFolderOption, ScenarioArgument
-from tendonff.compensator.cli.progress import progress, say, warn
+from tendonff.compensator.cli.progress import announce, progress, say, warn
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 
 
@@ -26,6 +26,7 @@ def export_fmu(
     from tendonff.compensator.scenario.scenario import load_scenario
 
     loaded = load_scenario(scenario)
+    announce(loaded)
     complete = True
     names = []
     with progress("exporting"), atomic_directory(out) as folder:

@@ -18,6 +18,15 @@ def simulate(
     out: Annotated[
         Path, typer.Option("--out", metavar="O.csv", help="Result: tensions and end positions.", show_default=False)
     ],
+    column: Annotated[
+        str | None,
+        typer.Option(
+            "--force-column",
+            metavar="NAME",
+            help="Column of the force; default: force_N, in a profile.csv force_optimal_N.",
+            show_default=False,
+        ),
+    ] = None,
     level: LevelOption = None,
     check: Annotated[
         bool, typer.Option("--check", help="Refine the step as well and state the error estimate.")
@@ -29,7 +38,9 @@ def simulate(
     from tendonff.compensator.simulate.run import play_force, read_force
 
     loaded = load_scenario(scenario)
-    profile = read_force(force)
+    profile = read_force(force, column)
+    for note in profile.notes:
+        say(note)
     if out.exists() and any(out.samefile(source) for source in (scenario, force)):
         raise InputError(f"{out} is an input of this run; name another file for the result")
     with progress("simulating") as advance:

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from tendonff.compensator.cli.options import LevelOption, OutFolderOption, ScenarioArgument
-from tendonff.compensator.cli.progress import progress, say, warn
+from tendonff.compensator.cli.progress import announce, progress, say, warn
 
 
 def _numbers(text: str | None, option: str) -> tuple[float, ...]:
@@ -43,6 +43,7 @@ def table(
     from tendonff.compensator.tables.run import make_tables, write_tables
 
     loaded = load_scenario(scenario)
+    announce(loaded)
     angle_axis, rate_axis = _numbers(angles, "--angles"), _numbers(rates, "--rates")
     options = {"--level": level, "--bound": bound, "--angles": angles, "--rates": rates}
     given = [f"{name} {value}" for name, value in options.items() if value is not None]

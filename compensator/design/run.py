@@ -25,8 +25,9 @@ from tendonff.compensator.design.robustness import (
 )
 from tendonff.compensator.files.progress import Advance, silent
 from tendonff.compensator.files.writing import write_csv, write_json
+from tendonff.compensator.scenario.filters import noise_advice, ripple_advice
 from tendonff.compensator.scenario.reference import CsvReference
-from tendonff.compensator.scenario.sampling import Reference, noise_advice, sample_reference
+from tendonff.compensator.scenario.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
@@ -111,7 +112,7 @@ def design(scenario: Scenario, *, advance: Advance = silent) -> Design:
     inversion = exact_inverse(transmission, level, reference)
     if inversion.status is InverseStatus.WOULD_PUSH:
         warnings.append(f"inverse: {inversion.message}")
-    warnings += _noise_warning(scenario, reference)
+    warnings += _noise_warning(scenario, reference) or _ripple_warning(scenario, reference, inversion.force_N)
     advance(1, total)
     start = reference.initial_tension_N
     inverse_force = limits.apply(inversion.force_N, reference.step_s, start)
@@ -219,8 +220,17 @@ def _noise_warning(scenario: Scenario, reference: Reference) -> list[str]:
     def force_of(tension: FloatArray) -> FloatArray:
         return invert(chain, tension, step, initial_tension_N=start).force_N
 
-    advice = noise_advice(reference, force_of, file=spec.file)
+    advice = noise_advice(reference.tension_N, step, force_of, file=spec.file)
     return [] if advice is None else [advice.message]
+
+
+def _ripple_warning(scenario: Scenario, reference: Reference, force_N: FloatArray) -> list[str]:
+    """Warning of a force rate that swings between the samples of a file."""
+    spec = scenario.reference
+    if not isinstance(spec, CsvReference):
+        return []
+    advice = ripple_advice(force_N, reference.step_s, reference.sample_interval_s, file=spec.file)
+    return [] if advice is None else [advice]
 
 
 def summary(result: Design) -> dict[str, object]:

@@ -108,6 +108,21 @@ class WaypointReference:
             _require_tension("initial_tension_N", self.initial_tension_N)
 
 
+class Interpolation(StrEnum):
+    """Course between two samples of a file.
+
+    Attributes
+    ----------
+    MONOTONE
+        Piecewise cubic Hermite (Fritsch-Carlson): the rate is continuous, and no piece leaves the range of its ends.
+    LINEAR
+        Straight line: the rate jumps at every sample.
+    """
+
+    MONOTONE = "monotone"
+    LINEAR = "linear"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CsvReference:
     """Samples from a file with the columns time_s, tension_N.
@@ -120,11 +135,18 @@ class CsvReference:
         Corner frequency of a zero-phase low-pass [Hz], > 0; left out, the samples are taken as they are.
     initial_tension_N : float, optional
         Tension at rest before the start [N], > 0; default: the first sample.
+    time_column, tension_column : str, optional
+        Columns of the file; default: time_s and tension_N, or what their names and units tell.
+    interpolation : Interpolation, optional
+        Course between the samples: monotone (default) or linear.
     """
 
     file: str
     cutoff_Hz: float | None = None
     initial_tension_N: float | None = None
+    time_column: str | None = None
+    tension_column: str | None = None
+    interpolation: Interpolation = Interpolation.MONOTONE
 
     def __post_init__(self) -> None:
         if not self.file.strip() or "\0" in self.file:

@@ -1,6 +1,7 @@
 """Play a force file on the chain: row by row into a file, in bounded memory."""
 
 import math
+import re
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -8,7 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from tendonff.compensator.files.reading import FloatArray, InputError, read_csv
+from tendonff.compensator.files.dialect import find_dialect
+from tendonff.compensator.files.quantities import FORCE_UNITS, TIME_UNITS, TIME_WORDS, Quantity, read_quantities
+from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.writing import open_csv
 from tendonff.compensator.scenario.sampling import initial_tension
 from tendonff.compensator.scenario.scenario import Scenario
@@ -19,6 +22,8 @@ from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import Simulator, describe_failure, force_inputs, tensions_of
 
 _CHUNK_VALUES = 200_000  # numbers in memory at a time
+_PROFILE_COLUMN = re.compile(r"force_\w+_N")
+_USUAL_COLUMN = "force_optimal_N"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,11 +36,14 @@ class ForceProfile:
         Piecewise linear force of the actuator; time rises from 0.
     name : str
         File name, for messages.
+    notes : tuple of str
+        What was taken for granted when it was read.
     """
 
     time_s: FloatArray
     force_N: FloatArray
     name: str
+    notes: tuple[str, ...] = ()
 
     def steps(self, step_s: float) -> int:
         """Number of whole steps until the last row."""
@@ -66,15 +74,41 @@ class PlayedForce:
     check: str | None
 
 
-def read_force(path: Path) -> ForceProfile:
+def read_force(path: Path, column: str | None = None) -> ForceProfile:
     """Read a force file: columns time_s, force_N, first row at 0.
 
     Parameters
     ----------
     path : Path
+    column : str, optional
+        Column of the force. Default: force_N, and of a `profile.csv` force_optimal_N.
+
+    Raises
+    ------
+    InputError
+        The file is refused, or its columns do not tell which is the force.
     """
-    columns = read_csv(path, ("time_s", "force_N"), starts_at_zero=True)
-    return ForceProfile(time_s=columns["time_s"], force_N=columns["force_N"], name=path.name)
+    names = find_dialect(path, ("time_s", "force_N", *([column] if column else []))).names
+    profiles = [name for name in names if _PROFILE_COLUMN.fullmatch(name)]
+    note: tuple[str, ...] = ()
+    if column is None and "force_N" not in names and _USUAL_COLUMN in profiles:
+        column = _USUAL_COLUMN
+        others = ", ".join(name for name in profiles if name != column)
+        note = (f"{path.name}: simulating {column}" + (f" (--force-column for {others})" if others else ""),)
+    wanted = (
+        Quantity(name="time_s", words=TIME_WORDS, units=TIME_UNITS, option='the name "time_s"'),
+        Quantity(
+            name="force_N",
+            words=("force", "actuator_force", "kraft", *(name.removesuffix("_N") for name in profiles)),
+            units=FORCE_UNITS,
+            option='--force-column "{}"',
+            column=column,
+        ),
+    )
+    read = read_quantities(path, wanted, starts_at_zero=True)
+    return ForceProfile(
+        time_s=read.values["time_s"], force_N=read.values["force_N"], name=path.name, notes=(*note, *read.notes)
+    )
 
 
 def play_force(

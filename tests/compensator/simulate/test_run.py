@@ -108,7 +108,7 @@ def test_a_force_that_jumps_at_the_start_or_lets_the_tendon_go_slack_is_warned_o
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("time_s,force\n0,1\n", 'F.csv: column "force_N" is missing, did you mean "force"?'),
+        ("time_s,force\n0,1\n", 'F.csv: column "force_N" is missing; is it "force"?'),
         ("time_s,force_N\n0,30\n0.1,30\n0.1,30\n", "F.csv row 4: time_s must increase, got 0.1 after 0.1"),
         ("time_s,force_N\n0,30\n0.1,x\n", 'F.csv row 3: force_N must be a number, got "x"'),
         ("time_s,force_N\n1,30\n2,30\n", "F.csv row 2: time_s must start at 0, got 1"),
@@ -155,3 +155,23 @@ def test_an_interrupted_run_exits_130_and_leaves_nothing(
     assert process.returncode == 130
     assert message.strip() == "interrupted; nothing was written"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["F.csv"]
+
+
+PROFILE = "time_s,reference_N,force_none_N,force_inverse_N,force_optimal_N\n0,30,30,30,30\n0.2,31,31,40,50\n"
+
+
+@pytest.mark.parametrize(("options", "last"), [((), 50.0), (("--force-column", "force_inverse_N"), 40.0)])
+def test_a_profile_is_played_by_its_optimal_column_unless_another_is_named(
+    examples: Path, tmp_path: Path, capsys: Capture, options: tuple[str, ...], last: float
+) -> None:
+    write_text(tmp_path / "profile.csv", PROFILE)
+    assert play(examples, tmp_path / "profile.csv", tmp_path / "O.csv", *options) == 0
+    assert read_csv(tmp_path / "O.csv", COLUMNS)["force_N"][-1] == pytest.approx(last)
+    said = "profile.csv: simulating force_optimal_N (--force-column for force_none_N, force_inverse_N)"
+    assert (said in capsys.readouterr().err) is not bool(options)
+
+
+def test_a_file_whose_force_cannot_be_told_is_asked_about(examples: Path, tmp_path: Path, capsys: Capture) -> None:
+    write_text(tmp_path / "p.csv", "time_s,force_none_N,force_capstan_N\n0,30,30\n0.1,31,31\n")
+    assert play(examples, tmp_path / "p.csv", tmp_path / "O.csv") == 2
+    assert 'choose with --force-column "force_none_N"' in capsys.readouterr().err
