@@ -1,22 +1,10 @@
 """Parameters of the transmission, as a user writes them: of the whole tendon, not of its elements."""
 
-import math
 from dataclasses import dataclass
 
+from tendonff.models.drive import Motor
 from tendonff.models.errors import ParameterError
-
-LARGEST = 1e15
-"""Largest value of any quantity in SI units: larger ones come from a wrong unit and would overflow on the way."""
-
-
-def _require(name: str, value: float, *, above: float | None = None, least: float | None = None, hint: str) -> None:
-    """Refuse `value` unless it is finite and above / at least the bound; NaN fails every comparison."""
-    if above is not None and not (above < value < math.inf):
-        raise ParameterError(f"{name} must be a finite number > {above:g}, got {value}; {hint}")
-    if least is not None and not (least <= value < math.inf):
-        raise ParameterError(f"{name} must be a finite number >= {least:g}, got {value}; {hint}")
-    if value > LARGEST:
-        raise ParameterError(f"{name} must be at most {LARGEST:g}, got {value:g}; check its unit")
+from tendonff.models.errors import require as _require
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,19 +17,20 @@ class Path:
         Wrap angle theta: sum of the absolute bending angles [rad], >= 0.
     segments : int
         Number N of lumped masses, >= 1.
-    radius_m : float
-        Radius of curvature [m], > 0. It sets the length theta R; the friction does not depend on it.
+    radius_m : float, optional
+        Radius of curvature [m], > 0: for the record, neither friction nor motion depends on it.
     """
 
     total_angle_rad: float
     segments: int
-    radius_m: float
+    radius_m: float | None = None
 
     def __post_init__(self) -> None:
         _require("total_angle_rad", self.total_angle_rad, least=0, hint="add up the absolute bending angles")
         if not (isinstance(self.segments, int) and 1 <= self.segments <= 10_000):
             raise ParameterError(f"segments must be a whole number from 1 to 10000, got {self.segments}; try 6")
-        _require("radius_m", self.radius_m, above=0, hint="give the bending radius in metres")
+        if self.radius_m is not None:
+            _require("radius_m", self.radius_m, above=0, hint="give the bending radius in metres")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,6 +151,8 @@ class Actuator:
         Range of the force [N], 0 <= force_min_N < force_max_N: a tendon cannot push.
     force_rate_max_N_per_s : float
         Largest rate of change of the force, either way [N/s], > 0.
+    motor : Motor, optional
+        Motor, gear and drum behind it; mass_kg and force_max_N follow from them where they are left out.
     """
 
     mass_kg: float
@@ -169,6 +160,7 @@ class Actuator:
     force_min_N: float
     force_max_N: float
     force_rate_max_N_per_s: float
+    motor: Motor | None = None
 
     def __post_init__(self) -> None:
         _require("mass_kg", self.mass_kg, above=0, hint="include the rotor's inertia over the drum radius squared")

@@ -8,6 +8,7 @@ import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.scenario.from_file import read_samples, resample
+from tendonff.compensator.scenario.plausibility import questions
 from tendonff.compensator.scenario.reference import CsvReference, Shape, SineReference, WaypointReference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.parameters import Transmission
@@ -68,6 +69,7 @@ def sample_reference(scenario: Scenario) -> Reference:
     spec = scenario.reference
     time, tension, initial, removed, interval, notes = _sample(scenario)
     _check_deliverable(scenario.transmission, time, tension, scenario.source.name)
+    notes += questions(scenario.transmission)
     if removed > 0 and isinstance(spec, CsvReference):
         notes.append(
             f"{spec.file}: the low-pass at {spec.cutoff_Hz:g} Hz removed {removed:.3g} N rms "

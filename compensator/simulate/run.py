@@ -13,6 +13,7 @@ from tendonff.compensator.files.dialect import find_dialect
 from tendonff.compensator.files.quantities import FORCE_UNITS, TIME_UNITS, TIME_WORDS, Quantity, read_quantities
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.writing import open_csv
+from tendonff.compensator.scenario.plausibility import questions
 from tendonff.compensator.scenario.sampling import initial_tension
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.chain import Chain
@@ -163,7 +164,7 @@ def play_force(
             stream.write(rows)
             if advance is not None:
                 advance(round(rows[-1, 0] / step) + 1, total)
-    warnings = []
+    warnings = questions(scenario.transmission)
     if (jump := abs(run.first_force - start_tension)) > 1e-6 * max(start_tension, 1.0):
         warnings.append(
             f"{profile.name} starts at {run.first_force:.6g} N, but the run starts at rest at {start_tension:.6g} N: "
