@@ -17,7 +17,7 @@ import numpy as np
 
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.identification.suggest import suggest
-from tendonff.compensator.identification.synthetic import DIRTY, write_trial
+from tendonff.compensator.identification.synthetic import DIRTY, write_synthetic
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.parameters import Transmission
 
@@ -71,7 +71,7 @@ def main(repetitions: int, first_seed: int) -> None:
         data = Path(folder) / "trial.csv"
         for seed in range(first_seed, first_seed + repetitions):
             truth = drawn(nominal.transmission, np.random.default_rng(seed))
-            write_trial(data, truth, force.time_s, force.force_N, replace(DIRTY, seed=seed))
+            write_synthetic(data, truth, force.time_s, force.force_N, replace(DIRTY, seed=seed))
             start = time.perf_counter()
             found = identify(nominal, [data])
             seconds.append(time.perf_counter() - start)

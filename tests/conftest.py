@@ -78,6 +78,11 @@ def generic() -> Transmission:
     )
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Let the golden set be written anew."""
+    parser.addoption("--golden-update", action="store_true", help="store what the commands write now in tests/golden")
+
+
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Skip what compares with compiled C where there is no compiler."""
     if item.get_closest_marker("compiler") and find_compiler() is None:

@@ -20,7 +20,7 @@ from tendonff.compensator.compare.run import compare
 from tendonff.compensator.design.run import design, summary
 from tendonff.compensator.experiment.machine import plan_experiment
 from tendonff.compensator.explore.run import Explorer
-from tendonff.compensator.identification.reading import read_measurement
+from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_to_toml
 from tendonff.compensator.tables.run import make_tables, table_summary

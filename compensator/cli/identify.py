@@ -72,14 +72,16 @@ def identify(
         typer.Option(
             "--skip",
             metavar="SECONDS",
-            help="Leave out the start of every file; default: while a load that is switched on there rings.",
+            help="Leave out the start of every file; default: until the start-up transient has decayed.",
             show_default=False,
         ),
     ] = None,
     explain: Annotated[
         Explain | None,
         typer.Option(
-            "--explain", help="Channel that the model explains; default: what the data supports.", show_default=False
+            "--explain",
+            help="Tension to predict from the other; default: chosen from the data.",
+            show_default=False,
         ),
     ] = None,
     static_only: Annotated[bool, typer.Option("--static", help="Stop after the static stage.")] = False,

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import t as student
 
-from tendonff.compensator.identification.dynamic import DynamicFit, relevant_size
-from tendonff.compensator.identification.identifiability import Circumstances, reason
-from tendonff.compensator.identification.model_selection import StaticStage
-from tendonff.compensator.identification.reading import Array
+from tendonff.compensator.identification.fitting.dynamic import DynamicFit, relevant_size
+from tendonff.compensator.identification.fitting.model_selection import StaticSelection
+from tendonff.compensator.identification.identifiability import ExcitationSummary, reason
+from tendonff.compensator.identification.measured.reading import Array
 from tendonff.compensator.identification.result import Estimate
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
@@ -43,14 +43,14 @@ def _scenario_value(scenario: Scenario, name: str) -> float | None:
     return None
 
 
-def static_answer(scenario: Scenario, stage: StaticStage, now: Circumstances, *, described: bool) -> Answer:
+def static_estimates(scenario: Scenario, stage: StaticSelection, now: ExcitationSummary, *, described: bool) -> Answer:
     """Estimates of the static stage alone.
 
     Parameters
     ----------
     scenario : Scenario
-    stage : StaticStage
-    now : Circumstances
+    stage : StaticSelection
+    now : ExcitationSummary
     described : bool
         The law describes the device.
     """
@@ -120,7 +120,7 @@ def static_answer(scenario: Scenario, stage: StaticStage, now: Circumstances, *,
     return tuple(estimates), tuple(free), correlation
 
 
-def _without_load(stage: StaticStage) -> Estimate:
+def _without_load(stage: StaticSelection) -> Estimate:
     """Friction that remains at zero output tension, p (e^{mu theta} - 1), which is told better than its two factors."""
     solution, names = stage.fit.solution, list(stage.fit.solution.values)
     a, p = solution.values[P.PULL.value], solution.values[P.ADHESION.value]
@@ -165,14 +165,14 @@ def _kept(name: str, value: float, own: float | None, why: str) -> Estimate:
     )
 
 
-def dynamic_answer(scenario: Scenario, fit: DynamicFit, now: Circumstances, *, described: bool) -> Answer:
+def dynamic_estimates(scenario: Scenario, fit: DynamicFit, now: ExcitationSummary, *, described: bool) -> Answer:
     """Estimates of the dynamic stage, which starts from the others' answers.
 
     Parameters
     ----------
     scenario : Scenario
     fit : DynamicFit
-    now : Circumstances
+    now : ExcitationSummary
     described : bool
         The law describes the device.
     """

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tendonff.compensator.identification.reading import Array
-from tendonff.compensator.identification.result import Curve, Identification
+from tendonff.compensator.identification.measured.reading import Array
+from tendonff.compensator.identification.result import Identification, PieceComparison
 from tendonff.compensator.identification.suggest import Excitation
 from tendonff.compensator.reporting.plots import (
     BLUE,
@@ -36,24 +36,20 @@ def draw(found: Identification, folder: Path) -> list[Path]:
     -------
     list of Path
     """
-    chosen = _chosen(found.curves)
+    shown = _chosen(found.comparisons)
     with figure_style():
-        return _draw_all(found, chosen, folder)
-
-
-def _draw_all(found: Identification, chosen: Sequence[Curve], folder: Path) -> list[Path]:
-    written = [*_over_time(found, chosen, folder), *_loops(found, chosen, folder), *_residuals(found, chosen, folder)]
-    if any(c.elongation_m is not None for c in chosen):
-        written += _relaxation(chosen, folder)
+        written = [*_over_time(found, shown, folder), *_loops(found, shown, folder), *_residuals(found, shown, folder)]
+        if any(c.elongation_m is not None for c in shown):
+            written += _relaxation(shown, folder)
     return written
 
 
-def _chosen(curves: Sequence[Curve]) -> list[Curve]:
+def _chosen(comparisons: Sequence[PieceComparison]) -> list[PieceComparison]:
     """The longest pieces, validation first: one per file, as many as fit on a page."""
-    longest: dict[str, Curve] = {}
-    for curve in curves:
-        if curve.name not in longest or len(curve.time_s) > len(longest[curve.name].time_s):
-            longest[curve.name] = curve
+    longest: dict[str, PieceComparison] = {}
+    for piece in comparisons:
+        if piece.name not in longest or len(piece.time_s) > len(longest[piece.name].time_s):
+            longest[piece.name] = piece
     ordered = sorted(longest.values(), key=lambda c: (c.role != "validate", c.name))
     return ordered[:MOST_PANELS]
 
@@ -63,24 +59,24 @@ def _thin(*columns: Array) -> list[Array]:
     return [c[::step] for c in columns]
 
 
-def _measured(found: Identification, curve: Curve) -> Array:
-    return curve.output_N if found.explain is Explain.OUTPUT else curve.input_N
+def _measured(found: Identification, piece: PieceComparison) -> Array:
+    return piece.output_N if found.explain is Explain.OUTPUT else piece.input_N
 
 
-def _title(curve: Curve) -> str:
-    return f"{curve.name} ({'validation' if curve.role == 'validate' else 'fitted'})"
+def _title(piece: PieceComparison) -> str:
+    return f"{piece.name} ({'validation' if piece.role == 'validate' else 'fitted'})"
 
 
-def _over_time(found: Identification, curves: Sequence[Curve], folder: Path) -> list[Path]:
-    figure, axes = new_figure(len(curves), 1)
+def _over_time(found: Identification, comparisons: Sequence[PieceComparison], folder: Path) -> list[Path]:
+    figure, axes = new_figure(len(comparisons), 1)
     other = "input" if found.explain is Explain.OUTPUT else "output"
-    for ax, curve in zip(axes[:, 0], curves, strict=True):
-        given = curve.input_N if found.explain is Explain.OUTPUT else curve.output_N
-        t, x, y, m = _thin(curve.time_s, given, _measured(found, curve), curve.model_N)
+    for ax, piece in zip(axes[:, 0], comparisons, strict=True):
+        given = piece.input_N if found.explain is Explain.OUTPUT else piece.output_N
+        t, x, y, m = _thin(piece.time_s, given, _measured(found, piece), piece.model_N)
         ax.plot(t, x, color=GREY, lw=0.8, label=f"{other}, measured")
         ax.plot(t, y, color=INK, lw=1.4, label=f"{found.explain}, measured")
         ax.plot(t, m, color=VERMILION, lw=1.0, ls="--", label=f"{found.explain}, model")
-        ax.set_title(_title(curve))
+        ax.set_title(_title(piece))
         ax.set_ylabel("tension [N]")
         ax.margins(x=0.01)
     axes[-1, 0].set_xlabel("time [s]")
@@ -89,53 +85,53 @@ def _over_time(found: Identification, curves: Sequence[Curve], folder: Path) -> 
     return save_figure(figure, folder / "time")
 
 
-def _loops(found: Identification, curves: Sequence[Curve], folder: Path) -> list[Path]:
-    columns = min(2, len(curves))
-    rows = -(-len(curves) // columns)
+def _loops(found: Identification, comparisons: Sequence[PieceComparison], folder: Path) -> list[Path]:
+    columns = min(2, len(comparisons))
+    rows = -(-len(comparisons) // columns)
     figure, axes = new_figure(rows, columns, height_in=2.8 * rows + 0.5)
-    for ax, curve in zip(axes.ravel(), curves, strict=False):
-        x, y, m = _thin(curve.input_N, curve.output_N, curve.model_N)
+    for ax, piece in zip(axes.ravel(), comparisons, strict=False):
+        x, y, m = _thin(piece.input_N, piece.output_N, piece.model_N)
         ax.plot(x, y, color=INK, lw=0.9, label="measured")
         if found.explain is Explain.OUTPUT:
             ax.plot(x, m, color=VERMILION, lw=0.9, ls="--", label="model")
         else:
             ax.plot(m, y, color=VERMILION, lw=0.9, ls="--", label="model")
-        ax.set_title(_title(curve))
+        ax.set_title(_title(piece))
         ax.set_xlabel("input tension [N]")
         ax.set_ylabel("output tension [N]")
-    for ax in axes.ravel()[len(curves) :]:
+    for ax in axes.ravel()[len(comparisons) :]:
         ax.set_axis_off()
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=2)
     return save_figure(figure, folder / "loop")
 
 
-def _residuals(found: Identification, curves: Sequence[Curve], folder: Path) -> list[Path]:
-    figure, axes = new_figure(len(curves), 1, height_in=1.7 * len(curves) + 0.5)
-    for ax, curve in zip(axes[:, 0], curves, strict=True):
-        measured = _measured(found, curve)
+def _residuals(found: Identification, comparisons: Sequence[PieceComparison], folder: Path) -> list[Path]:
+    figure, axes = new_figure(len(comparisons), 1, height_in=1.7 * len(comparisons) + 0.5)
+    for ax, piece in zip(axes[:, 0], comparisons, strict=True):
+        measured = _measured(found, piece)
         span = max(float(np.ptp(measured)), 1e-300)
-        t, left = _thin(curve.time_s, 100 * (curve.model_N - measured) / span)
+        t, left = _thin(piece.time_s, 100 * (piece.model_N - measured) / span)
         ax.axhline(0, color=INK, lw=0.6)
         ax.plot(t, left, color=BLUE, lw=0.8)
         rms = float(np.sqrt(np.mean(left**2)))
-        ax.set_title(f"{_title(curve)}: rms {rms:.2g} % of range")
+        ax.set_title(f"{_title(piece)}: rms {rms:.2g} % of range")
         ax.set_ylabel("model less\nmeasured [%]")
         ax.margins(x=0.01)
     axes[-1, 0].set_xlabel("time [s]")
     return save_figure(figure, folder / "residuals")
 
 
-def _relaxation(curves: Sequence[Curve], folder: Path) -> list[Path]:
-    shown = [c for c in curves if c.elongation_m is not None][:2]
+def _relaxation(comparisons: Sequence[PieceComparison], folder: Path) -> list[Path]:
+    shown = [c for c in comparisons if c.elongation_m is not None][:2]
     figure, axes = new_figure(len(shown), 2, height_in=2.6 * len(shown) + 0.5)
-    for (over, loop), curve in zip(axes, shown, strict=True):
-        assert curve.elongation_m is not None  # noqa: S101 - chosen so
-        assert curve.model_elongation_m is not None  # noqa: S101
-        t, x, m, f = _thin(curve.time_s, 1e3 * curve.elongation_m, 1e3 * curve.model_elongation_m, curve.input_N)
+    for (over, loop), piece in zip(axes, shown, strict=True):
+        if piece.elongation_m is None or piece.model_elongation_m is None:
+            continue
+        t, x, m, f = _thin(piece.time_s, 1e3 * piece.elongation_m, 1e3 * piece.model_elongation_m, piece.input_N)
         over.plot(t, x, color=INK, lw=1.2, label="measured")
         over.plot(t, m, color=VERMILION, lw=0.9, ls="--", label="model")
-        over.set_title(_title(curve))
+        over.set_title(_title(piece))
         over.set_xlabel("time [s]")
         over.set_ylabel("elongation [mm]")
         loop.plot(x, f, color=INK, lw=0.8)

@@ -1,12 +1,12 @@
-"""Why a value cannot be told from the data, and which experiment would tell it."""
+"""Why a value is not identifiable from the data, and which experiment would make it so."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.compensator.identification.cleaning import Record
-from tendonff.compensator.identification.tendon import longest_hold_s
+from tendonff.compensator.identification.fitting.tendon import longest_hold_s
+from tendonff.compensator.identification.measured.cleaning import Record
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.fits.chain import DynamicParameter
 
@@ -14,7 +14,7 @@ D = DynamicParameter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Circumstances:
+class ExcitationSummary:
     """What was measured.
 
     Parameters
@@ -35,7 +35,7 @@ class Circumstances:
     load_swing: float
 
 
-def circumstances(records: Sequence[Record]) -> Circumstances:
+def summarise_excitation(records: Sequence[Record]) -> ExcitationSummary:
     """What was measured in these records."""
     speeds = [
         float(np.percentile(np.abs(np.gradient(p.input_m, r.step_s)), 95))
@@ -44,7 +44,7 @@ def circumstances(records: Sequence[Record]) -> Circumstances:
         if p.input_m is not None
     ]
     output = np.concatenate([r.joined("output_N") for r in records])
-    return Circumstances(
+    return ExcitationSummary(
         positions=all(r.has_positions for r in records),
         hold_s=longest_hold_s(records),
         speed_m_per_s=max(speeds, default=0.0),
@@ -53,21 +53,21 @@ def circumstances(records: Sequence[Record]) -> Circumstances:
 
 
 def reason(
-    name: DynamicParameter, now: Circumstances, transmission: Transmission, relative_error: float | None = None
+    name: DynamicParameter, now: ExcitationSummary, transmission: Transmission, relative_error: float | None = None
 ) -> str:
-    """Why the data does not tell a value, with the way out.
+    """Why a value is not identifiable, with the way out.
 
     Parameters
     ----------
     name : DynamicParameter
-    now : Circumstances
+    now : ExcitationSummary
     transmission : Transmission
     relative_error : float, optional
         Standard error it would have, as a share of the value.
     """
     tau = transmission.tendon.relaxation_time_s
     known = relative_error is not None and np.isfinite(relative_error)
-    doubt = f"its standard error would be {100 * float(relative_error or 0):.3g} % of it; " if known else ""
+    doubt = f"standard error {100 * float(relative_error or 0):.3g} %; " if known else ""
     if name in (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME) and not now.positions:
         what = "tensions alone do not show elongation"
         return f"no positions of both ends were measured: {name} is not identifiable ({what}); measure both positions"
@@ -84,19 +84,19 @@ def reason(
         omega = transmission.friction.stribeck_velocity_m_per_s
         speed = f" (the input end moved at up to {now.speed_m_per_s:.2g} m/s)" if now.speed_m_per_s else ""
         return (
-            f"friction that depends on speed does not lower the validation error{speed}; "
+            f"adding a Stribeck term does not reduce the validation error{speed}; "
             f"add strokes at speeds from {0.2 * omega:.2g} to {5 * omega:.2g} m/s, around the Stribeck velocity"
         )
     if name is D.VISCOUS:
-        return f"{doubt}it does not lower the validation error; add strokes at ten times the speed"
+        return f"{doubt}adding viscous friction does not reduce the validation error; add faster strokes (10 times)"
     if name is D.ADHESION:
-        return f"{doubt}friction without load does not lower the validation error; add strokes at low tension"
+        return f"{doubt}load-independent friction does not reduce the validation error; add strokes at low tension"
     if name is D.DAMPING:
         return f"{doubt}it acts on fast changes only; add excitation above 20 Hz"
     if name is D.BRISTLE:
         return f"{doubt}add small reversals that do not reach gross sliding"
     if name in (D.INPUT_BIAS, D.OUTPUT_BIAS):
-        return "not told apart from adhesion and the other cell's bias; read both cells with a slack tendon"
+        return "not separable from adhesion and the other cell's offset; read both cells with a slack tendon"
     if now.load_swing < 0.3:
         return f"{doubt}the output tension varies too little; repeat at several loads"
     return f"{doubt}repeat with full strokes in both directions at several loads"

@@ -10,10 +10,10 @@ from tendonff.compensator.reporting.page import Block, FileNote, PictureFile, Pr
 from tendonff.compensator.scenario.measurement import Measurement
 
 _CAPTIONS = {
-    "time": "What was measured, and what the law makes of it.",
-    "loop": "The same as loops: tension against tension.",
-    "residuals": "What the law leaves unexplained. Structure in here is physics that the law lacks.",
-    "relaxation": "Elongation, measured and modelled.",
+    "time": "Measured and predicted output tension.",
+    "loop": "Output over input tension.",
+    "residuals": "Residuals. Systematic structure indicates unmodelled physics.",
+    "relaxation": "Measured and predicted elongation.",
 }
 
 
@@ -29,28 +29,28 @@ def identification_report(found: Identification, folder: Path, inputs: Sequence[
         The measured files.
     """
     validated = found.validation_percent
-    judged = "" if validated is None else f", and {validated:.2g} % on files that it did not see"
+    judged = "" if validated is None else f", and {validated:.2g} % on validation files"
     verdict = (
-        f"The {found.law} law describes the device: it leaves {found.fit_percent:.2g} % of range{judged}."
+        f"The {found.law} law describes the device: RMS error {found.fit_percent:.2g} % of range{judged}."
         if found.described
-        else f"No law describes the device: the best, {found.law}, leaves {found.fit_percent:.2g} % of range{judged}."
+        else f"No law describes the device. Best: {found.law}: RMS error {found.fit_percent:.2g} % of range{judged}."
     )
     estimates = Table(
-        caption="Estimates; a value that the data cannot tell is the scenario's own",
-        columns=("value", "estimate", "standard error", "95 % interval", "told by the data", "why"),
+        caption="Estimates; a value that is not identifiable is kept at the scenario's value",
+        columns=("value", "estimate", "standard error", "95 % interval", "identifiable", "why"),
         rows=[
             (e.name, e.value, e.standard_error, _interval(e.interval), e.identifiable, e.why) for e in found.estimates
         ],
         digits=4,
     )
     laws = Table(
-        caption="Laws that were compared, rms in % of range",
+        caption="Laws that were compared, RMS error in % of range",
         columns=("law", "stage", "free values", "fitted files", "validation files", "chosen"),
         rows=[(w.name, w.stage, w.free_values, w.fit_percent, w.validation_percent, w.chosen) for w in found.laws],
     )
     files = Table(
         caption="Error by file",
-        columns=("file", "role", "rms", "range", "% of its range", "what was found in it"),
+        columns=("file", "role", "RMS error", "range", "% of its range", "data issues"),
         rows=[
             (
                 f.error.name,
@@ -58,14 +58,14 @@ def identification_report(found: Identification, folder: Path, inputs: Sequence[
                 f.error.rms_N,
                 f.error.range_N,
                 f.error.percent,
-                "; ".join(finding.text for finding in f.findings) or "nothing unusual",
+                "; ".join(finding.text for finding in f.findings) or "none",
             )
             for f in found.files
         ],
     )
     sliding = Table(
         caption="Gross sliding, before any model: ln of input over output tension",
-        columns=("branch", "ln ratio", "5 to 95 %", "rows", "remark"),
+        columns=("branch", "ln ratio", "5 to 95 %", "samples", "remark"),
         rows=[(str(g.branch), g.log_ratio, _interval(g.interval), g.rows, g.reason) for g in found.gross],
     )
     pictures: list[Block] = [
@@ -78,11 +78,11 @@ def identification_report(found: Identification, folder: Path, inputs: Sequence[
     if excitation.is_file():
         after.append(
             Text(
-                "suggested_force.csv is a force for the next measurement on this rig; it excites what the data so far "
-                "could not tell."
+                "suggested_force.csv is a force for the next measurement on this rig; it excites what was not "
+                "identifiable so far."
             )
         )
-        after.append(PictureFile(path=excitation, caption="The suggested force."))
+        after.append(PictureFile(path=excitation, caption="Suggested excitation."))
     name = found.scenario.source.name
     data = "".join(f" --{'data' if f.role == 'fit' else 'validate'} {f.error.name}" for f in found.files)
     return Report(
@@ -92,9 +92,9 @@ def identification_report(found: Identification, folder: Path, inputs: Sequence[
         sections=(
             Section(title="Estimates", blocks=(estimates,)),
             Section(title="Model and measurement", blocks=pictures),
-            Section(title="Which law", blocks=(laws, sliding)),
-            Section(title="The files", blocks=(files,)),
-            *((Section(title="What to measure next", blocks=after),) if after else ()),
+            Section(title="Choice of the law", blocks=(laws, sliding)),
+            Section(title="Measured files", blocks=(files,)),
+            *((Section(title="Next measurement", blocks=after),) if after else ()),
         ),
         provenance=Provenance(
             scenario=found.scenario,
@@ -105,7 +105,7 @@ def identification_report(found: Identification, folder: Path, inputs: Sequence[
             FileNote(name="fitted.toml", content="the scenario with the estimates put in; the one printed below"),
             FileNote(name="fit.json", content="estimates, intervals, correlations and errors for other programs"),
             *(
-                (FileNote(name="suggested_force.csv", content="a force to play for the next measurement"),)
+                (FileNote(name="suggested_force.csv", content="a force file for the next measurement"),)
                 if excitation.is_file()
                 else ()
             ),

@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from tendonff.compensator.identification.reading import Array, Finding
-from tendonff.compensator.identification.sliding_ratio import GrossRatio
-from tendonff.compensator.identification.static import FileError
+from tendonff.compensator.identification.fitting.sliding_ratio import SlidingRatio
+from tendonff.compensator.identification.fitting.static import FileError
+from tendonff.compensator.identification.measured.reading import Array, Finding
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 
@@ -61,7 +61,7 @@ def _is_finite(value: float | None) -> bool:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Law:
+class CandidateLaw:
     """One of the laws that were compared.
 
     Parameters
@@ -101,7 +101,7 @@ class FileResult:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Curve:
+class PieceComparison:
     """Measurement and model of one piece, for the figures.
 
     Parameters
@@ -140,13 +140,13 @@ class Identification:
     estimates : tuple of Estimate
     correlation_names : tuple of str
     correlation : ndarray, shape (k, k)
-    laws : tuple of Law
+    laws : tuple of CandidateLaw
     files : tuple of FileResult
     fit_percent, validation_percent : float or None
         Rms over all files of that role in percent of their common range; None without validation files.
-    gross : tuple of GrossRatio
+    gross : tuple of SlidingRatio
     warnings : tuple of str
-    curves : tuple of Curve
+    comparisons : tuple of PieceComparison
     comparable : bool
         The measured tensions are of the scenario's size; else no excitation is suggested.
     """
@@ -158,13 +158,13 @@ class Identification:
     estimates: tuple[Estimate, ...]
     correlation_names: tuple[str, ...]
     correlation: Array
-    laws: tuple[Law, ...]
+    laws: tuple[CandidateLaw, ...]
     files: tuple[FileResult, ...]
     fit_percent: float
     validation_percent: float | None
-    gross: tuple[GrossRatio, ...]
+    gross: tuple[SlidingRatio, ...]
     warnings: tuple[str, ...]
-    curves: tuple[Curve, ...]
+    comparisons: tuple[PieceComparison, ...]
     comparable: bool = True
 
     def estimate(self, name: str) -> Estimate:
@@ -197,12 +197,13 @@ def _file(result: FileResult) -> dict[str, Any]:
         "range_N": result.error.range_N,
         "rms_percent_of_range": result.error.percent,
         "findings": [
-            {"kind": str(f.dirt), "count": f.count, "times_s": list(f.times_s), "text": f.text} for f in result.findings
+            {"kind": str(f.issue), "count": f.count, "times_s": list(f.times_s), "text": f.text}
+            for f in result.findings
         ],
     }
 
 
-def _law(law: Law) -> Mapping[str, Any]:
+def _law(law: CandidateLaw) -> Mapping[str, Any]:
     return {
         "name": law.name,
         "stage": law.stage,
@@ -213,7 +214,7 @@ def _law(law: Law) -> Mapping[str, Any]:
     }
 
 
-def _gross(ratio: GrossRatio) -> Mapping[str, Any]:
+def _gross(ratio: SlidingRatio) -> Mapping[str, Any]:
     return {
         "ln_input_over_output": ratio.log_ratio,
         "interval_5_to_95_percent": None if ratio.interval is None else list(ratio.interval),

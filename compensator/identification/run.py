@@ -1,4 +1,4 @@
-"""`identify`: measured files in, parameters with their honesty out."""
+"""`identify`: parameters of a transmission, with confidence intervals, from measured files."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -7,24 +7,24 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.identification import dynamic, tendon
-from tendonff.compensator.identification.cleaning import Record, clean
-from tendonff.compensator.identification.estimates import dynamic_answer, static_answer
-from tendonff.compensator.identification.identifiability import circumstances
-from tendonff.compensator.identification.model_selection import StaticStage, choose_explain, static_stage
-from tendonff.compensator.identification.reading import Dirt, read_measurement
-from tendonff.compensator.identification.residuals import runs_of
+from tendonff.compensator.identification.estimates import dynamic_estimates, static_estimates
+from tendonff.compensator.identification.fitting import dynamic, tendon
+from tendonff.compensator.identification.fitting.model_selection import StaticSelection, choose_explain, select_static
+from tendonff.compensator.identification.fitting.residuals import fit_pieces
+from tendonff.compensator.identification.fitting.sliding_ratio import SlidingRatio, sliding_ratios
+from tendonff.compensator.identification.fitting.static import FileError, errors_of, middle_of, pooled_percent, respond
+from tendonff.compensator.identification.identifiability import summarise_excitation
+from tendonff.compensator.identification.measured.cleaning import Record, clean
+from tendonff.compensator.identification.measured.reading import DataIssue, read_measurement
+from tendonff.compensator.identification.measured.smoothing import low_pass
+from tendonff.compensator.identification.measured.units import magnitude_warning, unit_warnings
 from tendonff.compensator.identification.result import (
     POOR_PERCENT,
-    Curve,
+    CandidateLaw,
     FileResult,
     Identification,
-    Law,
+    PieceComparison,
 )
-from tendonff.compensator.identification.sliding_ratio import GrossRatio, gross_ratios
-from tendonff.compensator.identification.smoothing import low_pass
-from tendonff.compensator.identification.static import FileError, errors_of, middle_of, pooled_percent, respond
-from tendonff.compensator.identification.units import magnitude_warning, unit_warnings
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
 from tendonff.ocp.errors import SolveError
@@ -36,7 +36,7 @@ P, D = StaticParameter, DynamicParameter
 NOT_IN_A_SCENARIO = (P.INPUT_BIAS.value, P.OUTPUT_BIAS.value, P.GUIDE.value)
 
 MOST_ALIKE = 3
-"""So many files may each have a line about the same kind of dirt."""
+"""So many files may each have a line about the same kind of data issue."""
 
 
 def _quiet(_: str) -> None:
@@ -56,8 +56,8 @@ def identify(
     Parameters
     ----------
     scenario : Scenario
-        Path, masses and load are taken from it, and every value that the data cannot tell; its table [measurement]
-        says how the files are to be read.
+        Path, masses and load are taken from it, and every value that is not identifiable from the data; its table
+        [measurement] says how the files are to be read.
     data : sequence of Path
         Files to fit.
     validate : sequence of Path, optional
@@ -84,14 +84,14 @@ def identify(
     say("reading")
     records = [clean(read_measurement(path, how), how) for path in data]
     judges = [clean(read_measurement(path, how), how) for path in validate]
-    warnings = [*unit_warnings(how, _positions_of(records)), *_dirt_of([*records, *judges])]
+    warnings = [*unit_warnings(how, _positions_of(records)), *_issues_of([*records, *judges])]
     foreign = _foreign(scenario, records)
     warnings += [foreign] if foreign else []
-    gross = gross_ratios(records)
+    gross = sliding_ratios(records)
     say("first look")
     explain, coarse = choose_explain(records, how.explain, scenario.transmission)
     say("static stage")
-    stage = static_stage(records, judges, explain)
+    stage = select_static(records, judges, explain)
     chain: dynamic.DynamicFit | None = None
     if coarse is not None and not static_only and coarse.percent < 3 * POOR_PERCENT:
         start = _start(scenario, stage)
@@ -112,16 +112,16 @@ def identify(
     described = left <= POOR_PERCENT
     if not described:
         warnings.append(_no_law(left, stage, gross, records))
-    now = circumstances(records)
+    now = summarise_excitation(records)
     if chain is not None:
-        estimates, names, correlation = dynamic_answer(scenario, chain, now, described=described)
+        estimates, names, correlation = dynamic_estimates(scenario, chain, now, described=described)
     else:
-        estimates, names, correlation = static_answer(scenario, stage, now, described=described)
+        estimates, names, correlation = static_estimates(scenario, stage, now, described=described)
     lost = [e.name for e in estimates if e.identifiable and e.name in NOT_IN_A_SCENARIO]
     if described and lost:
         warnings.append(
             f"a scenario has no key for {', '.join(lost)}: fitted.toml leaves them out, and so does a design with it; "
-            "take a cell's bias off its readings, add what a guide needs to the force"
+            "subtract a cell's offset from its readings, add the guide's friction force by hand"
         )
     return Identification(
         scenario=_fitted(scenario, {e.name: e.value for e in estimates if e.identifiable}, described=described),
@@ -137,7 +137,7 @@ def identify(
         validation_percent=answer.validation_percent,
         gross=gross,
         warnings=tuple(warnings),
-        curves=answer.curves,
+        comparisons=answer.comparisons,
         comparable=foreign is None,
     )
 
@@ -154,12 +154,12 @@ def _foreign(scenario: Scenario, records: Sequence[Record]) -> str | None:
     return magnitude_warning(largest, scenario.transmission.actuator.force_max_N)
 
 
-def _dirt_of(records: Sequence[Record]) -> list[str]:
+def _issues_of(records: Sequence[Record]) -> list[str]:
     """What was found in the files, one line each; a kind that many files share takes one line for all of them."""
     lines = []
-    for dirt in Dirt:
-        found = [(r.name, f.text) for r in records for f in r.findings if f.dirt is dirt]
-        if dirt is Dirt.SKIPPED or not found:
+    for issue in DataIssue:
+        found = [(r.name, f.text) for r in records for f in r.findings if f.issue is issue]
+        if issue is DataIssue.SKIPPED or not found:
             continue
         files = len({name for name, _ in found})
         if files <= MOST_ALIKE:
@@ -167,12 +167,12 @@ def _dirt_of(records: Sequence[Record]) -> list[str]:
         else:
             name, text = found[0]
             lines.append(
-                f"{dirt} in {files} files; {name}: {text.removeprefix(f'{dirt}: ')} (the others are in fit.json)"
+                f"{issue} in {files} files; {name}: {text.removeprefix(f'{issue}: ')} (the others are in fit.json)"
             )
     return lines
 
 
-def _start(scenario: Scenario, stage: StaticStage) -> dict[DynamicParameter, float]:
+def _start(scenario: Scenario, stage: StaticSelection) -> dict[DynamicParameter, float]:
     """What the static stage hands on."""
     theta, values = scenario.transmission.path.total_angle_rad, stage.fit.values
     return {
@@ -190,7 +190,7 @@ def _better(one: dynamic.CoarseFit, other: dynamic.CoarseFit) -> dynamic.CoarseF
     return one if one.solution.cost <= other.solution.cost else other
 
 
-def _biased(stage: StaticStage, records: Sequence[Record]) -> bool:
+def _biased(stage: StaticSelection, records: Sequence[Record]) -> bool:
     """The static law wants a bias of the input cell beyond its doubt."""
     name = P.INPUT_BIAS.value
     if name not in stage.fit.solution.values:
@@ -200,7 +200,7 @@ def _biased(stage: StaticStage, records: Sequence[Record]) -> bool:
     return size > 3 * stage.fit.solution.standard_error(name) and size > 0.005 * span
 
 
-def _no_law(left: float, stage: StaticStage, gross: Sequence[GrossRatio], records: Sequence[Record]) -> str:
+def _no_law(left: float, stage: StaticSelection, gross: Sequence[SlidingRatio], records: Sequence[Record]) -> str:
     shown = [
         f"{g.branch} {g.log_ratio:.3g} ({g.interval[0]:.3g} to {g.interval[1]:.3g})"
         for g in gross
@@ -208,8 +208,8 @@ def _no_law(left: float, stage: StaticStage, gross: Sequence[GrossRatio], record
     ]
     ratios = f"; ln(T_in/T_out) in gross sliding: {', '.join(shown)}" if shown else ""
     return (
-        f"no law explains these files: the best, {stage.fit.model.name}, leaves {left:.3g} % of the range "
-        f"(more than {POOR_PERCENT:g} %). A transmission driven at its input end alone does not behave like this: "
+        f"no law explains these files: the best, {stage.fit.model.name}, has an RMS error of {left:.3g} % of "
+        f"range (more than {POOR_PERCENT:g} %). A transmission driven at its input end alone behaves differently: "
         f"is the output end, or the path itself, driven? No value was taken over into the fitted scenario{ratios}"
         f"{_positions_wanted(records)}"
     )
@@ -228,13 +228,13 @@ def _positions_wanted(records: Sequence[Record]) -> str:
 
 
 class _Answer:
-    """Errors, laws and curves of the final law."""
+    """Errors, laws and comparisons of the final law."""
 
     def __init__(
         self,
         records: Sequence[Record],
         judges: Sequence[Record],
-        stage: StaticStage,
+        stage: StaticSelection,
         chain: dynamic.DynamicFit | None,
     ) -> None:
         self._stage, self._chain = stage, chain
@@ -247,13 +247,13 @@ class _Answer:
         )
         self.fit_percent = pooled_percent(fitted, records, self._explain)
         self.validation_percent = pooled_percent(judged, judges, self._explain) if judges else None
-        self.laws: tuple[Law, ...] = stage.laws
+        self.laws: tuple[CandidateLaw, ...] = stage.laws
         self.law = stage.fit.model.name
         self.judged_percent = stage.validation_percent
         if chain is not None:
             span = max(float(np.ptp(np.concatenate([r.joined("output_N") for r in records]))), 1e-300)
             found = [
-                Law(
+                CandidateLaw(
                     name=law.name,
                     stage="dynamic",
                     free_values=law.size,
@@ -266,11 +266,11 @@ class _Answer:
             self.laws = (*(replace(law, chosen=False) for law in stage.laws), *found)
             chosen = next(law for law in found if law.chosen)
             self.law, self.judged_percent = chosen.name, chosen.validation_percent
-        self.curves = tuple(
-            curve
+        self.comparisons = tuple(
+            piece
             for role, some in (("fit", records), ("validate", judges))
             for r in some
-            for curve in self._curves(r, role)
+            for piece in self._curves(r, role)
         )
 
     def _errors(self, records: Sequence[Record]) -> tuple[FileError, ...]:
@@ -280,9 +280,9 @@ class _Answer:
             return dynamic.errors_of(self._chain, records)
         return errors_of(self._stage.fit, records, self._middle)
 
-    def _curves(self, record: Record, role: str) -> list[Curve]:
+    def _curves(self, record: Record, role: str) -> list[PieceComparison]:
         found = []
-        for run, piece in zip(runs_of([record]), record.pieces, strict=True):
+        for run, piece in zip(fit_pieces([record]), record.pieces, strict=True):
             moved = modelled = None
             if self._chain is not None:
                 response = self._chain.model.respond(self._chain.values, run.drive)
@@ -294,7 +294,7 @@ class _Answer:
             else:
                 model = respond(self._stage.fit.values, piece, self._explain, self._middle).prediction_N
             found.append(
-                Curve(
+                PieceComparison(
                     name=record.name,
                     role=role,
                     time_s=piece.time_s,

@@ -1,4 +1,4 @@
-"""An excitation that shows what identification needs, within the limits of a rig, as a force file."""
+"""An excitation for identification within the limits of a rig, as a force file."""
 
 import math
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.identification.reading import Array
+from tendonff.compensator.identification.measured.reading import Array
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import CapstanLaw
 

@@ -1,4 +1,4 @@
-"""Made-up measurements: a chain whose parameters are known, seen through noisy cells and a faulty logger.
+"""Synthetic measurements: a chain with known parameters, noisy cells and a faulty logger.
 
 They show before the first test on a rig what identification can tell from an excitation, and how well.
 """
@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.files.writing import write_text
-from tendonff.compensator.identification.reading import Array
+from tendonff.compensator.identification.measured.reading import Array
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
@@ -47,7 +47,7 @@ class Faults:
 DIRTY = Faults(spikes=8, gaps_s=(0.4, 0.005), missing=2)
 
 
-def write_trial(
+def write_synthetic(
     path: Path,
     transmission: Transmission,
     time_s: Array,

@@ -8,12 +8,12 @@ from tendonff.models.errors import ParameterError
 
 
 class Explain(StrEnum):
-    """Which channel the model explains.
+    """Tension to predict from the other one.
 
     Attributes
     ----------
     AUTO
-        What the data supports: the output by the input's history, or the input by the output and the motion.
+        Chosen from the data: the output from the input's history, or the input from the output and the motion.
     OUTPUT
         Output tension from the history of the input tension: one driven end, a load that moves only with the tendon.
     INPUT
@@ -37,16 +37,16 @@ class Measurement:
     input_position_column, output_position_column : str, optional
         Names of the optional columns with the positions of both ends. Default: input_position_m, output_position_m.
     time_scale, input_scale, output_scale : float, optional
-        What a number in the file is multiplied by to give s and N, not 0; 9.81 for kg, -1 turns a sign round.
+        What a number in the file is multiplied by to give s and N, not 0; 9.81 for kg, -1 reverses a sign.
         Default 1.
     input_position_scale, output_position_scale : float, optional
         The same for the positions, to give m (or rad where the tensions are torques). Default 1.
     skip_s : float, optional
-        Left out at the start of every file [s], >= 0. Default: as long as a load that is switched on there rings.
+        Left out at the start of every file [s], >= 0. Default: until the start-up transient has decayed.
     cutoff_Hz : float, optional
         Cut-off of the zero-phase low-pass that both channels go through [Hz], > 0. Default: found from the noise.
     explain : Explain, optional
-        Which channel the model explains. Default auto.
+        Tension that is predicted from the other one. Default auto: chosen from the data.
     """
 
     time_column: str = "time_s"

@@ -12,7 +12,7 @@ Both are recursions over the samples. State and output of one sample are CasADi 
 """
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -92,7 +92,7 @@ def output_from_input(values: Mapping[StaticParameter, float], input_N: Array, f
         Measured output at the first sample: the memory starts there, within its bounds.
     """
     signals = np.stack([input_N, np.full_like(input_N, first_output_N)])
-    return _run(_play_step(), values, signals)
+    return _run(_play_step, values, signals)
 
 
 def input_from_output(
@@ -112,7 +112,7 @@ def input_from_output(
     """
     before = np.concatenate([input_m[:1], input_m[:-1]])
     signals = np.stack([output_N, input_m, before, np.full_like(output_N, first_input_N)])
-    return _run(_bristle_step(), values, signals)
+    return _run(_bristle_step, values, signals)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -179,15 +179,14 @@ def _bristle_step() -> _Step:
 
 
 @functools.lru_cache(maxsize=64)
-def _accumulated(kind: int, count: int) -> ca.Function:
-    step = (_play_step if kind == 0 else _bristle_step)().step
-    return step.mapaccum(f"run_{kind}_{count}", count)
+def _accumulated(law: Callable[[], _Step], count: int) -> ca.Function:
+    return law().step.mapaccum(f"run{law.__name__}_{count}", count)
 
 
-def _run(law: _Step, values: Mapping[StaticParameter, float], signals: Array) -> Response:
+def _run(law: Callable[[], _Step], values: Mapping[StaticParameter, float], signals: Array) -> Response:
     numbers = ca.DM([values.get(k, NEUTRAL[k]) for k in ORDER])
-    run = _accumulated(0 if law is _play_step() else 1, signals.shape[1])
-    start = law.start(signals[:, 0], numbers)
+    run = _accumulated(law, signals.shape[1])
+    start = law().start(signals[:, 0], numbers)
     _, found = run(start, signals, ca.repmat(numbers, 1, signals.shape[1]))
     rows = np.asarray(found).T
     return Response(prediction_N=rows[:, 0].copy(), slopes=rows[:, 1:].copy())

@@ -1,69 +1,20 @@
-"""The plants that one profile must serve: their response, and how it changes with the force at knots."""
+"""What a profile costs, and the Gauss-Newton model of the cost in changes of the force at knots."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.models.chain import Chain, ChainState
 from tendonff.ocp.sensitivity import Links, force_sensitivity
 from tendonff.ocp.simulate import Outcome, simulate
 from tendonff.ocp.step.protocol import Array
+from tendonff.ocp.tracking.problem import TensionBounds, TrackingProblem
 
-Rows = NDArray[np.int_]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TensionBounds:
-    """Bounds on the tension anywhere along the tendon.
-
-    Parameters
-    ----------
-    low_N, high_N : float
-        [N]; infinite for none.
-    """
-
-    low_N: float
-    high_N: float
+Knots = NDArray[np.int_]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Goal:
-    """What a profile is judged by.
-
-    Parameters
-    ----------
-    reference_N : ndarray, shape (n,)
-        Wanted output tension at 0, h, 2 h ... [N].
-    step_s : float
-        h [s].
-    effort_weight : float
-        Weight of the mean squared force beside the mean squared tension error [-].
-    power : float
-        Mean of order `power` of the plants' mean squared errors: 1 is the mean, large is the worst.
-    bounds : TensionBounds
-    penalty_N : float
-        Cost of a newton outside the tension bounds [N].
-    """
-
-    reference_N: Array
-    step_s: float
-    effort_weight: float
-    power: float
-    bounds: TensionBounds
-    penalty_N: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Plant:
-    """A chain and where it starts."""
-
-    chain: Chain
-    state: ChainState
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Judgement:
+class Evaluation:
     """What a profile achieves on every plant.
 
     Parameters
@@ -84,7 +35,7 @@ class Judgement:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LocalModel:
+class GaussNewtonModel:
     """Quadratic model of the merit around a profile, in changes of the force at the knots.
 
     Parameters
@@ -101,7 +52,7 @@ class LocalModel:
     high: Array
 
 
-def order_mean(squares: Array, power: float) -> tuple[float, Array]:
+def power_mean(squares: Array, power: float) -> tuple[float, Array]:
     """Mean of order `power` and its slopes over the values.
 
     Parameters
@@ -117,61 +68,41 @@ def order_mean(squares: Array, power: float) -> tuple[float, Array]:
     return top * mean, share ** (power - 1) * mean ** (1 - power) / len(squares)
 
 
-def judge(plants: tuple[Plant, ...], goal: Goal, force_N: Array) -> Judgement:
-    """Simulate every plant and judge the profile.
+def evaluate(problem: TrackingProblem, force_N: Array) -> Evaluation:
+    """Simulate every plant and evaluate the profile.
 
     Parameters
     ----------
-    plants : tuple of Plant
-    goal : Goal
+    problem : TrackingProblem
     force_N : ndarray, shape (n,)
     """
-    tensions = []
-    for plant in plants:
-        run = simulate(plant.chain, force_N, goal.step_s, state=plant.state)
+    goal, bounds, tensions = problem.goal, problem.bounds, []
+    for plant in problem.plants:
+        run = simulate(plant.chain, force_N, problem.step_s, state=plant.state)
         if run.outcome is Outcome.FAILED:
-            return Judgement(merit=np.inf, squares=np.full(len(plants), np.inf), beyond_N=np.inf, tensions_N=())
+            squares = np.full(len(problem.plants), np.inf)
+            return Evaluation(merit=np.inf, squares=squares, beyond_N=np.inf, tensions_N=())
         tensions.append(run.tension_N)
-    return judge_tensions(tuple(tensions), goal, force_N)
-
-
-def judge_tensions(tensions_N: tuple[Array, ...], goal: Goal, force_N: Array) -> Judgement:
-    """Judge a profile by tensions that were already simulated.
-
-    Parameters
-    ----------
-    tensions_N : tuple of ndarray, each (n, N + 1)
-    goal : Goal
-    force_N : ndarray, shape (n,)
-    """
-    squares = np.array([np.mean((t[:, -1] - goal.reference_N) ** 2) for t in tensions_N])
-    low = min(float(t[1:].min()) for t in tensions_N)
-    high = max(float(t[1:].max()) for t in tensions_N)
-    beyond = max(goal.bounds.low_N - low, high - goal.bounds.high_N, 0.0)
+    squares = np.array([np.mean((t[:, -1] - goal.reference_N) ** 2) for t in tensions])
+    low, high = min(float(t[1:].min()) for t in tensions), max(float(t[1:].max()) for t in tensions)
+    beyond = max(bounds.low_N - low, high - bounds.high_N, 0.0)
     effort = goal.effort_weight * float(np.mean(force_N**2))
     # A slack link carries no force however slack it is, so its depth says nothing: the cost of slack is its own.
     slack = goal.penalty_N * float(np.ptp(goal.reference_N)) if low <= 0 else 0.0
-    merit = order_mean(squares, goal.power)[0] + effort + goal.penalty_N * beyond + slack
-    return Judgement(merit=merit, squares=squares, beyond_N=beyond, tensions_N=tensions_N)
+    merit = power_mean(squares, goal.power)[0] + effort + goal.penalty_N * beyond + slack
+    return Evaluation(merit=merit, squares=squares, beyond_N=beyond, tensions_N=tuple(tensions))
 
 
-def local_model(
-    plants: tuple[Plant, ...],
-    goal: Goal,
-    force_N: Array,
-    judgement: Judgement,
-    knots: Rows,
-    shape: Array,
-    reach_N: float,
-) -> LocalModel:
+def gauss_newton_model(
+    problem: TrackingProblem, force_N: Array, evaluation: Evaluation, knots: Knots, shape: Array, reach_N: float
+) -> GaussNewtonModel:
     """Gauss-Newton model of the merit, from exact sensitivities.
 
     Parameters
     ----------
-    plants : tuple of Plant
-    goal : Goal
+    problem : TrackingProblem
     force_N : ndarray, shape (n,)
-    judgement : Judgement
+    evaluation : Evaluation
         Of that force.
     knots : ndarray of int, shape (k,)
         Rows where the change of the force has its corners.
@@ -180,16 +111,16 @@ def local_model(
     reach_N : float
         Tensions that come this close to a bound are watched [N].
     """
-    n, k = shape.shape
-    _, slopes = order_mean(judgement.squares, goal.power)
+    goal, bounds, (n, k) = problem.goal, problem.bounds, shape.shape
+    _, slopes = power_mean(evaluation.squares, goal.power)
     hessian, gradient = np.zeros((k, k)), np.zeros(k)
     rows, lows, highs = [np.empty((0, k))], [np.empty(0)], [np.empty(0)]
-    for plant, tension, slope in zip(plants, judgement.tensions_N, slopes, strict=True):
-        watched = _watched(tension, goal.bounds, reach_N)
+    for plant, tension, slope in zip(problem.plants, evaluation.tensions_N, slopes, strict=True):
+        watched = _watched(tension, bounds, reach_N)
         found = force_sensitivity(
             plant.chain,
             force_N,
-            goal.step_s,
+            problem.step_s,
             knots,
             state=plant.state,
             links=Links.ALL if watched.size else Links.OUTPUT,
@@ -202,12 +133,12 @@ def local_model(
         if watched.size:
             at, link = watched.T
             rows.append(found.tension_slopes[at, link, :])
-            lows.append(goal.bounds.low_N - tension[at, link])
-            highs.append(goal.bounds.high_N - tension[at, link])
+            lows.append(bounds.low_N - tension[at, link])
+            highs.append(bounds.high_N - tension[at, link])
     if goal.effort_weight > 0:
         hessian += 2 * goal.effort_weight / n * (shape.T @ shape)
         gradient += 2 * goal.effort_weight / n * (shape.T @ force_N)
-    return LocalModel(
+    return GaussNewtonModel(
         hessian=hessian,
         gradient=gradient,
         rows=np.vstack(rows),
@@ -220,7 +151,7 @@ _MEMORY = 120  # a knot's influence is followed over so many later ones: several
 _BLOCK_ROWS = 16
 
 
-def _add_gram(hessian: Array, slopes: Array, knots: Rows, weight: float) -> None:
+def _add_gram(hessian: Array, slopes: Array, knots: Knots, weight: float) -> None:
     """Add weight * slopes^T slopes, shape (k, k), in blocks of the few knots that matter at a time.
 
     Blocks this small are also too small for the matrix library to start threads, which would wait for busy processors.
@@ -236,7 +167,7 @@ def _add_gram(hessian: Array, slopes: Array, knots: Rows, weight: float) -> None
 _PIECE_ROWS = 10  # of so many successive rows, and all links, only the worst becomes a constraint
 
 
-def _watched(tension_N: Array, bounds: TensionBounds, reach_N: float) -> Rows:
+def _watched(tension_N: Array, bounds: TensionBounds, reach_N: float) -> Knots:
     """Pairs (row, link) near a bound, the worst of each piece; shape (c, 2)."""
     room = np.minimum(tension_N - bounds.low_N, bounds.high_N - tension_N)
     pairs: list[tuple[int, int]] = []

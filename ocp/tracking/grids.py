@@ -1,7 +1,7 @@
-"""From coarse to fine: where the knots of a force profile go, and the profile a descent starts from.
+"""From coarse to fine: where the knots of a force profile go (grid refinement), and where the search starts.
 
 Coarse knots first: they see over a dead zone, and cost little. Then twice as many, then more where the profile meets
-or leaves a limit. Where limits bind, the profile is straightened between knots before each descent, so that a ramp may
+or leaves a limit. Where limits bind, the profile is straightened between knots before each search, so that a ramp may
 begin and end at a knot; elsewhere it keeps its fine structure.
 """
 
@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.ocp.step.protocol import Array
-from tendonff.ocp.tracking.cost import Goal, Judgement, LocalModel, Plant, Rows, judge
+from tendonff.ocp.tracking.cost import Evaluation, GaussNewtonModel, Knots, evaluate
 from tendonff.ocp.tracking.limits import ForceLimits
-from tendonff.ocp.tracking.sqp import Descent, Ending, Rules, best_change, descend, knot_shape, room_for_change
+from tendonff.ocp.tracking.problem import TrackingProblem
+from tendonff.ocp.tracking.sqp import SqpResult, SqpSettings, SqpStatus, knot_shape, solve_qp, solve_sqp, step_bounds
 
 KNOTS_PER_SWING = 12
 """Coarse knots between two reversals of the reference."""
@@ -23,41 +24,41 @@ _NEIGHBOURS = 2  # intervals on either side of a limit's end that are refined to
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Improvement:
-    """What the descents on all grids made of a profile.
+class GridRefinement:
+    """What the search on all grids made of a profile.
 
     Parameters
     ----------
     force_N : ndarray, shape (n,)
-    judgement : Judgement
-    descents : tuple of Descent
+    evaluation : Evaluation
+    searches : tuple of SqpResult
         One per grid.
     knots : int
         On the last grid.
     """
 
     force_N: Array
-    judgement: Judgement
-    descents: tuple[Descent, ...]
+    evaluation: Evaluation
+    searches: tuple[SqpResult, ...]
     knots: int
 
     @property
     def iterations(self) -> int:
         """Quadratic programs in all."""
-        return sum(d.iterations for d in self.descents)
+        return sum(s.iterations for s in self.searches)
 
     @property
     def converged(self) -> bool:
-        """The last descent was not cut short by the iteration limit."""
-        return self.descents[-1].ending is not Ending.ITERATIONS
+        """The last search was not cut short by the iteration limit."""
+        return self.searches[-1].status is not SqpStatus.ITERATIONS
 
     @property
     def promise(self) -> float:
         """Relative decrease of the merit that the last quadratic program promised [-]."""
-        return self.descents[-1].promise
+        return self.searches[-1].promise
 
 
-def even_knots(rows: int, spacing: int) -> Rows:
+def even_knots(rows: int, spacing: int) -> Knots:
     """Knots every `spacing` rows, and at the last row.
 
     Parameters
@@ -68,7 +69,7 @@ def even_knots(rows: int, spacing: int) -> Rows:
 
 
 def coarse_spacing(reference_N: Array) -> int:
-    """Rows between coarse knots: a share of the time between two reversals of the reference.
+    """Knots between coarse knots: a share of the time between two reversals of the reference.
 
     Parameters
     ----------
@@ -100,7 +101,7 @@ def limited_rows(force_N: Array, step_s: float, limits: ForceLimits) -> np.typin
     )
 
 
-def refined_knots(knots: Rows, limited: np.typing.NDArray[np.bool_]) -> Rows:
+def refined_knots(knots: Knots, limited: np.typing.NDArray[np.bool_]) -> Knots:
     """Halve the intervals around the rows where a limit begins or ceases to bind.
 
     Parameters
@@ -116,7 +117,7 @@ def refined_knots(knots: Rows, limited: np.typing.NDArray[np.bool_]) -> Rows:
     return np.unique(np.concatenate([knots, middles]))
 
 
-def straightened(force_N: Array, knots: Rows, limited: np.typing.NDArray[np.bool_]) -> Array:
+def straightened(force_N: Array, knots: Knots, limited: np.typing.NDArray[np.bool_]) -> Array:
     """The profile made linear between knots in and next to the intervals where a limit binds.
 
     Parameters
@@ -134,81 +135,68 @@ def straightened(force_N: Array, knots: Rows, limited: np.typing.NDArray[np.bool
     return np.where(inside, np.interp(rows, knots, force_N[knots]), force_N)
 
 
-def nearest_profile(
-    wanted_N: Array, force_N: Array, step_s: float, limits: ForceLimits, knots: Rows, penalty_N: float
-) -> Array:
+def nearest_profile(problem: TrackingProblem, wanted_N: Array, knots: Knots) -> Array:
     """The profile within the limits that comes closest to a wanted force: ramps lie astride its jumps.
 
     Parameters
     ----------
+    problem : TrackingProblem
     wanted_N : ndarray, shape (n,)
-    force_N : ndarray, shape (n,)
-        Any profile within the limits; its first row stays.
-    step_s : float
-    limits : ForceLimits
     knots : ndarray of int, shape (k,)
-    penalty_N : float
     """
-    shape = knot_shape(knots)
-    model = LocalModel(
+    clipped, limits, shape = problem.clipped(wanted_N), problem.limits, knot_shape(knots)
+    model = GaussNewtonModel(
         hessian=shape.T @ shape,
-        gradient=shape.T @ (force_N - wanted_N),
+        gradient=shape.T @ (clipped - wanted_N),
         rows=np.empty((0, len(knots))),
         low=np.empty(0),
         high=np.empty(0),
     )
-    room = room_for_change(force_N, step_s, limits, knots, shape)
-    move = best_change(model, room, 2 * (limits.maximum_N - limits.minimum_N), penalty_N)
-    return force_N if move is None else limits.apply(force_N + shape @ move, step_s, float(force_N[0]))
+    room = step_bounds(problem, clipped, knots, shape)
+    move = solve_qp(model, room, 2 * (limits.maximum_N - limits.minimum_N), problem.goal.penalty_N)
+    return clipped if move is None else problem.clipped(clipped + shape @ move)
 
 
-def _taut_start(plants: tuple[Plant, ...], goal: Goal, clipped_N: Array) -> tuple[Judgement, Array]:
+def _taut_start(problem: TrackingProblem, clipped_N: Array) -> tuple[Evaluation, Array]:
     """The clipped profile, or the largest share of its changes that breaks no tension bound."""
-    first = (judge(plants, goal, clipped_N), clipped_N)
+    first = (evaluate(problem, clipped_N), clipped_N)
     if first[0].beyond_N == 0:
         return first
     for share in (0.95, 0.8, 0.6, 0.4, 0.2, 0.0):
         mixed = clipped_N[0] + share * (clipped_N - clipped_N[0])
-        judgement = judge(plants, goal, mixed)
-        if judgement.beyond_N == 0:
-            return judgement, mixed
+        evaluation = evaluate(problem, mixed)
+        if evaluation.beyond_N == 0:
+            return evaluation, mixed
     return first
 
 
 def _as_far_as_taut(
-    plants: tuple[Plant, ...], goal: Goal, best: tuple[Judgement, Array], force_N: Array
-) -> tuple[Judgement, Array]:
+    problem: TrackingProblem, best: tuple[Evaluation, Array], force_N: Array
+) -> tuple[Evaluation, Array]:
     """The profile, or as much of its difference from the best one as breaks no bound that the best one keeps."""
     for share in (1.0, 0.7, 0.4, 0.1):
         mixed = best[1] + share * (force_N - best[1])
-        judgement = judge(plants, goal, mixed)
-        if np.isfinite(judgement.merit) and judgement.beyond_N <= best[0].beyond_N:
-            return judgement, mixed
+        evaluation = evaluate(problem, mixed)
+        if np.isfinite(evaluation.merit) and evaluation.beyond_N <= best[0].beyond_N:
+            return evaluation, mixed
     return best
 
 
-def improve(
-    plants: tuple[Plant, ...],
-    goal: Goal,
-    limits: ForceLimits,
-    clipped_N: Array,
+def refine(
+    problem: TrackingProblem,
     wanted_N: Array,
-    rules: Rules,
+    settings: SqpSettings,
     spacing: int,
     tell: Callable[[], None] | None = None,
-) -> Improvement:
-    """Descend on three grids, from the profile closest to the wanted force.
+) -> GridRefinement:
+    """Search on three grids, from the profile closest to the wanted force.
 
     Parameters
     ----------
-    plants : tuple of Plant
-    goal : Goal
-    limits : ForceLimits
-    clipped_N : ndarray, shape (n,)
-        The wanted force as the actuator would give it: what to beat.
+    problem : TrackingProblem
     wanted_N : ndarray, shape (n,)
-        Exact inverse.
-    rules : Rules
+        Exact inverse; as the actuator would give it, it is what to beat.
+    settings : SqpSettings
         The iteration limit is for all grids together.
     spacing : int
         Rows between coarse knots.
@@ -217,14 +205,14 @@ def improve(
 
     Returns
     -------
-    Improvement
+    GridRefinement
         Never worse than the clipped force.
     """
-    n, h = len(clipped_N), goal.step_s
-    best, force = _taut_start(plants, goal, clipped_N), clipped_N
-    start = nearest_profile(wanted_N, clipped_N, h, limits, even_knots(n, max(spacing // 4, 1)), goal.penalty_N)
-    descents: list[Descent] = []
-    left = rules.iterations
+    n, h, limits = len(wanted_N), problem.step_s, problem.limits
+    best = _taut_start(problem, problem.clipped(wanted_N))
+    start = nearest_profile(problem, wanted_N, even_knots(n, max(spacing // 4, 1)))
+    searches: list[SqpResult] = []
+    left = settings.iterations
     knots = even_knots(n, spacing)
     for stage in range(3):
         if stage == 1:
@@ -233,13 +221,12 @@ def improve(
             knots = refined_knots(knots, limited_rows(best[1], h, limits))
         force = start if stage == 0 else best[1]
         force = straightened(force, knots, limited_rows(force, h, limits))
-        judgement, force = _as_far_as_taut(plants, goal, best, force)
-        found = descend(
-            plants, goal, limits, force, judgement, knots, replace(rules, iterations=max(left // (3 - stage), 1)), tell
-        )
+        evaluation, force = _as_far_as_taut(problem, best, force)
+        rules = replace(settings, iterations=max(left // (3 - stage), 1))
+        found = solve_sqp(problem, force, evaluation, knots, rules, tell)
         left -= found.iterations
-        descents.append(found)
-        if found.judgement.merit < best[0].merit:
-            best = (found.judgement, found.force_N)
-    force = limits.apply(best[1], h, float(clipped_N[0]))  # what rounding of the quadratic programs left
-    return Improvement(force_N=force, judgement=best[0], descents=tuple(descents), knots=len(knots))
+        searches.append(found)
+        if found.evaluation.merit < best[0].merit:
+            best = (found.evaluation, found.force_N)
+    force = problem.clipped(best[1])  # what rounding of the quadratic programs left
+    return GridRefinement(force_N=force, evaluation=best[0], searches=tuple(searches), knots=len(knots))

@@ -10,11 +10,14 @@ from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
+from tendonff.ocp.inverse import Inversion, invert
 from tendonff.ocp.simulate import Outcome, simulate
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.limits import ForceLimits
-from tendonff.ocp.tracking.result import Tracking, TrackOptions
-from tendonff.ocp.tracking.track import Progress, track_plants
+from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
+from tendonff.ocp.tracking.receding_horizon import Progress
+from tendonff.ocp.tracking.result import Tracking
+from tendonff.ocp.tracking.track import solve_tracking
 
 
 class Objective(StrEnum):
@@ -233,6 +236,7 @@ def track_robust(
     *,
     segments: int | None = None,
     initial_tension_N: float | None = None,
+    inversion: Inversion | None = None,
     progress: Progress | None = None,
 ) -> Tracking:
     """One profile that is best in the worst case or on average over the samples; see `track`.
@@ -249,6 +253,8 @@ def track_robust(
     options : TrackOptions, optional
     segments : int, optional
     initial_tension_N : float, optional
+    inversion : Inversion, optional
+        Of the nominal transmission, where the caller has it already.
     progress : callable, optional
 
     Returns
@@ -259,4 +265,8 @@ def track_robust(
     chains = tuple(Chain.of(sample.transmission, level, segments) for sample in samples)
     reference = np.asarray(reference_N, dtype=np.float64)
     start = float(reference[0]) if initial_tension_N is None else initial_tension_N
-    return track_plants(chains, chains[0], reference, step_s, limits, options, _POWER[objective], start, progress)
+    inverse = invert(chains[0], reference, step_s, initial_tension_N=start) if inversion is None else inversion
+    problem = TrackingProblem.of(
+        chains, reference, step_s, limits, options, initial_tension_N=start, power=_POWER[objective]
+    )
+    return solve_tracking(problem, inverse, options, progress)

@@ -1,4 +1,4 @@
-"""Sequential quadratic programming on the force's knots, with the true simulation as judge.
+"""Sequential quadratic programming on the force's knots, judged by the true simulation.
 
 Each iteration linearises the simulation exactly around the present profile (`sensitivity`), and solves a quadratic
 program in the *change* of the force, piecewise linear between knots. The profile itself stays on the fine grid: what
@@ -16,12 +16,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from tendonff.ocp.step.protocol import Array
-from tendonff.ocp.tracking.cost import Goal, Judgement, LocalModel, Plant, Rows, judge, local_model
-from tendonff.ocp.tracking.limits import ForceLimits
+from tendonff.ocp.tracking.cost import Evaluation, GaussNewtonModel, Knots, evaluate, gauss_newton_model
+from tendonff.ocp.tracking.problem import TrackingProblem
 
 
-class Ending(StrEnum):
-    """How a descent ended.
+class SqpStatus(StrEnum):
+    """How a search on one grid of knots ended.
 
     Attributes
     ----------
@@ -39,8 +39,8 @@ class Ending(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rules:
-    """When a descent starts, trusts and stops.
+class SqpSettings:
+    """Trust region of the start, and when to stop.
 
     Parameters
     ----------
@@ -58,15 +58,15 @@ class Rules:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Descent:
-    """Where a descent came to.
+class SqpResult:
+    """Where a search on one grid came to.
 
     Parameters
     ----------
     force_N : ndarray, shape (n,)
-    judgement : Judgement
+    evaluation : Evaluation
         Of that force.
-    ending : Ending
+    status : SqpStatus
     iterations : int
     promise : float
         Relative decrease of the merit that the last quadratic program promised [-].
@@ -75,21 +75,21 @@ class Descent:
     """
 
     force_N: Array
-    judgement: Judgement
-    ending: Ending
+    evaluation: Evaluation
+    status: SqpStatus
     iterations: int
     promise: float
     trust_N: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Change:
+class AdmissibleChange:
     """Changes of a profile, piecewise linear between knots, and the room that the limits leave for them.
 
     Parameters
     ----------
     shape : ndarray, shape (n, k)
-        Change of the force for a unit change at each knot.
+        AdmissibleChange of the force for a unit change at each knot.
     slope : csc_array, shape (k - 1, k)
         Slope of the change between the knots.
     low_N, high_N : ndarray, shape (k,)
@@ -106,7 +106,7 @@ class Change:
     slope_high: Array
 
 
-def knot_shape(knots: Rows) -> Array:
+def knot_shape(knots: Knots) -> Array:
     """Hat functions of the knots on all rows, shape (n, k).
 
     Parameters
@@ -123,19 +123,19 @@ def knot_shape(knots: Rows) -> Array:
     return shape
 
 
-def room_for_change(force_N: Array, step_s: float, limits: ForceLimits, knots: Rows, shape: Array) -> Change:
+def step_bounds(problem: TrackingProblem, force_N: Array, knots: Knots, shape: Array) -> AdmissibleChange:
     """What may change at the knots so that every row respects the limits.
 
     Parameters
     ----------
+    problem : TrackingProblem
     force_N : ndarray, shape (n,)
         A profile within the limits.
-    step_s : float
-    limits : ForceLimits
     knots : ndarray of int, shape (k,)
     shape : ndarray, shape (n, k)
         `knot_shape` of the knots.
     """
+    limits, step_s = problem.limits, problem.step_s
     rate = np.diff(force_N) / step_s
     fastest, slowest = np.maximum.reduceat(rate, knots[:-1]), np.minimum.reduceat(rate, knots[:-1])
     up, down = limits.maximum_N - force_N, limits.minimum_N - force_N
@@ -150,7 +150,7 @@ def room_for_change(force_N: Array, step_s: float, limits: ForceLimits, knots: R
     gap = np.diff(knots) * step_s
     count = len(gap)
     slope = sp.diags_array([-1 / gap, 1 / gap], offsets=[0, 1], shape=(count, count + 1)).tocsc()
-    return Change(
+    return AdmissibleChange(
         shape=shape,
         slope=slope,
         low_N=np.minimum(low, 0.0),
@@ -160,15 +160,15 @@ def room_for_change(force_N: Array, step_s: float, limits: ForceLimits, knots: R
     )
 
 
-def best_change(model: LocalModel, change: Change, trust_N: float, penalty_N: float) -> Array | None:
+def solve_qp(model: GaussNewtonModel, change: AdmissibleChange, trust_N: float, penalty_N: float) -> Array | None:
     """Solve the quadratic program: the change at the knots, shape (k,), or None where the solver fails.
 
     Tension rows may be missed by one common amount, at `penalty_N` per newton.
 
     Parameters
     ----------
-    model : LocalModel
-    change : Change
+    model : GaussNewtonModel
+    change : AdmissibleChange
     trust_N : float
     penalty_N : float
     """
@@ -216,64 +216,64 @@ def _solve(
     return None
 
 
-def descend(
-    plants: tuple[Plant, ...],
-    goal: Goal,
-    limits: ForceLimits,
+def solve_sqp(
+    problem: TrackingProblem,
     force_N: Array,
-    judgement: Judgement,
-    knots: Rows,
-    rules: Rules,
+    evaluation: Evaluation,
+    knots: Knots,
+    settings: SqpSettings,
     tell: Callable[[], None] | None = None,
-) -> Descent:
+) -> SqpResult:
     """Improve a profile until it does not pay any more.
 
     Parameters
     ----------
-    plants : tuple of Plant
-    goal : Goal
-    limits : ForceLimits
+    problem : TrackingProblem
     force_N : ndarray, shape (n,)
         A profile within the limits.
-    judgement : Judgement
+    evaluation : Evaluation
         Of that profile.
     knots : ndarray of int, shape (k,)
-        Rows from 0 to n - 1.
-    rules : Rules
+        From 0 to n - 1.
+    settings : SqpSettings
     tell : callable, optional
         Called after each iteration.
 
     Returns
     -------
-    Descent
+    SqpResult
         Never worse than the profile it started from.
     """
     shape = knot_shape(knots)
-    trust, promise, poor = rules.trust_N, np.inf, 0
-    for iteration in range(1, rules.iterations + 1):
-        model = local_model(plants, goal, force_N, judgement, knots, shape, reach_N=2 * trust)
-        room = room_for_change(force_N, goal.step_s, limits, knots, shape)
-        step = _step(plants, goal, limits, force_N, judgement, model, room, trust, rules)
+    trust, promise, poor, iteration, status = settings.trust_N, np.inf, 0, 0, SqpStatus.ITERATIONS
+    while iteration < settings.iterations and status is SqpStatus.ITERATIONS:
+        iteration += 1
+        model = gauss_newton_model(problem, force_N, evaluation, knots, shape, reach_N=2 * trust)
+        room = step_bounds(problem, force_N, knots, shape)
+        step = _step(problem, force_N, evaluation, model, room, trust, settings)
         trust, promise, gain = step.trust_N, step.promise, 0.0
-        if step.judgement is not None:
-            gain = 1 - step.judgement.merit / judgement.merit
-            force_N, judgement = step.force_N, step.judgement
+        if step.evaluation is not None:
+            gain = 1 - step.evaluation.merit / evaluation.merit
+            force_N, evaluation = step.force_N, step.evaluation
         if tell is not None:
             tell()
-        poor = poor + 1 if gain < rules.tolerance else 0
-        if promise <= 0.1 * rules.tolerance or poor >= 2 or (step.judgement is None and promise <= rules.tolerance):
-            return _descent(force_N, judgement, Ending.CONVERGED, iteration, promise, trust)
-        if step.judgement is None:
-            return _descent(force_N, judgement, Ending.STALLED, iteration, promise, trust)
-    return _descent(force_N, judgement, Ending.ITERATIONS, rules.iterations, promise, trust)
+        poor = poor + 1 if gain < settings.tolerance else 0
+        stuck = step.evaluation is None
+        if promise <= 0.1 * settings.tolerance or poor >= 2 or (stuck and promise <= settings.tolerance):
+            status = SqpStatus.CONVERGED
+        elif stuck:
+            status = SqpStatus.STALLED
+    return SqpResult(
+        force_N=force_N, evaluation=evaluation, status=status, iterations=iteration, promise=promise, trust_N=trust
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Step:
-    """Outcome of one iteration; no judgement where nothing better was found."""
+    """Outcome of one iteration; no evaluation where nothing better was found."""
 
     force_N: Array
-    judgement: Judgement | None
+    evaluation: Evaluation | None
     promise: float
     trust_N: float
 
@@ -283,36 +283,34 @@ _TRIALS = 4  # quadratic programs for one linearisation
 
 
 def _step(
-    plants: tuple[Plant, ...],
-    goal: Goal,
-    limits: ForceLimits,
+    problem: TrackingProblem,
     force_N: Array,
-    judgement: Judgement,
-    model: LocalModel,
-    room: Change,
+    evaluation: Evaluation,
+    model: GaussNewtonModel,
+    room: AdmissibleChange,
     trust: float,
-    rules: Rules,
+    settings: SqpSettings,
 ) -> _Step:
     """Solve the quadratic program, and go as far along its answer as the simulation agrees."""
     promise = np.inf
     for _ in range(_TRIALS):
-        move = best_change(model, room, trust, goal.penalty_N)
+        move = solve_qp(model, room, trust, problem.goal.penalty_N)
         if move is None:
             trust /= 4
             continue
-        promise = _promise(model, goal, move, judgement)
-        if promise <= 0.1 * rules.tolerance:
+        promise = _promise(model, problem, move, evaluation)
+        if promise <= 0.1 * settings.tolerance:
             break
         size, change = float(np.abs(move).max()), room.shape @ move
-        best: tuple[Array, Judgement, float] | None = None
+        best: tuple[Array, Evaluation, float] | None = None
         for share in _SHARES:
-            trial = np.clip(force_N + share * change, limits.minimum_N, limits.maximum_N)  # rounding
-            outcome = judge(plants, goal, trial)
+            trial = np.clip(force_N + share * change, problem.limits.minimum_N, problem.limits.maximum_N)  # rounding
+            outcome = evaluate(problem, trial)
             if best is not None and outcome.merit >= best[1].merit:
                 break
-            if outcome.merit < judgement.merit:
+            if outcome.merit < evaluation.merit:
                 best = (trial, outcome, share)
-            if judgement.merit - outcome.merit > 0.5 * promise * judgement.merit * share * (2 - share):
+            if evaluation.merit - outcome.merit > 0.5 * promise * evaluation.merit * share * (2 - share):
                 break
         if best is None:
             trust = _SHARES[-1] * size / 2
@@ -321,28 +319,15 @@ def _step(
             trust *= 2
         elif best[2] < 1:
             trust = 2 * best[2] * size
-        return _Step(force_N=best[0], judgement=best[1], promise=promise, trust_N=trust)
-    return _Step(force_N=force_N, judgement=None, promise=promise, trust_N=trust)
+        return _Step(force_N=best[0], evaluation=best[1], promise=promise, trust_N=trust)
+    return _Step(force_N=force_N, evaluation=None, promise=promise, trust_N=trust)
 
 
-def _promise(model: LocalModel, goal: Goal, move: Array, judgement: Judgement) -> float:
+def _promise(model: GaussNewtonModel, problem: TrackingProblem, move: Array, evaluation: Evaluation) -> float:
     """Relative decrease of the merit that the quadratic model promises."""
     decrease = -float(model.gradient @ move + 0.5 * move @ model.hessian @ move)
     if len(model.low):
         at = model.rows @ move
         beyond = max(float(np.max(model.low - at)), float(np.max(at - model.high)), 0.0)
-        decrease += goal.penalty_N * (judgement.beyond_N - beyond)
-    return decrease / judgement.merit
-
-
-def _descent(
-    force_N: Array, judgement: Judgement, ending: Ending, iterations: int, promise: float, trust_N: float
-) -> Descent:
-    return Descent(
-        force_N=force_N,
-        judgement=judgement,
-        ending=ending,
-        iterations=iterations,
-        promise=promise,
-        trust_N=trust_N,
-    )
+        decrease += problem.goal.penalty_N * (evaluation.beyond_N - beyond)
+    return decrease / evaluation.merit

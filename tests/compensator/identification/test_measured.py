@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tendonff.compensator.identification.cleaning import clean
-from tendonff.compensator.identification.reading import Dirt, read_measurement
+from tendonff.compensator.identification.fitting.sliding_ratio import sliding_ratios
+from tendonff.compensator.identification.measured.cleaning import clean
+from tendonff.compensator.identification.measured.reading import DataIssue, read_measurement
 from tendonff.compensator.identification.run import identify
-from tendonff.compensator.identification.sliding_ratio import gross_ratios
 from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.capstan import Branch
@@ -41,7 +41,7 @@ def test_a_surgical_grasper_is_predicted_over_whole_files_at_loads_not_seen(gras
 
 
 def test_the_load_that_is_switched_on_at_the_start_is_left_out_with_a_message(grasper):
-    onsets = {file.error.name: f for file in grasper.files for f in file.findings if f.dirt is Dirt.ONSET}
+    onsets = {file.error.name: f for file in grasper.files for f in file.findings if f.issue is DataIssue.ONSET}
     names = {"06", "26", "46", "03", "09", "23", "29", "43", "49"}  # the others start without a resisting torque
     assert set(onsets) == {f"tool4_{name}.csv" for name in names}
     assert all(40 <= f.count <= 100 for f in onsets.values())  # 0.2 to 0.5 s at 200 Hz
@@ -106,9 +106,9 @@ def test_the_ratios_of_the_band_in_gross_sliding_are_reported_for_each_direction
 def test_a_biased_cell_keeps_one_direction_and_refuses_the_other_with_a_reason(measured_data):
     file = measured_data / "band_capstan" / "dataset1_biased_slack_cell.csv"
     record = clean(read_measurement(file, Measurement()), Measurement())
-    [bias] = [f for f in record.findings if f.dirt is Dirt.BIAS]
+    [bias] = [f for f in record.findings if f.issue is DataIssue.BIAS]
     assert "zero it without tension" in bias.text
-    pull, release = gross_ratios([record])
+    pull, release = sliding_ratios([record])
     assert pull.log_ratio == pytest.approx(4.34, abs=0.05)
     assert release.log_ratio is None
     assert "biased cell" in release.reason

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.identification.cleaning import clean
-from tendonff.compensator.identification.reading import Dirt, read_measurement
-from tendonff.compensator.identification.smoothing import find_quiet, noise_of
+from tendonff.compensator.identification.measured.cleaning import clean
+from tendonff.compensator.identification.measured.reading import DataIssue, read_measurement
+from tendonff.compensator.identification.measured.smoothing import find_adaptive_low_pass, noise_of
 from tendonff.compensator.scenario.measurement import Measurement
 
 HOW = Measurement()
@@ -29,7 +29,7 @@ def record(tmp_path, table, how=HOW, header="time_s,input_tension_N,output_tensi
 
 
 def kinds(found):
-    return {f.dirt for f in found.findings}
+    return {f.issue for f in found.findings}
 
 
 def test_a_clean_file_has_no_findings(tmp_path):
@@ -43,7 +43,7 @@ def test_missing_values_are_counted_with_their_times(tmp_path):
     table = rows()
     table[[100, 2000], 1] = np.nan
     [finding] = record(tmp_path, table).findings[:1]
-    assert (finding.dirt, finding.count) == (Dirt.MISSING, 2)
+    assert (finding.issue, finding.count) == (DataIssue.MISSING, 2)
     assert finding.times_s == pytest.approx((0.1, 2.0))
 
 
@@ -52,14 +52,14 @@ def test_repeated_and_disordered_time_stamps_are_told_apart(tmp_path):
     table[500, 0] = table[499, 0]
     table[[1000, 1001], 0] = table[[1001, 1000], 0]
     found = record(tmp_path, table)
-    assert {Dirt.DUPLICATE, Dirt.OUT_OF_ORDER} <= kinds(found)
+    assert {DataIssue.DUPLICATE, DataIssue.OUT_OF_ORDER} <= kinds(found)
 
 
 def test_a_clock_that_jumps_back_starts_a_new_piece(tmp_path):
     table = rows()
     table[2000:, 0] -= 1.5
     found = record(tmp_path, table)
-    assert Dirt.CLOCK_JUMP in kinds(found)
+    assert DataIssue.CLOCK_JUMP in kinds(found)
     assert len(found.pieces) == 2
     assert np.all(np.diff(np.concatenate([p.time_s for p in found.pieces])) > 0)
 
@@ -68,7 +68,7 @@ def test_a_clock_that_jumps_back_starts_a_new_piece(tmp_path):
 def test_short_gaps_are_bridged_but_not_fitted_and_long_ones_split(tmp_path, gap_rows, pieces):
     table = np.delete(rows(8.0), slice(3000, 3000 + gap_rows), axis=0)
     found = record(tmp_path, table)
-    assert Dirt.GAP in kinds(found)
+    assert DataIssue.GAP in kinds(found)
     assert len(found.pieces) == pieces
     bridged = sum(int((~p.good).sum()) for p in found.pieces)
     assert (bridged >= gap_rows) == (pieces == 1)
@@ -81,7 +81,7 @@ def test_spikes_are_replaced_and_not_fitted(tmp_path):
     table = rows()
     table[[700, 2500], 2] += [9.0, -12.0]
     found = record(tmp_path, table)
-    [finding] = [f for f in found.findings if f.dirt is Dirt.SPIKE]
+    [finding] = [f for f in found.findings if f.issue is DataIssue.SPIKE]
     assert (finding.count, finding.times_s) == (2, pytest.approx((0.7, 2.5)))
     piece = found.pieces[0]
     assert not piece.good[[700, 2500]].any()
@@ -91,14 +91,14 @@ def test_spikes_are_replaced_and_not_fitted(tmp_path):
 def test_a_reversal_and_a_step_are_not_spikes(tmp_path):
     table = rows()
     table[2000:, 1] += 20.0
-    assert Dirt.SPIKE not in kinds(record(tmp_path, table))
+    assert DataIssue.SPIKE not in kinds(record(tmp_path, table))
 
 
 def test_readings_slightly_below_zero_are_slack_and_far_below_are_signed_data(tmp_path):
     slack = rows()
     slack[:, 2] -= slack[:, 2].min() + 0.2
     found = record(tmp_path, slack)
-    assert Dirt.NEGATIVE in kinds(found)
+    assert DataIssue.NEGATIVE in kinds(found)
     assert not found.signed
     loop = rows()
     loop[:, 1] -= 45
@@ -109,7 +109,7 @@ def test_a_cell_that_reads_below_zero_for_long_is_called_biased(tmp_path):
     table = rows()
     table[:, 2] = np.maximum(table[:, 2] - 30, -0.1)
     found = record(tmp_path, table)
-    [finding] = [f for f in found.findings if f.dirt is Dirt.BIAS]
+    [finding] = [f for f in found.findings if f.issue is DataIssue.BIAS]
     assert "zero it without tension" in finding.text
 
 
@@ -151,7 +151,7 @@ def test_what_drives_the_model_is_smoothed_most_where_nothing_happens():
     time = np.arange(0, 6, STEP)
     truth = np.interp(time, [0, 2, 2.4, 6], [20, 20, 60, 60])
     x = truth + 0.2 * np.random.default_rng(3).standard_normal(len(time))
-    left = np.abs(find_quiet(x, STEP).apply(x) - truth)
+    left = np.abs(find_adaptive_low_pass(x, STEP).apply(x) - truth)
     assert noise_of(x) == pytest.approx(0.2, rel=0.05)
     assert left[4000:5500].max() < 0.03
     assert left[1900:2500].max() < 1.0
@@ -165,6 +165,6 @@ def test_rows_with_too_many_cells_are_counted_wherever_they_stand_and_empty_last
     file = tmp_path / "long.csv"
     file.write_text("\n".join(["time_s,input_tension_N,output_tension_N", *lines]) + "\n")
     raw = read_measurement(file, HOW)
-    assert [(f.dirt, f.count) for f in raw.findings if f.dirt is Dirt.LONG] == [(Dirt.LONG, 2)]
+    assert [(f.issue, f.count) for f in raw.findings if f.issue is DataIssue.LONG] == [(DataIssue.LONG, 2)]
     assert len(raw.time_s) == 198
     assert 0.8 in raw.time_s.round(6)

@@ -10,7 +10,7 @@ from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import read_csv
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.identification.suggest import suggest
-from tendonff.compensator.identification.synthetic import DIRTY, Faults, write_trial
+from tendonff.compensator.identification.synthetic import DIRTY, Faults, write_synthetic
 from tendonff.compensator.scenario.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.capstan import CapstanLaw
@@ -60,7 +60,7 @@ def excitation(seconds=16.0):
 def answer(nominal, truth, examples, tmp_path_factory):
     """The command's output on a dirty file."""
     folder = tmp_path_factory.mktemp("identify")
-    write_trial(folder / "rig.csv", truth, *excitation(), replace(DIRTY, gaps_s=(0.1, 0.01), seed=4), step_s=2e-3)
+    write_synthetic(folder / "rig.csv", truth, *excitation(), replace(DIRTY, gaps_s=(0.1, 0.01), seed=4), step_s=2e-3)
     code = run(
         ["identify", str(examples / "finger.toml"), "--data", str(folder / "rig.csv"), "--out", str(folder / "out")]
     )
@@ -129,7 +129,7 @@ def test_figures_and_a_force_file_come_with_the_answer(answer):
 
 def test_without_positions_the_tendon_is_named_as_not_identifiable(nominal, truth, tmp_path):
     time, force = excitation(7.0)
-    write_trial(tmp_path / "rig.csv", truth, time, force, Faults(seed=1), step_s=2e-3, positions=False)
+    write_synthetic(tmp_path / "rig.csv", truth, time, force, Faults(seed=1), step_s=2e-3, positions=False)
     found = identify(nominal, [tmp_path / "rig.csv"])
     for name in ("stiffness_N_per_m", "relaxing_stiffness_N_per_m", "relaxation_time_s"):
         estimate = found.estimate(name)
@@ -150,7 +150,7 @@ def test_without_positions_the_tendon_is_named_as_not_identifiable(nominal, trut
 )
 def test_an_effect_that_is_there_is_found_by_the_choice_of_the_law(nominal, truth, effect, law, tmp_path):
     hidden = replace(truth, friction=replace(truth.friction, **effect))
-    write_trial(tmp_path / "rig.csv", hidden, *excitation(), Faults(seed=3), step_s=2e-3)
+    write_synthetic(tmp_path / "rig.csv", hidden, *excitation(), Faults(seed=3), step_s=2e-3)
     found = identify(nominal, [tmp_path / "rig.csv"])
     assert found.law.startswith(law)
     assert found.estimate("mu_dynamic").value == pytest.approx(MU, rel=0.03)
@@ -169,7 +169,7 @@ def test_static_constants_are_found_by_the_play_law(nominal, quantity, tmp_path)
     turns = np.concatenate([[40.0], np.ravel([[h, low] for h, low in rng.uniform([30, 5], [90, 25], (6, 2))])])
     time = np.linspace(0, 24, 2401)
     force = np.interp(time, np.arange(len(turns)) * 2.0, turns)
-    write_trial(
+    write_synthetic(
         tmp_path / "rig.csv", replace(t, friction=friction), time, force, faults, level=Level.ELASTIC, step_s=5e-3
     )
     found = identify(nominal, [tmp_path / "rig.csv"], static_only=True)

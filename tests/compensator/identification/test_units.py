@@ -5,10 +5,10 @@ import pytest
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.identification.measured.reading import read_measurement
+from tendonff.compensator.identification.measured.units import magnitude_warning, unit_warnings
 from tendonff.compensator.identification.output import write_identification
-from tendonff.compensator.identification.reading import read_measurement
 from tendonff.compensator.identification.run import identify
-from tendonff.compensator.identification.units import magnitude_warning, unit_warnings
 from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.compensator.scenario.scenario import load_scenario
 

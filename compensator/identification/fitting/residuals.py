@@ -1,0 +1,200 @@
+"""Residuals of the whole chain against measured pieces: output tension, and elongation where positions exist."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tendonff.compensator.identification.measured.cleaning import SHORT_GAP_ROWS, Piece, Record
+from tendonff.compensator.identification.measured.reading import Array, Mask
+from tendonff.compensator.identification.measured.smoothing import low_pass
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.fits.chain import ChainModel, Drive, DynamicParameter
+from tendonff.ocp.fits.least_squares import Residuals
+
+D = DynamicParameter
+
+FORGET_SHARE, FORGET_MOST = 0.6, 0.3
+"""Rows before the input has swept this share of its range are not fitted, for what the tendon did before the first row
+is not known and friction remembers it; at most this share of a piece is given up for that."""
+
+FORGET_BRIDGE = 0.85
+"""The same after a bridge, whose extremes are guesses: only a nearly full sweep undoes them."""
+
+FAILED_RESIDUAL = 1e3
+
+TRAINING_SHARE = 0.65
+"""Without validation files the law is fitted to this share of each piece and judged on the rest."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitPiece:
+    """A piece as the residuals need it."""
+
+    piece: Piece
+    drive: Drive
+    good: Mask
+    thin: int
+    cutoff_Hz: float
+    step_s: float
+    input_noise_N: float
+    with_elongation: bool
+
+    def shaped(self, x: Array) -> Array:
+        """What the low-pass and the thinning leave of a prediction."""
+        return low_pass(x, self.step_s, self.cutoff_Hz)[:: self.thin]
+
+    @property
+    def elongation(self) -> Array:
+        """Measured elongation with an unknown zero, shape (n,) [m]."""
+        return self.piece.elongation_m()
+
+
+def _swept(x: Array) -> Array:
+    """Range covered so far, shape (n,)."""
+    return np.asarray(np.maximum.accumulate(x) - np.minimum.accumulate(x))
+
+
+def _gap_ends(good: Mask) -> list[int]:
+    """Rows after bridges that may hide an extreme of the input, which friction would remember."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], good, [True]]).astype(np.int8)))
+    return [int(stop) for start, stop in zip(edges[::2], edges[1::2], strict=True) if stop - start > SHORT_GAP_ROWS]
+
+
+def fit_pieces(records: Sequence[Record]) -> list[FitPiece]:
+    """Pieces of all records, thinned to what their low-pass leaves."""
+    found = []
+    span = max((float(np.ptp(r.joined("input_N"))) for r in records), default=0.0)
+    for record in records:
+        thin = max(1, int(1 / (6 * record.cutoff_Hz * record.step_s)))
+        edge = int(0.5 / (record.cutoff_Hz * record.step_s))
+        for piece in record.pieces:
+            good = piece.good.copy()
+            swept = _swept(piece.input_N)
+            known = int(np.argmax(swept >= FORGET_SHARE * span)) if swept[-1] >= FORGET_SHARE * span else len(good)
+            good[: min(max(known, edge), int(FORGET_MOST * len(good)))] = False
+            good[len(good) - edge :] = False  # the low-pass has one side only
+            for end in _gap_ends(piece.good):
+                swept = _swept(piece.input_N[end:])
+                enough = FORGET_BRIDGE * span
+                known = int(np.argmax(swept >= enough)) if swept[-1] >= enough else len(swept)
+                good[end : end + min(known, int(FORGET_MOST * len(good)))] = False
+            drive = Drive(input_N=piece.input_N, step_s=record.step_s, first_output_N=float(piece.output_N[0]))
+            found.append(
+                FitPiece(
+                    piece=piece,
+                    drive=drive,
+                    good=good[::thin],
+                    thin=thin,
+                    cutoff_Hz=record.cutoff_Hz,
+                    step_s=record.step_s,
+                    input_noise_N=record.input_noise_N,
+                    with_elongation=record.has_positions,
+                )
+            )
+    return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChainResiduals:
+    """Residuals of a chain model over runs, in given units."""
+
+    model: ChainModel
+    runs: Sequence[FitPiece]
+    fixed: Mapping[DynamicParameter, float]
+    free: tuple[DynamicParameter, ...]
+    output_unit_N: float
+    elongation_unit_m: float
+    block_s: float
+
+    def complete(self, values: Mapping[str, float]) -> dict[DynamicParameter, float]:
+        """All parameters from the free ones."""
+        full = {**self.fixed, **{D(name): value for name, value in values.items()}}
+        if self.model.symmetric:
+            full[D.MU_RELEASE] = full[D.MU_PULL]
+        return full
+
+    def evaluate(self, values: Mapping[str, float]) -> Residuals:
+        """Residuals and slopes over the free parameters."""
+        try:
+            return self._evaluate(self.complete(values), self.free)
+        except SolveError:
+            return self._failed()
+
+    def _evaluate(self, full: Mapping[DynamicParameter, float], over: tuple[DynamicParameter, ...]) -> Residuals:
+        parts: list[tuple[Array, Array, Array]] = []
+        for number, run in enumerate(self.runs):
+            response = self.model.respond(full, run.drive, over)
+            good = run.good
+            time = run.piece.time_s[:: run.thin][good]
+            block = np.floor(time / self.block_s) + 1e7 * number
+            wanted = run.piece.output_N[:: run.thin]
+            difference = (run.shaped(response.output_N) - wanted)[good] / self.output_unit_N
+            parts.append((difference, run.shaped(response.output_slopes)[good] / self.output_unit_N, block))
+            if run.with_elongation:
+                moved = (run.shaped(response.elongation_m) - run.elongation[:: run.thin])[good]
+                slopes = run.shaped(response.elongation_slopes)[good]
+                # The zero of the positions is arbitrary.
+                moved, slopes = moved - moved.mean(), slopes - slopes.mean(axis=0)
+                parts.append((moved / self.elongation_unit_m, slopes / self.elongation_unit_m, block))
+        values, slopes, blocks = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return Residuals(values=values, slopes=slopes, blocks=blocks.astype(np.int64))
+
+    def _failed(self) -> Residuals:
+        rows = sum(int(r.good.sum()) * (2 if r.with_elongation else 1) for r in self.runs)
+        return Residuals(
+            values=np.full(rows, FAILED_RESIDUAL),
+            slopes=np.zeros((rows, len(self.free))),
+            blocks=np.zeros(rows, dtype=np.int64),
+        )
+
+    def split(self, validation: Sequence[FitPiece]) -> tuple["ChainResiduals", "ChainResiduals"]:
+        """A task to fit and one to judge: on `validation`, or on the last part of each piece."""
+        if validation:
+            return self, replace(self, runs=validation)
+        early, late = [], []
+        for run in self.runs:
+            usable = np.flatnonzero(run.good)
+            border = usable[int(TRAINING_SHARE * (len(usable) - 1))] if usable.size else 0
+            rows = np.arange(len(run.good))
+            early.append(replace(run, good=run.good & (rows <= border)))
+            late.append(replace(run, good=run.good & (rows > border)))
+        return replace(self, runs=early), replace(self, runs=late)
+
+    def robust_rms_N(self, full: Mapping[DynamicParameter, float]) -> float:
+        """Error of the output with large deviations counted linearly [N]."""
+        total, rows = 0.0, 0
+        for run in self.runs:
+            try:
+                response = self.model.respond(full, run.drive)
+            except SolveError:
+                return float("inf")
+            off = (run.shaped(response.output_N) - run.piece.output_N[:: run.thin])[run.good] / self.output_unit_N
+            total += float(np.sum(2 * (np.sqrt(1 + off**2) - 1)))
+            rows += len(off)
+        return self.output_unit_N * float(np.sqrt(total / max(rows, 1)))
+
+    def channel_rms(self, residuals: Residuals) -> tuple[float, float]:
+        """Robust size of the output's and the elongation's residuals [N], [m]."""
+        outputs, moves, at = [], [], 0
+        for run in self.runs:
+            rows = int(run.good.sum())
+            outputs.append(residuals.values[at : at + rows])
+            at += rows
+            if run.with_elongation:
+                moves.append(residuals.values[at : at + rows])
+                at += rows
+
+        def size(parts: list[Array], unit: float) -> float:
+            if not parts:
+                return unit
+            return max(float(1.4826 * np.median(np.abs(np.concatenate(parts)))) * unit, 1e-6 * unit)
+
+        return size(outputs, self.output_unit_N), size(moves, self.elongation_unit_m)
+
+
+def spans_of(runs: Sequence[FitPiece]) -> tuple[float, float]:
+    """Ranges of the output tension [N] and of the elongation [m] over all runs."""
+    output = max(r.piece.output_N.max() for r in runs) - min(r.piece.output_N.min() for r in runs)
+    travel = max((float(np.ptp(r.elongation)) for r in runs if r.with_elongation), default=1.0)
+    return max(float(output), 1e-12), max(travel, 1e-15)

@@ -1,0 +1,191 @@
+"""Stage (b): stiffness, relaxing stiffness and relaxation time from force and elongation."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tendonff.compensator.identification.fitting.static import BLOCKS_WANTED
+from tendonff.compensator.identification.measured.cleaning import Piece, Record
+from tendonff.compensator.identification.measured.reading import Array, Mask
+from tendonff.models.capstan import CapstanLaw
+from tendonff.models.parameters import Tendon
+from tendonff.ocp.fits.elongation import TENDON_PARAMETERS, elongation
+from tendonff.ocp.fits.least_squares import Residuals, Solution, Unknown, solve
+from tendonff.ocp.fits.static import StaticParameter
+
+PROFILE_POINTS = 9
+EXPLAINED_ENOUGH = 0.8
+"""Share of the elongation's variance below which the law does not describe it."""
+
+HOLD_SHARE = 0.02
+"""A hold: the tension stays within this share of its range."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TendonFit:
+    """What the elongation tells.
+
+    Parameters
+    ----------
+    solution : Solution
+        Values of k1, k2, tau and of the offsets.
+    explained : float
+        Share of the elongation's variance that the law explains.
+    rms_m : float
+    """
+
+    solution: Solution
+    explained: float
+    rms_m: float
+
+    @property
+    def values(self) -> dict[str, float]:
+        """k1, k2, tau."""
+        return {k: self.solution.values[k] for k in TENDON_PARAMETERS}
+
+
+def mean_tension(piece: Piece, values: Mapping[StaticParameter, float]) -> Array:
+    """Mean tension over the path of a piece, by the play law started from its first output, shape (n,) [N].
+
+    Parameters
+    ----------
+    piece : Piece
+    values : mapping of StaticParameter to float
+    """
+    law = CapstanLaw(
+        pull_exponent=values[StaticParameter.PULL],
+        release_exponent=values[StaticParameter.RELEASE],
+        adhesion_N=values[StaticParameter.ADHESION],
+    )
+    near = piece.input_N - values[StaticParameter.INPUT_BIAS]
+    far = float(piece.output_N[0]) - values[StaticParameter.OUTPUT_BIAS]
+    shares = np.linspace(0, 1, PROFILE_POINTS)
+    profile = law.profile_history_N(near, shares, far)
+    return np.asarray(np.trapezoid(profile, shares, axis=1))
+
+
+def longest_hold_s(records: Sequence[Record]) -> float:
+    """Longest time over which the input stays within 2 % of its range [s].
+
+    Parameters
+    ----------
+    records : sequence of Record
+    """
+    span = max(float(np.ptp(r.joined("input_N"))) for r in records)
+    longest = 0.0
+    for record in records:
+        for piece in record.pieces:
+            x = piece.input_N
+            thin = max(1, int(0.02 / record.step_s))
+            x, step = x[::thin], record.step_s * thin
+            start, low, high = 0, x[0], x[0]
+            for k, value in enumerate(x):
+                low, high = min(low, value), max(high, value)
+                if high - low > HOLD_SHARE * span:
+                    start, low, high = k, value, value
+                longest = max(longest, (k - start) * step)
+    return longest
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Run:
+    """A piece, thinned to what the low-pass leaves."""
+
+    step_s: float
+    force_N: Array
+    elongation_m: Array
+    good: Mask
+
+
+def _thinned(record: Record, piece: Piece, values: Mapping[StaticParameter, float]) -> _Run:
+    thin = max(1, int(1 / (6 * record.cutoff_Hz * record.step_s)))
+    return _Run(
+        step_s=thin * record.step_s,
+        force_N=mean_tension(piece, values)[::thin],
+        elongation_m=piece.elongation_m()[::thin],
+        good=piece.good[::thin],
+    )
+
+
+def fit_tendon(records: Sequence[Record], values: Mapping[StaticParameter, float], tendon: Tendon) -> TendonFit:
+    """Fit k1, k2, tau to force and elongation of all records that have positions.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        With positions.
+    values : mapping of StaticParameter to float
+        Of the static stage.
+    tendon : Tendon
+        Where to start.
+    """
+    runs = [_thinned(r, p, values) for r in records for p in r.pieces]
+    swing = max(float(np.ptp(r.force_N)) for r in runs)
+    travel = max(float(np.ptp(r.elongation_m)) for r in runs)
+    unit = 0.01 * max(travel, 1e-15)
+    stiffness = max(swing, 1e-12) / max(travel, 1e-15)
+    seconds = sum(r.step_s * len(r.force_N) for r in runs)
+    block_s = float(np.clip(seconds / BLOCKS_WANTED, 0.1, 5.0))
+    offsets = [
+        Unknown(name=f"{kind}_{k}", start=0.0, low=-np.inf, high=np.inf, scale=travel)
+        for k in range(len(runs))
+        for kind in ("zero", "start")
+    ]
+    blocks = np.concatenate(
+        [
+            np.floor(np.arange(len(r.good)) * r.step_s / block_s).astype(np.int64) + 10_000_000 * k
+            for k, r in enumerate(runs)
+        ]
+    )
+
+    def evaluate(at: Mapping[str, float]) -> Residuals:
+        differences, slopes = [], []
+        k1, k2, tau = (at[name] for name in TENDON_PARAMETERS)
+        for k, run in enumerate(runs):
+            step, force, wanted, good = run.step_s, run.force_N, run.elongation_m, run.good
+            # Centred: the zero of the elongation is then that of the mean, and independent of the stiffness.
+            found = elongation((k1, k2, tau), force - force.mean(), step)
+            x = found.elongation_m + at[f"zero_{k}"] + at[f"start_{k}"] * found.fading
+            differences.append(np.where(good, x - (wanted - wanted.mean()), 0.0) / unit)
+            block = np.zeros((len(x), 3 + len(offsets)))
+            block[:, :3] = found.slopes
+            fade = at[f"start_{k}"] * found.fading * np.arange(len(x)) * step
+            constant = tau * (k1 + k2) / k1
+            by = (-tau * k2 / k1**2, tau / k1, (k1 + k2) / k1)
+            block[:, :3] += (fade / constant**2)[:, None] * np.array(by)
+            block[:, 3 + 2 * k], block[:, 4 + 2 * k] = 1.0, found.fading
+            slopes.append(np.where(good[:, None], block, 0.0) / unit)
+        return Residuals(values=np.concatenate(differences), slopes=np.concatenate(slopes), blocks=blocks)
+
+    starts = []
+    for tau in (0.3 * tendon.relaxation_time_s, tendon.relaxation_time_s, 3 * tendon.relaxation_time_s):
+        unknowns = [
+            Unknown(
+                name=TENDON_PARAMETERS[0],
+                start=stiffness,
+                low=1e-3 * stiffness,
+                high=1e3 * stiffness,
+                scale=0.3,
+                logarithmic=True,
+            ),
+            Unknown(
+                name=TENDON_PARAMETERS[1],
+                start=0.3 * stiffness,
+                low=1e-6 * stiffness,
+                high=1e3 * stiffness,
+                scale=1,
+                logarithmic=True,
+            ),
+            Unknown(name=TENDON_PARAMETERS[2], start=tau, low=1e-3, high=1e3, scale=0.5, logarithmic=True),
+            *offsets,
+        ]
+        starts.append(solve(evaluate, unknowns, most=40))
+    solution = min(starts, key=lambda s: s.cost)
+    everything = np.concatenate([x - x.mean() for x in (r.elongation_m for r in runs)])
+    left = solution.residuals.values * unit
+    return TendonFit(
+        solution=solution,
+        explained=1 - float(np.sum(left**2)) / max(float(np.sum(everything**2)), 1e-300),
+        rms_m=float(np.sqrt(np.mean(left**2))),
+    )

@@ -1,0 +1,1 @@
+"""Measured files: reading, cleaning, units, smoothing."""

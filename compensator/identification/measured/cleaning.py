@@ -1,0 +1,376 @@
+"""From usable rows to evenly sampled pieces: gaps, spikes, signs, noise, low-pass."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import median_filter, percentile_filter
+
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.identification.measured.reading import (
+    Array,
+    DataIssue,
+    Finding,
+    Mask,
+    RawMeasurement,
+    issue_found,
+)
+from tendonff.compensator.identification.measured.smoothing import (
+    AdaptiveLowPass,
+    find_adaptive_low_pass,
+    find_cutoff_Hz,
+    low_pass,
+    noise_of,
+)
+from tendonff.compensator.scenario.measurement import Measurement
+
+SHORT_GAP_ROWS = 10
+"""A gap of at most so many rows is bridged by a straight line, a longer one by a polynomial over both sides."""
+
+LONGEST_BRIDGE_S, LONGEST_BRIDGE_ROWS = 1.0, 1000
+"""A longer gap splits the file: the history that friction remembers is lost there."""
+
+BRIDGE_DEGREE, BRIDGE_ROOM = 5, 0.1
+"""Degree of the polynomial, and how far it may leave the values on both sides, as a share of their range."""
+
+SPIKE_SIGMAS, SPIKE_ROWS, SPIKE_RANGE, SPIKE_WINDOW_ROWS = 10.0, 2, 0.02, 101
+"""A spike leaves the running median by so many deviations of its surroundings, for so many rows at most, and by at
+least a share of the range: what rings or chatters for longer is the measurement's own."""
+
+LEAST_PIECE_S = 0.25
+SIGNED_SHARE = 0.05
+"""Readings below zero by more than this share of the range are signed data, not a slack cell's offset."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Piece:
+    """Evenly sampled rows without a gap; tensions and positions after the low-pass.
+
+    Parameters
+    ----------
+    time_s : ndarray, shape (n,)
+    input_N, output_N : ndarray, shape (n,)
+    input_m, output_m : ndarray, shape (n,), or None
+    good : ndarray of bool, shape (n,)
+        False where a value was bridged or a spike replaced.
+    input_filter : AdaptiveLowPass
+        How the input was smoothed: it drives the models.
+    """
+
+    time_s: Array
+    input_N: Array
+    output_N: Array
+    input_m: Array | None
+    output_m: Array | None
+    good: Mask
+    input_filter: AdaptiveLowPass
+
+    def travel_m(self) -> Array:
+        """Measured position of the input end, shape (n,) [m]."""
+        if self.input_m is None:
+            raise InputError("the position of the input end was not measured; name it with --input-position-column")
+        return self.input_m
+
+    def elongation_m(self) -> Array:
+        """Measured elongation with an unknown zero, shape (n,) [m]."""
+        if self.output_m is None:
+            raise InputError("the position of the output end was not measured; name it with --output-position-column")
+        return np.asarray(self.travel_m() - self.output_m)
+
+    def part(self, rows: slice) -> "Piece":
+        """Some of the rows.
+
+        Parameters
+        ----------
+        rows : slice
+        """
+        return Piece(
+            time_s=self.time_s[rows],
+            input_N=self.input_N[rows],
+            output_N=self.output_N[rows],
+            input_m=None if self.input_m is None else self.input_m[rows],
+            output_m=None if self.output_m is None else self.output_m[rows],
+            good=self.good[rows],
+            input_filter=replace(self.input_filter, level=self.input_filter.level[rows]),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Record:
+    """One measured file, cleaned.
+
+    Parameters
+    ----------
+    name : str
+    step_s : float
+        Sampling step of every piece [s].
+    cutoff_Hz : float
+        Of the zero-phase low-pass [Hz].
+    pieces : tuple of Piece
+    input_noise_N, output_noise_N : float
+        Standard deviation of the white noise before the low-pass [N].
+    signed : bool
+        Readings far below zero: torques of a pre-tensioned loop, or the like.
+    unread : tuple of str
+        Columns of the file that have no use.
+    findings : tuple of Finding
+    """
+
+    name: str
+    step_s: float
+    cutoff_Hz: float
+    pieces: tuple[Piece, ...]
+    input_noise_N: float
+    output_noise_N: float
+    signed: bool
+    unread: tuple[str, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def has_positions(self) -> bool:
+        """Both ends' positions were measured."""
+        return self.pieces[0].input_m is not None and self.pieces[0].output_m is not None
+
+    @property
+    def has_input_position(self) -> bool:
+        """The input end's position was measured."""
+        return self.pieces[0].input_m is not None
+
+    def joined(self, name: str) -> Array:
+        """A channel over all pieces, shape (rows,)."""
+        return np.concatenate([getattr(p, name) for p in self.pieces])
+
+
+def spikes(x: Array) -> Mask:
+    """Rows that stand alone, far off their neighbours.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+    """
+    if len(x) < 9:
+        return np.zeros(len(x), dtype=bool)
+    off = np.abs(x - median_filter(x, size=2 * SPIKE_ROWS + 1, mode="nearest"))
+    low, high = np.percentile(x, [1, 99])
+    # The upper quartile: small in quiet surroundings, large where the signal itself rings or jumps.
+    around = 1.4826 * percentile_filter(off, 75, size=min(SPIKE_WINDOW_ROWS, len(x)), mode="nearest")
+    limit = np.maximum(SPIKE_SIGMAS * around, max(SPIKE_SIGMAS * noise_of(x), SPIKE_RANGE * (high - low), 1e-300))
+    return np.asarray(off > limit)
+
+
+def clean(raw: RawMeasurement, how: Measurement) -> Record:
+    """Evenly sampled, filtered pieces of one file, with a list of all that was found.
+
+    Parameters
+    ----------
+    raw : RawMeasurement
+    how : Measurement
+
+    Raises
+    ------
+    InputError
+        If no piece is long enough to use.
+    """
+    findings = list(raw.findings)
+    intervals = np.diff(raw.time_s)
+    step = float(f"{np.median(intervals):.6g}")
+    _note_clock(raw, intervals, step, findings)
+    starts = sorted({0, *raw.breaks, *(int(k) + 1 for k in np.flatnonzero(intervals > longest_bridge_s(step)))})
+    replaced = _spikes_of(raw, starts, findings)
+    pieces: list[Piece] = []
+    short: list[float] = []
+    noises: list[tuple[float, float, int]] = []
+    grids: list[dict[str, Array]] = []
+    goods: list[Mask] = []
+    for start, stop in zip(starts, [*starts[1:], len(raw.time_s)], strict=True):
+        rows = slice(start, stop)
+        if stop - start < 10 or raw.time_s[stop - 1] - raw.time_s[start] < min(LEAST_PIECE_S, 50 * step):
+            short.append(float(raw.time_s[start]))
+            continue
+        grid, good = _on_grid(raw, rows, replaced[rows], step)
+        noises.append((noise_of(grid["input_N"]), noise_of(grid["output_N"]), len(good)))
+        grids.append(grid)
+        goods.append(good)
+    if short:
+        findings.append(issue_found(DataIssue.SHORT, short, "too short to use, left out"))
+    if not grids:
+        raise InputError(
+            f"{raw.name}: no piece longer than {min(LEAST_PIECE_S, 50 * step):g} s without a gap; nothing to fit"
+        )
+    longest = max(grids, key=lambda g: len(g["time_s"]))
+    cutoff = how.cutoff_Hz or find_cutoff_Hz([longest["input_N"], longest["output_N"]], step)
+    for grid, good in zip(grids, goods, strict=True):
+        input_filter = find_adaptive_low_pass(grid["input_N"], step)
+        smooth = {k: v if k == "time_s" else low_pass(v, step, cutoff) for k, v in grid.items()}
+        pieces.append(
+            Piece(
+                time_s=smooth["time_s"],
+                input_N=input_filter.apply(grid["input_N"]),
+                output_N=smooth["output_N"],
+                input_m=smooth.get("input_m"),
+                output_m=smooth.get("output_m"),
+                good=good,
+                input_filter=input_filter,
+            )
+        )
+    signed = _judge_signs(pieces, findings)
+    weights = np.array([n for *_, n in noises], dtype=np.float64)
+    return Record(
+        name=raw.name,
+        step_s=step,
+        cutoff_Hz=cutoff,
+        pieces=tuple(pieces),
+        input_noise_N=float(np.average([a for a, *_ in noises], weights=weights)),
+        output_noise_N=float(np.average([b for _, b, _ in noises], weights=weights)),
+        signed=signed,
+        unread=raw.unread,
+        findings=tuple(findings),
+    )
+
+
+def longest_bridge_s(step_s: float) -> float:
+    """Longest interval between rows that is bridged [s].
+
+    Parameters
+    ----------
+    step_s : float
+    """
+    return max(min(LONGEST_BRIDGE_S, LONGEST_BRIDGE_ROWS * step_s), (SHORT_GAP_ROWS + 0.5) * step_s)
+
+
+def _bridge(grid_time: Array, filled: Array, time: Array, values: Array, longest_line_s: float) -> Array:
+    """Replace straight lines across longer gaps by a polynomial that fits what was measured on both sides."""
+    for k in np.flatnonzero(np.diff(time) > longest_line_s):
+        start, stop = float(time[k]), float(time[k + 1])
+        width = 1.5 * (stop - start)
+        near = (time >= start - width) & (time <= stop + width)
+        middle, half = (start + stop) / 2, (stop - start) / 2 + width
+        if near.sum() < 4 * BRIDGE_DEGREE:
+            continue
+        shape = np.polynomial.Polynomial.fit((time[near] - middle) / half, values[near], BRIDGE_DEGREE, domain=[-1, 1])
+        inside = (grid_time > start) & (grid_time < stop)
+        low, high = values[near].min(), values[near].max()
+        room = BRIDGE_ROOM * (high - low)
+        filled[inside] = np.clip(shape((grid_time[inside] - middle) / half), low - room, high + room)
+    return filled
+
+
+def _note_clock(raw: RawMeasurement, intervals: Array, step: float, findings: list[Finding]) -> None:
+    bridged = np.flatnonzero((intervals > 1.5 * step) & (intervals <= (SHORT_GAP_ROWS + 0.5) * step))
+    split = np.flatnonzero(intervals > longest_bridge_s(step))
+    curved = np.flatnonzero((intervals > (SHORT_GAP_ROWS + 0.5) * step) & (intervals <= longest_bridge_s(step)))
+    if len(bridged) > 0.02 * len(intervals):
+        findings.append(
+            issue_found(
+                DataIssue.UNEVEN,
+                [],
+                f"intervals from {intervals.min():.3g} to {intervals[bridged].max():.3g} s; "
+                f"resampled to {step:g} s by straight lines",
+                len(bridged),
+            )
+        )
+    elif len(bridged):
+        findings.append(
+            issue_found(DataIssue.GAP, raw.time_s[bridged], f"up to {SHORT_GAP_ROWS} rows, bridged and not fitted")
+        )
+    if len(curved):
+        longest = float(intervals[curved].max())
+        findings.append(
+            issue_found(
+                DataIssue.GAP, raw.time_s[curved], f"up to {longest:.3g} s, bridged by a smooth curve and not fitted"
+            )
+        )
+    if len(split):
+        longest = float(intervals[split].max())
+        findings.append(
+            issue_found(DataIssue.GAP, raw.time_s[split], f"up to {longest:.3g} s, a new piece starts after each")
+        )
+
+
+def _spikes_of(raw: RawMeasurement, starts: list[int], findings: list[Finding]) -> Mask:
+    """Rows with a spike in any channel."""
+    marked = np.zeros(len(raw.time_s), dtype=bool)
+    channels = {
+        "input": raw.input_N,
+        "output": raw.output_N,
+        "input position": raw.input_m,
+        "output position": raw.output_m,
+    }
+    for name, values in channels.items():
+        if values is None:
+            continue
+        found = np.zeros(len(values), dtype=bool)
+        for start, stop in zip(starts, [*starts[1:], len(values)], strict=True):
+            found[start:stop] = spikes(values[start:stop])
+        if found.any():
+            findings.append(
+                issue_found(
+                    DataIssue.SPIKE, raw.time_s[found], f"in the {name}, replaced by a straight line and not fitted"
+                )
+            )
+        marked |= found
+    return marked
+
+
+def _on_grid(raw: RawMeasurement, rows: slice, replaced: Mask, step: float) -> tuple[dict[str, Array], Mask]:
+    """Channels of one piece on an even grid, and which grid rows lie on measured ones."""
+    time, keep = raw.time_s[rows], ~replaced
+    count = int(np.floor((time[-1] - time[0]) / step + 1e-6)) + 1
+    grid_time = time[0] + step * np.arange(count)
+    grid = {"time_s": grid_time}
+    for name in ("input_N", "output_N", "input_m", "output_m"):
+        values = getattr(raw, name)
+        if values is not None:
+            line = np.interp(grid_time, time[keep], values[rows][keep])
+            grid[name] = _bridge(grid_time, line, time[keep], values[rows][keep], (SHORT_GAP_ROWS + 0.5) * step)
+    good_time = time[keep]
+    nearest = np.clip(np.searchsorted(good_time, grid_time), 1, len(good_time) - 1)
+    width = good_time[nearest] - good_time[nearest - 1]
+    good = np.asarray(width < 2.5 * step)
+    nearest_row = np.rint((time[replaced] - time[0]) / step).astype(np.int64)
+    good[np.clip(nearest_row, 0, count - 1)] = False
+    return grid, good
+
+
+def _judge_signs(pieces: list[Piece], findings: list[Finding]) -> bool:
+    """Whether the data is signed; notes readings below zero either way."""
+    signed = False
+    for name, channel in (("input", "input_N"), ("output", "output_N")):
+        values = np.concatenate([getattr(p, channel) for p in pieces])
+        time = np.concatenate([p.time_s for p in pieces])
+        below = values < 0
+        if not below.any():
+            continue
+        span = float(np.ptp(values))
+        share = 100 * float(below.mean())
+        if -values.min() > SIGNED_SHARE * span and share > 1:
+            signed = True
+            findings.append(
+                issue_found(
+                    DataIssue.NEGATIVE,
+                    time[below],
+                    f"{share:.2g} % of the {name}, down to {values.min():.4g}: read as "
+                    "signed forces of a pre-tensioned loop",
+                    int(below.sum()),
+                )
+            )
+        elif share > 10:
+            findings.append(
+                issue_found(
+                    DataIssue.BIAS,
+                    time[below],
+                    f"{share:.2g} % of the {name} lies below zero, down to "
+                    f"{values.min():.4g}: a tendon cannot push, so this cell reads too low by an amount that the file "
+                    "does not tell; zero it without tension and measure again",
+                    int(below.sum()),
+                )
+            )
+        else:
+            findings.append(
+                issue_found(
+                    DataIssue.NEGATIVE,
+                    time[below],
+                    f"of the {name}, down to {values.min():.4g}: slack or a cell's offset, kept",
+                    int(below.sum()),
+                )
+            )
+    return signed

@@ -1,0 +1,292 @@
+"""Measured files as they are: columns found, units made SI, rows that cannot be used taken out and reported."""
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonff.compensator.files.reading import InputError, nearest_column, open_text
+from tendonff.compensator.identification.measured.onset import switched_on_s
+from tendonff.compensator.scenario.measurement import Measurement
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+OUT_OF_ORDER_ROWS = 5
+"""A clock that is back on its way after so many rows had rows out of order; one that stays behind has jumped."""
+
+
+LEAST_RISING = 0.5
+"""A clock that rises in fewer of the rows is none."""
+
+
+class DataIssue(StrEnum):
+    """What can be wrong with a measurement."""
+
+    LONG = "rows with more cells than the header"
+    MISSING = "missing values"
+    DUPLICATE = "repeated time stamps"
+    OUT_OF_ORDER = "time stamps out of order"
+    CLOCK_JUMP = "clock jumping back"
+    GAP = "gaps"
+    UNEVEN = "uneven clock"
+    SPIKE = "spikes"
+    NEGATIVE = "negative readings"
+    BIAS = "biased cell"
+    SLACK = "slack"
+    SHORT = "short pieces"
+    SKIPPED = "rows left out at the start"
+    ONSET = "load switched on at the start"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One kind of data issue in one file, and what was done about it.
+
+    Parameters
+    ----------
+    issue : DataIssue
+    count : int
+        Rows or places concerned.
+    times_s : tuple of float
+        The first few of them [s].
+    text : str
+        In words, with what was done.
+    """
+
+    issue: DataIssue
+    count: int
+    times_s: tuple[float, ...]
+    text: str
+
+
+def issue_found(issue: DataIssue, times_s: Sequence[float] | Array, action: str, count: int | None = None) -> Finding:
+    """A finding with its count and first times in the text.
+
+    Parameters
+    ----------
+    issue : DataIssue
+    times_s : sequence of float
+        Where.
+    action : str
+        What was done.
+    count : int, optional
+        Default: the number of times.
+    """
+    number = len(times_s) if count is None else count
+    first = tuple(float(t) for t in times_s[:5])
+    where = ", ".join(f"{t:.4g}" for t in first)
+    at = f" (at t = {where}{' ...' if len(times_s) > len(first) else ''} s)" if first else ""
+    return Finding(issue=issue, count=number, times_s=first, text=f"{issue}: {number}{at}; {action}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RawMeasurement:
+    """Usable rows of one file in SI units, in the order of time.
+
+    Parameters
+    ----------
+    name : str
+        File name.
+    time_s, input_N, output_N : ndarray, shape (n,)
+        Time rises strictly.
+    input_m, output_m : ndarray, shape (n,), or None
+        Positions, where the file has them.
+    breaks : tuple of int
+        First rows after a clock that jumped back.
+    unread : tuple of str
+        Columns of the file that have no use.
+    findings : tuple of Finding
+    """
+
+    name: str
+    time_s: Array
+    input_N: Array
+    output_N: Array
+    input_m: Array | None
+    output_m: Array | None
+    breaks: tuple[int, ...]
+    unread: tuple[str, ...]
+    findings: tuple[Finding, ...]
+
+
+def _without_long_rows(stream: IO[str]) -> tuple[io.StringIO, int]:
+    """The text without rows that have more cells than the header, and their number; empty last cells do not count."""
+    header = stream.readline()
+    width, kept, long_rows = header.rstrip().rstrip(",").count(","), [header.rstrip().rstrip(",")], 0
+    for line in stream:
+        row = line.rstrip()
+        while row.endswith(",") and row.count(",") > width:
+            row = row[:-1].rstrip()
+        if row.count(",") > width:
+            long_rows += 1
+        else:
+            kept.append(row)
+    return io.StringIO("\n".join(kept)), long_rows
+
+
+def _table(path: Path, columns: dict[str, str]) -> tuple[dict[str, Array], int, tuple[str, ...]]:
+    """The wanted columns as numbers, NaN where a cell is none; rows with too many cells; names of the other columns."""
+    import pandas as pd
+
+    try:
+        with open_text(path) as stream:
+            kept, long_rows = _without_long_rows(stream)
+        frame = pd.read_csv(kept, skipinitialspace=True, low_memory=False, index_col=False)
+    except InputError:
+        raise
+    except UnicodeDecodeError:
+        raise InputError(f"{path.name} is not UTF-8 text; save it as UTF-8 with commas") from None
+    except pd.errors.EmptyDataError:
+        raise InputError(f"{path.name} is empty; the first line must name the columns") from None
+    except (ValueError, pd.errors.ParserError) as error:
+        raise InputError(f"{path.name} cannot be read as a table: {error}") from None
+    frame.columns = [str(name).strip() for name in frame.columns]
+    found: dict[str, Array] = {}
+    for key, name in columns.items():
+        if name in frame.columns:
+            found[key] = pd.to_numeric(frame[name], errors="coerce").to_numpy(dtype=np.float64)
+        elif key in ("time", "input", "output"):
+            option = f"--{key}-column"
+            near = nearest_column(name, [str(c) for c in frame.columns])
+            raise InputError(
+                f'{path.name}: column "{name}" is missing{near} (choose one with {option}, and its unit with --scale)'
+            )
+    return found, long_rows, tuple(name for name in frame.columns if name not in columns.values())
+
+
+def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
+    """Read one measured file, tolerant of data issues but never silent about them.
+
+    Parameters
+    ----------
+    path : Path
+    how : Measurement
+        Names of columns, units, rows to skip.
+
+    Raises
+    ------
+    InputError
+        If columns are missing or fewer than ten rows are usable.
+    """
+    path = Path(path)
+    columns = {
+        "time": how.time_column,
+        "input": how.input_column,
+        "output": how.output_column,
+        "input_position": how.input_position_column,
+        "output_position": how.output_position_column,
+    }
+    for key, name in columns.items():
+        if twin := next((k for k, n in columns.items() if n == name and k != key), None):
+            raise InputError(f'"{name}" is named as the column of {key} and of {twin}; each needs its own')
+    table, long_rows, unread = _table(path, columns)
+    scales = {
+        "time": how.time_scale,
+        "input": how.input_scale,
+        "output": how.output_scale,
+        "input_position": how.input_position_scale,
+        "output_position": how.output_position_scale,
+    }
+    data = {key: values * scales[key] for key, values in table.items()}
+    findings: list[Finding] = []
+    if long_rows:
+        findings.append(issue_found(DataIssue.LONG, [], "rows left out", long_rows))
+    bad: Mask = np.asarray(~np.isfinite(np.stack(list(data.values()))).all(axis=0))
+    if bad.any():
+        findings.append(issue_found(DataIssue.MISSING, _times(data["time"], bad), "rows left out", int(bad.sum())))
+        data = {key: values[~bad] for key, values in data.items()}
+    if how.skip_s and len(data["time"]):
+        early = data["time"] < data["time"][0] + how.skip_s
+        findings.append(issue_found(DataIssue.SKIPPED, [], f"the first {how.skip_s:g} s, as asked", int(early.sum())))
+        data = {key: values[~early] for key, values in data.items()}
+    if len(data["time"]) > 2 and float(np.mean(np.diff(data["time"]) > 0)) < LEAST_RISING:
+        raise InputError(
+            f"{path.name}: {how.time_column} does not rise from row to row; name the column that holds time"
+        )
+    keep, time, breaks = _mend_clock(data["time"], findings)
+    if keep.sum() < 10:
+        raise InputError(
+            f"{path.name} has {int(keep.sum())} usable rows of {len(bad)}; at least 10 are needed"
+            + (f" ({'; '.join(f.text for f in findings)})" if findings else "")
+        )
+    kept = {key: np.ascontiguousarray(values[keep]) for key, values in data.items()}
+    if how.skip_s is None and (length := switched_on_s(time, kept["input"], kept["output"])) > 0:
+        late = int(np.searchsorted(time, time[0] + length))
+        findings.append(
+            issue_found(
+                DataIssue.ONSET,
+                [],
+                f"the output jumps within a row and rings while the input hardly moves; the first {length:.2g} s are "
+                "left out (--skip 0 keeps them)",
+                late,
+            )
+        )
+        kept, time = {key: values[late:] for key, values in kept.items()}, time[late:]
+        breaks = tuple(k - late for k in breaks if k > late)
+    for key in ("input", "output"):
+        if float(np.ptp(kept[key])) == 0:
+            raise InputError(
+                f"{path.name}: {columns[key]} is {kept[key][0]:g} N in all {len(kept[key])} usable rows; nothing can "
+                "be identified from a tension that never moves: drive the tendon, or check the column"
+            )
+    return RawMeasurement(
+        name=path.name,
+        time_s=time,
+        input_N=kept["input"],
+        output_N=kept["output"],
+        input_m=kept.get("input_position"),
+        output_m=kept.get("output_position"),
+        breaks=breaks,
+        unread=unread,
+        findings=tuple(findings),
+    )
+
+
+def _times(time: Array, where: Mask) -> Array:
+    """Times of the rows, those that have one."""
+    chosen = time[where]
+    return chosen[np.isfinite(chosen)]
+
+
+def _mend_clock(time: Array, findings: list[Finding]) -> tuple[Mask, Array, tuple[int, ...]]:
+    """Rows to keep, their times in strictly rising order, and first kept rows after a jump back."""
+    n = len(time)
+    keep = np.ones(n, dtype=bool)
+    if n < 2:
+        return keep, time.copy(), ()
+    step = np.diff(time)
+    usual = float(np.median(step[step > 0])) if np.any(step > 0) else 1.0
+    jumps = [int(k) + 1 for k in np.flatnonzero(step < 0)]
+    mended = time.copy()
+    breaks, jump_times = [], []
+    for k in jumps:
+        ahead = mended[k : k + OUT_OF_ORDER_ROWS + 1]
+        if np.any(ahead > mended[k - 1]):
+            continue  # a few rows out of order: dropped below
+        if mended[k] >= mended[:k].max():
+            continue  # the rows before were out of order
+        jump_times.append(float(mended[k - 1]))
+        breaks.append(k)
+        mended[k:] += mended[:k].max() + usual - mended[k]
+    if breaks:
+        findings.append(
+            issue_found(DataIssue.CLOCK_JUMP, jump_times, "a new piece starts there, its history is not known")
+        )
+    highest = np.maximum.accumulate(mended)
+    late = np.zeros(n, dtype=bool)
+    late[1:] = mended[1:] <= highest[:-1]
+    repeated = late.copy()
+    repeated[1:] &= mended[1:] == highest[:-1]
+    if repeated.any():
+        findings.append(issue_found(DataIssue.DUPLICATE, time[repeated], "the first row of each was kept"))
+    if (disordered := late & ~repeated).any():
+        findings.append(issue_found(DataIssue.OUT_OF_ORDER, time[disordered], "rows left out"))
+    keep &= ~late
+    index = np.cumsum(keep) - 1
+    return keep, mended[keep], tuple(int(index[k]) for k in breaks if k < n)

@@ -1,0 +1,242 @@
+/* tff_inverse.c: see tff_inverse.h.
+ *
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 32a28291451430fe, level presliding.
+ * Written by tendonff VERSION export-c --precision double --prefix tff.
+ * The element laws are printed from the symbolic models with the parameters of this transmission folded in.
+ */
+#include "tff_inverse.h"
+
+#include <math.h>
+
+/* What depends on the weight H [s] of the scheme: one row for the first step (implicit Euler), one for every
+ * later step (second-order backward differences; `carry` is the share of the last change in the base), and
+ * one for each halving of a step, where there are any. Fields are named after the law that needs them. */
+typedef struct {
+    double H;
+    double carry;
+    double link_start_1;
+    double link_start_2;
+    double link_rate_1;
+    double far_velocity_1;
+    double far_velocity_2;
+    double near_force_1;
+    double path_mass_inverse_1;
+} tff_inverse_weights;
+
+static const tff_inverse_weights *tff_inverse_weights_of(int row)
+{
+    static const tff_inverse_weights rows[2] = {
+        { 0.001, 0.0, 0.001, 1.0024999999999999, 195.89526184538653, 20.0, 31.0, 150.0, 0.33333333333333331 },
+        { 0.00066666666666666664, 0.33333333333333331, 0.00066666666666666664, 1.0016666666666667, 135.28674431503049, 30.0, 40.0, 225.0, 0.5 },
+    };
+
+    return &rows[row];
+}
+
+/* A link's force at zero rate of elongation, before slack [N], eqs. (6), (7). */
+static void tff_inverse_link_start(
+    const tff_inverse_weights *w, double e_base, double z_base, double *start)
+{
+    const double t0 = 140000.0 * e_base;
+    const double t1 = e_base / 0.40000000000000002;
+    const double t2 = w->link_start_1 * t1;
+    const double t3 = z_base + t2;
+    const double t4 = t3 / w->link_start_2;
+    const double t5 = e_base - t4;
+    const double t6 = 42000.0 * t5;
+    const double t7 = t0 + t6;
+    *start = t7;
+}
+
+/* Rate of elongation [m/s] of a taut link that carries a given force. */
+static void tff_inverse_link_rate(
+    const tff_inverse_weights *w, double force, double start, double *rate)
+{
+    const double t0 = start - force;
+    const double t1 = t0 / w->link_rate_1;
+    const double t2 = -t1;
+    *rate = t2;
+}
+
+/* Elongation and relaxed elongation of a link at the end of the step [m]. */
+static void tff_inverse_link_states(
+    const tff_inverse_weights *w, double rate, double e_base, double z_base, double *e, double *z)
+{
+    const double t0 = w->link_start_1 * rate;
+    const double t1 = e_base + t0;
+    *e = t1;
+    const double t2 = t1 / 0.40000000000000002;
+    const double t3 = w->link_start_1 * t2;
+    const double t4 = z_base + t3;
+    const double t5 = t4 / w->link_start_2;
+    *z = t5;
+}
+
+/* Velocity of an end mass [m/s] for a given tension. */
+static void tff_inverse_far_velocity(
+    const tff_inverse_weights *w, double f, double v_base, double q_base, double *v)
+{
+    const double t0 = w->far_velocity_1 * v_base;
+    const double t1 = 3000.0 * q_base;
+    const double t2 = f - t1;
+    const double t3 = t0 + t2;
+    const double t4 = t3 / w->far_velocity_2;
+    *v = t4;
+}
+
+/* Motor force [N] that gives an end mass its velocity. */
+static void tff_inverse_near_force(
+    const tff_inverse_weights *w, double v, double f, double v_base, double *f_c)
+{
+    const double t0 = v - v_base;
+    const double t1 = w->near_force_1 * t0;
+    const double t2 = -f;
+    const double t3 = 5.0 * v;
+    const double t4 = t2 - t3;
+    const double t5 = t1 - t4;
+    const double t6 = t5 / (-1.0);
+    const double t7 = -t6;
+    *f_c = t7;
+}
+
+/* Tension on the actuator's side [N], at least zero, and its bristle force [N], eqs. (4), (5). */
+static void tff_inverse_path_mass_inverse(
+    const tff_inverse_weights *w, double v, double f_far, double v_base, double s_base, double *f_near, double *f_s)
+{
+    const double t0 = 0.16666666666666666 * v;
+    const double t1 = f_far + t0;
+    const double t2 = v - v_base;
+    const double t3 = w->path_mass_inverse_1 * t2;
+    const double t4 = t1 + t3;
+    const double t5 = f_far + t4;
+    const double t6 = fabs(v);
+    const double t7 = t6 / 0.052312080781770152;
+    const double t8 = 8333.3333333333339 * t7;
+    const double t9 = w->link_start_1 * t8;
+    const double t10 = t5 + t9;
+    const double t11 = 8333.3333333333339 * v;
+    const double t12 = w->link_start_1 * t11;
+    const double t13 = s_base + t12;
+    const double t14 = t10 - t13;
+    const double t15 = t14 / 2.0;
+    const double t16 = t5 * t13;
+    const double t17 = t15 * t15;
+    const double t18 = t17 + t16;
+    const double t19 = (0.0 < t18) ? t18 : 0.0;
+    const double t20 = sqrt(t19);
+    const double t21 = t20 + t15;
+    const double t22 = (1.0000000000000001e-09 < t21) ? t21 : 1.0000000000000001e-09;
+    const double t23 = t16 / t22;
+    const double t24 = t20 - t15;
+    const double t25 = (0.0 < t15) ? t23 : t24;
+    const double t26 = t4 + t25;
+    const double t27 = (0.0 < t26) ? t26 : 0.0;
+    *f_near = t27;
+    *f_s = t25;
+}
+
+/* ---- exact inverse: the force whose response is a given output tension ---- */
+
+/* One step of the scheme, backwards along the chain; x and x_old are the state now and one step earlier, `least`
+ * receives the smallest tension on the path. */
+static double tff_inverse_invert_step(
+    double reference, int fresh, double *x, double *x_old, double *least)
+{
+    const tff_inverse_weights *const c = tff_inverse_weights_of((fresh != 0) ? 0 : 1);
+    const int n = TFF_INVERSE_COUNT;
+    const double carry = c->carry;
+    const double H = c->H;
+    double start;
+    double rate;
+    double v;
+    double f;
+    double near_f;
+    double f_s;
+    double f_c;
+    int i;
+    int j;
+
+    for (j = 0; j < ((4 * n) + 6); j++) { /* x_old holds x, x holds the base of the step */
+        const double now = x[j];
+        x[j] = now + (carry * (now - x_old[j]));
+        x_old[j] = now;
+    }
+    f = reference;
+    *least = f;
+    tff_inverse_far_velocity(c, f, x[n + 1], x[(4 * n) + 5], &v);
+    x[(4 * n) + 5] += H * v;
+    x[n + 1] = v;
+    for (i = n; i >= 0; i--) { /* link i between mass i and mass i + 1 */
+        const double base_e = x[n + 2 + i];
+        const double base_z = x[(2 * n) + 3 + i];
+        tff_inverse_link_start(c, base_e, base_z, &start);
+        tff_inverse_link_rate(c, f, start, &rate);
+        tff_inverse_link_states(c, rate, base_e, base_z, &x[n + 2 + i], &x[(2 * n) + 3 + i]);
+        v += rate;
+        if (i > 0) {
+            tff_inverse_path_mass_inverse(c, v, f, x[i], x[(3 * n) + 3 + i], &near_f, &f_s);
+            x[(3 * n) + 3 + i] = f_s;
+            x[i] = v;
+            f = near_f;
+            *least = (f < *least) ? f : *least;
+        }
+    }
+    tff_inverse_near_force(c, v, f, x[0], &f_c);
+    x[(4 * n) + 4] += H * v;
+    x[0] = v;
+    return f_c;
+}
+
+void tff_inverse_init(tff_inverse *self, tff_real initial_tension)
+{
+    tff_real tension = initial_tension;
+    uint32_t status = TFF_OK;
+    int32_t j;
+
+    if (tff_is_within(tension, TFF_REFERENCE_MIN_N, TFF_REFERENCE_MAX_N) == 0) {
+        tension = (tension > TFF_REFERENCE_MAX_N) ? TFF_REFERENCE_MAX_N : TFF_REFERENCE_MIN_N;
+        status = TFF_INPUT_HELD;
+    }
+    tff_output_init(&self->output, tension);
+    self->output.status = status;
+    self->output.seen = status;
+    for (j = 0; j < 8; j++) {
+        self->x[j] = 0.0;
+    }
+    for (j = 8; j < 22; j++) {
+        self->x[j] = tension * 7.1428571428571427e-06;
+    }
+    for (j = 22; j < 28; j++) {
+        self->x[j] = 0.0;
+    }
+    self->x[28] = tension * 0.00038333333333333329;
+    self->x[29] = tension * 0.00033333333333333332;
+    for (j = 0; j < TFF_INVERSE_REALS; j++) {
+        self->x_old[j] = self->x[j];
+    }
+    self->start = tension;
+    self->least = tension;
+    self->fresh = 2;
+}
+
+tff_real tff_inverse_step(tff_inverse *self, tff_real reference)
+{
+    tff_real force;
+
+    if (tff_is_within(reference, TFF_REFERENCE_MIN_N, TFF_REFERENCE_MAX_N) == 0) {
+        force = tff_output_hold(&self->output, TFF_INPUT_HELD);
+    } else if ((self->fresh == 2) && (tff_is_within(reference, self->start, self->start) != 0)) {
+        self->fresh = 1; /* the sample at t = 0: at rest */
+        force = tff_output_set(&self->output, self->output.force);
+    } else {
+        const tff_real exact = tff_inverse_invert_step(
+            reference, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &self->least);
+        self->fresh = 0;
+        force = tff_output_set(&self->output, exact);
+        if (self->least <= 0.0) {
+            self->output.status |= TFF_WOULD_PUSH;
+            self->output.seen |= TFF_WOULD_PUSH;
+        }
+    }
+    return force;
+}

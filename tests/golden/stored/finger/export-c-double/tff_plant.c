@@ -1,0 +1,598 @@
+/* tff_plant.c: see tff_plant.h.
+ *
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 32a28291451430fe, level presliding.
+ * Written by tendonff VERSION export-c --precision double --prefix tff.
+ * The element laws are printed from the symbolic models with the parameters of this transmission folded in.
+ */
+#include "tff_plant.h"
+
+#include <math.h>
+
+#define TFF_PLANT_INPUT_MAX_N 1000000.0
+
+#define TFF_CHAIN_COUNT TFF_PLANT_COUNT
+#define TFF_CHAIN_REALS TFF_PLANT_REALS
+
+/* Time step of the tendon chain: two end masses, N masses on the path, N + 1 links.
+ *
+ * Positive is towards the actuator (pulling); tensions are positive. SI units throughout.
+ * State x, 4 N + 6 reals: velocity (N + 2), elongation (N + 1), relaxed elongation (N + 1), bristle force (N),
+ * position of the near end, position of the far end.
+ */
+
+
+typedef struct {
+    double f_c1; /* motor force and rest position at each end: N, m */
+    double x_c1;
+    double f_c2;
+    double x_c2;
+} tff_chain_input;
+
+typedef struct {
+    int converged;            /* 0: the step failed */
+    double residual_N;
+    long iterations;          /* linear solves, accumulated */
+    long splits;              /* steps that were split, accumulated */
+} tff_chain_report;
+
+/* What depends on the weight H [s] of the scheme: one row for the first step (implicit Euler), one for every
+ * later step (second-order backward differences; `carry` is the share of the last change in the base), and
+ * one for each halving of a step, where there are any. Fields are named after the law that needs them. */
+typedef struct {
+    double H;
+    double carry;
+    double link_start_1;
+    double link_start_2;
+    double link_force_1;
+    double path_mass_1;
+    double path_mass_2;
+    double end_mass_near_1;
+    double end_mass_near_2;
+    double end_mass_far_1;
+    double end_mass_far_2;
+} tff_chain_weights;
+
+static const tff_chain_weights *tff_chain_weights_of(int row)
+{
+    static const tff_chain_weights rows[5] = {
+        { 0.001, 0.0, 0.001, 1.0024999999999999, 195.89526184538653, 0.33333333333333331, 8.3333333333333339, 150.0, 155.0, 20.0, 31.0 },
+        { 0.00066666666666666664, 0.33333333333333331, 0.00066666666666666664, 1.0016666666666667, 135.28674431503049, 0.5, 5.5555555555555554, 225.0, 230.0, 30.0, 40.0 },
+        { 0.00050000000000000001, 0.0, 0.00050000000000000001, 1.00125, 104.97378277153558, 0.66666666666666663, 4.166666666666667, 300.0, 305.0, 40.0, 49.5 },
+        { 0.00025000000000000001, 0.0, 0.00025000000000000001, 1.0006250000000001, 59.493441599000626, 1.3333333333333333, 2.0833333333333335, 600.0, 605.0, 80.0, 88.75 },
+        { 0.000125, 0.0, 0.000125, 1.0003124999999999, 36.748359887535145, 2.6666666666666665, 1.0416666666666667, 1200.0, 1205.0, 160.0, 168.375 },
+    };
+
+    return &rows[row];
+}
+
+/* A link's force at zero rate of elongation, before slack [N], eqs. (6), (7). */
+static void tff_chain_link_start(
+    const tff_chain_weights *w, double e_base, double z_base, double *start)
+{
+    const double t0 = 140000.0 * e_base;
+    const double t1 = e_base / 0.40000000000000002;
+    const double t2 = w->link_start_1 * t1;
+    const double t3 = z_base + t2;
+    const double t4 = t3 / w->link_start_2;
+    const double t5 = e_base - t4;
+    const double t6 = 42000.0 * t5;
+    const double t7 = t0 + t6;
+    *start = t7;
+}
+
+/* Tension of a link [N] and its slope over the rate of elongation [N s/m]; a tendon cannot push. */
+static void tff_chain_link_force(
+    const tff_chain_weights *w, double rate, double start, double *force, double *slope)
+{
+    const double t0 = w->link_force_1 * rate;
+    const double t1 = start + t0;
+    const double t2 = (0.0 < t1) ? t1 : 0.0;
+    *force = t2;
+    const double t3 = (0.0 < t1) ? w->link_force_1 : 0.0;
+    *slope = t3;
+}
+
+/* Elongation and relaxed elongation of a link at the end of the step [m]. */
+static void tff_chain_link_states(
+    const tff_chain_weights *w, double rate, double e_base, double z_base, double *e, double *z)
+{
+    const double t0 = w->link_start_1 * rate;
+    const double t1 = e_base + t0;
+    *e = t1;
+    const double t2 = t1 / 0.40000000000000002;
+    const double t3 = w->link_start_1 * t2;
+    const double t4 = z_base + t3;
+    const double t5 = t4 / w->link_start_2;
+    *z = t5;
+}
+
+/* Balance of a mass on the path [N], its slopes, and its bristle force [N], eqs. (4), (5). */
+static void tff_chain_path_mass(
+    const tff_chain_weights *w, double v, double f_near, double f_far, double v_base, double s_base, double *residual, double *by_v, double *by_near, double *by_far, double *f_s)
+{
+    const double t0 = v - v_base;
+    const double t1 = w->path_mass_1 * t0;
+    const double t2 = f_near - f_far;
+    const double t3 = 8333.3333333333339 * v;
+    const double t4 = w->link_start_1 * t3;
+    const double t5 = s_base + t4;
+    const double t6 = f_near + f_far;
+    const double t7 = (1.0000000000000001e-09 < t6) ? t6 : 1.0000000000000001e-09;
+    const double t8 = t5 * t7;
+    const double t9 = fabs(v);
+    const double t10 = t9 / 0.052312080781770152;
+    const double t11 = 8333.3333333333339 * t10;
+    const double t12 = w->link_start_1 * t11;
+    const double t13 = t7 + t12;
+    const double t14 = t8 / t13;
+    const double t15 = 0.16666666666666666 * v;
+    const double t16 = t14 + t15;
+    const double t17 = t2 - t16;
+    const double t18 = t1 - t17;
+    *residual = t18;
+    const double t19 = t7 * w->path_mass_2;
+    const double t20 = t19 / t13;
+    const double t21 = t14 / t13;
+    const double t22 = (v > 0.0) ? 1.0 : ((v < 0.0) ? -1.0 : 0.0);
+    const double t23 = t22 / 0.052312080781770152;
+    const double t24 = 8333.3333333333339 * t23;
+    const double t25 = w->link_start_1 * t24;
+    const double t26 = t21 * t25;
+    const double t27 = t20 - t26;
+    const double t28 = t27 + 0.16666666666666666;
+    const double t29 = w->path_mass_1 + t28;
+    *by_v = t29;
+    const double t30 = t5 / t13;
+    const double t31 = t30 - t21;
+    const double t32 = -t31;
+    const double t33 = (1.0000000000000001e-09 < t6) ? t32 : 0.0;
+    const double t34 = 1.0 + t33;
+    const double t35 = -t34;
+    *by_near = t35;
+    const double t36 = (-1.0) + t33;
+    const double t37 = -t36;
+    *by_far = t37;
+    *f_s = t14;
+}
+
+/* Balance of an end mass [N] and its slopes over velocity and tension; pull: -1 near, +1 far end. */
+static void tff_chain_end_mass_near(
+    const tff_chain_weights *w, double v, double f, double v_base, double f_c, double *residual, double *by_v, double *by_f)
+{
+    const double t0 = v - v_base;
+    const double t1 = w->end_mass_near_1 * t0;
+    const double t2 = f - f_c;
+    const double t3 = -t2;
+    const double t4 = 5.0 * v;
+    const double t5 = t3 - t4;
+    const double t6 = t1 - t5;
+    *residual = t6;
+    *by_v = w->end_mass_near_2;
+    *by_f = 1.0;
+}
+
+/* Balance of an end mass [N] and its slopes over velocity and tension; pull: -1 near, +1 far end. */
+static void tff_chain_end_mass_far(
+    const tff_chain_weights *w, double v, double f, double v_base, double q_base, double *residual, double *by_v, double *by_f)
+{
+    const double t0 = v - v_base;
+    const double t1 = w->end_mass_far_1 * t0;
+    const double t2 = 8.0 * v;
+    const double t3 = f - t2;
+    const double t4 = w->link_start_1 * v;
+    const double t5 = q_base + t4;
+    const double t6 = 3000.0 * t5;
+    const double t7 = t3 - t6;
+    const double t8 = t1 - t7;
+    *residual = t8;
+    *by_v = w->end_mass_far_2;
+    *by_f = (-1.0);
+}
+
+/* ---- time step: generated from the element laws above ---- */
+
+#define TFF_CHAIN_MAX_ITERATIONS 20
+#define TFF_CHAIN_MAX_HALVINGS 10
+#define TFF_CHAIN_MAX_SPLITS 3
+
+/* Work area of one step, on the stack. */
+typedef struct {
+    double base[TFF_CHAIN_REALS];
+    double start[TFF_CHAIN_COUNT + 1]; /* link forces at zero rate */
+    double force[TFF_CHAIN_COUNT + 1]; /* tensions */
+    double slope[TFF_CHAIN_COUNT + 1];
+    double f_s[TFF_CHAIN_COUNT];
+    double v[TFF_CHAIN_COUNT + 2];     /* velocities; trial ones below */
+    double trial[TFF_CHAIN_COUNT + 2];
+    double residual[TFF_CHAIN_COUNT + 2];
+    double lower[TFF_CHAIN_COUNT + 2];
+    double diag[TFF_CHAIN_COUNT + 2];
+    double upper[TFF_CHAIN_COUNT + 2];
+    double move[TFF_CHAIN_COUNT + 2];
+    double middle;                                /* reciprocal pivot where both ends meet */
+} tff_chain_work;
+
+/* Link forces at zero rate of elongation. */
+static void tff_chain_link_starts(
+    const tff_chain_weights *c, int n, const double *base_e, const double *base_z, double *start)
+{
+    int i;
+    (void)c;
+    (void)base_z; /* an elastic link has no use for it */
+    for (i = 0; i <= n; i++) {
+        tff_chain_link_start(c, base_e[i], base_z[i], &start[i]);
+    }
+}
+
+/* Elongations and relaxed elongations at the end of a step whose velocities are known. */
+static void tff_chain_link_ends(
+    const tff_chain_weights *c, int n, const double *v, const double *base_e, const double *base_z,
+    double *e, double *z)
+{
+    int i;
+    (void)c;
+    for (i = 0; i <= n; i++) {
+        tff_chain_link_states(c, v[i] - v[i + 1], base_e[i], base_z[i], &e[i], &z[i]);
+    }
+}
+
+/* Balances, slopes and bristle forces of the masses on the path. */
+static void tff_chain_path_slopes(
+    const tff_chain_weights *c, int n, const double *v, const double *base_v, const double *base_s,
+    const double *force, const double *slope, double *residual, double *lower,
+    double *diag, double *upper, double *f_s)
+{
+    int i;
+    (void)c;
+    for (i = 1; i <= n; i++) {
+        double by_v;
+        double by_near;
+        double by_far;
+        tff_chain_path_mass(c, v[i], force[i - 1], force[i], base_v[i], base_s[i - 1], &residual[i], &by_v, &by_near, &by_far, &f_s[i - 1]);
+        lower[i] = by_near * slope[i - 1];
+        diag[i] = (by_v - (by_near * slope[i - 1])) + (by_far * slope[i]);
+        upper[i] = -by_far * slope[i];
+    }
+}
+
+/* Balances, tensions and bristle forces for velocities v with the tridiagonal matrix of slopes;
+ * returns the largest balance. */
+static double tff_chain_evaluate(
+    const tff_chain_weights *c, const tff_chain_input *u, const double *v, tff_chain_work *w)
+{
+    const int n = TFF_CHAIN_COUNT;
+    const double *base_v = &w->base[0];
+    const double *base_s = &w->base[(3 * n) + 4];
+    const double *base_q = &w->base[(4 * n) + 4];
+    double near_by_v;
+    double near_by_f;
+    double far_by_v;
+    double far_by_f;
+    double largest;
+    int bad = -1;
+    int i;
+
+    for (i = 0; i <= n; i++) {
+        tff_chain_link_force(c, v[i] - v[i + 1], w->start[i], &w->force[i], &w->slope[i]);
+    }
+    tff_chain_end_mass_near(c, v[0], w->force[0], base_v[0], u->f_c1, &w->residual[0], &near_by_v, &near_by_f);
+    tff_chain_end_mass_far(c, v[n + 1], w->force[n], base_v[n + 1], base_q[1], &w->residual[n + 1], &far_by_v, &far_by_f);
+    {
+        tff_chain_path_slopes(c, n, v, base_v, base_s, w->force, w->slope, w->residual, w->lower, w->diag, w->upper, w->f_s);
+        w->diag[0] = near_by_v + (near_by_f * w->slope[0]);
+        w->upper[0] = -near_by_f * w->slope[0];
+        w->lower[n + 1] = far_by_f * w->slope[n];
+        w->diag[n + 1] = far_by_v - (far_by_f * w->slope[n]);
+    }
+    largest = 0.0;
+    for (i = 0; i <= (n + 1); i++) {
+        const double size = fabs(w->residual[i]);
+        largest = (size > largest) ? size : largest;
+        bad = ((size >= 0.0) || (bad >= 0)) ? bad : i;
+    }
+    return (bad < 0) ? largest : w->residual[bad]; /* NaN counts as largest */
+}
+
+/* Factorise the matrix from both ends towards the middle: two chains of divisions that do not wait for each other.
+ * Afterwards diag holds reciprocal pivots, upper the ratios of the first half and lower those of the second. */
+static void tff_chain_factorise(tff_chain_work *w, int n)
+{
+    const int last = n + 1;
+    const int half = (n + 2) / 2;
+    double a = 1.0 / w->diag[0];
+    double b = 1.0 / w->diag[last];
+    int i;
+    w->diag[0] = a;
+    w->diag[last] = b;
+    for (i = 1; i < half; i++) {
+        const int k = last - i;
+        w->upper[i - 1] *= a;
+        w->lower[k + 1] *= b;
+        a = 1.0 / (w->diag[i] - (w->lower[i] * w->upper[i - 1]));
+        b = 1.0 / (w->diag[k] - (w->upper[k] * w->lower[k + 1]));
+        w->diag[i] = a;
+        w->diag[k] = b;
+    }
+    w->upper[half - 1] *= a;
+    w->lower[(last - half) + 1] *= b;
+    if ((n % 2) != 0) { /* one row in the middle */
+        w->middle = 1.0 / ((w->diag[half] - (w->lower[half] * w->upper[half - 1])) - (w->upper[half] * w->lower[half + 1]));
+    } else { /* two rows that meet */
+        w->middle = 1.0 / (1.0 - (w->upper[half - 1] * w->lower[half]));
+    }
+}
+
+/* Newton's move: minus the inverse of the factorised matrix times the balances. */
+static void tff_chain_newton_move(tff_chain_work *w, int n)
+{
+    const int last = n + 1;
+    const int half = (n + 2) / 2;
+    double a = -w->residual[0] * w->diag[0];
+    double b = -w->residual[last] * w->diag[last];
+    int i;
+    w->move[0] = a;
+    w->move[last] = b;
+    for (i = 1; i < half; i++) {
+        const int k = last - i;
+        a = -(w->residual[i] + (w->lower[i] * a)) * w->diag[i];
+        b = -(w->residual[k] + (w->upper[k] * b)) * w->diag[k];
+        w->move[i] = a;
+        w->move[k] = b;
+    }
+    if ((n % 2) != 0) {
+        const double middle = -((w->residual[half] + (w->lower[half] * a)) + (w->upper[half] * b)) * w->middle;
+        w->move[half] = middle;
+        a -= w->upper[half - 1] * middle;
+        b -= w->lower[half + 1] * middle;
+    } else {
+        const double near = (a - (w->upper[half - 1] * b)) * w->middle;
+        b -= w->lower[half] * near;
+        a = near;
+    }
+    w->move[half - 1] = a;
+    w->move[(last - half) + 1] = b;
+    for (i = half - 2; i >= 0; i--) {
+        const int k = last - i;
+        a = w->move[i] - (w->upper[i] * a);
+        b = w->move[k] - (w->lower[k] * b);
+        w->move[i] = a;
+        w->move[k] = b;
+    }
+}
+
+/* Largest balance that counts as solved: the rounding of link forces and of momenta adds to the tolerance. */
+static double tff_chain_tolerance(const tff_chain_weights *c, const tff_chain_work *w)
+{
+    const int n = TFF_CHAIN_COUNT;
+    const double near = fabs(w->base[0]) * 0.14999999999999999;
+    const double far = fabs(w->base[n + 1]) * 0.02;
+    double momentum = 0.0;
+    double largest = fabs(w->start[0]);
+    int i;
+    for (i = 1; i <= n; i++) {
+        const double speed = fabs(w->base[i]);
+        const double start = fabs(w->start[i]);
+        momentum = (speed > momentum) ? speed : momentum;
+        largest = (start > largest) ? start : largest;
+    }
+    momentum *= 0.00033333333333333332;
+    momentum = (near > momentum) ? near : momentum;
+    momentum = ((far > momentum) ? far : momentum) / c->H;
+    largest = (momentum > largest) ? momentum : largest;
+    return 4.9999999999999997e-12 + (largest * 5.0000000000000002e-14);
+}
+
+/* One implicit step of weight H from w->base; w->v holds the guess and receives the velocities. */
+static void tff_chain_solve(const tff_chain_weights *c, const tff_chain_input *u, tff_chain_work *w, tff_chain_report *report)
+{
+    const int n = TFF_CHAIN_COUNT;
+    double norm;
+    double tolerance;
+    int i;
+    int k;
+    int halving;
+
+    tff_chain_link_starts(c, n, &w->base[n + 2], &w->base[(2 * n) + 3], w->start);
+    tolerance = tff_chain_tolerance(c, w);
+    norm = tff_chain_evaluate(c, u, w->v, w);
+    for (k = 0; (k < TFF_CHAIN_MAX_ITERATIONS) && !(norm <= tolerance); k++) {
+        double t = 1.0;
+        double next = norm;
+        tff_chain_factorise(w, n);
+        tff_chain_newton_move(w, n);
+        report->iterations++;
+        for (halving = 0; halving < TFF_CHAIN_MAX_HALVINGS; halving++) {
+            for (i = 0; i <= (n + 1); i++) {
+                w->trial[i] = w->v[i] + (t * w->move[i]);
+            }
+            next = tff_chain_evaluate(c, u, w->trial, w);
+            if (next < norm) {
+                break;
+            }
+            t *= 0.5;
+        }
+        if (!(next < norm)) {
+            break; /* no descent: the caller splits the step */
+        }
+        norm = next;
+        for (i = 0; i <= (n + 1); i++) {
+            w->v[i] = w->trial[i];
+        }
+    }
+    report->converged = 0;
+    if (norm <= tolerance) {
+        report->converged = 1;
+    }
+    report->residual_N = norm;
+}
+
+/* Write the end of a solved step of weight H into x. */
+static void tff_chain_finish(const tff_chain_weights *c, const tff_chain_work *w, double *x)
+{
+    const int n = TFF_CHAIN_COUNT;
+    int i;
+    tff_chain_link_ends(c, n, w->v, &w->base[n + 2], &w->base[(2 * n) + 3], &x[n + 2], &x[(2 * n) + 3]);
+    for (i = 0; i < n; i++) {
+        x[(3 * n) + 4 + i] = w->f_s[i];
+    }
+    x[(4 * n) + 4] = w->base[(4 * n) + 4] + (c->H * w->v[0]);
+    x[(4 * n) + 5] = w->base[(4 * n) + 5] + (c->H * w->v[n + 1]);
+    for (i = 0; i <= (n + 1); i++) {
+        x[i] = w->v[i];
+    }
+}
+
+/* Input between a (t = 0) and b (t = 1). */
+static tff_chain_input tff_chain_between(const tff_chain_input *a, const tff_chain_input *b, double t)
+{
+    tff_chain_input u;
+    u.f_c1 = a->f_c1 + (t * (b->f_c1 - a->f_c1));
+    u.x_c1 = a->x_c1 + (t * (b->x_c1 - a->x_c1));
+    u.f_c2 = a->f_c2 + (t * (b->f_c2 - a->f_c2));
+    u.x_c2 = a->x_c2 + (t * (b->x_c2 - a->x_c2));
+    return u;
+}
+
+/* Advance x by one step; x_old holds the state one step earlier and becomes the state before this step.
+ * Second-order backward differences (BDF2); implicit Euler where there is no earlier state (fresh) and in the pieces
+ * of a step that had to be split. */
+static void tff_chain_step(
+    const tff_chain_input *u_old, const tff_chain_input *u, int fresh,
+    double *x, double *x_old, tff_chain_work *w, tff_chain_report *report)
+{
+    const tff_chain_weights *c = tff_chain_weights_of((fresh != 0) ? 0 : 1);
+    const int n = TFF_CHAIN_COUNT;
+    const double carry = c->carry;
+    const int size = (4 * n) + 6;
+    int guess;
+    int j;
+
+    for (j = 0; j <= (n + 1); j++) {
+        w->v[j] = x[j] + ((fresh != 0) ? 0.0 : (x[j] - x_old[j]));
+    }
+    for (j = 0; j < size; j++) {
+        w->base[j] = x[j] + (carry * (x[j] - x_old[j]));
+        x_old[j] = x[j];
+    }
+    report->converged = 0;
+    for (guess = 0; (guess < 3) && (report->converged == 0); guess++) { /* extrapolated, then at rest, then as before */
+        for (j = 0; (guess > 0) && (j <= (n + 1)); j++) {
+            w->v[j] = (guess == 1) ? 0.0 : x[j];
+        }
+        tff_chain_solve(c, u, w, report);
+    }
+    if (report->converged != 0) {
+        tff_chain_finish(c, w, x);
+    } else {
+        tff_chain_input u_part;
+        double length = 0.5;
+        long left = 2; /* pieces of the present length until the end of the step */
+        int split = 1;
+        /* Pieces of h/2, h/4 ...: halved until one converges, doubled again as soon as the time reached allows. */
+        report->splits++;
+        for (j = 0; j < size; j++) {
+            x[j] = x_old[j];
+        }
+        while ((left > 0) && (split <= TFF_CHAIN_MAX_SPLITS)) {
+            for (j = 0; j < size; j++) {
+                w->base[j] = x[j];
+            }
+            for (j = 0; j <= (n + 1); j++) {
+                w->v[j] = x[j];
+            }
+            u_part = tff_chain_between(u_old, u, 1.0 - (((double)left - 1.0) * length));
+            c = tff_chain_weights_of(1 + split);
+            tff_chain_solve(c, &u_part, w, report);
+            if (report->converged != 0) {
+                tff_chain_finish(c, w, x);
+                left--;
+                if ((split > 1) && ((left % 2) == 0)) {
+                    split--;
+                    left /= 2;
+                    length += length;
+                }
+            } else {
+                split++;
+                left *= 2;
+                length *= 0.5;
+            }
+        }
+    }
+}
+
+void tff_plant_init(tff_plant *self, tff_real initial_tension)
+{
+    tff_real tension = initial_tension;
+    int32_t j;
+
+    self->status = TFF_OK;
+    if (tff_is_within(tension, 0.0, TFF_PLANT_INPUT_MAX_N) == 0) {
+        tension = TFF_REFERENCE_MIN_N;
+        self->status = TFF_INPUT_HELD;
+    }
+    self->seen = self->status;
+    for (j = 0; j < 8; j++) {
+        self->x[j] = 0.0;
+    }
+    for (j = 8; j < 22; j++) {
+        self->x[j] = tension * 7.1428571428571427e-06;
+    }
+    for (j = 22; j < 28; j++) {
+        self->x[j] = 0.0;
+    }
+    self->x[28] = tension * 0.00038333333333333329;
+    self->x[29] = tension * 0.00033333333333333332;
+    for (j = 0; j < TFF_PLANT_REALS; j++) {
+        self->x_old[j] = self->x[j];
+    }
+    self->tension = tension;
+    self->force = tension;
+    self->fresh = 2;
+    self->solves = 0;
+}
+
+tff_real tff_plant_step(tff_plant *self, tff_real force)
+{
+    self->status = TFF_OK;
+    self->solves = 0;
+    if (tff_is_within(force, -TFF_PLANT_INPUT_MAX_N, TFF_PLANT_INPUT_MAX_N) == 0) {
+        self->status = TFF_INPUT_HELD;
+    } else if ((self->fresh == 2) && (tff_is_within(force, self->force, self->force) != 0)) {
+        self->fresh = 1; /* the sample at t = 0: at rest */
+    } else {
+        tff_chain_work work;
+        tff_chain_report report = { 0, 0.0, 0, 0 };
+        const tff_chain_input before = { self->force, 0.0, 0.0, 0.0 };
+        const tff_chain_input now = { force, 0.0, 0.0, 0.0 };
+
+        tff_chain_step(&before, &now, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &work, &report);
+        self->solves = (int32_t)report.iterations;
+        if (report.converged != 0) {
+            self->fresh = 0;
+            self->tension = work.force[TFF_PLANT_COUNT];
+            self->force = force;
+            if (self->tension <= 0.0) {
+                self->status = TFF_WOULD_PUSH;
+            }
+        } else { /* back to the state before this step; the next one starts afresh */
+            int32_t j;
+            for (j = 0; j < TFF_PLANT_REALS; j++) {
+                self->x[j] = self->x_old[j];
+            }
+            self->fresh = 1;
+            self->status = TFF_FAILED;
+        }
+    }
+    self->seen |= self->status;
+    return self->tension;
+}
+
+tff_real tff_plant_actuator_position(const tff_plant *self)
+{
+    return self->x[TFF_PLANT_REALS - 2];
+}
+
+tff_real tff_plant_load_position(const tff_plant *self)
+{
+    return self->x[TFF_PLANT_REALS - 1];
+}

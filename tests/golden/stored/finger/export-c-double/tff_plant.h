@@ -1,0 +1,47 @@
+/* tff_plant.h: the tendon chain itself, for hardware-in-the-loop.
+ *
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 32a28291451430fe, level presliding.
+ * Written by tendonff VERSION export-c --precision double --prefix tff.
+ * presliding chain with 6 masses, 7 links and the end masses. Implicit steps (second-order backward
+ * differences), solved by a tridiagonal Newton iteration with a line search; every loop is bounded.
+ */
+#ifndef TFF_PLANT_H
+#define TFF_PLANT_H
+
+#include "tff_limits.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define TFF_PLANT_COUNT 6
+#define TFF_PLANT_REALS 30
+
+/* State; owned by the caller. */
+typedef struct {
+    tff_real x[TFF_PLANT_REALS];     /* velocity, elongation, relaxed elongation, bristle force, ends */
+    tff_real x_old[TFF_PLANT_REALS]; /* one sample earlier */
+    tff_real tension; /* output tension [N], last good one */
+    tff_real force;   /* force of the last sample [N] */
+    int32_t fresh;         /* 2: no call yet; 1: no sample has moved it; 0: in motion */
+    int32_t solves;        /* linear solves of the last step */
+    uint32_t status;       /* bits of the last step */
+    uint32_t seen;         /* bits since init */
+} tff_plant;
+
+/* At rest under a uniform tension [N]. */
+void tff_plant_init(tff_plant *self, tff_real initial_tension);
+
+/* Output tension [N] at the end of a sample in which the actuator's force [N] went straight from its last value to this
+ * one. The first call may repeat the initial tension as force (the sample at t = 0). */
+tff_real tff_plant_step(tff_plant *self, tff_real force);
+
+/* Position of the actuator's end and of the load, positive towards the actuator [m]. */
+tff_real tff_plant_actuator_position(const tff_plant *self);
+tff_real tff_plant_load_position(const tff_plant *self);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

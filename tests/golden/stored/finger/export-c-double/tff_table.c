@@ -1,0 +1,226 @@
+/* tff_table.c: see tff_table.h.
+ *
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 32a28291451430fe, level presliding.
+ * Written by tendonff VERSION export-c --precision double --prefix tff.
+ */
+#include "tff_table.h"
+#include "tff_table_data.h"
+
+/* Where a reference lies between two of its nodes. */
+typedef struct {
+    int32_t row;            /* node below */
+    tff_real place; /* way to the node above, 0 to 1 */
+} tff_table_row;
+
+static tff_table_row tff_table_row_of(tff_real reference)
+{
+    const tff_real cells = (reference - TFF_TABLE_FIRST_N) * TFF_TABLE_CELLS_PER_N;
+    tff_table_row found;
+
+    found.row = (int32_t)cells;
+    if (found.row > (TFF_TABLE_REFERENCES - 2)) {
+        found.row = TFF_TABLE_REFERENCES - 2;
+    }
+    found.place = cells - (tff_real)found.row;
+    return found;
+}
+
+/* Ratio [-] at a node of the pull branch; `node` is the one at the reference below. */
+static inline tff_real tff_table_pull_at(const tff_real *node, tff_real place)
+{
+    return node[0] + (place * (node[TFF_TABLE_PULL_SHARES] - node[0]));
+}
+
+/* Share at which the pull branch has this ratio: bisection over its nodes, written out. */
+static tff_real tff_table_pull_share_of(const tff_real *first, tff_real place, tff_real ratio)
+{
+    const tff_real *node = first;
+    const tff_real *share = &tff_table_pull_share[0];
+    tff_real near;
+    tff_real far;
+    tff_real way;
+    tff_real swing;
+    tff_real found;
+
+    if (ratio >= tff_table_pull_at(&node[9], place)) {
+        node = &node[9];
+        share = &share[9];
+    }
+    if (ratio >= tff_table_pull_at(&node[5], place)) {
+        node = &node[5];
+        share = &share[5];
+    }
+    if (ratio >= tff_table_pull_at(&node[2], place)) {
+        node = &node[2];
+        share = &share[2];
+    }
+    if (ratio >= tff_table_pull_at(&node[1], place)) {
+        node = &node[1];
+        share = &share[1];
+    }
+    if (ratio >= tff_table_pull_at(&node[1], place)) {
+        node = &node[1];
+        share = &share[1];
+    }
+    near = tff_table_pull_at(&node[0], place);
+    far = tff_table_pull_at(&node[1], place);
+    way = ratio - near;
+    swing = far - near;
+    if (way >= swing) {
+        found = share[1];
+    } else if (way > 0.0) {
+        found = share[0] + ((way / swing) * (share[1] - share[0]));
+    } else {
+        found = share[0];
+    }
+    return found;
+}
+
+static void tff_table_pull(tff_table *self, tff_real reference)
+{
+    const tff_table_row at = tff_table_row_of(reference);
+    const tff_real *first = &tff_table_pull_ratio[at.row * TFF_TABLE_PULL_SHARES];
+    const tff_real lifted = reference + TFF_TABLE_ADHESION_N;
+    tff_real share;
+    tff_real place;
+    tff_real near;
+    tff_real far;
+    int32_t cell;
+
+    if (self->branch != 1) {
+        share = tff_table_pull_share_of(first, at.place, self->ratio);
+        self->turn = self->last - (share * (self->last + TFF_TABLE_ADHESION_N));
+        self->branch = 1;
+    }
+    share = (reference - self->turn) / lifted;
+    if (share > tff_table_pull_share[TFF_TABLE_PULL_SHARES - 1]) {
+        share = tff_table_pull_share[TFF_TABLE_PULL_SHARES - 1]; /* the transition is over */
+    }
+    cell = (int32_t)tff_table_pull_cell[(int32_t)(share * TFF_TABLE_PULL_BINS_PER_SHARE)];
+    if (share < tff_table_pull_share[cell]) {
+        cell--;
+    }
+    place = (share - tff_table_pull_share[cell]) / (tff_table_pull_share[cell + 1] - tff_table_pull_share[cell]);
+    near = tff_table_pull_at(&first[cell], at.place);
+    far = tff_table_pull_at(&first[cell + 1], at.place);
+    self->ratio = near + (place * (far - near));
+    self->wanted = (self->ratio * lifted) - TFF_TABLE_ADHESION_N;
+    self->last = reference;
+}
+
+/* Ratio [-] at a node of the release branch; `node` is the one at the reference below. */
+static inline tff_real tff_table_release_at(const tff_real *node, tff_real place)
+{
+    return node[0] + (place * (node[TFF_TABLE_RELEASE_SHARES] - node[0]));
+}
+
+/* Share at which the release branch has this ratio: bisection over its nodes, written out. */
+static tff_real tff_table_release_share_of(const tff_real *first, tff_real place, tff_real ratio)
+{
+    const tff_real *node = first;
+    const tff_real *share = &tff_table_release_share[0];
+    tff_real near;
+    tff_real far;
+    tff_real way;
+    tff_real swing;
+    tff_real found;
+
+    if (ratio <= tff_table_release_at(&node[8], place)) {
+        node = &node[8];
+        share = &share[8];
+    }
+    if (ratio <= tff_table_release_at(&node[4], place)) {
+        node = &node[4];
+        share = &share[4];
+    }
+    if (ratio <= tff_table_release_at(&node[2], place)) {
+        node = &node[2];
+        share = &share[2];
+    }
+    if (ratio <= tff_table_release_at(&node[1], place)) {
+        node = &node[1];
+        share = &share[1];
+    }
+    near = tff_table_release_at(&node[0], place);
+    far = tff_table_release_at(&node[1], place);
+    way = near - ratio;
+    swing = near - far;
+    if (way >= swing) {
+        found = share[1];
+    } else if (way > 0.0) {
+        found = share[0] + ((way / swing) * (share[1] - share[0]));
+    } else {
+        found = share[0];
+    }
+    return found;
+}
+
+static void tff_table_release(tff_table *self, tff_real reference)
+{
+    const tff_table_row at = tff_table_row_of(reference);
+    const tff_real *first = &tff_table_release_ratio[at.row * TFF_TABLE_RELEASE_SHARES];
+    const tff_real lifted = reference + TFF_TABLE_ADHESION_N;
+    tff_real share;
+    tff_real place;
+    tff_real near;
+    tff_real far;
+    int32_t cell;
+
+    if (self->branch != -1) {
+        share = tff_table_release_share_of(first, at.place, self->ratio);
+        self->turn = self->last + (share * (self->last + TFF_TABLE_ADHESION_N));
+        self->branch = -1;
+    }
+    share = (self->turn - reference) / lifted;
+    if (share > tff_table_release_share[TFF_TABLE_RELEASE_SHARES - 1]) {
+        share = tff_table_release_share[TFF_TABLE_RELEASE_SHARES - 1]; /* the transition is over */
+    }
+    cell = (int32_t)tff_table_release_cell[(int32_t)(share * TFF_TABLE_RELEASE_BINS_PER_SHARE)];
+    if (share < tff_table_release_share[cell]) {
+        cell--;
+    }
+    place = (share - tff_table_release_share[cell]) / (tff_table_release_share[cell + 1] - tff_table_release_share[cell]);
+    near = tff_table_release_at(&first[cell], at.place);
+    far = tff_table_release_at(&first[cell + 1], at.place);
+    self->ratio = near + (place * (far - near));
+    self->wanted = (self->ratio * lifted) - TFF_TABLE_ADHESION_N;
+    self->last = reference;
+}
+
+void tff_table_init(tff_table *self, tff_real initial_tension)
+{
+    tff_real tension = initial_tension;
+    uint32_t status = TFF_OK;
+
+    if (tff_is_within(tension, TFF_TABLE_MIN_N, TFF_TABLE_MAX_N) == 0) {
+        tension = (tension > TFF_TABLE_MAX_N) ? TFF_TABLE_MAX_N : TFF_TABLE_MIN_N;
+        status = TFF_INPUT_HELD;
+    }
+    tff_output_init(&self->output, tension);
+    self->output.status = status;
+    self->output.seen = status;
+    self->last = tension;
+    self->wanted = tension;
+    self->turn = tension;
+    self->branch = 0;
+    self->ratio = 1.0;
+}
+
+tff_real tff_table_step(tff_table *self, tff_real reference)
+{
+    tff_real force;
+
+    if (tff_is_within(reference, TFF_TABLE_MIN_N, TFF_TABLE_MAX_N) == 0) {
+        force = tff_output_hold(&self->output, TFF_INPUT_HELD);
+    } else {
+        if (reference > self->last) {
+            tff_table_pull(self, reference);
+        } else if (reference < self->last) {
+            tff_table_release(self, reference);
+        } else {
+            /* held: the same force */
+        }
+        force = tff_output_set(&self->output, self->wanted);
+    }
+    return force;
+}

@@ -1,0 +1,42 @@
+/* tff_table.h: force from the compensation table tff_table_data.h.
+ *
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 32a28291451430fe, level presliding.
+ * Written by tendonff VERSION export-c --precision double --prefix tff.
+ * The branch and the tension travelled since the last reversal come from the reference alone, never from a measured
+ * velocity. Bilinear in the reference and in (tension since the reversal)/(reference + adhesion). A reversal out of an
+ * unfinished transition goes on where the new branch has the present force.
+ */
+#ifndef TFF_TABLE_H
+#define TFF_TABLE_H
+
+#include "tff_limits.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* References that the table covers [N]. */
+#define TFF_TABLE_MIN_N 12.375091876668819
+#define TFF_TABLE_MAX_N 48.648805148730055
+
+/* State; owned by the caller. */
+typedef struct {
+    tff_output output;
+    tff_real last;   /* reference of the last sample [N] */
+    tff_real wanted; /* force before the limits [N] */
+    tff_real turn;   /* where the reference turned, or would have to have turned [N] */
+    tff_real ratio;  /* (force + adhesion)/(reference + adhesion) before the limits [-] */
+    int32_t branch;       /* 1 pull, -1 release, 0 not moved yet */
+} tff_table;
+
+/* At rest under a uniform tension [N]. */
+void tff_table_init(tff_table *self, tff_real initial_tension);
+
+/* Force [N], within the actuator's limits, for the next reference tension [N]. */
+tff_real tff_table_step(tff_table *self, tff_real reference);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
