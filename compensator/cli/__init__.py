@@ -11,8 +11,10 @@ from typing import Annotated, NoReturn, cast
 
 import typer
 
+from tendonff._version import __version__
 from tendonff.compensator.cli.compare import compare
 from tendonff.compensator.cli.design import design
+from tendonff.compensator.cli.example import example
 from tendonff.compensator.cli.experiment import experiment
 from tendonff.compensator.cli.explore import explore
 from tendonff.compensator.cli.export_c import export_c
@@ -45,9 +47,7 @@ app = typer.Typer(
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        from importlib.metadata import version
-
-        typer.echo(f"tendonff {version('tendonff')}")
+        typer.echo(f"tendonff {__version__}")
         raise typer.Exit
 
 
@@ -61,6 +61,7 @@ def _root(
 
 
 app.command()(new)
+app.command()(example)
 app.command()(simulate)
 app.command()(design)
 app.command()(experiment)

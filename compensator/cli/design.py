@@ -1,26 +1,25 @@
 """`tendonff design`: the main job."""
 
 from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument
-from tendonff.compensator.cli.progress import announce, progress, warn
+from tendonff.compensator.cli.progress import progress, warn
 
 EXIT_SOLVE = 1  # what was written is the best that was found
 
 
 def design(scenario: ScenarioArgument, out: OutFolderOption) -> int:
-    """Design the actuator's force profile for a wanted output tension, and prove what it delivers."""
-    from tendonff.compensator.design.run import design as design_profile
-    from tendonff.compensator.design.run import write_design
-    from tendonff.compensator.design.scores import print_scores
-    from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.scenario.scenario import load_scenario
-    from tendonff.ocp.tracking.result import TrackStatus
+    """Compute the actuator force that produces a desired output tension, and verify it."""
+    from tendonff.compensator.cli.opening import opened
 
-    loaded = load_scenario(scenario)
-    announce(loaded)
-    with progress("designing") as advance:
-        result = design_profile(loaded, advance=advance)
-    with progress("writing"), atomic_directory(out) as folder:
-        write_design(result, folder)
+    with opened(scenario, out) as (loaded, folder):
+        from tendonff.compensator.design.run import design as design_profile
+        from tendonff.compensator.design.run import write_design
+        from tendonff.compensator.design.scores import print_scores
+        from tendonff.ocp.tracking.result import TrackStatus
+
+        with progress("designing") as advance:
+            result = design_profile(loaded, advance=advance)
+        with progress("writing"):
+            write_design(result, folder)
     for warning in result.warnings:
         warn(warning)
     print_scores(result, out)

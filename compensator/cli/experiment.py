@@ -5,15 +5,16 @@ from tendonff.compensator.cli.progress import say, warn
 
 
 def experiment(scenario: ScenarioArgument, out: OutFolderOption) -> None:
-    """Run the ten-state test on two motors, on all three fidelity levels."""
-    from tendonff.compensator.experiment.numbers import warnings_of
-    from tendonff.compensator.experiment.output import experiment as run_test
-    from tendonff.compensator.experiment.output import write_experiment
-    from tendonff.compensator.scenario.scenario import load_scenario
+    """Run the ten-state test on two motors, on all three model levels."""
+    from tendonff.compensator.cli.opening import opened
 
-    loaded = load_scenario(scenario)
-    result = run_test(loaded)
-    write_experiment(result, out, loaded)
+    with opened(scenario, out) as (loaded, folder):
+        from tendonff.compensator.experiment.numbers import warnings_of
+        from tendonff.compensator.experiment.output import experiment as run_test
+        from tendonff.compensator.experiment.output import write_experiment
+
+        result = run_test(loaded)
+        write_experiment(result, folder, loaded)
     for warning in warnings_of(result):
         warn(warning)
     states = len(result.plan.states)

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from tendonff.compensator.cli.options import LevelOption, OutFolderOption, ScenarioArgument
-from tendonff.compensator.cli.progress import announce, progress, say, warn
+from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.ocp.codegen.precision import Precision
 
 PrefixOption = Annotated[str, typer.Option("--prefix", metavar="NAME", help="Prefix of every C name and file.")]
@@ -21,15 +21,14 @@ def export_c(
     level: LevelOption = None,
 ) -> None:
     """Write C99 for the controller: inverse, capstan law, table, optimal profile, and the chain for tests."""
-    from tendonff.compensator.export.c_project import export_project, write_project
-    from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.scenario.scenario import load_scenario
+    from tendonff.compensator.cli.opening import opened
 
-    loaded = load_scenario(scenario)
-    announce(loaded)
-    with progress("exporting"), atomic_directory(out) as folder:
-        exported = export_project(loaded, precision=precision, prefix=prefix, level=level)
-        write_project(exported, folder)
+    with opened(scenario, out) as (loaded, folder):
+        from tendonff.compensator.export.c_project import export_project, write_project
+
+        with progress("exporting"):
+            exported = export_project(loaded, precision=precision, prefix=prefix, level=level)
+            write_project(exported, folder)
     for warning in exported.reference.warnings:
         warn(warning)
     say(f"{len(exported.files)} files in {out}; `make test` there compares them with the Python model")

@@ -87,16 +87,15 @@ def identify(
     static_only: Annotated[bool, typer.Option("--static", help="Stop after the static stage.")] = False,
 ) -> None:
     """Fit the scenario's parameters to measured tensions (and positions) at both ends."""
+    from tendonff.compensator.cli.opening import opened
     from tendonff.compensator.files.reading import InputError
-    from tendonff.compensator.identification.output import write_identification, write_suggestion
-    from tendonff.compensator.identification.result import summary_lines
-    from tendonff.compensator.identification.run import identify as identify_files
-    from tendonff.compensator.scenario.scenario import load_scenario
     from tendonff.models.errors import ParameterError
 
-    loaded = load_scenario(scenario)
     if suggest:
-        excitation = write_suggestion(loaded, out)
+        with opened(scenario, out) as (loaded, folder):
+            from tendonff.compensator.identification.output import write_suggestion
+
+            excitation = write_suggestion(loaded, folder)
         say(f"{out / 'suggested_force.csv'}: {excitation.time_s[-1]:.4g} s, up to {excitation.force_N.max():.4g} N")
         for part in excitation.parts:
             say(f"  {part}")
@@ -114,14 +113,19 @@ def identify(
         "skip_s": skip,
         "explain": explain,
     }
-    try:
-        how = _scaled(replace(loaded.measurement, **{k: v for k, v in names.items() if v is not None}), scale or [])  # type: ignore[arg-type]
-    except ParameterError as error:
-        raise InputError(str(error)) from None
-    with progress("identifying"):
-        found = identify_files(replace(loaded, measurement=how), data, validate or [], static_only=static_only)
-    with progress("writing"):
-        write_identification(found, out, [*data, *(validate or [])])
+    with opened(scenario, out) as (loaded, folder):
+        try:
+            how = _scaled(replace(loaded.measurement, **{k: v for k, v in names.items() if v is not None}), scale or [])  # type: ignore[arg-type]
+        except ParameterError as error:
+            raise InputError(str(error)) from None
+        from tendonff.compensator.identification.output import write_identification
+        from tendonff.compensator.identification.result import summary_lines
+        from tendonff.compensator.identification.run import identify as identify_files
+
+        with progress("identifying"):
+            found = identify_files(replace(loaded, measurement=how), data, validate or [], static_only=static_only)
+        with progress("writing"):
+            write_identification(found, folder, [*data, *(validate or [])])
     for warning in found.warnings:
         warn(warning)
     for line in summary_lines(found):

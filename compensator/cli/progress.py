@@ -5,12 +5,8 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
 from tendonff.compensator.files.progress import Advance, silent
-
-if TYPE_CHECKING:
-    from tendonff.compensator.scenario.scenario import Scenario
 
 
 def say(message: str) -> None:
@@ -21,14 +17,6 @@ def say(message: str) -> None:
 def warn(message: str) -> None:
     """One warning on standard error."""
     say(f"warning: {message}")
-
-
-def announce(scenario: "Scenario") -> None:
-    """Say before a long run starts how long it is."""
-    from tendonff.compensator.scenario.sampling import work_ahead
-
-    if (note := work_ahead(scenario)) is not None:
-        say(note)
 
 
 @functools.cache

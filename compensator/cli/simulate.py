@@ -35,9 +35,10 @@ def simulate(
     """Simulate the chain under a force file, from rest at the scenario's initial tension."""
     from tendonff.compensator.files.reading import InputError
     from tendonff.compensator.scenario.scenario import load_scenario
+
+    loaded = load_scenario(scenario)  # before the imports below, which take a second: a refusal is quick
     from tendonff.compensator.simulate.run import play_force, read_force
 
-    loaded = load_scenario(scenario)
     profile = read_force(force, column)
     for note in profile.notes:
         say(note)

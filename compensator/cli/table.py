@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from tendonff.compensator.cli.options import LevelOption, OutFolderOption, ScenarioArgument
-from tendonff.compensator.cli.progress import announce, progress, say, warn
+from tendonff.compensator.cli.progress import progress, say, warn
 
 
 def _numbers(text: str | None, option: str) -> tuple[float, ...]:
@@ -36,21 +36,20 @@ def table(
     ] = None,
 ) -> None:
     """Tabulate the feedforward force over reference, branch and tension since the last reversal."""
-    from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.reporting.page import write_report
-    from tendonff.compensator.scenario.scenario import load_scenario
-    from tendonff.compensator.tables.report import table_report
-    from tendonff.compensator.tables.run import make_tables, write_tables
+    from tendonff.compensator.cli.opening import opened
 
-    loaded = load_scenario(scenario)
-    announce(loaded)
     angle_axis, rate_axis = _numbers(angles, "--angles"), _numbers(rates, "--rates")
     options = {"--level": level, "--bound": bound, "--angles": angles, "--rates": rates}
     given = [f"{name} {value}" for name, value in options.items() if value is not None]
-    with progress("tabulating"), atomic_directory(out) as folder:
-        tables = make_tables(loaded, level=level, bound_N=bound, angles_rad=angle_axis, rates_N_per_s=rate_axis)
-        write_tables(tables, folder)
-        write_report(folder / "report.html", table_report(tables, folder, options=" ".join(given)))
+    with opened(scenario, out) as (loaded, folder):
+        from tendonff.compensator.reporting.page import write_report
+        from tendonff.compensator.tables.report import table_report
+        from tendonff.compensator.tables.run import make_tables, write_tables
+
+        with progress("tabulating"):
+            tables = make_tables(loaded, level=level, bound_N=bound, angles_rad=angle_axis, rates_N_per_s=rate_axis)
+            write_tables(tables, folder)
+            write_report(folder / "report.html", table_report(tables, folder, options=" ".join(given)))
     for warning in tables.reference.warnings:
         warn(warning)
     built = tables.runs[0].built

@@ -95,12 +95,12 @@ class Scenario:
         return None
 
 
-def load_scenario(path: Path) -> Scenario:
+def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     """Read a scenario file.
 
     Parameters
     ----------
-    path : Path
+    path : str or path-like
         TOML file.
 
     Raises
@@ -112,16 +112,17 @@ def load_scenario(path: Path) -> Scenario:
     return parse_scenario(read_text(path), path)
 
 
-def parse_scenario(text: str, source: Path) -> Scenario:
+def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") -> Scenario:
     """Read a scenario from its text.
 
     Parameters
     ----------
     text : str
         TOML.
-    source : Path
+    source : str or path-like, optional
         File name for messages; a CSV reference is relative to its folder.
     """
+    source = Path(source)
     file = source.name
     try:
         raw = tomllib.loads(text)
@@ -210,13 +211,13 @@ def _read_reference(raw: object, file: str) -> ReferenceSpec:
     return read_table(_KINDS[kind], raw, file=file, table="reference", extra_keys=("kind",))
 
 
-def scenario_to_toml(scenario: Scenario, *, folder: Path | None = None) -> str:
+def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | None = None) -> str:
     """Text of a scenario file that reads back as the same scenario; writes every key that is set.
 
     Parameters
     ----------
     scenario : Scenario
-    folder : Path, optional
+    folder : str or path-like, optional
         Folder that the text will be stored in: the file of a CSV reference is renamed to be found from there.
         Default: the folder the scenario came from.
     """
@@ -246,7 +247,7 @@ def scenario_to_toml(scenario: Scenario, *, folder: Path | None = None) -> str:
     return "".join(parts)
 
 
-def _relative(file: Path, folder: Path) -> str:
+def _relative(file: Path, folder: str | os.PathLike[str]) -> str:
     try:
         return Path(os.path.relpath(file, folder)).as_posix()
     except ValueError:  # another drive

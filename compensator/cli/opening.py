@@ -1,0 +1,34 @@
+"""What every command does first: read the scenario and open the folder for the results."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from tendonff.compensator.cli.progress import say
+from tendonff.compensator.files.writing import atomic_directory
+from tendonff.compensator.scenario.sampling import work_ahead
+from tendonff.compensator.scenario.scenario import Scenario, load_scenario
+
+
+@contextmanager
+def opened(scenario: Path, out: Path) -> Iterator[tuple[Scenario, Path]]:
+    """Scenario and result folder, before a command imports what it computes with, which takes a second.
+
+    A scenario that is not valid and a folder that cannot be written are refused at once; the folder appears when the
+    block ends without an error. The length of a long run is said before it starts.
+
+    Parameters
+    ----------
+    scenario, out : Path
+        Arguments of the command.
+
+    Raises
+    ------
+    InputError
+        One message for the user.
+    """
+    loaded = load_scenario(scenario)
+    with atomic_directory(out) as folder:
+        if (note := work_ahead(loaded)) is not None:
+            say(note)
+        yield loaded, folder
