@@ -14,7 +14,7 @@ import numpy as np
 
 from tendonff.models.chain import Chain, ChainState
 from tendonff.models.interop import linear_system
-from tendonff.ocp.inverse import invert
+from tendonff.ocp.inverse import Inversion, invert
 from tendonff.ocp.simulate import Outcome, simulate
 from tendonff.ocp.step.protocol import Array
 
@@ -81,6 +81,7 @@ def foresee(
     *,
     force_N: Array | None = None,
     initial_tension_N: float | None = None,
+    inversion: Inversion | None = None,
 ) -> Foresight:
     """Linearise the chain along a reference and say where feedforward will not hold it.
 
@@ -95,13 +96,16 @@ def foresee(
         A profile whose error is to be expected; default: the exact inverse.
     initial_tension_N : float, optional
         Default: the first reference.
+    inversion : Inversion, optional
+        The exact inverse of the same problem with its states, where it is known already.
 
     Returns
     -------
     Foresight
     """
     reference = np.asarray(reference_N, dtype=np.float64)
-    inversion = invert(chain, reference, step_s, initial_tension_N=initial_tension_N, record=True)
+    if inversion is None or inversion.states is None:
+        inversion = invert(chain, reference, step_s, initial_tension_N=initial_tension_N, record=True)
     force = inversion.force_N if force_N is None else force_N
     expected = expected_error_N(chain, force, reference, step_s, float(inversion.force_N[0]))
     states = inversion.states

@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING
 from tendonff._version import __version__
 
 if TYPE_CHECKING:  # what editors and type checkers read; `_HOMES` says the same to the interpreter
-    from tendonff.compensator.compare.run import Comparison, compare
+    from tendonff.compensator.compare.output import Comparison
+    from tendonff.compensator.compare.run import compare
     from tendonff.compensator.compensators.base import Compensator
-    from tendonff.compensator.design.run import Design, design
-    from tendonff.compensator.experiment.output import experiment
-    from tendonff.compensator.experiment.run import ExperimentResult
+    from tendonff.compensator.design.output import Design
+    from tendonff.compensator.design.run import design
+    from tendonff.compensator.experiment.output import ExperimentResult
+    from tendonff.compensator.experiment.run import experiment
     from tendonff.compensator.export.c_project import export_project as export_c
     from tendonff.compensator.export.fmu import build_fmu as export_fmu
     from tendonff.compensator.files.reading import InputError
@@ -85,11 +87,13 @@ __all__ = [
 ]
 
 _HOMES = {
-    "compensator.compare.run": ("Comparison", "compare"),
+    "compensator.compare.output": ("Comparison",),
+    "compensator.compare.run": ("compare",),
     "compensator.compensators.base": ("Compensator",),
-    "compensator.design.run": ("Design", "design"),
-    "compensator.experiment.output": ("experiment",),
-    "compensator.experiment.run": ("ExperimentResult",),
+    "compensator.design.output": ("Design",),
+    "compensator.design.run": ("design",),
+    "compensator.experiment.output": ("ExperimentResult",),
+    "compensator.experiment.run": ("experiment",),
     "compensator.export.c_project": ("export_c:export_project",),
     "compensator.export.fmu": ("export_fmu:build_fmu",),
     "compensator.files.reading": ("InputError",),

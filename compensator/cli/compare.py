@@ -9,12 +9,11 @@ def compare(scenario: ScenarioArgument, out: OutFolderOption) -> None:
     from tendonff.compensator.cli.opening import opened
 
     with opened(scenario, out) as (loaded, folder):
-        from tendonff.compensator.compare.report import write_comparison
         from tendonff.compensator.compare.run import compare as compare_levels
 
         with progress("comparing") as advance:
-            result = compare_levels(loaded, advance=advance)
-        write_comparison(result, folder)
+            result = compare_levels(loaded, progress=advance)
+        result.write(folder)
     for warning in result.warnings:
         warn(warning)
     say(result.recommendation)

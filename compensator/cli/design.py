@@ -12,15 +12,13 @@ def design(scenario: ScenarioArgument, out: OutFolderOption) -> int:
 
     with opened(scenario, out) as (loaded, folder):
         from tendonff.compensator.design.run import design as design_profile
-        from tendonff.compensator.design.run import write_design
         from tendonff.compensator.design.scores import print_scores
-        from tendonff.ocp.tracking.result import TrackStatus
 
         with progress("designing") as advance:
-            result = design_profile(loaded, advance=advance)
+            result = design_profile(loaded, progress=advance)
         with progress("writing"):
-            write_design(result, folder)
+            result.write(folder)
     for warning in result.warnings:
         warn(warning)
     print_scores(result, out)
-    return EXIT_SOLVE if result.tracking.status in (TrackStatus.INFEASIBLE, TrackStatus.FAILED) else 0
+    return 0 if result.is_usable else EXIT_SOLVE

@@ -1,7 +1,7 @@
 """`tendonff experiment`: the paper's ten-state test on two motors."""
 
 from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument
-from tendonff.compensator.cli.progress import say, warn
+from tendonff.compensator.cli.progress import progress, say, warn
 
 
 def experiment(scenario: ScenarioArgument, out: OutFolderOption) -> None:
@@ -10,11 +10,11 @@ def experiment(scenario: ScenarioArgument, out: OutFolderOption) -> None:
 
     with opened(scenario, out) as (loaded, folder):
         from tendonff.compensator.experiment.numbers import warnings_of
-        from tendonff.compensator.experiment.output import experiment as run_test
-        from tendonff.compensator.experiment.output import write_experiment
+        from tendonff.compensator.experiment.run import experiment as run_test
 
-        result = run_test(loaded)
-        write_experiment(result, folder, loaded)
+        with progress("experimenting") as advance:
+            result = run_test(loaded, progress=advance)
+        result.write(folder)
     for warning in warnings_of(result):
         warn(warning)
     states = len(result.plan.states)

@@ -24,11 +24,11 @@ def export_c(
     from tendonff.compensator.cli.opening import opened
 
     with opened(scenario, out) as (loaded, folder):
-        from tendonff.compensator.export.c_project import export_project, write_project
+        from tendonff.compensator.export.c_project import export_project
 
         with progress("exporting"):
             exported = export_project(loaded, precision=precision, prefix=prefix, level=level)
-            write_project(exported, folder)
-    for warning in exported.reference.warnings:
+            exported.write(folder)
+    for warning in exported.warnings:
         warn(warning)
     say(f"{len(exported.files)} files in {out}; `make test` there compares them with the Python model")

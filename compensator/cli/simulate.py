@@ -37,7 +37,7 @@ def simulate(
     from tendonff.compensator.scenario.scenario import load_scenario
 
     loaded = load_scenario(scenario)  # before the imports below, which take a second: a refusal is quick
-    from tendonff.compensator.simulate.run import play_force, read_force
+    from tendonff.compensator.simulate.run import read_force, simulate_force
 
     profile = read_force(force, column)
     for note in profile.notes:
@@ -45,8 +45,8 @@ def simulate(
     if out.exists() and any(out.samefile(source) for source in (scenario, force)):
         raise InputError(f"{out} is an input of this run; name another file for the result")
     with progress("simulating") as advance:
-        played = play_force(loaded, level or loaded.run.level, profile, out, check=check, advance=advance)
-    for warning in played.warnings:
+        simulated = simulate_force(loaded, level or loaded.run.level, profile, out, check=check, progress=advance)
+    for warning in simulated.warnings:
         warn(warning)
-    if played.check is not None:
-        say(f"check: {played.check}")
+    if simulated.check is not None:
+        say(f"check: {simulated.check}")

@@ -1,25 +1,18 @@
-"""The files of a comparison: the matrix as CSV, the summary, figures and the report."""
-
-import csv
-from dataclasses import astuple, fields
-from pathlib import Path
+"""The report of a comparison."""
 
 from matplotlib.figure import Figure
 
-from tendonff.compensator.compare.figures import cell_text, compare_figures, matrix_rows
-from tendonff.compensator.compare.run import Comparison, Entry, plants, summary
-from tendonff.compensator.files.writing import atomic_file, write_json
+from tendonff.compensator.compare.figures import cell_text, matrix_rows
+from tendonff.compensator.compare.result import ComparisonData, plants
 from tendonff.compensator.reporting.page import (
     FileNote,
-    Picture,
-    Provenance,
     Report,
     Section,
     Table,
     Text,
-    write_report,
+    pictures_of,
+    provenance_of,
 )
-from tendonff.compensator.reporting.plots import save_figure
 
 _CAPTIONS = {
     "matrix": "Error of every design on every plant, % of range rms. Read along a row: how much a design loses on a "
@@ -32,48 +25,16 @@ _CAPTIONS = {
 }
 
 
-def write_comparison(result: Comparison, folder: Path) -> None:
-    """Write matrix, summary, figures and report into an existing folder.
-
-    Parameters
-    ----------
-    result : Comparison
-    folder : Path
-        Usually the inside of `files.atomic_directory`.
-    """
-    write_matrix(result, folder / "matrix.csv")
-    write_json(folder / "summary.json", summary(result))
-    figures = compare_figures(result)
-    for name, figure in figures.items():
-        save_figure(figure, folder / name)
-    write_report(folder / "report.html", compare_report(result, figures))
-
-
-def write_matrix(result: Comparison, path: Path) -> None:
-    """Write `matrix.csv`: compensator, design level, plant level, rms error, peak error, lag and spread.
-
-    Parameters
-    ----------
-    result : Comparison
-    path : Path
-    """
-    with atomic_file(path) as partial, partial.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow([field.name for field in fields(Entry)])
-        for entry in result.entries:
-            writer.writerow(astuple(entry))
-
-
-def compare_report(result: Comparison, figures: dict[str, Figure]) -> Report:
+def compare_report(result: ComparisonData, figures: dict[str, Figure]) -> Report:
     """The page of a comparison.
 
     Parameters
     ----------
-    result : Comparison
+    result : ComparisonData
     figures : dict of str to Figure
         From `compare_figures`.
     """
-    pictures = {name: Picture(figure=figure, caption=_CAPTIONS[name]) for name, figure in figures.items()}
+    pictures = pictures_of(figures, _CAPTIONS)
     rows = matrix_rows(result)
     errors = Table(
         caption="Error, % of range rms (± spread)",
@@ -144,9 +105,7 @@ def compare_report(result: Comparison, figures: dict[str, Figure]) -> Report:
             ),
             Section(title="What they cost", blocks=(costs,)),
         ),
-        provenance=Provenance(
-            scenario=result.scenario, command=f"tendonff compare {result.scenario.source.name} --out DIR"
-        ),
+        provenance=provenance_of(result.scenario, "compare"),
         files=(
             FileNote(name="matrix.csv", content="the matrix, one row for each design and plant"),
             FileNote(name="summary.json", content="everything on this page for other programs"),

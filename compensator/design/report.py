@@ -2,10 +2,18 @@
 
 from matplotlib.figure import Figure
 
-from tendonff.compensator.compensators.base import Compensator, Played
-from tendonff.compensator.design.figures import LABELS, percent
-from tendonff.compensator.design.run import FINE_REFINEMENT, FINE_SEGMENTS, Design
-from tendonff.compensator.reporting.page import Cell, FileNote, Picture, Provenance, Report, Section, Table, Text
+from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS, DesignData
+from tendonff.compensator.reporting.page import (
+    Block,
+    Cell,
+    FileNote,
+    Report,
+    Section,
+    Table,
+    Text,
+    pictures_of,
+    provenance_of,
+)
 from tendonff.models.fidelity import Level
 
 _CAPTIONS = {
@@ -17,40 +25,33 @@ _CAPTIONS = {
 }
 
 
-def headline(result: Design) -> str:
+def headline(result: DesignData) -> str:
     """The answer in two sentences.
 
     Parameters
     ----------
-    result : Design
+    result : DesignData
     """
     level = result.level
-    none = result.on_level(Compensator.NONE, level).score
-    best = min(
-        (c for c in Compensator if c is not Compensator.NONE),
-        key=lambda c: _proof(result, c).score.rmse_N,
-    )
+    best = min((c for c in result.compensators if c.name != "none"), key=lambda c: result.on_proof(c.name).score.rmse_N)
     return (
-        f"Without compensation {percent(none)} % of the range of {result.reference.range_N:.4g} N is lost (rms, "
-        f"{level} level). The best profile here, {LABELS[best]}, leaves {percent(_proof(result, best).score)} % on a "
-        f"finer chain of {FINE_SEGMENTS} masses at a {FINE_REFINEMENT}th of the step."
+        f"Without compensation {result.on_level('none', level).score.percent} % of the range of "
+        f"{result.reference.range_N:.4g} N is lost (rms, {level} level). The best profile here, {best.label}, leaves "
+        f"{result.on_proof(best.name).score.percent} % on a finer chain of {FINE_SEGMENTS} masses at a "
+        f"{FINE_REFINEMENT}th of the step."
     )
 
 
-def _proof(result: Design, compensator: Compensator) -> Played:
-    return next(p for p in result.proof if p.compensator == compensator)
-
-
-def design_report(result: Design, figures: dict[str, Figure]) -> Report:
+def design_report(result: DesignData, figures: dict[str, Figure]) -> Report:
     """The page of a design.
 
     Parameters
     ----------
-    result : Design
+    result : DesignData
     figures : dict of str to Figure
-        From `design_figures.design_figures`.
+        From `design_figures`.
     """
-    pictures = {name: Picture(figure=figure, caption=_CAPTIONS[name]) for name, figure in figures.items()}
+    pictures = pictures_of(figures, _CAPTIONS)
     scores = Table(
         caption="Error, % of range rms; * design level, also of the last column",
         columns=(
@@ -60,25 +61,20 @@ def design_report(result: Design, figures: dict[str, Figure]) -> Report:
         ),
         rows=tuple(
             (
-                LABELS[c],
-                *(percent(result.on_level(c, level).score) for level in Level),
-                percent(_proof(result, c).score),
+                c.label,
+                *(result.on_level(c.name, level).score.percent for level in Level),
+                result.on_proof(c.name).score.percent,
             )
-            for c in Compensator
+            for c in result.compensators
         ),
     )
     peaks = Table(
         caption="Largest error [N]",
         columns=("profile", *(level.value for level in Level)),
         rows=tuple(
-            (LABELS[c], *(result.on_level(c, level).score.peak_error_N for level in Level)) for c in Compensator
+            (c.label, *(result.on_level(c.name, level).score.peak_error_N for level in Level))
+            for c in result.compensators
         ),
-    )
-    tracking = result.tracking
-    solver = Table(
-        caption="Optimal control",
-        columns=("status", "iterations", "build [s]", "solve [s]"),
-        rows=((tracking.status.value, tracking.iterations, tracking.build_s, tracking.solve_s),),
     )
     return Report(
         title=f"Design: {result.scenario.name}",
@@ -86,30 +82,41 @@ def design_report(result: Design, figures: dict[str, Figure]) -> Report:
         warnings=result.warnings,
         sections=(
             Section(title="What arrives", blocks=(pictures["tension"], scores, peaks)),
-            Section(title="What the actuator does", blocks=(pictures["force"], Text(tracking.message), solver)),
+            Section(title="What the actuator does", blocks=(pictures["force"], *_solver(result))),
             Section(title="Hysteresis", blocks=(pictures["loop"],)),
             Section(title="How much the model matters", blocks=(pictures["error"],)),
             *_robust_section(result),
         ),
-        provenance=Provenance(
-            scenario=result.scenario, command=f"tendonff design {result.scenario.source.name} --out DIR"
-        ),
+        provenance=provenance_of(result.scenario, "design"),
         files=(
-            FileNote(name="profile.csv", content="reference and the four forces over time"),
+            FileNote(name="profile.csv", content="reference and the force of every compensator over time"),
             FileNote(name="summary.json", content="errors, solver status and warnings for other programs"),
         ),
     )
 
 
-def _robust_section(result: Design) -> tuple[Section, ...]:
+def _solver(result: DesignData) -> tuple[Block, ...]:
+    """How the optimal-control problem ended; nothing where none was solved."""
+    tracking = result.tracking
+    if tracking is None:
+        return ()
+    table = Table(
+        caption="Optimal control",
+        columns=("status", "iterations", "build [s]", "solve [s]"),
+        rows=((tracking.status.value, tracking.iterations, tracking.build_s, tracking.solve_s),),
+    )
+    return Text(tracking.message), table
+
+
+def _robust_section(result: DesignData) -> tuple[Section, ...]:
     """What the scenario's uncertainty does to each profile; nothing where all is certain."""
     found = result.robustness
     if found is None:
         return ()
-    span = result.reference.range_N
+    span, labels = result.reference.range_N, {c.name: c.label for c in result.compensators}
     rows: tuple[tuple[Cell, ...], ...] = tuple(
         (
-            LABELS[compensator],
+            labels[name],
             *(
                 100 * value / span
                 for value in (band.nominal_rms_N, band.least_rms_N, band.median_rms_N, band.worst_rms_N)
@@ -117,7 +124,7 @@ def _robust_section(result: Design) -> tuple[Section, ...]:
             f"{100 * band.amplification:+.2g}",
             f"{100 * (band.worst_sample.mu - 1):+.3g}",
         )
-        for compensator, band in found.bands.items()
+        for name, band in found.bands.items()
     )
     table = Table(
         caption=f"Error over {len(found.samples)} samples of the parameters, % of range rms; over-compensation: "

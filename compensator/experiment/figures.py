@@ -9,9 +9,19 @@ from mpl_toolkits.mplot3d import Axes3D
 
 from tendonff.compensator.experiment.machine import StatePass
 from tendonff.compensator.experiment.numbers import driven_motor, holds, reversals
-from tendonff.compensator.experiment.run import SECTIONS, ExperimentResult, ExperimentRun
+from tendonff.compensator.experiment.result import SECTIONS, ExperimentData, ExperimentRun
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.reporting.plots import BLUE, GREY, INK, LINE_STYLES, VERMILION, figure_style, new_figure
+from tendonff.compensator.reporting.plots import (
+    BLUE,
+    GREY,
+    INK,
+    LINE_STYLES,
+    VERMILION,
+    figure_style,
+    legend_below,
+    new_figure,
+    thinned,
+)
 from tendonff.models.fidelity import Level
 
 _LEVEL_LOOK: dict[Level, dict[str, Any]] = {
@@ -21,12 +31,6 @@ _LEVEL_LOOK: dict[Level, dict[str, Any]] = {
 }
 _MAP = "viridis"  # even in lightness, so that it survives a black-and-white print
 _SURFACE_ROWS = 160
-_CURVE_ROWS = 4000
-
-
-def _thinned(count: int, most: int) -> slice:
-    """Every k-th row, so that at most about `most` are drawn."""
-    return slice(0, count, max(count // most, 1))
 
 
 def _section_colours() -> FloatArray:
@@ -60,17 +64,17 @@ def _shade_states(axes: Axes, run: ExperimentRun, *, named: bool) -> None:
 
 
 @figure_style()
-def tensions_figure(result: ExperimentResult) -> Figure:
+def tensions_figure(result: ExperimentData) -> Figure:
     """Seven tensions over time on the three levels, states shaded and named.
 
     Parameters
     ----------
-    result : ExperimentResult
+    result : ExperimentData
     """
     figure, axes = new_figure(len(result.runs), 1, height_in=7.0, share_x=True)
     for row, (level, run) in enumerate(result.runs.items()):
         panel: Axes = axes[row, 0]
-        rows = _thinned(len(run.time_s), _CURVE_ROWS)
+        rows = thinned(len(run.time_s))
         tension = run.tension_N
         for k, colour in enumerate(_section_colours()):
             label = f"$f_{k + 1}$" + (" (motor 1)" if k == 0 else " (motor 2)" if k == SECTIONS - 1 else "")
@@ -81,20 +85,20 @@ def tensions_figure(result: ExperimentResult) -> Figure:
         panel.set_ylim(bottom=0)
         panel.margins(x=0)
     axes[-1, 0].set_xlabel("time [s]")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=SECTIONS)
+    legend_below(figure, axes[0, 0], columns=SECTIONS)
     return figure
 
 
 @figure_style()
-def distribution_figure(result: ExperimentResult) -> Figure:
+def distribution_figure(result: ExperimentData) -> Figure:
     """Tension over time and angle, on the level of the machine.
 
     Parameters
     ----------
-    result : ExperimentResult
+    result : ExperimentData
     """
     run = result.runs[result.lead]
-    rows = _thinned(len(run.time_s), _SURFACE_ROWS)
+    rows = thinned(len(run.time_s), _SURFACE_ROWS)
     time, tension = run.time_s[rows], run.tension_N[rows]
     angle = np.degrees(np.linspace(0, run.transmission.path.total_angle_rad, SECTIONS))
     figure, axes = new_figure(height_in=4.6, projection="3d")
@@ -129,7 +133,7 @@ def _end(run: ExperimentRun, motor: int) -> tuple[FloatArray, str]:
     return run.link_tension_N[:, 0 if motor == 0 else -1], f"$f_{1 if motor == 0 else SECTIONS}$"
 
 
-def _draw_detail(panel: Axes, result: ExperimentResult, done: StatePass, motor: int, what: str) -> None:
+def _draw_detail(panel: Axes, result: ExperimentData, done: StatePass, motor: int, what: str) -> None:
     symbol = ""
     for level, run in result.runs.items():
         tension, symbol = _end(run, motor)
@@ -144,12 +148,12 @@ def _draw_detail(panel: Axes, result: ExperimentResult, done: StatePass, motor: 
 
 
 @figure_style()
-def details_figure(result: ExperimentResult) -> Figure | None:
+def details_figure(result: ExperimentData) -> Figure | None:
     """Holds and reversals, the three levels in one panel each; None for a test that has neither.
 
     Parameters
     ----------
-    result : ExperimentResult
+    result : ExperimentData
     """
     lead = result.runs[result.lead]
     held, turned = list(holds(lead))[:2], reversals(lead)[:2]
@@ -171,18 +175,18 @@ def details_figure(result: ExperimentResult) -> Figure | None:
 
 
 @figure_style()
-def hysteresis_figure(result: ExperimentResult) -> Figure:
+def hysteresis_figure(result: ExperimentData) -> Figure:
     """Tension at both ends over the elongation of the tendon, three levels.
 
     Parameters
     ----------
-    result : ExperimentResult
+    result : ExperimentData
     """
     figure, axes = new_figure(1, 2, height_in=3.4, share_y=True)
     for motor in (0, 1):
         panel: Axes = axes[0, motor]
         for level, run in result.runs.items():
-            rows = _thinned(len(run.time_s), _CURVE_ROWS)
+            rows = thinned(len(run.time_s))
             tension, symbol = _end(run, motor)
             panel.plot(1e3 * run.elongation_m[rows], tension[rows], label=str(level), **_LEVEL_LOOK[level])
             panel.plot(0, tension[0], "o", color=INK, markersize=4)
@@ -194,12 +198,12 @@ def hysteresis_figure(result: ExperimentResult) -> Figure:
     return figure
 
 
-def experiment_figures(result: ExperimentResult) -> dict[str, Figure]:
+def experiment_figures(result: ExperimentData) -> dict[str, Figure]:
     """All figures by file name; without the details where the states have no hold and no reversal.
 
     Parameters
     ----------
-    result : ExperimentResult
+    result : ExperimentData
     """
     figures = {
         "experiment_distribution": distribution_figure(result),

@@ -13,9 +13,17 @@ from tendonff.compensator.experiment.numbers import (
     transient,
     warnings_of,
 )
-from tendonff.compensator.experiment.run import ExperimentResult
-from tendonff.compensator.reporting.page import FileNote, Picture, Provenance, Report, Section, Table, Text
-from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.experiment.result import ExperimentData
+from tendonff.compensator.reporting.page import (
+    FileNote,
+    Picture,
+    Report,
+    Section,
+    Table,
+    Text,
+    pictures_of,
+    provenance_of,
+)
 
 _CAPTIONS = {
     "experiment_tensions": "Seven tensions along the path; the states are shaded and named.",
@@ -29,17 +37,16 @@ _NOTE = (
 )
 
 
-def experiment_report(result: ExperimentResult, scenario: Scenario, figures: dict[str, Figure]) -> Report:
+def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Report:
     """The page of an experiment.
 
     Parameters
     ----------
-    result : ExperimentResult
-    scenario : Scenario
+    result : ExperimentData
     figures : dict of str to Figure
-        From `experiment_figures.experiment_figures`.
+        From `experiment_figures`.
     """
-    pictures = {name: Picture(figure=figure, caption=_CAPTIONS[name]) for name, figure in figures.items()}
+    pictures = pictures_of(figures, _CAPTIONS)
     holds = Table(
         caption="Tension change of the held end during a hold [N]",
         columns=("level", *relaxation(result.runs[result.lead])),
@@ -72,7 +79,7 @@ def experiment_report(result: ExperimentResult, scenario: Scenario, figures: dic
     )
     slips = sum(len(slip_profiles(run)) for run in result.runs.values())
     return Report(
-        title=f"Two-motor test: {scenario.name}",
+        title=f"Two-motor test: {result.scenario.name}",
         summary=_summary(result),
         warnings=warnings_of(result),
         sections=(
@@ -97,7 +104,7 @@ def experiment_report(result: ExperimentResult, scenario: Scenario, figures: dic
                 ),
             ),
         ),
-        provenance=Provenance(scenario=scenario, command=f"tendonff experiment {scenario.source.name} --out DIR"),
+        provenance=provenance_of(result.scenario, "experiment"),
         files=(
             *(FileNote(name=f"experiment_{level}.csv", content="states, tensions, motors") for level in result.runs),
             FileNote(name="summary.json", content="every number of this page for other programs"),
@@ -110,7 +117,7 @@ def _present(pictures: dict[str, Picture], name: str) -> tuple[Picture, ...]:
     return (pictures[name],) if name in pictures else ()
 
 
-def _states(result: ExperimentResult) -> Table:
+def _states(result: ExperimentData) -> Table:
     lead = result.runs[result.lead]
     return Table(
         caption="States; A acts, A_h holds, L loads",
@@ -129,7 +136,7 @@ def _states(result: ExperimentResult) -> Table:
     )
 
 
-def _summary(result: ExperimentResult) -> str:
+def _summary(result: ExperimentData) -> str:
     largest = {
         level: max((abs(percent_of(v.change_N, run.range_N)) for v in relaxation(run).values()), default=0.0)
         for level, run in result.runs.items()

@@ -2,37 +2,37 @@
 
 import json
 import math
+import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from importlib.resources import files
-from pathlib import Path
+from types import MappingProxyType
 
 import jinja2
 import numpy as np
 
+from tendonff.compensator.compensators.base import CModule, FloatArray, Problem
+from tendonff.compensator.compensators.lookup_table import LookupTable
+from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
+from tendonff.compensator.compensators.table import table_of, table_range
+from tendonff.compensator.compensators.table_build import BuiltTable
 from tendonff.compensator.export.chain_code import controller_limits, inverse_code, plant_code
 from tendonff.compensator.export.golden import golden_vectors
+from tendonff.compensator.export.table_index import share_index
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.files.writing import write_text
-from tendonff.compensator.scenario.sampling import Reference, largest_tension, sample_reference
+from tendonff.compensator.files.writing import atomic_directory, write_text
+from tendonff.compensator.scenario.sampling import largest_tension
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
-from tendonff.compensator.tables.build import BuiltTable
-from tendonff.compensator.tables.index import share_index
-from tendonff.compensator.tables.run import covered_range, scenario_table
-from tendonff.compensator.tables.table import FloatArray, Table
 from tendonff.models.capstan import Branch, CapstanLaw
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
-from tendonff.ocp.tracking.limits import ForceLimits
-from tendonff.ocp.tracking.track import track
 
-SOURCES = ("limits", "inverse", "capstan", "table", "profile", "plant")
-_HEADERS = ("types", "limits", "inverse", "capstan", "table_data", "table", "profile", "plant")
-_MODULES = ("inverse", "capstan", "table", "profile", "plant")
+PLANT = CModule(name="plant", content="the chain itself")
+"""What is exported beside the compensators, for tests."""
+
 _KEYWORDS = frozenset(
     re.findall(
         r"\w+",
@@ -60,16 +60,29 @@ class Exported:
     ----------
     files : dict of str to str
         Text by file name.
-    reference : Reference
     built : BuiltTable
     profile_N : ndarray, shape (n,)
-        The profile that is played [N].
+        The profile that is played back [N].
+    warnings : tuple of str
+        What the user should know.
     """
 
     files: dict[str, str]
-    reference: Reference
     built: BuiltTable
     profile_N: FloatArray
+    warnings: tuple[str, ...]
+
+    def write(self, folder: str | os.PathLike[str]) -> None:
+        """Write every file, all or nothing.
+
+        Parameters
+        ----------
+        folder : str or path
+            Made where it is missing.
+        """
+        with atomic_directory(folder) as partial:
+            for name, text in self.files.items():
+                write_text(partial / name, text)
 
 
 def check_prefix(prefix: str) -> str:
@@ -88,18 +101,9 @@ def check_prefix(prefix: str) -> str:
     return prefix
 
 
-def optimal_profile(scenario: Scenario, chain: Chain, reference: Reference) -> FloatArray:
-    """The optimal-control answer for the scenario's reference, shape (n,) [N].
-
-    Parameters
-    ----------
-    scenario : Scenario
-    chain : Chain
-    reference : Reference
-    """
-    limits = ForceLimits.of(scenario.transmission.actuator)
-    start = reference.initial_tension_N
-    return track(chain, reference.tension_N, reference.step_s, limits, initial_tension_N=start).force_N
+def c_modules() -> tuple[CModule, ...]:
+    """Modules of the compensators that can be exported, in the order of the registry, and of the plant."""
+    return (*(c.c_module for c in COMPENSATORS if c.c_module is not None), PLANT)
 
 
 def export_project(
@@ -129,43 +133,64 @@ def export_project(
     InputError
         If the prefix is no C identifier or the reference cannot be delivered.
     SolveError
-        If the profile cannot be found.
+        If there is no profile that may be exported; the message says why.
     """
     check_prefix(prefix)
-    level = level or scenario.run.level
-    reference = sample_reference(scenario)
-    chain = Chain.of(scenario.transmission, level)
-    built = scenario_table(scenario, reference, level=level)
-    profile = optimal_profile(scenario, chain, reference) if profile_N is None else profile_N
-    context = _context(scenario, level, precision, prefix, reference, built, profile)
-    golden = golden_vectors(scenario, chain, built.table, reference, precision)
-    code = {
-        "inverse": inverse_code(chain, scenario.run.step_s, f"{prefix}_inverse", precision),
-        "plant": plant_code(chain, scenario.run.step_s, f"{prefix}_chain", precision),
+    problem = Problem.of(scenario, level=level)
+    warnings = problem.reference.warnings
+    if profile_N is None:
+        profile = compensator("optimal").profile(problem).require()
+        profile_N, warnings = profile.force_N, (*warnings, *profile.warnings)
+    built = table_of(problem)
+    further = {
+        **_table_context(built, precision),
+        "table_bytes": _table_bytes(built.table, precision),
+        "profile": profile_N,
+        "profile_bytes": (4 if precision is Precision.FLOAT else 8) * len(profile_N),
+        "golden": golden_vectors(problem, built.table, precision),
+        "measured": measured(precision),
     }
-    texts: dict[str, str] = {}
-    for name in _HEADERS:
-        texts[f"{prefix}_{name}.h"] = _render(f"{name}.h.j2", context)
-    for name in SOURCES:
-        parts = asdict(code[name]) if name in code else {}
-        texts[f"{prefix}_{name}.c"] = _render(f"{name}.c.j2", context | parts)
-    texts["self_test.c"] = _render("self_test.c.j2", context | {"golden": golden, "stride": golden.stride})
-    for name in ("example_main.c", "Makefile", "CMakeLists.txt", "README.md"):
+    texts = c_sources(scenario, problem, c_modules(), precision, prefix, further)
+    context = _context(scenario, problem, precision, prefix) | further
+    for name in ("self_test.c", "example_main.c", "Makefile", "CMakeLists.txt", "README.md"):
         texts[name] = _render(f"{name}.j2", context)
-    texts["design.json"] = _design_json(scenario, level, precision, prefix, built, profile)
-    return Exported(files=texts, reference=reference, built=built, profile_N=profile)
+    texts["design.json"] = _design_json(scenario, problem.level, precision, prefix, built, profile_N)
+    return Exported(files=texts, built=built, profile_N=profile_N, warnings=warnings)
 
 
-def write_project(exported: Exported, folder: Path) -> None:
-    """Write every file of an export.
+def c_sources(
+    scenario: Scenario,
+    problem: Problem,
+    modules: Sequence[CModule],
+    precision: Precision,
+    prefix: str,
+    further: Mapping[str, object] = MappingProxyType({}),
+) -> dict[str, str]:
+    """Sources and headers of some modules and of what they share, by file name.
 
     Parameters
     ----------
-    exported : Exported
-    folder : Path
+    scenario : Scenario
+    problem : Problem
+    modules : sequence of CModule
+    precision : Precision
+    prefix : str
+    further : mapping, optional
+        What the templates of these modules need beyond scenario and level: table, profile.
     """
-    for name, text in exported.files.items():
-        write_text(folder / name, text)
+    chain, step = problem.chain, problem.reference.step_s
+    context = _context(scenario, problem, precision, prefix) | dict(further)
+    names = [module.name for module in modules]
+    code: dict[str, dict[str, object]] = {}
+    if "inverse" in names:
+        code["inverse"] = asdict(inverse_code(chain, step, f"{prefix}_inverse", precision))
+    if "plant" in names:
+        code["plant"] = asdict(plant_code(chain, step, f"{prefix}_chain", precision))
+    headers = ("types", "limits", *(header for module in modules for header in (*module.headers, module.name)))
+    texts = {f"{prefix}_{name}.h": _render(f"{name}.h.j2", context) for name in headers}
+    for name in ("limits", *names):
+        texts[f"{prefix}_{name}.c"] = _render(f"{name}.c.j2", context | code.get(name, {}))
+    return texts
 
 
 def table_header(scenario: Scenario, built: BuiltTable, level: Level, prefix: str = "tff") -> str:
@@ -247,20 +272,14 @@ def _table_context(built: BuiltTable, precision: Precision) -> dict[str, object]
     }
 
 
-def _context(
-    scenario: Scenario,
-    level: Level,
-    precision: Precision,
-    prefix: str,
-    reference: Reference,
-    built: BuiltTable,
-    profile: FloatArray,
-) -> dict[str, object]:
-    transmission, step = scenario.transmission, scenario.run.step_s
+def _context(scenario: Scenario, problem: Problem, precision: Precision, prefix: str) -> dict[str, object]:
+    """What every template may use."""
+    transmission, reference, step = problem.transmission, problem.reference, problem.reference.step_s
     actuator, law = transmission.actuator, CapstanLaw.of(transmission)
     count = transmission.path.segments
     reals, size = 4 * count + 6, 4 if precision is Precision.FLOAT else 8
-    low, _ = covered_range(scenario, reference)
+    low, _ = table_range(problem)
+    modules = c_modules()
     output = max(size, 4) + 8
     past = 2 * count + 2 if precision is Precision.FLOAT else 0
     state = {
@@ -270,44 +289,36 @@ def _context(
         "plant": _padded((2 * reals + 2) * size + 16, size),
         "profile": _padded(output + 4, size),
     }
-    return (
-        _naming(scenario, level, precision, prefix)
-        | _table_context(built, precision)
-        | {
-            "title": f"{prefix}: feedforward force for a tendon",
-            "count": count,
-            "reals": reals,
-            "step": step,
-            "step_s": repr(step),
-            "reference_min": min(low, 0.01 * float(np.min(reference.tension_N))),
-            "reference_max": max(largest_tension(transmission), float(np.max(reference.tension_N))),
-            "force_min": actuator.force_min_N,
-            "force_max": actuator.force_max_N,
-            "change_max": actuator.force_rate_max_N_per_s * step,
-            "pull_ratio": math.exp(law.pull_exponent),
-            "release_ratio": math.exp(-law.release_exponent),
-            "adhesion": law.adhesion_N,
-            "profile": profile,
-            "modules": _MODULES,
-            "sources": SOURCES,
-            "initial": reference.initial_tension_N,
-            "amplitude": 0.25 * min(reference.initial_tension_N, max(reference.range_N, 1e-3)),
-            "example_rows": max(20, min(4000, round(2.0 / step))),
-            "tolerance": "0.02" if precision is Precision.FLOAT else "1e-9",
-            "limits": controller_limits(precision),
-            "state_bytes": state,
-            "table_bytes": _table_bytes(built.table, precision),
-            "profile_bytes": size * len(profile),
-            "measured": measured(precision),
-        }
-    )
+    return _naming(scenario, problem.level, precision, prefix) | {
+        "title": f"{prefix}: feedforward force for a tendon",
+        "count": count,
+        "reals": reals,
+        "step": step,
+        "step_s": repr(step),
+        "reference_min": min(low, 0.01 * float(np.min(reference.tension_N))),
+        "reference_max": max(largest_tension(transmission), float(np.max(reference.tension_N))),
+        "force_min": actuator.force_min_N,
+        "force_max": actuator.force_max_N,
+        "change_max": actuator.force_rate_max_N_per_s * step,
+        "pull_ratio": math.exp(law.pull_exponent),
+        "release_ratio": math.exp(-law.release_exponent),
+        "adhesion": law.adhesion_N,
+        "modules": modules,
+        "followers": [m for m in modules if not m.plays_back and m != PLANT],  # of a reference
+        "initial": reference.initial_tension_N,
+        "amplitude": 0.25 * min(reference.initial_tension_N, max(reference.range_N, 1e-3)),
+        "example_rows": max(20, min(4000, round(2.0 / step))),
+        "tolerance": "0.02" if precision is Precision.FLOAT else "1e-9",
+        "limits": controller_limits(precision),
+        "state_bytes": state,
+    }
 
 
 def _padded(size: int, alignment: int) -> int:
     return -(-size // alignment) * alignment
 
 
-def _table_bytes(table: Table, precision: Precision) -> int:
+def _table_bytes(table: LookupTable, precision: Precision) -> int:
     """Constant data of a table: forces, shares and the index of the shares."""
     size, total = 4 if precision is Precision.FLOAT else 8, 0
     for branch in Branch:
@@ -356,15 +367,6 @@ def _design_json(
             "rate_N_per_s": built.rate_N_per_s,
         },
         "profile": {"samples": len(profile), "least_N": float(np.min(profile)), "most_N": float(np.max(profile))},
-        "files": {
-            f"{prefix}_{name}": text
-            for name, text in {
-                "inverse": "exact inverse of the chain",
-                "capstan": "static capstan law",
-                "table": "compensation table",
-                "profile": "optimal profile",
-                "plant": "the chain itself",
-            }.items()
-        },
+        "files": {f"{prefix}_{module.name}": module.content for module in c_modules()},
     }
     return json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False) + "\n"

@@ -13,14 +13,14 @@ from importlib.resources import files
 from pathlib import Path
 
 import jinja2
-import numpy as np
 
-from tendonff.compensator.export.c_project import Exported, check_prefix, export_project
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.export.c_project import c_modules, c_sources, check_prefix
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.compiler import find_compiler, run_compiler
+from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import CodeError
 
 _TEMPLATES = jinja2.Environment(  # noqa: S701 - the one place with markup escapes what it inserts
@@ -80,19 +80,17 @@ def build_fmu(
         If the compiler refuses the sources.
     """
     check_prefix(prefix)
-    level = level or scenario.run.level
-    exported = export_project(scenario, prefix=prefix, level=level, profile_N=np.zeros(1))  # a unit plays no profile
+    problem = Problem.of(scenario, level=level)
+    module = next(module for module in c_modules() if module.name == kind.value)
     identifier = f"{prefix}_{kind}"
     compiled = [f"{prefix}_limits.c", f"{prefix}_{kind}.c"]
     wrapper = "fmi2.c" if fmi is FmiVersion.V2 else "fmi3.c"
-    sources = {name: exported.files[name] for name in compiled}
-    for name in ("types", "limits", kind.value):
-        sources[f"{prefix}_{name}.h"] = exported.files[f"{prefix}_{name}.h"]
+    sources = c_sources(scenario, problem, (module,), Precision.DOUBLE, prefix)
     headers = files("tendonff.compensator.export").joinpath("templates", "fmu", "headers")
     for name in fmi.headers:
         sources[name] = headers.joinpath(name).read_text(encoding="utf-8")
     compiled.append(wrapper)
-    context = _context(scenario, exported, kind, level, prefix, identifier, compiled)
+    context = _context(scenario, problem, kind, prefix, identifier, compiled)
     context["token"] = _token(sources, context, fmi)
     sources["model.h"] = _render("model.h.j2", context)
     declared = sources[fmi.headers[1]]
@@ -139,10 +137,10 @@ def _named(argument: str, index: int) -> str:
 
 
 def _context(
-    scenario: Scenario, exported: Exported, kind: Kind, level: Level, prefix: str, identifier: str, compiled: list[str]
+    scenario: Scenario, problem: Problem, kind: Kind, prefix: str, identifier: str, compiled: list[str]
 ) -> dict[str, object]:
-    reference = exported.reference
-    rest = Chain.of(scenario.transmission, level).rest_state(reference.initial_tension_N)
+    reference, level = problem.reference, problem.level
+    rest = problem.chain.rest_state(reference.initial_tension_N)
     initial = repr(reference.initial_tension_N)
     tension = _Variable(name="tension", text="output tension", unit="N", start=initial)
     force = _Variable(name="force", text="force of the actuator, within its limits", unit="N", start=initial)

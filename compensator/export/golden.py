@@ -1,19 +1,17 @@
 """Golden vectors: what the exported C must answer, computed by the Python model."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.compensator.scenario.sampling import Reference
-from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.compensator.tables.table import FloatArray, Table, table_force
-from tendonff.models.capstan import CapstanLaw
-from tendonff.models.chain import Chain
+from tendonff.compensator.compensators.base import FloatArray, Problem
+from tendonff.compensator.compensators.lookup_table import LookupTable
+from tendonff.compensator.compensators.registry import COMPENSATORS
+from tendonff.compensator.compensators.table import CompensationTable
+from tendonff.compensator.export.table_index import rounded
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import simulate
-from tendonff.ocp.tracking.limits import ForceLimits
 
 _ROWS = 1000
 _REVERSAL_ROWS = 240
@@ -40,47 +38,36 @@ class Golden:
     columns: dict[str, FloatArray]
 
 
-def rounded(values: FloatArray, precision: Precision) -> FloatArray:
-    """The nearest numbers of the real type.
-
-    Parameters
-    ----------
-    values : ndarray
-    precision : Precision
-    """
-    if precision is Precision.DOUBLE:
-        return values
-    return values.astype(np.float32).astype(np.float64)
-
-
 def answers(
-    scenario: Scenario, chain: Chain, table: Table, reference_N: FloatArray, precision: Precision
+    problem: Problem, table: LookupTable, reference_N: FloatArray, precision: Precision
 ) -> tuple[FloatArray, dict[str, FloatArray]]:
     """Force for the plant, and the answer of each module to a reference that starts at rest at its first row.
 
     Parameters
     ----------
-    scenario : Scenario
-    chain : Chain
-    table : Table
+    problem : Problem
+    table : LookupTable
+        The one that is exported.
     reference_N : ndarray, shape (rows,)
         Exact in the real type.
     precision : Precision
     """
-    step, start = scenario.run.step_s, float(reference_N[0])
-    limits = ForceLimits.of(scenario.transmission.actuator)
-    wanted = {
-        "inverse": invert(chain, reference_N, step).force_N,
-        "capstan": CapstanLaw.of(scenario.transmission).input_history_N(reference_N, start),
-        "table": table_force(table, reference_N, start),
-    }
-    columns = {name: limits.apply(force, step, start) for name, force in wanted.items()}
+    step, start = problem.reference.step_s, float(reference_N[0])
+    time = np.arange(len(reference_N), dtype=np.float64) * step
+    course = replace(problem.reference, time_s=time, tension_N=reference_N, initial_tension_N=start)
+    followed = replace(problem, reference=course)
+    columns = {}
+    for compensator in COMPENSATORS:
+        module = compensator.c_module
+        if module is not None and not module.plays_back:
+            exported = CompensationTable(table) if isinstance(compensator, CompensationTable) else compensator
+            columns[module.name] = exported.profile(followed).force_N
     force = rounded(columns["inverse"], precision)
-    columns["plant"] = simulate(chain, force, step, initial_tension_N=start).require().output_tension_N
+    columns["plant"] = simulate(problem.chain, force, step, initial_tension_N=start).require().output_tension_N
     return force, columns
 
 
-def reversals(course_N: FloatArray) -> FloatArray:
+def to_and_fro(course_N: FloatArray) -> FloatArray:
     """A way on from the end of a course that turns round at many depths of the transition, within the course's range.
 
     Parameters
@@ -110,21 +97,18 @@ def reversals(course_N: FloatArray) -> FloatArray:
     return np.concatenate(legs)
 
 
-def golden_vectors(
-    scenario: Scenario, chain: Chain, table: Table, reference: Reference, precision: Precision
-) -> Golden:
+def golden_vectors(problem: Problem, table: LookupTable, precision: Precision) -> Golden:
     """Golden vectors along the scenario's own reference, thinned so that its whole course fits, then over reversals.
 
     Parameters
     ----------
-    scenario : Scenario
-    chain : Chain
-    table : Table
-    reference : Reference
+    problem : Problem
+    table : LookupTable
     precision : Precision
     """
-    stride = max(1, -(-len(reference.tension_N) // _ROWS))
-    course = reference.tension_N[::stride]
-    course = rounded(np.concatenate([course, reversals(course)]), precision)
-    force, columns = answers(scenario, chain, table, course, precision)
+    tension = problem.reference.tension_N
+    stride = max(1, -(-len(tension) // _ROWS))
+    course = tension[::stride]
+    course = rounded(np.concatenate([course, to_and_fro(course)]), precision)
+    force, columns = answers(problem, table, course, precision)
     return Golden(stride=stride, reference_N=course, plant_force_N=force, columns=columns)

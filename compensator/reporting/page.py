@@ -35,7 +35,7 @@ import hashlib
 import io
 import math
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -202,6 +202,33 @@ class Report:
     provenance: Provenance
     warnings: Sequence[str] = ()
     files: Sequence[FileNote] = ()
+
+
+def pictures_of(figures: Mapping[str, Figure], captions: Mapping[str, str]) -> dict[str, Picture]:
+    """Figures with their captions, by name.
+
+    Parameters
+    ----------
+    figures : mapping of str to Figure
+    captions : mapping of str to str
+    """
+    return {name: Picture(figure=figure, caption=captions[name]) for name, figure in figures.items()}
+
+
+def provenance_of(scenario: Scenario, command: str, options: str = "") -> Provenance:
+    """Provenance of a command that was given a scenario and a folder.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    command : str
+        Its name.
+    options : str, optional
+        Further options.
+    """
+    return Provenance(
+        scenario=scenario, command=f"tendonff {command} {scenario.source.name} --out DIR {options}".strip()
+    )
 
 
 def write_report(path: Path, report: Report) -> None:

@@ -12,23 +12,32 @@ from typing import TYPE_CHECKING, Any
 import matplotlib as mpl
 import matplotlib.style
 from cycler import cycler
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tendonff.compensator.files.writing import atomic_file
+from tendonff.compensator.reporting.colours import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-INK = "#000000"
-ORANGE = "#E69F00"
-SKY = "#56B4E9"
-GREEN = "#009E73"
-BLUE = "#0072B2"
-VERMILION = "#D55E00"
-PURPLE = "#CC79A7"
-GREY = "#7F7F7F"
+__all__ = [
+    "BLUE",
+    "GREEN",
+    "GREY",
+    "INK",
+    "LINE_STYLES",
+    "ORANGE",
+    "PAGE_WIDTH_IN",
+    "VERMILION",
+    "figure_style",
+    "legend_below",
+    "new_figure",
+    "save_figure",
+    "thinned",
+]
 
 CYCLE = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, INK)
 LINE_STYLES = ("-", "--", "-.", ":")
@@ -63,6 +72,9 @@ _STYLE: dict[Any, Any] = {
     "xtick.labelsize": 8,
     "ytick.labelsize": 8,
 }
+
+
+_MOST_POINTS = 4000  # of a curve: more would not be seen
 
 
 @contextmanager
@@ -117,6 +129,29 @@ def new_figure(
             subplot_kw={} if projection is None else {"projection": projection},
         )
     return figure, axes
+
+
+def thinned(rows: int, most: int = _MOST_POINTS) -> slice:
+    """Rows to draw: all of them, or an even selection where more would not be seen.
+
+    Parameters
+    ----------
+    rows : int
+    most : int, optional
+    """
+    return slice(None, None, max(1, rows // most))
+
+
+def legend_below(figure: Figure, panel: Axes, columns: int = 5) -> None:
+    """The legend of a panel under the figure.
+
+    Parameters
+    ----------
+    figure : Figure
+    panel : Axes
+    columns : int, optional
+    """
+    figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=columns)
 
 
 def save_figure(figure: Figure, path: Path, formats: Sequence[str] = ("png", "pdf")) -> list[Path]:

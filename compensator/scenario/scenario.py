@@ -15,7 +15,6 @@ from tendonff.compensator.files.reading import InputError, read_text, suggestion
 from tendonff.compensator.scenario.experiment import Experiment
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec, SineReference, WaypointReference
-from tendonff.compensator.scenario.robust import Robust
 from tendonff.compensator.scenario.run import Run
 from tendonff.compensator.scenario.shorthand import expand, further_keys
 from tendonff.compensator.scenario.tables import (
@@ -35,6 +34,7 @@ from tendonff.models.parameters import (
     Transmission,
 )
 from tendonff.models.parameters import Path as TendonPath
+from tendonff.models.uncertainty import Uncertainty
 
 SCHEMA = 1
 
@@ -51,7 +51,7 @@ _TABLES: dict[str, type] = {
     "load": Load,
     "run": Run,
 }
-_OPTIONAL: dict[str, type] = {"robust": Robust, "experiment": Experiment, "measurement": Measurement}
+_OPTIONAL: dict[str, type] = {"robust": Uncertainty, "experiment": Experiment, "measurement": Measurement}
 _REQUIRED_TABLES = ("path", "tendon", "friction", "actuator", "load", "reference", "run")
 
 
@@ -69,7 +69,7 @@ class Scenario:
         The tension wanted at the far end.
     run : Run
         Time step and fidelity level.
-    robust : Robust
+    robust : Uncertainty
         Uncertainty of the parameters.
     experiment : Experiment
         The two-motor test.
@@ -83,7 +83,7 @@ class Scenario:
     transmission: Transmission
     reference: ReferenceSpec
     run: Run
-    robust: Robust = field(default_factory=Robust)
+    robust: Uncertainty = field(default_factory=Uncertainty)
     experiment: Experiment = field(default_factory=Experiment)
     measurement: Measurement = field(default_factory=Measurement)
     source: Path = Path("scenario.toml")

@@ -1,8 +1,7 @@
-"""Play a force file on the chain: row by row into a file, in bounded memory."""
+"""Simulate the chain under a force file: row by row into a file, in bounded memory."""
 
 import math
 import re
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,12 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.files.dialect import find_dialect
+from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.quantities import FORCE_UNITS, TIME_UNITS, TIME_WORDS, Quantity, read_quantities
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.writing import open_csv
 from tendonff.compensator.scenario.plausibility import questions
 from tendonff.compensator.scenario.sampling import initial_tension
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.simulate.result import SimulatedForce
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.ocp.crosscheck import StepHalving
@@ -56,25 +57,6 @@ class ForceProfile:
         return force
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlayedForce:
-    """What became of a force that was played.
-
-    Parameters
-    ----------
-    rows : int
-        Rows written.
-    warnings : tuple of str
-        What the user should know.
-    check : str or None
-        Estimate of the discretisation error, and whether the run is reproducible, in words, when it was asked for.
-    """
-
-    rows: int
-    warnings: tuple[str, ...]
-    check: str | None
-
-
 def read_force(path: Path, column: str | None = None) -> ForceProfile:
     """Read a force file: columns time_s, force_N, first row at 0.
 
@@ -112,15 +94,15 @@ def read_force(path: Path, column: str | None = None) -> ForceProfile:
     )
 
 
-def play_force(
+def simulate_force(
     scenario: Scenario,
     level: Level,
     profile: ForceProfile,
     out: Path,
     *,
     check: bool = False,
-    advance: Callable[[int, int], None] | None = None,
-) -> PlayedForce:
+    progress: Progress = silent,
+) -> SimulatedForce:
     """Simulate the chain under a force file, from rest at the scenario's initial tension, and write the rows.
 
     Parameters
@@ -132,7 +114,7 @@ def play_force(
         File to write: `time_s,force_N,tension_1_N,...,actuator_position_m,load_position_m`.
     check : bool
         Run with a half and a quarter of the step as well and state the error estimate.
-    advance : callable
+    progress : callable, optional
         Told rows done and rows in all.
 
     Raises
@@ -162,8 +144,7 @@ def play_force(
             rows = coming.result()
             coming = next(computed, None)
             stream.write(rows)
-            if advance is not None:
-                advance(round(rows[-1, 0] / step) + 1, total)
+            progress(round(rows[-1, 0] / step) + 1, total)
     warnings = questions(scenario.transmission)
     if (jump := abs(run.first_force - start_tension)) > 1e-6 * max(start_tension, 1.0):
         warnings.append(
@@ -177,11 +158,11 @@ def play_force(
             "the rows some link carries no tension: raise the force there"
         )
     found = run.halving.result().text if run.halving is not None else None
-    return PlayedForce(rows=total, warnings=tuple(warnings), check=found)
+    return SimulatedForce(rows=total, warnings=tuple(warnings), check=found)
 
 
 def _beyond(scenario: Scenario, profile: ForceProfile) -> list[str]:
-    """Forces that the scenario's actuator could not apply; they are played all the same."""
+    """Forces that the scenario's actuator could not apply; they are simulated all the same."""
     actuator, force = scenario.transmission.actuator, profile.force_N
     found = []
     if force.max() > actuator.force_max_N:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tendonff.compensator.export.c_project import export_project, write_project
+from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.scenario.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 from tendonff.models.chain import Chain
@@ -102,7 +102,7 @@ def exported(tmp_path_factory: pytest.TempPathFactory, examples: Path) -> Callab
                 path = replace(scenario.transmission.path, segments=segments)
                 scenario = replace(scenario, transmission=replace(scenario.transmission, path=path))
             made[key] = tmp_path_factory.mktemp(f"{example}_{precision}")
-            write_project(export_project(scenario, precision=precision, profile_N=_profile(scenario)), made[key])
+            export_project(scenario, precision=precision, profile_N=_profile(scenario)).write(made[key])
         return made[key]
 
     return folder

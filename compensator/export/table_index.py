@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.compensator.export.golden import rounded
-from tendonff.compensator.tables.table import FloatArray, halves
+from tendonff.compensator.compensators.lookup_table import FloatArray, halves
 from tendonff.ocp.codegen.precision import Precision
 
 _FEWEST_BINS, _MOST_BINS = 16, 256
@@ -32,6 +31,19 @@ class ShareIndex:
     cell: list[int]
     rounds: int
     halves: tuple[int, ...]
+
+
+def rounded(values: FloatArray, precision: Precision) -> FloatArray:
+    """The nearest numbers of the real type.
+
+    Parameters
+    ----------
+    values : ndarray
+    precision : Precision
+    """
+    if precision is Precision.DOUBLE:
+        return values
+    return values.astype(np.float32).astype(np.float64)
 
 
 def share_index(share: FloatArray, precision: Precision) -> ShareIndex:

@@ -1,7 +1,5 @@
-"""Compensation tables."""
+"""Compensation tables: how they are made and looked up."""
 
-import csv
-import io
 import json
 from dataclasses import replace
 
@@ -11,11 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tendonff.compensator.cli import run
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.lookup_table import BranchTable, LookupTable, TableLookup, table_force
+from tendonff.compensator.compensators.table import CompensationTable, table_of
+from tendonff.compensator.compensators.table_build import sweep
 from tendonff.compensator.scenario.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
-from tendonff.compensator.tables.build import sweep
-from tendonff.compensator.tables.run import limited_table_force, make_tables, scenario_table, table_csv, table_from_csv
-from tendonff.compensator.tables.table import BranchTable, Table, TableCompensator, table_force
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
@@ -34,12 +33,7 @@ def reference(finger):
 
 @pytest.fixture(scope="module")
 def built(finger, reference):
-    return scenario_table(finger, reference)
-
-
-@pytest.fixture(scope="module")
-def tables(finger):
-    return make_tables(finger)
+    return table_of(Problem.of(finger))
 
 
 def test_the_interpolation_error_stays_under_its_bound(built):
@@ -67,25 +61,21 @@ def test_reversals_that_the_table_was_not_made_from_are_met_within_the_bound(fin
 
 
 def test_a_smaller_bound_needs_more_nodes_and_gives_less_error(finger, reference, built):
-    finer = scenario_table(finger, reference, bound_N=0.3 * built.bound_N)
+    finer = table_of(Problem.of(finger), bound_N=0.3 * built.bound_N)
     assert finer.table.nodes > built.table.nodes
     assert finer.error_N <= 0.3 * built.bound_N
 
 
 def test_with_a_stiff_bristle_the_table_ends_in_the_capstan_law_and_viscous_drag(finger, reference):
     law = CapstanLaw.of(finger.transmission)
-    table = scenario_table(finger, reference, level=Level.ELASTIC, bound_N=0.5).table
+    table = table_of(Problem.of(finger, level=Level.ELASTIC), bound_N=0.5).table
     for branch in Branch:
         slip = table.branch(branch).force_N[:, -1]
         assert slip == pytest.approx(law.input_for_N(table.reference_N, branch), abs=0.5)
 
 
-def test_as_a_compensator_it_leaves_less_than_half_a_percent_where_the_static_law_leaves_ten(tables):
-    assert tables.scores[tables.level].rmse_percent_of_range < 0.5
-
-
 def test_the_force_does_not_jump_at_a_reversal(built):
-    compensator = TableCompensator(built.table, 30.0)
+    compensator = TableLookup(built.table, 30.0)
     way = np.concatenate([np.linspace(30, 34, 40), np.linspace(34, 33, 11)[1:], np.linspace(33, 33.5, 6)[1:]])
     force = np.array([compensator.step(t) for t in way])
     steps = np.abs(np.diff(force))
@@ -94,7 +84,7 @@ def test_the_force_does_not_jump_at_a_reversal(built):
 
 def test_the_force_goes_on_without_a_jump_out_of_a_transition_in_any_state(built):
     """Legs of all lengths; after each a step back by a nanonewton moves the force by next to nothing."""
-    noise, compensator, here = np.random.default_rng(3), TableCompensator(built.table, 30.0), 30.0
+    noise, compensator, here = np.random.default_rng(3), TableLookup(built.table, 30.0), 30.0
     for sign in (1, -1) * 300:
         end = float(np.clip(here + sign * 30 * 10 ** noise.uniform(-4, 0), 14.5, 46.5))
         before = [compensator.step(t) for t in np.linspace(here, end, 5)[1:]][-1]
@@ -115,42 +105,18 @@ def test_the_force_lies_between_the_branches_for_any_history(built, seed):
 
 def test_a_reference_outside_the_table_is_refused_by_value(built):
     with pytest.raises(ParameterError, match=r"must stay from .* got 99"):
-        TableCompensator(built.table, 30.0).step(99.0)
+        TableLookup(built.table, 30.0).step(99.0)
 
 
 def test_doubtful_tables_are_refused():
     flat = BranchTable(share=np.array([0.0, 1.0]), force_N=np.zeros((2, 2)))
     with pytest.raises(ParameterError, match="equal steps"):
         three = BranchTable(share=np.array([0.0, 1.0]), force_N=np.zeros((3, 2)))
-        Table(reference_N=np.array([1.0, 2.0, 4.0]), adhesion_N=0, pull=three, release=three)
+        LookupTable(reference_N=np.array([1.0, 2.0, 4.0]), adhesion_N=0, pull=three, release=three)
     with pytest.raises(ParameterError, match="one row per reference"):
-        Table(reference_N=np.array([1.0, 2.0, 3.0]), adhesion_N=0, pull=flat, release=flat)
+        LookupTable(reference_N=np.array([1.0, 2.0, 3.0]), adhesion_N=0, pull=flat, release=flat)
     with pytest.raises(ParameterError, match="finite"):
         BranchTable(share=np.array([0.0, 1.0]), force_N=np.array([[0.0, np.nan]]))
-
-
-def test_the_csv_has_the_agreed_columns_no_empty_cell_and_reads_back(tables):
-    text = table_csv(tables)
-    rows = list(csv.DictReader(io.StringIO(text)))
-    assert list(rows[0]) == ["reference_N", "branch", "tension_since_reversal_N", "force_N"]
-    assert {row["branch"] for row in rows} == {"pull", "release"}
-    assert all(np.isfinite(float(row[name])) for row in rows for name in row if name != "branch")
-    again, table = table_from_csv(text), tables.runs[0].built.table
-    assert again.pull.force_N == pytest.approx(table.pull.force_N, abs=0)
-    assert again.release.share == pytest.approx(table.release.share, rel=1e-12)
-
-
-def test_angles_and_rates_become_further_columns(finger):
-    tables = make_tables(
-        finger, level=Level.VISCOELASTIC, bound_N=0.5, angles_rad=(1.0, 3.0), rates_N_per_s=(5.0, 50.0)
-    )
-    rows = list(csv.DictReader(io.StringIO(table_csv(tables))))
-    assert {(row["total_angle_rad"], row["rate_N_per_s"]) for row in rows} == {
-        (a, r) for a in ("1.0", "3.0") for r in ("5.0", "50.0")
-    }
-    ratios = [run.built.table.ratio(Branch.PULL)[:, -1].mean() for run in tables.runs]
-    assert ratios[0] == pytest.approx(np.exp(0.2 * 1.0), abs=0.03)
-    assert ratios[2] == pytest.approx(np.exp(0.2 * 3.0), abs=0.03)
 
 
 def test_the_command_writes_table_data_header_and_figure(examples, tmp_path, record_property):
@@ -174,7 +140,6 @@ def test_the_command_writes_table_data_header_and_figure(examples, tmp_path, rec
 
 def test_the_actuators_limits_apply_to_the_table_too(examples):
     slow = load_scenario(examples / "finger_fast.toml")
-    reference = sample_reference(slow)
-    force = limited_table_force(slow, reference, scenario_table(slow, reference).table)
+    force = CompensationTable().profile(Problem.of(slow)).force_N
     most = slow.transmission.actuator.force_rate_max_N_per_s * slow.run.step_s
     assert np.abs(np.diff(force)).max() <= most * (1 + 1e-9)

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tendonff.compensator.export.golden import reversals, rounded
-from tendonff.compensator.tables.index import share_index
-from tendonff.compensator.tables.table import halves
+from tendonff.compensator.compensators.lookup_table import halves
+from tendonff.compensator.export.golden import to_and_fro
+from tendonff.compensator.export.table_index import rounded, share_index
 from tendonff.ocp.codegen.precision import Precision
 
 gaps = st.lists(st.floats(1e-4, 1.0), min_size=1, max_size=60)
@@ -53,11 +53,11 @@ def test_the_written_out_bisection_finds_every_cell_and_leaves_none(nodes):
 
 def test_the_golden_course_turns_round_at_many_depths_within_its_range():
     course = 30 + 10 * np.sin(np.linspace(0, 5, 400))
-    way = reversals(course)
+    way = to_and_fro(course)
     steps = np.diff(np.concatenate([course[-1:], way]))
     turns = np.flatnonzero(np.diff(np.sign(steps)))
     legs = np.abs(np.diff(way[turns]))
     assert course.min() <= way.min() <= way.max() <= course.max()
     assert len(turns) >= 10
     assert legs.max() > 10 * legs.min()
-    assert reversals(np.full(5, 30.0)).size == 0
+    assert to_and_fro(np.full(5, 30.0)).size == 0

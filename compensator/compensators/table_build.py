@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.compensator.tables.table import BranchTable, FloatArray, Table
+from tendonff.compensator.compensators.lookup_table import BranchTable, FloatArray, LookupTable
 from tendonff.models.capstan import Branch
 from tendonff.models.chain import Chain, ChainState
 from tendonff.models.errors import ParameterError
@@ -36,7 +36,7 @@ class BuiltTable:
 
     Parameters
     ----------
-    table : Table
+    table : LookupTable
     bound_N : float
         Largest interpolation error that was allowed [N].
     error_N : float
@@ -49,7 +49,7 @@ class BuiltTable:
         Points that the error was found on.
     """
 
-    table: Table
+    table: LookupTable
     bound_N: float
     error_N: float
     resolution_N: float
@@ -220,7 +220,7 @@ def _sample_shares(
 
 def _choose_nodes(
     references: FloatArray, dense: dict[Branch, _Samples], adhesion_N: float, bound: float, split: float
-) -> Table:
+) -> LookupTable:
     """Fewest shares for a part of the bound, by the longest reach, then fewest equal steps of the reference for all."""
     columns = {b: _longest_reach(d, split * bound) for b, d in dense.items()}
     steps = len(references) - 1
@@ -233,15 +233,15 @@ def _choose_nodes(
 
 def _table(
     references: FloatArray, dense: dict[Branch, _Samples], rows: list[int], columns: dict[Branch, list[int]], p: float
-) -> Table:
+) -> LookupTable:
     pull, release = (
         BranchTable(share=dense[b].share[columns[b]], force_N=dense[b].force_N[np.ix_(rows, columns[b])])
         for b in (Branch.PULL, Branch.RELEASE)
     )
-    return Table(reference_N=references[rows], adhesion_N=p, pull=pull, release=release)
+    return LookupTable(reference_N=references[rows], adhesion_N=p, pull=pull, release=release)
 
 
-def _errors(table: Table, references: FloatArray, samples: _Samples, branch: Branch) -> FloatArray:
+def _errors(table: LookupTable, references: FloatArray, samples: _Samples, branch: Branch) -> FloatArray:
     """How far the interpolated force leaves the swept one, within the resolution [N]."""
     shape = samples.force_N.shape
     grid_t = np.broadcast_to(references[:, None], shape).ravel()

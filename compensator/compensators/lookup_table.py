@@ -1,4 +1,4 @@
-"""The compensation table as a compensator: force over reference tension, branch and tension travelled since a reversal.
+"""The compensation table: force over reference tension, branch and tension travelled since a reversal.
 
 The reference alone decides. While it rises the tendon is pulled, while it falls it is released; after a reversal the
 force goes over from one branch to the other along the tension that the reference has travelled since::
@@ -51,7 +51,7 @@ class BranchTable:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
+class LookupTable:
     """Feedforward force over reference, branch and share of the transition.
 
     Parameters
@@ -133,12 +133,12 @@ def _locate(nodes: FloatArray, values: FloatArray) -> tuple[NDArray[np.int64], F
     return cell, np.clip((values - nodes[cell]) / (nodes[cell + 1] - nodes[cell]), 0.0, 1.0)
 
 
-class TableCompensator:
+class TableLookup:
     """The table at work: feed it the reference sample by sample.
 
     Parameters
     ----------
-    table : Table
+    table : LookupTable
     initial_tension_N : float
         Uniform tension at rest before the start [N]; the force before the first change.
 
@@ -148,7 +148,7 @@ class TableCompensator:
         If a reference lies outside the table.
     """
 
-    def __init__(self, table: Table, initial_tension_N: float) -> None:
+    def __init__(self, table: LookupTable, initial_tension_N: float) -> None:
         self._low, self._high = float(table.reference_N[0]), float(table.reference_N[-1])
         self._cells_per_N, self._last_row = table.cells_per_N, table.reference_N.size - 2
         self._branches = {b: (table.branch(b).share.tolist(), table.ratio(b).tolist()) for b in Branch}
@@ -230,20 +230,20 @@ def halves(nodes: int) -> tuple[int, ...]:
     return tuple(steps)
 
 
-def table_force(table: Table, reference_N: FloatArray, initial_tension_N: float | None = None) -> FloatArray:
+def table_force(table: LookupTable, reference_N: FloatArray, initial_tension_N: float | None = None) -> FloatArray:
     """Force of the table for a reference course, before actuator limits, shape (n,) [N].
 
     Parameters
     ----------
-    table : Table
+    table : LookupTable
     reference_N : ndarray, shape (n,)
         Wanted tension at successive samples [N].
     initial_tension_N : float, optional
         Uniform tension at rest before the start [N]; default: the first reference.
     """
     start = float(reference_N[0]) if initial_tension_N is None else initial_tension_N
-    compensator = TableCompensator(table, start)
-    return np.array([compensator.step(float(t)) for t in reference_N])
+    lookup = TableLookup(table, start)
+    return np.array([lookup.step(float(t)) for t in reference_N])
 
 
 def table_range_N(reference_N: FloatArray, largest_N: float, margin: float = 0.05) -> tuple[float, float]:
