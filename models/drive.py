@@ -7,8 +7,24 @@ Positive pulls the tendon in.
 
 import math
 from dataclasses import dataclass
+from enum import StrEnum
 
 from tendonff.models.errors import ParameterError, require
+
+
+class Drive(StrEnum):
+    """What the actuator is told.
+
+    Attributes
+    ----------
+    FORCE
+        Its force f_c1: a current loop.
+    POSITION
+        Its position x_c1, behind the servo's stiffness k_c1: a position servo.
+    """
+
+    FORCE = "force"
+    POSITION = "position"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.compensator.files.progress import Progress, silent
+from tendonff.compensator.scenario.reference import Hold
 from tendonff.compensator.scenario.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.chain import Chain
@@ -20,8 +21,11 @@ from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.models.uncertainty import Objective
 from tendonff.ocp.errors import SolveError
+from tendonff.ocp.hold import KeptForce, find_holds, keep_force, last_approach
 from tendonff.ocp.inverse import Inversion, invert
+from tendonff.ocp.periodic import steady_inverse
 from tendonff.ocp.tracking.limits import ForceLimits
+from tendonff.ocp.tracking.motion import limit_motion
 from tendonff.ocp.tracking.problem import TrackOptions
 from tendonff.ocp.tracking.result import Tracking
 from tendonff.ocp.tracking.robust import Sample, sample_transmissions
@@ -96,20 +100,42 @@ class Problem:
         return ForceLimits.of(self.transmission.actuator)
 
     @cached_property
+    def kept(self) -> KeptForce | None:
+        """Holds and the end of the reference, where the force is kept; None where there are none."""
+        reference = self.reference
+        if reference.periodic:
+            return None
+        wanted, step = reference.tension_N, reference.step_s
+        end = last_approach(wanted, step)
+        holds = find_holds(wanted, step) if reference.hold is Hold.KEEP else ()
+        if not holds and end is None:
+            return None
+        rows = (*holds, *(() if end is None else (end,)))
+        return keep_force(self.chain, wanted, step, rows, initial_tension_N=reference.initial_tension_N)
+
+    @cached_property
+    def followed_N(self) -> FloatArray:
+        """What inverse and optimisation follow: the wanted tension, but for stretches where the force is kept [N]."""
+        return self.reference.tension_N if self.kept is None else self.kept.followed_N
+
+    @cached_property
     def inversion(self) -> Inversion:
         """The exact inverse before the limits, with its states: computed once for all that need it."""
         reference = self.reference
+        if reference.periodic:
+            return steady_inverse(self.chain, reference.tension_N, reference.step_s)[0]
         start = reference.initial_tension_N
-        return invert(self.chain, reference.tension_N, reference.step_s, initial_tension_N=start, record=True)
+        return invert(self.chain, self.followed_N, reference.step_s, initial_tension_N=start, record=True)
 
     def limited(self, force_N: FloatArray) -> FloatArray:
-        """A force within the actuator's limits, from the initial tension on [N].
+        """A force within the actuator's limits, those of its motion too, from the initial tension on [N].
 
         Parameters
         ----------
         force_N : ndarray, shape (n,)
         """
-        return self.limits.apply(force_N, self.reference.step_s, self.reference.initial_tension_N)
+        step, start = self.reference.step_s, self.reference.initial_tension_N
+        return limit_motion(self.chain, self.limits.apply(force_N, step, start), step, self.limits, start)
 
 
 class ProfileStatus(StrEnum):
@@ -140,6 +166,8 @@ class Profile:
         Force of the actuator at the rows of the reference [N].
     travel_m : ndarray, shape (n,), or None
         Travel of the actuator's end from rest that belongs to the force [m]; None where the compensator knows none.
+    command_m : ndarray, shape (n,), or None
+        Command of a position drive relative to the start [m]; None for a force drive.
     status : ProfileStatus
     message : str
         Why the status is not good; empty where it is.
@@ -151,6 +179,7 @@ class Profile:
 
     force_N: FloatArray
     travel_m: FloatArray | None = None
+    command_m: FloatArray | None = None
     status: ProfileStatus = ProfileStatus.GOOD
     message: str = ""
     warnings: tuple[str, ...] = ()

@@ -51,7 +51,7 @@ def solve(problem: Problem, *, progress: Progress = silent) -> Tracking:
         Told iterations done and iterations at most.
     """
     reference = problem.reference
-    wanted, step, start = reference.tension_N, reference.step_s, reference.initial_tension_N
+    wanted, step, start = problem.followed_N, reference.step_s, reference.initial_tension_N
     if not problem.samples:
         return track(
             problem.chain,

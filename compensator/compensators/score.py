@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.compensator.compensators.base import FloatArray
+from tendonff.compensator.compensators.base import FloatArray, Profile
+from tendonff.compensator.compensators.motion import servo
 from tendonff.compensator.scenario.sampling import Reference
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
@@ -84,16 +85,16 @@ class SimulatedPlant:
 
 
 def simulate_profile(
-    transmission: Transmission, plant: SimulatedPlant, force_N: FloatArray, reference: Reference
+    transmission: Transmission, plant: SimulatedPlant, profile: Profile, reference: Reference
 ) -> Simulation:
-    """Simulate a plant under a force profile, from rest at the reference's initial tension.
+    """Simulate a plant under a profile, from rest at the reference's initial tension.
 
     Parameters
     ----------
     transmission : Transmission
     plant : SimulatedPlant
-    force_N : ndarray, shape (n,)
-        Rows of the reference's grid [N].
+    profile : Profile
+        Rows of the reference's grid: its command where it has one, else its force.
     reference : Reference
 
     Returns
@@ -101,13 +102,16 @@ def simulate_profile(
     Simulation
         On the plant's own grid, every `refinement`-th row of which is a row of the reference.
     """
-    fine = force_N
+    chain = Chain.of(transmission, plant.level, plant.segments)
+    drive = profile.force_N
+    if profile.command_m is not None:
+        chain, drive = servo(chain, transmission.actuator, reference, profile.command_m)
     if plant.refinement > 1:
-        rows = (len(force_N) - 1) * plant.refinement + 1
-        fine = np.interp(np.arange(rows) / plant.refinement, np.arange(len(force_N)), force_N)
+        rows = (len(drive) - 1) * plant.refinement + 1
+        drive = np.interp(np.arange(rows) / plant.refinement, np.arange(len(drive)), drive)
     return simulate(
-        Chain.of(transmission, plant.level, plant.segments),
-        fine,
+        chain,
+        drive,
         reference.step_s / plant.refinement,
         initial_tension_N=reference.initial_tension_N,
     )
@@ -115,7 +119,7 @@ def simulate_profile(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verified:
-    """One compensator's force on one plant.
+    """One compensator's profile on one plant.
 
     Parameters
     ----------
@@ -124,6 +128,8 @@ class Verified:
     plant : SimulatedPlant
     output_N : ndarray, shape (n,)
         Delivered tension at the rows of the reference [N].
+    travel_m, load_m : ndarray, shape (n,)
+        Positions of the actuator's end and of the load relative to the start [m].
     score : Score
     slack : str
         Where the tendon went slack; empty where it stayed taut.
@@ -132,14 +138,16 @@ class Verified:
     compensator: str
     plant: SimulatedPlant
     output_N: FloatArray
+    travel_m: FloatArray
+    load_m: FloatArray
     score: Score
     slack: str
 
 
 def verify(
-    transmission: Transmission, plant: SimulatedPlant, compensator: str, force_N: FloatArray, reference: Reference
+    transmission: Transmission, plant: SimulatedPlant, compensator: str, profile: Profile, reference: Reference
 ) -> Verified:
-    """Simulate a plant under a force profile and score what arrives.
+    """Simulate a plant under a profile and score what arrives.
 
     Parameters
     ----------
@@ -147,7 +155,7 @@ def verify(
     plant : SimulatedPlant
     compensator : str
         Name for the result.
-    force_N : ndarray, shape (n,)
+    profile : Profile
     reference : Reference
 
     Raises
@@ -155,12 +163,15 @@ def verify(
     SolveError
         If the simulation fails.
     """
-    run = simulate_profile(transmission, plant, force_N, reference).require()
+    run = simulate_profile(transmission, plant, profile, reference).require()
     output = run.output_tension_N[:: plant.refinement]
+    travel, load = (x[:: plant.refinement] - x[0] for x in (run.near_position_m, run.far_position_m))
     return Verified(
         compensator=compensator,
         plant=plant,
         output_N=output,
+        travel_m=travel,
+        load_m=load,
         score=score(reference.tension_N, output),
         slack=run.message if run.outcome is Outcome.SLACK else "",
     )

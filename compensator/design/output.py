@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 
 from tendonff.compensator.compensators.base import FloatArray
 from tendonff.compensator.compensators.score import Verified
+from tendonff.compensator.design.drive_use import drive_columns, drive_summary
 from tendonff.compensator.design.figures import design_figures
 from tendonff.compensator.design.report import design_report
 from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS, DesignData
@@ -41,7 +42,12 @@ def profile_columns(result: DesignData) -> dict[str, FloatArray]:
     result : DesignData
     """
     forces = {f"force_{name}_N": force for name, force in result.forces_N.items()}
-    return {"time_s": result.reference.time_s, "reference_N": result.reference.tension_N, **forces}
+    return {
+        "time_s": result.reference.time_s,
+        "reference_N": result.reference.tension_N,
+        **forces,
+        **drive_columns(result),
+    }
 
 
 def summary(result: DesignData) -> dict[str, object]:
@@ -69,6 +75,7 @@ def summary(result: DesignData) -> dict[str, object]:
             "step_s": result.reference.step_s / FINE_REFINEMENT,
             "compensators": scores(result.proof),
         },
+        "drive": drive_summary(result),
         "ocp": None if result.tracking is None else _tracking_summary(result.tracking),
         "foresight": {
             "unstable_share": result.foresight.unstable_share,

@@ -1,7 +1,9 @@
 """The report of a design: what each profile delivers, in one page."""
 
+import numpy as np
 from matplotlib.figure import Figure
 
+from tendonff.compensator.design.drive_use import drive_use
 from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS, DesignData
 from tendonff.compensator.reporting.page import (
     Block,
@@ -19,6 +21,7 @@ from tendonff.models.fidelity import Level
 _CAPTIONS = {
     "tension": "Wanted tension and what each profile delivers, on the design level.",
     "force": "The force that the actuator applies for it.",
+    "drive": "What the profiles ask of the drive, on the design level; thin lines are its limits.",
     "loop": "Left: the tendon's hysteresis, output over force. Right: output over wanted tension; a perfect "
     "compensation is the diagonal.",
     "error": "Error on each fidelity level: how much the answer depends on the model it was designed with.",
@@ -83,16 +86,50 @@ def design_report(result: DesignData, figures: dict[str, Figure]) -> Report:
         sections=(
             Section(title="What arrives", blocks=(pictures["tension"], scores, peaks)),
             Section(title="What the actuator does", blocks=(pictures["force"], *_solver(result))),
+            Section(title="Sizing the drive", blocks=(pictures["drive"], *_drive(result))),
             Section(title="Hysteresis", blocks=(pictures["loop"],)),
             Section(title="How much the model matters", blocks=(pictures["error"],)),
             *_robust_section(result),
         ),
         provenance=provenance_of(result.scenario, "design"),
         files=(
-            FileNote(name="profile.csv", content="reference and the force of every compensator over time"),
+            FileNote(
+                name="profile.csv",
+                content="reference and the force of every compensator over time, travel, command and motor",
+            ),
             FileNote(name="summary.json", content="errors, solver status and warnings for other programs"),
         ),
     )
+
+
+def _drive(result: DesignData) -> tuple[Block, ...]:
+    """Stroke, speed, force, power and the motor's torque beside their limits."""
+    actuator = result.scenario.transmission.actuator
+    motor, used = actuator.motor, drive_use(result)
+    labels = {c.name: c.label for c in result.compensators}
+    rows: list[tuple[Cell, ...]] = []
+
+    def row(what: str, values: list[float], limit: float | None) -> None:
+        share = "" if not limit or not values else f"{100 * max(values) / limit:.3g} %"
+        rows.append((what, *values, "" if limit is None else limit, share))
+
+    speeds = [float(np.max(np.abs(use.speed_m_per_s))) for use in used]
+    lower, upper = actuator.travel_min_m, actuator.travel_max_m
+    row("stroke [m]", [use.stroke_m for use in used], None if lower is None or upper is None else upper - lower)
+    row("peak speed [m/s]", speeds, actuator.speed_max_m_per_s)
+    row("peak force [N]", [float(np.max(use.force_N)) for use in used], actuator.force_max_N)
+    row("rms force [N]", [use.force_rms_N for use in used], None)
+    row("peak power [W]", [float(np.max(use.power_W)) for use in used], None)
+    if motor is not None:
+        per_rad = motor.travel_per_rad_m
+        row("motor: peak torque [N m]", [float(np.max(use.force_N)) * per_rad for use in used], motor.torque_max_N_m)
+        row("motor: rms torque [N m]", [use.force_rms_N * per_rad for use in used], motor.torque_rated_N_m)
+        row("motor: peak speed [rad/s]", [speed / per_rad for speed in speeds], motor.speed_max_rad_per_s)
+        row("motor: way [turns]", [use.stroke_m / per_rad / (2 * np.pi) for use in used], None)
+        if motor.stall_torque_N_m is not None:
+            row("motor: share of the torque-speed line", [use.load_of_the_line(motor) for use in used], 1.0)
+    columns = ("quantity", *(labels[use.name] for use in used), "limit", "used")
+    return (Table(caption="What the drive must do", columns=columns, rows=tuple(rows)),)
 
 
 def _solver(result: DesignData) -> tuple[Block, ...]:

@@ -1,10 +1,13 @@
 """The main job: from a scenario to the force profile, with proof on every level and on a finer chain."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile
+from tendonff.compensator.compensators.motion import with_motion
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import SimulatedPlant, Verified, verify
+from tendonff.compensator.design.drive_use import drive_warnings
 from tendonff.compensator.design.output import Design
 from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.design.robustness import robustness, robustness_warnings
@@ -54,7 +57,8 @@ def design(
     profiles: dict[str, Profile] = {}
     for compensator in compensators:
         share = shares[compensator.name]
-        profiles[compensator.name] = compensator.profile(problem, progress=parts.inside(share))
+        profile = compensator.profile(problem, progress=parts.inside(share))
+        profiles[compensator.name] = with_motion(problem, compensator.name, profile)
         warnings += profiles[compensator.name].warnings
         parts.done(share)
     forces = {name: profile.force_N for name, profile in profiles.items()}
@@ -74,13 +78,13 @@ def design(
     verified: list[Verified] = []
     proof: list[Verified] = []
     fine = SimulatedPlant(level=level, segments=FINE_SEGMENTS, refinement=FINE_REFINEMENT)
-    for name, force in forces.items():
+    for name, profile in profiles.items():
         for plant, found in (*((SimulatedPlant(level=each), verified) for each in Level), (fine, proof)):
-            found.append(verify(transmission, plant, name, force, reference))
+            found.append(verify(transmission, plant, name, profile, reference))
             parts.done()
     warnings += _worse_than_nothing([v for v in verified if v.plant.level is level])
     warnings += [f"{v.compensator} on {v.plant.level}: {v.slack}" for v in verified if v.slack]
-    return Design(
+    result = Design(
         scenario=scenario,
         reference=reference,
         compensators=tuple(compensators),
@@ -91,6 +95,7 @@ def design(
         robustness=bands,
         warnings=tuple(warnings),
     )
+    return replace(result, warnings=(*result.warnings, *drive_warnings(result)))
 
 
 def _worse_than_nothing(verified: Sequence[Verified]) -> list[str]:

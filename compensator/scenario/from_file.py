@@ -6,7 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from tendonff.compensator.files.quantities import FORCE_UNITS, TIME_UNITS, TIME_WORDS, Quantity, read_quantities
+from tendonff.compensator.files.quantities import (
+    FORCE_UNITS,
+    LENGTH_UNITS,
+    TIME_UNITS,
+    TIME_WORDS,
+    Quantity,
+    read_quantities,
+)
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.filters import low_pass
@@ -23,14 +30,14 @@ class Samples:
 
     Parameters
     ----------
-    time_s, tension_N : ndarray, shape (rows,)
-        Time rises from 0.
+    time_s, value : ndarray, shape (rows,)
+        Time [s], which rises from 0, and the wanted quantity [N or m].
     notes : tuple of str
         What the user should know of the file.
     """
 
     time_s: FloatArray
-    tension_N: FloatArray
+    value: FloatArray
     notes: tuple[str, ...]
 
     @property
@@ -59,6 +66,14 @@ def read_samples(spec: CsvReference, path: Path, step_s: float) -> Samples:
             name="time_s", words=TIME_WORDS, units=TIME_UNITS, option=_COLUMN.format("time"), column=spec.time_column
         ),
         Quantity(
+            name="position_m",
+            words=("position", "load_position", "weg"),
+            units=LENGTH_UNITS,
+            option=_COLUMN.format("position"),
+            column=spec.position_column,
+        )
+        if spec.wants_position
+        else Quantity(
             name="tension_N",
             words=("tension", "force", "reference", "kraft"),
             units=FORCE_UNITS,
@@ -67,10 +82,10 @@ def read_samples(spec: CsvReference, path: Path, step_s: float) -> Samples:
         ),
     )
     read = read_quantities(path, wanted, starts_at_zero=True)
-    time, tension = read.values["time_s"], read.values["tension_N"]
+    time, value = (read.values[quantity.name] for quantity in wanted)
     if len(time) < 2:
         raise InputError(f"{path.name} has {len(time)} row; a reference needs at least two")
-    samples = Samples(time_s=time, tension_N=tension, notes=(*read.notes, *_gaps(time, path.name)))
+    samples = Samples(time_s=time, value=value, notes=(*read.notes, *_gaps(time, path.name)))
     if spec.time_column is None and len(time) >= _LOGGED_ROWS and samples.interval_s > _SLOW_LOG * step_s:
         raise InputError(
             f"{path.name}: {len(time)} rows {samples.interval_s:g} s apart are {time[-1] / step_s:.0f} steps of "
@@ -96,7 +111,7 @@ def _gaps(time: FloatArray, name: str) -> list[str]:
 
 
 def interpolate(samples: Samples, time_s: FloatArray, kind: Interpolation) -> FloatArray:
-    """Tension between the samples [N].
+    """The wanted quantity between the samples.
 
     Parameters
     ----------
@@ -106,19 +121,19 @@ def interpolate(samples: Samples, time_s: FloatArray, kind: Interpolation) -> Fl
     kind : Interpolation
     """
     if kind is Interpolation.LINEAR or len(samples.time_s) == 2:
-        straight: FloatArray = np.interp(time_s, samples.time_s, samples.tension_N)
+        straight: FloatArray = np.interp(time_s, samples.time_s, samples.value)
         return straight
     from scipy.interpolate import PchipInterpolator
 
     inside = np.minimum(time_s, samples.time_s[-1])  # the last step may end a rounding error behind the last sample
-    smooth: FloatArray = PchipInterpolator(samples.time_s, samples.tension_N)(inside)
+    smooth: FloatArray = PchipInterpolator(samples.time_s, samples.value)(inside)
     return smooth
 
 
 def resample(
     spec: CsvReference, samples: Samples, time_s: FloatArray, step_s: float, file: str
 ) -> tuple[FloatArray, float]:
-    """The trace on the grid of the run, and the rms of what the low-pass removed [N].
+    """The trace on the grid of the run, and the rms of what the low-pass removed.
 
     Parameters
     ----------

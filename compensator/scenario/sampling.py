@@ -9,13 +9,15 @@ import numpy as np
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.scenario.from_file import read_samples, resample
 from tendonff.compensator.scenario.plausibility import questions
-from tendonff.compensator.scenario.reference import CsvReference, Shape, SineReference, WaypointReference
+from tendonff.compensator.scenario.reference import CsvReference, Hold, Shape, SineReference, WaypointReference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.parameters import Transmission
+from tendonff.ocp.load import tension_of_motion
 
 _MAX_STEPS = 50_000_000
 _LONG_RUN = 200_000
 _MANY_TURNS_RAD = 20.0
+_LEAST_SHARE = 0.02  # of the range: a taut tendon where no tension is wanted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,6 +38,12 @@ class Reference:
         Root mean square of what the low-pass took away [N]; 0 without one.
     sample_interval_s : float
         Usual time between the samples of a file [s]; 0 for the other kinds.
+    position_m : ndarray, shape (n + 1,), or None
+        Wanted position of the load relative to the start [m], where that is wanted.
+    periodic : bool
+        One period of a cycle: the last row is the first of the next.
+    hold : Hold
+        What the force does while the reference rests.
     warnings : tuple of str
         What the user should know.
     """
@@ -46,6 +54,9 @@ class Reference:
     initial_tension_N: float
     removed_noise_N: float = 0.0
     sample_interval_s: float = 0.0
+    position_m: FloatArray | None = None
+    periodic: bool = False
+    hold: Hold = Hold.EXACT
     warnings: tuple[str, ...] = ()
 
     @property
@@ -66,14 +77,17 @@ def sample_reference(scenario: Scenario) -> Reference:
     InputError
         The reference reaches 0 or below, or above the largest tension that force_max_N delivers through the friction.
     """
-    spec = scenario.reference
-    time, tension, initial, removed, interval, notes = _sample(scenario)
+    spec, step = scenario.reference, scenario.run.step_s
+    sampled = _sample(scenario)
+    time, tension, initial, notes = sampled.time_s, sampled.tension_N, sampled.initial_N, list(sampled.notes)
+    removed = sampled.removed
     _check_deliverable(scenario.transmission, time, tension, scenario.source.name)
     notes += questions(scenario.transmission)
     if removed > 0 and isinstance(spec, CsvReference):
+        span, unit = (tension, "N") if sampled.position_m is None else (sampled.position_m, "m")
         notes.append(
-            f"{spec.file}: the low-pass at {spec.cutoff_Hz:g} Hz removed {removed:.3g} N rms "
-            f"({100 * removed / max(float(np.ptp(tension)), 1e-300):.2g} % of range)"
+            f"{spec.file}: the low-pass at {spec.cutoff_Hz:g} Hz removed {removed:.3g} {unit} rms "
+            f"({100 * removed / max(float(np.ptp(span)), 1e-300):.2g} % of range)"
         )
     if abs(initial - tension[0]) > 1e-3 * max(float(np.ptp(tension)), 1e-9):
         notes.append(
@@ -82,10 +96,13 @@ def sample_reference(scenario: Scenario) -> Reference:
     return Reference(
         time_s=time,
         tension_N=tension,
-        step_s=scenario.run.step_s,
+        step_s=step,
         initial_tension_N=initial,
         removed_noise_N=removed,
-        sample_interval_s=interval,
+        sample_interval_s=sampled.interval_s,
+        position_m=sampled.position_m,
+        periodic=spec.periodic,
+        hold=spec.hold,
         warnings=tuple(notes),
     )
 
@@ -97,8 +114,7 @@ def initial_tension(scenario: Scenario) -> float:
     ----------
     scenario : Scenario
     """
-    given = scenario.reference.initial_tension_N
-    return given if given is not None else _sample(scenario)[2]
+    return _sample(scenario).initial_N
 
 
 def work_ahead(scenario: Scenario) -> str | None:
@@ -126,8 +142,20 @@ def work_ahead(scenario: Scenario) -> str | None:
     )
 
 
-def _sample(scenario: Scenario) -> tuple[FloatArray, FloatArray, float, float, float, list[str]]:
-    """Times, tensions, initial tension, rms of what a filter removed, interval and notes of a file."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Sampled:
+    """The wish on the grid of the run, before it is checked."""
+
+    time_s: FloatArray
+    tension_N: FloatArray
+    position_m: FloatArray | None
+    initial_N: float
+    removed: float
+    interval_s: float
+    notes: tuple[str, ...]
+
+
+def _sample(scenario: Scenario) -> _Sampled:
     spec, step, file = scenario.reference, scenario.run.step_s, scenario.source.name
     removed, interval, notes = 0.0, 0.0, list[str]()
     match spec:
@@ -140,21 +168,79 @@ def _sample(scenario: Scenario) -> tuple[FloatArray, FloatArray, float, float, f
                     f"step_s = {step:g}), "
                     f"got {highest:g}; use a step of {0.02 / highest:.2g} s or less"
                 )
-            tension = _sine(spec, time)
+            course = _sine(spec, time)
         case WaypointReference():
             time = _grid(spec.times_s[-1], step, file)
-            tension = _waypoints(spec, time)
+            course = _waypoints(spec, time)
         case CsvReference():
             samples = read_samples(spec, scenario.source.parent / spec.file, step)
             time = _grid(float(samples.time_s[-1]), step, file)
-            tension, removed = resample(spec, samples, time, step, file)
+            course, removed = resample(spec, samples, time, step, file)
             interval = samples.interval_s
             notes += samples.notes
         case _:
             assert_never(spec)
+    if spec.periodic:
+        course = _closed(course, file)
+    position = course if spec.wants_position else None
+    if position is not None:
+        # The first of a periodic course is not at rest: its tension is that of the cycle.
+        rest = spec.initial_tension_N or 0.0
+        course = tension_of_motion(scenario.transmission.load, position, step, rest, periodic=spec.periodic)
     # The first sample of the filtered course, where there is a filter: the run then starts without a jump.
-    initial = float(tension[0]) if spec.initial_tension_N is None else spec.initial_tension_N
-    return time, tension, initial, removed, interval, notes
+    initial = float(course[0]) if spec.initial_tension_N is None else spec.initial_tension_N
+    tension, floor, note = keep_taut(course, spec.least_tension_N)
+    return _Sampled(
+        time_s=time,
+        tension_N=tension,
+        position_m=position,
+        initial_N=max(initial, floor),
+        removed=removed,
+        interval_s=interval,
+        notes=(*notes, *note),
+    )
+
+
+def _closed(course: FloatArray, file: str) -> FloatArray:
+    """One period, its last row the first of the next."""
+    first, last, span = float(course[0]), float(course[-1]), float(np.ptp(course))
+    if abs(last - first) > 1e-3 * span:
+        raise InputError(
+            f"{file} [reference]: periodic = true, but the reference starts at {first:.4g} and ends at {last:.4g}; let "
+            "one period end where it starts (sines: whole periods and fade_in_s = 0)"
+        )
+    closed = course.copy()
+    closed[-1] = first
+    return closed
+
+
+def keep_taut(tension_N: FloatArray, least_N: float | None) -> tuple[FloatArray, float, tuple[str, ...]]:
+    """A wish that touches zero, lifted to a least tension; that tension, and what to say.
+
+    Parameters
+    ----------
+    tension_N : ndarray, shape (n,)
+        Wanted tension [N].
+    least_N : float or None
+        Tension to be kept [N]; None: 2 % of the range where the wish touches zero, else none.
+    """
+    lowest, span = float(np.min(tension_N)), float(np.ptp(tension_N))
+    if lowest < -1e-6 * span or (least_N is None and lowest > 0) or (least_N is not None and lowest >= least_N):
+        return tension_N, 0.0, ()
+    least = _LEAST_SHARE * span if least_N is None else least_N
+    if least <= 0:
+        return tension_N, 0.0, ()
+    # A hyperbola between wish and floor: a corner there would make the inverse jump.
+    lifted: FloatArray = 0.5 * (tension_N + least + np.hypot(tension_N - least, 0.5 * least))
+    floor = float(np.min(lifted))
+    default = f"{100 * _LEAST_SHARE:g} % of the range; least_tension_N sets it"
+    kept = default if least_N is None else "least_tension_N"
+    share = 100 * float(np.mean(lifted - tension_N > 0.1 * least))
+    note = (
+        f"the wanted tension falls to {lowest:.3g} N: at least {floor:.3g} N is kept instead ({kept}), which lifts it "
+        f"in {share:.2g} % of the samples; errors refer to the lifted one"
+    )
+    return lifted, floor, (note,)
 
 
 def _grid(duration_s: float, step_s: float, file: str) -> FloatArray:
@@ -177,14 +263,14 @@ def _grid(duration_s: float, step_s: float, file: str) -> FloatArray:
 def _sine(spec: SineReference, time: FloatArray) -> FloatArray:
     fade = np.minimum(time / spec.fade_in_s, 1.0) if spec.fade_in_s > 0 else np.ones_like(time)
     waves = np.zeros_like(time)
-    for amplitude, frequency in zip(spec.amplitudes_N, spec.frequencies_Hz, strict=True):
+    for amplitude, frequency in zip(spec.amplitudes, spec.frequencies_Hz, strict=True):
         waves += amplitude * np.sin(2 * np.pi * frequency * time)
-    result: FloatArray = spec.initial_tension_N + fade * waves
+    result: FloatArray = (0.0 if spec.wants_position else spec.initial_tension_N) + fade * waves
     return result
 
 
 def _waypoints(spec: WaypointReference, time: FloatArray) -> FloatArray:
-    times, tensions = np.array(spec.times_s), np.array(spec.tensions_N)
+    times, tensions = np.array(spec.times_s), np.array(spec.values)
     if spec.shape is Shape.LINEAR:
         straight: FloatArray = np.interp(time, times, tensions)
         return straight

@@ -46,6 +46,7 @@ def expand(table: str, raw: Mapping[str, object], *, file: str) -> dict[str, obj
                 drive = read_table(Motor, motor, file=file, table="actuator.motor")
                 keys.setdefault("mass_kg", drive.mass_kg)
                 keys.setdefault("force_max_N", drive.force_max_N)
+                keys.setdefault("speed_max_m_per_s", drive.speed_max_m_per_s)
     return keys
 
 

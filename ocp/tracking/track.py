@@ -14,6 +14,7 @@ from tendonff.ocp.tracking.cost import Evaluation, evaluate
 from tendonff.ocp.tracking.diagnosis import departures, law_of, reasons
 from tendonff.ocp.tracking.grids import GridRefinement
 from tendonff.ocp.tracking.limits import ForceLimits, Violation
+from tendonff.ocp.tracking.motion import limit_motion
 from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
 from tendonff.ocp.tracking.receding_horizon import Progress, solve
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
@@ -102,15 +103,19 @@ def solve_tracking(
     """
     began = time.perf_counter()
     reference, limits = problem.goal.reference_N, problem.limits
-    clipped = problem.clipped(inversion.force_N)
+    nominal, start_N = problem.plants[0].chain, float(inversion.force_N[0])
+    wanted_N = limit_motion(nominal, problem.clipped(inversion.force_N), problem.step_s, limits, start_N)
+    clipped = problem.clipped(wanted_N)
     at_clipped = evaluate(problem, clipped)
-    law = law_of(problem.plants[0].chain).input_history_N(reference, float(inversion.force_N[0]))
+    law = law_of(nominal).input_history_N(reference, start_N)
+    law = limit_motion(nominal, problem.clipped(law), problem.step_s, limits, start_N)
     static = problem.clipped(law)
     exact = (
         inversion.status is InverseStatus.EXACT
         and options.effort_weight == 0
         and len(problem.plants) == 1
         and limits.admits(inversion.force_N, problem.step_s, 1e-9)
+        and np.array_equal(clipped, problem.clipped(inversion.force_N))
         and at_clipped.beyond_N == 0
     )
     candidates = [(at_clipped, clipped), (evaluate(problem, static), static)]
@@ -121,7 +126,8 @@ def solve_tracking(
         best, status = 0, TrackStatus.EXACT
     else:
         try:
-            for wanted in (inversion.force_N, law):  # the law only where the search from the inverse ends worse
+            started = inversion.force_N if not limits.motion.binds else wanted_N
+            for wanted in (started, law):  # the law only where the search from the inverse ends worse
                 force, refinements = solve(_taut(problem, wanted), wanted, options, progress)
                 candidates.insert(0, (evaluate(problem, force), force))
                 if candidates[0][0].merit < min(found.merit for found, _ in candidates[1:]):
@@ -170,13 +176,15 @@ def _report(work: _Work, problem: TrackingProblem, inversion: Inversion, options
     """Put what was found into a result that explains itself."""
     h, reference, limits, force = problem.step_s, problem.goal.reference_N, problem.limits, work.force_N
     nominal = problem.plants[0].chain
-    seen = evaluate(replace(problem, plants=problem.plants[:1]), force).tensions_N
-    tension = seen[0] if seen else np.full((len(reference), nominal.count + 1), np.nan)
+    seen = evaluate(replace(problem, plants=problem.plants[:1]), force)
+    tension = seen.tensions_N[0] if seen.tensions_N else np.full((len(reference), nominal.count + 1), np.nan)
     output = tension[:, -1]
     worst = worst_bound(tension, force, h, limits, options)
+    too_fast = limits.worst_motion(seen.travels_m[0], h) if seen.travels_m else None
     status = work.status
     if status is not TrackStatus.FAILED and not _keeps_tension(tension, options):
         status = TrackStatus.INFEASIBLE
+    note = work.note if too_fast is None else f"{work.note}; the motion is not kept: {too_fast}"
     error = output - reference
     rms, span = float(np.sqrt(np.mean(error**2))), max(float(np.ptp(reference)), 1e-300)
     clipped_rms = float(np.sqrt(work.at_clipped.squares.max()))
@@ -211,7 +219,7 @@ def _report(work: _Work, problem: TrackingProblem, inversion: Inversion, options
     }[status]
     return Tracking(
         status=status,
-        message=message + work.note,
+        message=message + note,
         reasons=told,
         departures=departures(output, reference, h),
         time_s=inversion.time_s,
@@ -222,7 +230,7 @@ def _report(work: _Work, problem: TrackingProblem, inversion: Inversion, options
         clipped_rms_error_N=clipped_rms,
         least_tension_N=float(tension[1:].min()),
         largest_tension_N=float(tension[1:].max()),
-        worst=worst,
+        worst=worst if too_fast is None else too_fast,
         iterations=iterations,
         promise=promise,
         windows=max(len(work.refinements), 1),

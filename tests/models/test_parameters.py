@@ -11,6 +11,7 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 
+OTHER_RULES = ("segments", "motor", "drive", "travel_min_m", "travel_max_m", "servo_stiffness_N_per_m")
 PARTS = ("path", "tendon", "friction", "actuator", "load")
 
 
@@ -23,12 +24,12 @@ def test_every_number_is_refused_by_name_when_negative_or_nan(generic: Transmiss
     for part in PARTS:
         for field in fields(getattr(generic, part)):
             for bad in (-1.0, math.nan, math.inf):
-                if field.name in ("segments", "motor"):
+                if field.name in OTHER_RULES:
                     continue
                 with pytest.raises(ParameterError, match=f"{field.name} must be .*got {bad}"):
                     changed(generic, part, **{field.name: bad})
                 seen += 1
-    assert seen == 3 * 24
+    assert seen == 3 * 25
 
 
 def test_a_number_too_large_for_any_transmission_is_refused_instead_of_overflowing(generic: Transmission) -> None:

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from tendonff.compensator.cli import run
-from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.base import Problem, Profile
 from tendonff.compensator.compensators.capstan import Capstan
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import SimulatedPlant, score, simulate_profile
@@ -112,9 +112,11 @@ def test_a_refined_plant_reads_the_profile_as_linear_between_its_rows(examples):
     scenario = load_scenario(examples / "finger.toml")
     reference = sample_reference(scenario)
     force = 30.0 + 1.2 * (reference.tension_N - 30.0)
-    coarse = simulate_profile(scenario.transmission, SimulatedPlant(level=Level.PRESLIDING), force, reference)
+    coarse = simulate_profile(
+        scenario.transmission, SimulatedPlant(level=Level.PRESLIDING), Profile(force_N=force), reference
+    )
     fine = simulate_profile(
-        scenario.transmission, SimulatedPlant(level=Level.PRESLIDING, refinement=4), force, reference
+        scenario.transmission, SimulatedPlant(level=Level.PRESLIDING, refinement=4), Profile(force_N=force), reference
     )
     difference = coarse.output_tension_N - fine.output_tension_N[::4]
     assert np.sqrt(np.mean(difference**2)) < 5e-4 * np.ptp(coarse.output_tension_N)

@@ -123,7 +123,7 @@ def test_optional_tables_and_keys_default_to_nothing_special() -> None:
         (
             line("initial_tension_N"),
             "initial_tension_N = -1\n",
-            "[reference]: initial_tension_N must be a finite number > 0",
+            "[reference]: initial_tension_N must be a finite number >= 0",
         ),
         (line("step_s"), "step_s = 0\n", "[run]: step_s must be a finite number > 0, got 0"),
         (
@@ -257,8 +257,8 @@ def test_values_that_look_like_another_unit_are_asked_about(key: str, value: str
         ("times_s = [0, 1, 1]\ntensions_N = [1, 2, 3]", "times_s must increase, got 1.0 after 1.0"),
         ("times_s = [0.5, 1]\ntensions_N = [1, 2]", "times_s must start at 0, got 0.5"),
         (
-            "times_s = [0, 1]\ntensions_N = [1, 0]",
-            r"tensions_N\[1\] must be a finite number > 0, got 0.0; a tendon cannot",
+            "times_s = [0, 1]\ntensions_N = [1, -1]",
+            r"tensions_N\[1\] must be a finite number >= 0, got -1.0; a tendon cannot",
         ),
     ],
 )
