@@ -1,6 +1,7 @@
 """One-sided bounds whose derivative costs one comparison."""
 
 import casadi as ca
+import numpy as np
 
 
 def at_least(x: ca.SX, floor: float) -> ca.SX:
@@ -11,7 +12,9 @@ def at_least(x: ca.SX, floor: float) -> ca.SX:
 
     Parameters
     ----------
-    x : ca.SX
+    x : ca.SX or ndarray
     floor : float
     """
+    if isinstance(x, np.ndarray):
+        return np.where(x > floor, x, floor)
     return ca.if_else(x > floor, x, floor)

@@ -11,6 +11,7 @@ compose along the path, so the tension profile is the memory of the input. Eq. (
 (ICRA 2010) for one-way slip; the play law is derived in the same notation.
 """
 
+import functools
 import math
 from dataclasses import dataclass
 from enum import StrEnum
@@ -53,6 +54,12 @@ def play(memory: ca.SX, low: ca.SX, high: ca.SX) -> ca.SX:
         Bounds that the input sets now, low <= high.
     """
     return ca.fmin(ca.fmax(memory, low), high)
+
+
+@functools.cache
+def _play_update() -> ca.Function:
+    memory, low, high = ca.SX.sym("memory"), ca.SX.sym("low"), ca.SX.sym("high")
+    return ca.Function("play", [memory, low, high], [play(memory, low, high)])
 
 
 def _shape(exponent: float) -> float:
@@ -153,11 +160,9 @@ class CapstanLaw:
         ndarray, shape (n,)
         """
         history = np.asarray(input_N, dtype=np.float64)
-        memory, low, high = ca.SX.sym("memory"), ca.SX.sym("low"), ca.SX.sym("high")
-        update = ca.Function("play", [memory, low, high], [play(memory, low, high)])
         start = history[0] if initial_output_N is None else initial_output_N
         lows, highs = self.output_bounds_N(history)
-        run = update.mapaccum("plays", len(history))
+        run = _play_update().mapaccum("plays", len(history))
         output: Array = np.maximum(np.asarray(run(start, lows, highs)).ravel(), 0.0)
         return output
 

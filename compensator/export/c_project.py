@@ -18,7 +18,6 @@ from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
 from tendonff.compensator.compensators.table import table_of, table_range
 from tendonff.compensator.compensators.table_build import BuiltTable
-from tendonff.compensator.export.chain_code import controller_limits, inverse_code, plant_code
 from tendonff.compensator.export.golden import golden_vectors
 from tendonff.compensator.export.table_index import share_index
 from tendonff.compensator.files.reading import InputError
@@ -29,6 +28,7 @@ from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
+from tendonff.ocp.step.target import controller_limits, inverse_code, plant_code
 
 PLANT = CModule(name="plant", content="the chain itself")
 """What is exported beside the compensators, for tests."""
@@ -276,8 +276,8 @@ def _context(scenario: Scenario, problem: Problem, precision: Precision, prefix:
     """What every template may use."""
     transmission, reference, step = problem.transmission, problem.reference, problem.reference.step_s
     actuator, law = transmission.actuator, CapstanLaw.of(transmission)
-    count = transmission.path.segments
-    reals, size = 4 * count + 6, 4 if precision is Precision.FLOAT else 8
+    chain = problem.chain
+    count, reals, size = chain.count, chain.layout.size, 4 if precision is Precision.FLOAT else 8
     low, _ = table_range(problem)
     modules = c_modules()
     output = max(size, 4) + 8
