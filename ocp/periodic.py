@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.models.chain import Chain, ChainState
+from tendonff.models.chain import Chain
+from tendonff.models.layout import ChainState, StateLayout
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import InverseStatus, Inversion, invert
 from tendonff.ocp.simulate import Simulation, simulate
@@ -68,9 +69,10 @@ def steady_inverse(chain: Chain, cycle_N: Array, step_s: float) -> tuple[Inversi
 
     def run(state: ChainState) -> tuple[Array, ChainState]:
         found = invert(chain, cycle_N, step_s, state=state, record=True)
-        return found.force_N[1:], _last(found.states)
+        return found.force_N[1:], _last(found.states, chain.layout)
 
-    state, steadiness = _steady(run, chain.rest_state(float(cycle_N[0])), float(np.ptp(cycle_N)))
+    rest = chain.rest_state(float(cycle_N[0]))
+    state, steadiness = _steady(run, rest, chain.layout, float(np.ptp(cycle_N)))
     # Two periods, of which the second has no seam: the first step of a run is of first order.
     twice = invert(chain, np.concatenate([cycle_N[:-1], cycle_N]), step_s, state=state, record=True)
     second = slice(len(cycle_N) - 1, None)
@@ -82,7 +84,7 @@ def steady_inverse(chain: Chain, cycle_N: Array, step_s: float) -> tuple[Inversi
         twice,
         status=InverseStatus.EXACT if whole else InverseStatus.WOULD_PUSH,
         message=f"{len(cycle_N)} rows, least tension {least.min():.4g} N" if whole else twice.message,
-        time_s=np.arange(len(cycle_N)) * step_s,
+        time_s=np.arange(len(cycle_N), dtype=np.float64) * step_s,
         force_N=twice.force_N[second],
         least_tension_N=least,
         states=twice.states[second],
@@ -114,26 +116,26 @@ def steady_response(
         found = simulate(chain, force, step_s, state=state).require()
         return found.output_tension_N[1:], found.final
 
-    state, steadiness = _steady(run, chain.rest_state(initial_tension_N), float(np.ptp(force)))
+    state, steadiness = _steady(run, chain.rest_state(initial_tension_N), chain.layout, float(np.ptp(force)))
     twice = simulate(chain, np.concatenate([force[:-1], force]), step_s, state=state).require()
     second = slice(len(force) - 1, None)
     return replace(
         twice,
-        time_s=np.arange(len(force)) * step_s,
+        time_s=np.arange(len(force), dtype=np.float64) * step_s,
         tension_N=twice.tension_N[second],
         near_position_m=twice.near_position_m[second],
         far_position_m=twice.far_position_m[second],
     ), steadiness
 
 
-def _last(states: Array | None) -> ChainState:
+def _last(states: Array | None, layout: StateLayout) -> ChainState:
     if states is None:
         raise SolveError("a cycle kept no states")
-    return ChainState.from_vector(states[-1])
+    return ChainState.from_vector(states[-1], layout)
 
 
 def _steady(
-    run: Callable[[ChainState], tuple[Array, ChainState]], start: ChainState, span: float
+    run: Callable[[ChainState], tuple[Array, ChainState]], start: ChainState, layout: StateLayout, span: float
 ) -> tuple[ChainState, Steadiness]:
     """Iterate the map of the period, accelerated, until two cycles are the same."""
     limit = TOLERANCE * max(span, 1e-9)
@@ -151,7 +153,7 @@ def _steady(
         previous = change
         starts, ends = [*starts[1 - _DEPTH :], state.vector()], [*ends[1 - _DEPTH :], end.vector()]
         # The first cycles wipe out what friction remembers of the start; only then is the map smooth.
-        state = end if cycle < 3 else ChainState.from_vector(_accelerated(starts, ends))
+        state = end if cycle < 3 else ChainState.from_vector(_accelerated(starts, ends), layout)
     return state, Steadiness(cycles=MOST_CYCLES, change_N=change, converged=False)
 
 

@@ -116,7 +116,10 @@ def _entry(
     """Simulate a plant under a profile, with the spread over step and tolerance."""
     if plant == CAPSTAN_PLANT:
         # Exact for a force that is linear between rows: nothing to refine.
-        outputs = [CapstanLaw.of(transmission).output_history_N(profile.force_N, reference.initial_tension_N)]
+        law, rows, start = CapstanLaw.of(transmission), profile.force_N, reference.initial_tension_N
+        if reference.periodic:  # the second period is that of the steady state
+            rows = np.concatenate([rows[:-1], rows])
+        outputs = [law.output_history_N(rows, start)[-len(profile.force_N) :]]
     else:
         outputs = list(_replays(transmission, Level(plant), profile, reference, f"{name} on {plant}", warnings))
     result = score(reference.tension_N, outputs[0])

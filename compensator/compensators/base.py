@@ -5,6 +5,7 @@ then know it. `export-c` also needs its C template, named by `c_module`.
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.compensator.files.progress import Progress, silent
+from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.reference import Hold
 from tendonff.compensator.scenario.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
@@ -80,6 +82,8 @@ class Problem:
         options : TrackOptions, optional
         """
         samples = sample_transmissions(scenario.transmission, scenario.robust)
+        if len(samples) > 1 and scenario.reference.periodic:
+            raise InputError(f"{scenario.source.name}: [robust] knows no periodic reference yet; leave one of them out")
         return cls(
             transmission=scenario.transmission,
             level=level or scenario.run.level,
@@ -135,7 +139,27 @@ class Problem:
         force_N : ndarray, shape (n,)
         """
         step, start = self.reference.step_s, self.reference.initial_tension_N
-        return limit_motion(self.chain, self.limits.apply(force_N, step, start), step, self.limits, start)
+
+        def limit(force: FloatArray) -> FloatArray:
+            return limit_motion(self.chain, self.limits.apply(force, step, start), step, self.limits, start)
+
+        return self.in_cycle(limit, force_N)
+
+    def in_cycle(self, causal: Callable[[FloatArray], FloatArray], rows: FloatArray) -> FloatArray:
+        """What a causal map makes of rows that start at rest or, of a periodic reference, of its steady cycle.
+
+        Parameters
+        ----------
+        causal : callable
+            From rows to rows, from rest on.
+        rows : ndarray, shape (n,)
+        """
+        if not self.reference.periodic:
+            return causal(rows)
+        # Friction and limits forget within a cycle: the third period is that of the steady state.
+        result: FloatArray = causal(np.concatenate([rows[:-1], rows[:-1], rows]))[-len(rows) :].copy()
+        result[0] = result[-1]
+        return result
 
 
 class ProfileStatus(StrEnum):

@@ -11,6 +11,7 @@ from tendonff.compensator.scenario.sampling import Reference
 from tendonff.models.chain import Chain
 from tendonff.models.drive import Drive
 from tendonff.models.parameters import Actuator
+from tendonff.ocp.periodic import steady_response
 from tendonff.ocp.tracking.motion import travel_of
 
 
@@ -27,7 +28,10 @@ def with_motion(problem: Problem, name: str, profile: Profile) -> Profile:
     reference, actuator = problem.reference, problem.transmission.actuator
     start = reference.initial_tension_N
     travel = profile.travel_m
-    if travel is None:
+    if travel is None and reference.periodic:
+        run, _ = steady_response(problem.chain, profile.force_N, reference.step_s, initial_tension_N=start)
+        travel = run.near_position_m - problem.chain.rest_state(start).near_position_m
+    elif travel is None:
         travel = travel_of(problem.chain, profile.force_N, reference.step_s, start)
     if actuator.drive is not Drive.POSITION or actuator.servo_stiffness_N_per_m is None or travel is None:
         return replace(profile, travel_m=travel)

@@ -10,6 +10,7 @@ from tendonff.compensator.scenario.sampling import Reference
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
+from tendonff.ocp.periodic import steady_response
 from tendonff.ocp.simulate import Outcome, Simulation, simulate
 
 
@@ -87,7 +88,7 @@ class SimulatedPlant:
 def simulate_profile(
     transmission: Transmission, plant: SimulatedPlant, profile: Profile, reference: Reference
 ) -> Simulation:
-    """Simulate a plant under a profile, from rest at the reference's initial tension.
+    """Simulate a plant under a profile, from rest at the reference's initial tension; a cycle in its steady state.
 
     Parameters
     ----------
@@ -109,12 +110,10 @@ def simulate_profile(
     if plant.refinement > 1:
         rows = (len(drive) - 1) * plant.refinement + 1
         drive = np.interp(np.arange(rows) / plant.refinement, np.arange(len(drive)), drive)
-    return simulate(
-        chain,
-        drive,
-        reference.step_s / plant.refinement,
-        initial_tension_N=reference.initial_tension_N,
-    )
+    step, start = reference.step_s / plant.refinement, reference.initial_tension_N
+    if reference.periodic:
+        return steady_response(chain, drive, step, initial_tension_N=start)[0]
+    return simulate(chain, drive, step, initial_tension_N=start)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,6 +130,8 @@ class Verified:
     travel_m, load_m : ndarray, shape (n,)
         Positions of the actuator's end and of the load relative to the start [m].
     score : Score
+    position_error_m : tuple of 2 float, or None
+        Root mean square and largest error of the load's position [m], where that is wanted.
     slack : str
         Where the tendon went slack; empty where it stayed taut.
     """
@@ -141,6 +142,7 @@ class Verified:
     travel_m: FloatArray
     load_m: FloatArray
     score: Score
+    position_error_m: tuple[float, float] | None
     slack: str
 
 
@@ -165,7 +167,9 @@ def verify(
     """
     run = simulate_profile(transmission, plant, profile, reference).require()
     output = run.output_tension_N[:: plant.refinement]
-    travel, load = (x[:: plant.refinement] - x[0] for x in (run.near_position_m, run.far_position_m))
+    rest = Chain.of(transmission, plant.level, plant.segments).rest_state(reference.initial_tension_N)
+    travel = run.near_position_m[:: plant.refinement] - rest.near_position_m
+    load = run.far_position_m[:: plant.refinement] - rest.far_position_m
     return Verified(
         compensator=compensator,
         plant=plant,
@@ -173,5 +177,10 @@ def verify(
         travel_m=travel,
         load_m=load,
         score=score(reference.tension_N, output),
+        position_error_m=None if reference.position_m is None else _position_error(load - reference.position_m),
         slack=run.message if run.outcome is Outcome.SLACK else "",
     )
+
+
+def _position_error(error_m: FloatArray) -> tuple[float, float]:
+    return float(np.sqrt(np.mean(error_m**2))), float(np.max(np.abs(error_m)))

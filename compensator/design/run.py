@@ -13,7 +13,7 @@ from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.design.robustness import robustness, robustness_warnings
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.scenario.filters import noise_advice, ripple_advice
-from tendonff.compensator.scenario.reference import CsvReference
+from tendonff.compensator.scenario.reference import CsvReference, Hold
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
 from tendonff.ocp.inverse import invert
@@ -54,6 +54,8 @@ def design(
     shares = {c.name: 1 if c.is_fast else _PARTS_OF_THE_SEARCH for c in compensators}
     parts = Parts(progress, sum(shares.values()) + len(compensators) * (len(Level) + 1))
     warnings = [*reference.warnings, *(_noise_warning(scenario, problem) or _ripple_warning(scenario, problem))]
+    if problem.kept is not None:
+        warnings += _hold_notes(problem)
     profiles: dict[str, Profile] = {}
     for compensator in compensators:
         share = shares[compensator.name]
@@ -135,3 +137,16 @@ def _ripple_warning(scenario: Scenario, problem: Problem) -> list[str]:
     force = problem.inversion.force_N
     advice = ripple_advice(force, reference.step_s, reference.sample_interval_s, file=spec.file)
     return [] if advice is None else [advice]
+
+
+def _hold_notes(problem: Problem) -> list[str]:
+    """What keeping the force in the holds costs."""
+    kept = problem.kept
+    if kept is None or problem.reference.hold is not Hold.KEEP:
+        return []
+    share = 100 * kept.drift_N / max(problem.reference.range_N, 1e-300)
+    message = (
+        f'hold = "keep": the force stays in {len(kept.holds)} stretches, which moves the output by up to '
+        f"{kept.drift_N:.3g} N ({share:.2g} % of range) on the design model"
+    )
+    return [message]
