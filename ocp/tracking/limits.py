@@ -65,10 +65,10 @@ class MotionLimits:
         Parameters
         ----------
         travel_m : ndarray, shape (n,)
-            Wanted position relative to the start [m].
+            Wanted position relative to the rest [m].
         step_s : float
         """
-        now, most, kept = 0.0, self.speed_m_per_s * step_s, []
+        now, most, kept = float(travel_m[0]), self.speed_m_per_s * step_s, []
         for target in np.clip(travel_m, self.low_m, self.high_m).tolist():
             now = min(max(target, now - most), now + most)
             kept.append(now)

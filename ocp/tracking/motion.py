@@ -5,19 +5,29 @@ force makes is clipped and slowed down, the end is led along it by a stiff sprin
 profile: played on the same chain it moves the end alike.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from tendonff.models.chain import Chain
+from tendonff.models.layout import ChainState
 from tendonff.ocp.simulate import Outcome, simulate
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.limits import ForceLimits
 
 _LEAD = 300.0  # stiffness of the leading spring over that of tendon and load in series
 _TRIALS = 4
-_NEAR = 1e-3  # of the speed: what is this close keeps it
+_NEAR = 1e-3  # of the speed, or of the way: what is this close keeps it
 
 
-def limit_motion(chain: Chain, force_N: Array, step_s: float, limits: ForceLimits, initial_tension_N: float) -> Array:
+def limit_motion(
+    chain: Chain,
+    force_N: Array,
+    step_s: float,
+    limits: ForceLimits,
+    initial_tension_N: float,
+    state: ChainState | None = None,
+) -> Array:
     """The force whose motion keeps the limits and is otherwise that of a wanted one.
 
     Parameters
@@ -30,7 +40,9 @@ def limit_motion(chain: Chain, force_N: Array, step_s: float, limits: ForceLimit
         Time between rows [s].
     limits : ForceLimits
     initial_tension_N : float
-        Uniform tension of the start at rest [N].
+        Uniform tension of the rest that travel counts from [N].
+    state : ChainState, optional
+        Where the run starts; default: that rest.
 
     Returns
     -------
@@ -41,36 +53,45 @@ def limit_motion(chain: Chain, force_N: Array, step_s: float, limits: ForceLimit
     motion = limits.motion
     if not motion.binds:
         return force_N
-    travel = travel_of(chain, force_N, step_s, initial_tension_N)
-    if travel is None or _within(limits, travel, step_s):
+    travel = travel_of(chain, force_N, step_s, initial_tension_N, state)
+    if travel is None or _beyond(limits, travel, step_s) <= _NEAR:
         return force_N
-    rest = chain.rest_state(initial_tension_N).near_position_m
-    stiffness = _LEAD * max(initial_tension_N, 1e-9) / rest
+    start, rest = initial_tension_N, chain.rest_state(initial_tension_N).near_position_m
+    stiffness = _LEAD * max(start, 1e-9) / rest
     led = chain.with_end_stiffness(stiffness, chain.far.stiffness_N_per_m)
     best, least, share = force_N, np.inf, 1.0
     for _ in range(_TRIALS):
-        slower = type(motion)(speed_m_per_s=share * motion.speed_m_per_s, low_m=motion.low_m, high_m=motion.high_m)
-        wanted = slower.apply(travel, step_s)
-        run = simulate(
-            led, initial_tension_N + stiffness * (wanted + rest), step_s, initial_tension_N=initial_tension_N
-        )
+        wanted = replace(motion, speed_m_per_s=share * motion.speed_m_per_s).apply(travel, step_s)
+        drive = start + stiffness * (wanted + rest)
+        run = simulate(led, drive, step_s, initial_tension_N=start, state=state)
         if run.outcome is Outcome.FAILED:
             break
-        force = initial_tension_N + stiffness * (wanted - (run.near_position_m - rest))
-        force = limits.apply(force, step_s, initial_tension_N)
-        found = travel_of(chain, force, step_s, initial_tension_N)
+        force = start + stiffness * (wanted - (run.near_position_m - rest))
+        force[0] = force_N[0]
+        force = limits.apply(force, step_s, float(force_N[0]))
+        found = travel_of(chain, force, step_s, start, state)
         if found is None:
             break
-        excess = float(np.max(motion.excess(found, step_s)[0]) / motion.speed_m_per_s)
-        if excess < least:
-            best, least = force, excess
-        if _within(limits, found, step_s):
+        beyond = _beyond(limits, found, step_s)
+        if beyond < least:
+            best, least = force, beyond
+        if beyond <= _NEAR:
             break
-        share /= 1 + max(excess, _NEAR)
+        share /= 1 + beyond
     return best
 
 
-def travel_of(chain: Chain, force_N: Array, step_s: float, initial_tension_N: float) -> Array | None:
+def _beyond(limits: ForceLimits, travel_m: Array, step_s: float) -> float:
+    """Largest excess of speed and travel, as a share of the speed and of the way."""
+    motion, way = limits.motion, max(float(np.ptp(travel_m)), 1e-9)
+    speed, beyond = motion.excess(travel_m, step_s)
+    fast = float(np.max(speed)) / motion.speed_m_per_s if np.isfinite(motion.speed_m_per_s) else 0.0
+    return max(fast, float(np.max(beyond)) / way, 0.0)
+
+
+def travel_of(
+    chain: Chain, force_N: Array, step_s: float, initial_tension_N: float, state: ChainState | None = None
+) -> Array | None:
     """Travel of the actuator's end from rest under a force [m]; None where the simulation fails.
 
     Parameters
@@ -79,15 +100,12 @@ def travel_of(chain: Chain, force_N: Array, step_s: float, initial_tension_N: fl
     force_N : ndarray, shape (n,)
     step_s : float
     initial_tension_N : float
+        Of the rest that travel counts from [N].
+    state : ChainState, optional
+        Where the run starts; default: that rest.
     """
-    run = simulate(chain, force_N, step_s, initial_tension_N=initial_tension_N)
+    run = simulate(chain, force_N, step_s, initial_tension_N=initial_tension_N, state=state)
     if run.outcome is Outcome.FAILED:
         return None
-    travel: Array = run.near_position_m - run.near_position_m[0]
+    travel: Array = run.near_position_m - chain.rest_state(initial_tension_N).near_position_m
     return travel
-
-
-def _within(limits: ForceLimits, travel_m: Array, step_s: float) -> bool:
-    speed, beyond = limits.motion.excess(travel_m, step_s)
-    slack = _NEAR * max(float(np.ptp(travel_m)), 1e-9)
-    return bool(np.max(speed) <= _NEAR * limits.motion.speed_m_per_s and np.max(beyond) <= slack)

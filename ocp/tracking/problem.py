@@ -143,6 +143,8 @@ class TrackingProblem:
     bounds : TensionBounds
     start_N : float
         Force of row 0, which is given [N].
+    rest_N : float
+        Tension of the rest that travel counts from [N].
     newtons : MotionScale
         What excess speed and travel count beside excess tension.
     """
@@ -153,6 +155,7 @@ class TrackingProblem:
     limits: ForceLimits
     bounds: TensionBounds
     start_N: float
+    rest_N: float
     newtons: MotionScale
 
     @classmethod
@@ -201,6 +204,7 @@ class TrackingProblem:
                 high_N=options.maximum_tension_N - margin,
             ),
             start_N=limits.start(initial_tension_N),
+            rest_N=initial_tension_N,
             newtons=MotionScale(
                 per_speed_N_s_per_m=0.01 * span / limits.motion.speed_m_per_s,
                 per_travel_N_per_m=initial_tension_N / chains[0].rest_state(initial_tension_N).near_position_m,

@@ -104,11 +104,15 @@ def solve_tracking(
     began = time.perf_counter()
     reference, limits = problem.goal.reference_N, problem.limits
     nominal, start_N = problem.plants[0].chain, float(inversion.force_N[0])
-    wanted_N = limit_motion(nominal, problem.clipped(inversion.force_N), problem.step_s, limits, start_N)
+
+    def moderate(force: Array) -> Array:
+        state = problem.plants[0].state
+        return limit_motion(nominal, problem.clipped(force), problem.step_s, limits, problem.rest_N, state)
+
+    wanted_N = moderate(inversion.force_N)
     clipped = problem.clipped(wanted_N)
     at_clipped = evaluate(problem, clipped)
-    law = law_of(nominal).input_history_N(reference, start_N)
-    law = limit_motion(nominal, problem.clipped(law), problem.step_s, limits, start_N)
+    law = moderate(law_of(nominal).input_history_N(reference, start_N))
     static = problem.clipped(law)
     exact = (
         inversion.status is InverseStatus.EXACT
