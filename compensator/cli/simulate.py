@@ -13,7 +13,12 @@ def simulate(
     scenario: ScenarioArgument,
     force: Annotated[
         Path,
-        typer.Option("--force", metavar="F.csv", help="Force file: time_s,force_N, from 0.", show_default=False),
+        typer.Option(
+            "--force",
+            metavar="F.csv",
+            help="Force file: time_s,force_N, from 0 (position drive: command_m).",
+            show_default=False,
+        ),
     ],
     out: Annotated[
         Path, typer.Option("--out", metavar="O.csv", help="Result: tensions and end positions.", show_default=False)
@@ -39,7 +44,7 @@ def simulate(
     loaded = load_scenario(scenario)  # before the imports below, which take a second: a refusal is quick
     from tendonff.compensator.simulate.run import read_force, simulate_force
 
-    profile = read_force(force, column)
+    profile = read_force(force, column, loaded.transmission.actuator.drive)
     for note in profile.notes:
         say(note)
     if out.exists() and any(out.samefile(source) for source in (scenario, force)):

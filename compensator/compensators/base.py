@@ -52,6 +52,9 @@ class Problem:
         Which error over the samples counts.
     options : TrackOptions, optional
         What the optimal profile is optimised for.
+    live : bool, optional
+        The reference comes sample by sample, as on a controller: nothing is known ahead, no force is kept, and the
+        limits are those of the force.
     """
 
     transmission: Transmission
@@ -60,6 +63,7 @@ class Problem:
     samples: tuple[Sample, ...] = ()
     objective: Objective = Objective.WORST
     options: TrackOptions = TrackOptions()  # noqa: RUF009 - frozen
+    live: bool = False
 
     @classmethod
     def of(
@@ -107,7 +111,7 @@ class Problem:
     def kept(self) -> KeptForce | None:
         """Holds and the end of the reference, where the force is kept; None where there are none."""
         reference = self.reference
-        if reference.periodic:
+        if reference.periodic or self.live:
             return None
         wanted, step = reference.tension_N, reference.step_s
         end = last_approach(wanted, step)
@@ -141,7 +145,8 @@ class Problem:
         step, start = self.reference.step_s, self.reference.initial_tension_N
 
         def limit(force: FloatArray) -> FloatArray:
-            return limit_motion(self.chain, self.limits.apply(force, step, start), step, self.limits, start)
+            given = self.limits.apply(force, step, start)
+            return given if self.live else limit_motion(self.chain, given, step, self.limits, start)
 
         return self.in_cycle(limit, force_N)
 

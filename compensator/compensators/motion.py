@@ -7,7 +7,6 @@ every compensator answers with a force, and here it becomes the command, relativ
 from dataclasses import replace
 
 from tendonff.compensator.compensators.base import FloatArray, Problem, Profile
-from tendonff.compensator.scenario.sampling import Reference
 from tendonff.models.chain import Chain
 from tendonff.models.drive import Drive
 from tendonff.models.parameters import Actuator
@@ -42,7 +41,9 @@ def with_motion(problem: Problem, name: str, profile: Profile) -> Profile:
     return replace(profile, travel_m=travel, command_m=command)
 
 
-def servo(chain: Chain, actuator: Actuator, reference: Reference, command_m: FloatArray) -> tuple[Chain, FloatArray]:
+def servo(
+    chain: Chain, actuator: Actuator, initial_tension_N: float, command_m: FloatArray
+) -> tuple[Chain, FloatArray]:
     """The chain behind its servo, and the force on it that stands for a command: k_c1 x_c1.
 
     Parameters
@@ -50,10 +51,12 @@ def servo(chain: Chain, actuator: Actuator, reference: Reference, command_m: Flo
     chain : Chain
     actuator : Actuator
         With a position drive.
-    reference : Reference
+    initial_tension_N : float
+        Of the rest that the command counts from [N].
     command_m : ndarray, shape (n,)
         x_c1 relative to the start [m].
     """
-    stiffness, start = actuator.servo_stiffness_N_per_m or 0.0, reference.initial_tension_N
-    rest = chain.rest_state(start).near_position_m
-    return chain.with_end_stiffness(stiffness, chain.far.stiffness_N_per_m), start + stiffness * (rest + command_m)
+    stiffness = actuator.servo_stiffness_N_per_m or 0.0
+    rest = chain.rest_state(initial_tension_N).near_position_m
+    drive: FloatArray = initial_tension_N + stiffness * (rest + command_m)
+    return chain.with_end_stiffness(stiffness, chain.far.stiffness_N_per_m), drive

@@ -106,7 +106,7 @@ def simulate_profile(
     chain = Chain.of(transmission, plant.level, plant.segments)
     drive = profile.force_N
     if profile.command_m is not None:
-        chain, drive = servo(chain, transmission.actuator, reference, profile.command_m)
+        chain, drive = servo(chain, transmission.actuator, reference.initial_tension_N, profile.command_m)
     if plant.refinement > 1:
         rows = (len(drive) - 1) * plant.refinement + 1
         drive = np.interp(np.arange(rows) / plant.refinement, np.arange(len(drive)), drive)

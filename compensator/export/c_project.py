@@ -25,6 +25,7 @@ from tendonff.compensator.files.writing import atomic_directory, write_text
 from tendonff.compensator.scenario.sampling import largest_tension
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.capstan import Branch, CapstanLaw
+from tendonff.models.drive import Drive
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
@@ -136,16 +137,24 @@ def export_project(
         If there is no profile that may be exported; the message says why.
     """
     check_prefix(prefix)
+    if scenario.transmission.actuator.drive is Drive.POSITION:
+        raise InputError(
+            f'{scenario.source.name} [actuator]: drive = "position" is not exported yet; play a command column of '
+            'profile.csv (design), or export with drive = "force"'
+        )
     problem = Problem.of(scenario, level=level)
     warnings = problem.reference.warnings
     if profile_N is None:
         profile = compensator("optimal").profile(problem).require()
         profile_N, warnings = profile.force_N, (*warnings, *profile.warnings)
+    if problem.reference.periodic:
+        profile_N = profile_N[:-1]  # its last row is the first of the next period
     built = table_of(problem)
     further = {
         **_table_context(built, precision),
         "table_bytes": _table_bytes(built.table, precision),
         "profile": profile_N,
+        "profile_loops": problem.reference.periodic,
         "profile_bytes": (4 if precision is Precision.FLOAT else 8) * len(profile_N),
         "golden": golden_vectors(problem, built.table, precision),
         "measured": measured(precision),

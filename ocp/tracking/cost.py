@@ -109,7 +109,8 @@ def _motion_beyond_N(problem: TrackingProblem, travel_m: Array) -> float:
     if not motion.binds:
         return 0.0
     speed, range_m = motion.excess(travel_m, problem.step_s)
-    return max(float(speed.max()) * scale.per_speed_N_s_per_m, float(range_m.max()) * scale.per_travel_N_per_m, 0.0)
+    found = (float(speed.max()) * scale.per_speed_N_s_per_m, float(range_m.max()) * scale.per_travel_N_per_m)
+    return max((x for x in found if x > 0), default=0.0)  # an excess over an infinite limit is no number
 
 
 def gauss_newton_model(
@@ -206,9 +207,9 @@ def _motion_rows(
         (speed, speed_slopes, -top, top, scale.per_speed_N_s_per_m),
         (travel_m, slopes, motion.low_m + inside, motion.high_m - inside, scale.per_travel_N_per_m),
     ):
-        room = np.minimum(value - low, high - value) * unit
-        if not np.isfinite(unit * high) and not np.isfinite(unit * low):
+        if not (np.isfinite(low) or np.isfinite(high)):
             continue
+        room = np.minimum(value - low, high - value) * unit
         starts = range(1, len(value), _PIECE_ROWS)
         at = np.array([start + int(np.argmin(room[start : start + _PIECE_ROWS])) for start in starts], dtype=np.int64)
         at = at[room[at] < reach_N]

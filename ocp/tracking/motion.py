@@ -17,6 +17,8 @@ from tendonff.ocp.tracking.limits import ForceLimits
 
 _LEAD = 300.0  # stiffness of the leading spring over that of tendon and load in series
 _TRIALS = 4
+_SAME = 1e-4  # of the force's range: where the limits change no more than this they change nothing
+_CORNER_S = 0.004  # half the time in which the mass may change its speed at a limit
 _NEAR = 1e-3  # of the speed, or of the way: what is this close keeps it
 
 
@@ -61,7 +63,8 @@ def limit_motion(
     led = chain.with_end_stiffness(stiffness, chain.far.stiffness_N_per_m)
     best, least, share = force_N, np.inf, 1.0
     for _ in range(_TRIALS):
-        wanted = replace(motion, speed_m_per_s=share * motion.speed_m_per_s).apply(travel, step_s)
+        kept = replace(motion, speed_m_per_s=share * motion.speed_m_per_s).apply(travel, step_s)
+        wanted = travel + _rounded_off(kept - travel, step_s)
         drive = start + stiffness * (wanted + rest)
         run = simulate(led, drive, step_s, initial_tension_N=start, state=state)
         if run.outcome is Outcome.FAILED:
@@ -73,12 +76,22 @@ def limit_motion(
         if found is None:
             break
         beyond = _beyond(limits, found, step_s)
+        force = np.where(np.abs(force - force_N) < _SAME * float(np.ptp(force_N)), force_N, force)
         if beyond < least:
             best, least = force, beyond
         if beyond <= _NEAR:
             break
         share /= 1 + beyond
     return best
+
+
+def _rounded_off(change_m: Array, step_s: float) -> Array:
+    """The change of a travel without the corners of the limits, where the mass would need an impulse."""
+    rows = max(round(_CORNER_S / step_s), 1)
+    box = np.full(2 * rows + 1, 1 / (2 * rows + 1))
+    for _ in range(2):
+        change_m = np.convolve(np.pad(change_m, rows, mode="edge"), box, "valid")
+    return change_m
 
 
 def _beyond(limits: ForceLimits, travel_m: Array, step_s: float) -> float:

@@ -30,6 +30,8 @@ COLUMNS = [
     "force_inverse_N",
     "force_optimal_N",
     "force_table_N",
+    "travel_inverse_m",
+    "travel_optimal_m",
 ]
 
 
@@ -136,7 +138,7 @@ def test_the_command_writes_everything_in_the_contract(examples, tmp_path, capsy
             assert set(written["compensators"][name][level]) == {"rmse_N", "rmse_percent_of_range", "peak_error_N"}
     assert {"status", "iterations", "build_s", "solve_s"} <= set(written["ocp"])
     assert isinstance(written["warnings"], list)
-    for figure in ("tension", "force", "loop", "error"):
+    for figure in ("tension", "force", "drive", "loop", "error"):
         assert (tmp_path / "out" / f"{figure}.png").stat().st_size > 10_000
     assert "presliding*" in capsys.readouterr().out
 
