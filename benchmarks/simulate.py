@@ -58,6 +58,7 @@ from tendonff.compensator.scenario.sampling import initial_tension, sample_refer
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.chain import Chain, chain_equations
 from tendonff.models.fidelity import Level
+from tendonff.models.layout import ChainInputs
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.crosscheck import Adaptive, AdaptiveIntegrator

@@ -22,8 +22,8 @@ class LinkLaw(Protocol):
     """Tension of one link between two masses.
 
     What an implementer owes: (1) a frozen dataclass whose fields are its parameters, of the whole tendon or, after
-    `shortened`, of a link; (2) `states`; (3) their rate; (4) the same states under the implicit rule x = base + H dx/dt;
-    (5) a force that is then affine in the rate of elongation; (6) the state at rest.
+    `shortened`, of a link; (2) `states`; (3) their rate; (4) the same states under the implicit rule
+    x = base + H dx/dt; (5) a force that is then affine in the rate of elongation; (6) the state at rest.
     """
 
     states: ClassVar[tuple[str, ...]]

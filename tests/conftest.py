@@ -1,6 +1,7 @@
 """Shared by all tests."""
 
 import os
+import shutil
 from pathlib import Path
 
 import matplotlib as mpl
@@ -76,6 +77,27 @@ def generic() -> Transmission:
         ),
         load=Load(mass_kg=0.02, stiffness_N_per_m=3000.0, damping_N_s_per_m=2.0),
     )
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """Chromium without a screen and without a network; skips where it is not installed."""
+    webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
+    chromium = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    driver = shutil.which("chromedriver")
+    if chromium is None or driver is None:
+        pytest.skip("chromium and chromedriver (Debian: chromium, chromium-driver) are not installed")
+    options = webdriver.ChromeOptions()
+    options.binary_location = chromium
+    for flag in ("--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"):
+        options.add_argument(flag)
+    options.add_argument("--window-size=1280,900")
+    # No name resolves but this machine's own: a page that asked the network would fail to load it, and be seen.
+    options.add_argument("--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE localhost")
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    with webdriver.Chrome(options=options, service=webdriver.ChromeService(driver)) as opened:
+        opened.set_page_load_timeout(60)
+        yield opened
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -1,7 +1,6 @@
 """Reports and the interactive page in a real browser: Chromium without a screen."""
 
 import re
-import shutil
 import threading
 from contextlib import contextmanager
 from dataclasses import replace
@@ -26,30 +25,10 @@ from tendonff.compensator.reporting.plots import new_figure
 from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
 
 selenium = pytest.importorskip("selenium", reason="selenium is not installed")
-from selenium import webdriver  # noqa: E402
-from selenium.webdriver.chrome.service import Service  # noqa: E402
 from selenium.webdriver.support.ui import WebDriverWait  # noqa: E402
 
 PHONE_WIDTH = 375
 READABLE_PX = 12
-
-
-@pytest.fixture(scope="module")
-def browser():
-    chromium = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-    driver = shutil.which("chromedriver")
-    if chromium is None or driver is None:
-        pytest.skip("chromium and chromedriver (Debian: chromium, chromium-driver) are not installed")
-    options = webdriver.ChromeOptions()
-    options.binary_location = chromium
-    for flag in ("--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"):
-        options.add_argument(flag)
-    # No name resolves but this machine's own: a page that asked the network would fail to load it, and be seen.
-    options.add_argument("--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE localhost")
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    with webdriver.Chrome(options=options, service=Service(driver)) as opened:
-        opened.set_page_load_timeout(60)
-        yield opened
 
 
 @contextmanager

@@ -37,8 +37,8 @@ _USAGE_ERRORS = cast(
 
 app = typer.Typer(
     name="tendonff",
-    help="Which force must the actuator apply so that a tendon on a curved path delivers the tension I want?",
-    add_completion=False,
+    help="Feedforward friction compensation for tendon and Bowden-cable drives: compute the actuator force that "
+    "produces a desired output tension, and export it to your controller.",
     rich_markup_mode=None,  # plain text: panels wrap file names, and messages are to be grepped
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},

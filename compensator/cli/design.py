@@ -7,7 +7,10 @@ EXIT_SOLVE = 1  # what was written is the best that was found
 
 
 def design(scenario: ScenarioArgument, out: OutFolderOption) -> int:
-    """Compute the actuator force that produces a desired output tension, and verify it."""
+    """Design and verify the actuator force.
+
+    Computes force profiles that produce the desired output tension, by every compensator, and simulates each.
+    """
     from tendonff.compensator.cli.opening import opened
 
     with opened(scenario, out) as (loaded, folder):

@@ -20,7 +20,10 @@ def export_c(
     prefix: PrefixOption = "tff",
     level: LevelOption = None,
 ) -> None:
-    """Write C99 for the controller: inverse, capstan law, table, optimal profile, and the chain for tests."""
+    """Write C99 for the controller.
+
+    Inverse, capstan law, table, optimal profile, and the chain itself for tests.
+    """
     from tendonff.compensator.cli.opening import opened
 
     with opened(scenario, out) as (loaded, folder):

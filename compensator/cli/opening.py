@@ -6,21 +6,23 @@ from pathlib import Path
 
 from tendonff.compensator.cli.progress import say
 from tendonff.compensator.files.writing import atomic_directory
-from tendonff.compensator.scenario.sampling import work_ahead
+from tendonff.compensator.scenario.sampling import sample_reference, work_ahead
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 
 
 @contextmanager
-def opened(scenario: Path, out: Path) -> Iterator[tuple[Scenario, Path]]:
+def opened(scenario: Path, out: Path, *, follows_reference: bool = True) -> Iterator[tuple[Scenario, Path]]:
     """Scenario and result folder, before a command imports what it computes with, which takes a second.
 
-    A scenario that is not valid and a folder that cannot be written are refused at once; the folder appears when the
-    block ends without an error. The length of a long run is said before it starts.
+    A scenario that is not valid, a reference that is infeasible and a folder that cannot be written are refused at
+    once; the folder appears when the block ends without an error. The length of a long run is said before it starts.
 
     Parameters
     ----------
     scenario, out : Path
         Arguments of the command.
+    follows_reference : bool, optional
+        Whether the command uses the scenario's reference.
 
     Raises
     ------
@@ -28,7 +30,9 @@ def opened(scenario: Path, out: Path) -> Iterator[tuple[Scenario, Path]]:
         One message for the user.
     """
     loaded = load_scenario(scenario)
+    if follows_reference and loaded.reference_file() is None:  # pandas reads files; the command itself checks those
+        sample_reference(loaded)
     with atomic_directory(out) as folder:
-        if (note := work_ahead(loaded)) is not None:
+        if follows_reference and (note := work_ahead(loaded)) is not None:
             say(note)
         yield loaded, folder

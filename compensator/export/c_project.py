@@ -6,13 +6,13 @@ import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from importlib.metadata import version
 from importlib.resources import files
 from types import MappingProxyType
 
 import jinja2
 import numpy as np
 
+from tendonff._version import __version__
 from tendonff.compensator.compensators.base import CModule, FloatArray, Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
@@ -236,7 +236,7 @@ def _naming(scenario: Scenario, level: Level, precision: Precision, prefix: str)
     name = " ".join(scenario.name.replace("*/", "* /").split())
     lines = (
         f'Scenario "{name}", hash {scenario_hash(scenario)}, level {level}.',
-        f"Written by tendonff {version('tendonff')} export-c --precision {precision} --prefix {prefix}.",
+        f"Written by tendonff {__version__} export-c --precision {precision} --prefix {prefix}.",
     )
     return {
         "prefix": prefix,
@@ -248,7 +248,7 @@ def _naming(scenario: Scenario, level: Level, precision: Precision, prefix: str)
         "integers": integers,
         "provenance": "\n".join(f" * {line}" for line in lines),
         "level": level,
-        "version": version("tendonff"),
+        "version": __version__,
         "scenario_name": name,
         "scenario_hash": scenario_hash(scenario),
     }
@@ -358,7 +358,7 @@ def _design_json(
         "schema": 1,
         "scenario": scenario.name,
         "scenario_hash": scenario_hash(scenario),
-        "tendonff": version("tendonff"),
+        "tendonff": __version__,
         "level": level,
         "precision": precision,
         "prefix": prefix,

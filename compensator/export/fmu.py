@@ -2,21 +2,23 @@
 
 import hashlib
 import io
+import os
 import platform
 import re
 import sys
 import tempfile
 import zipfile
 from dataclasses import dataclass
-from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
 
 import jinja2
 
+from tendonff._version import __version__
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.c_project import c_modules, c_sources, check_prefix
 from tendonff.compensator.export.kinds import FmiVersion, Kind
+from tendonff.compensator.files.writing import atomic_file
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.compiler import find_compiler, run_compiler
@@ -49,26 +51,46 @@ class Fmu:
 
     Parameters
     ----------
+    name : str
+        File name.
     content : bytes
         The archive.
     has_binary : bool
         Whether it holds a binary for this machine; the sources are always there.
     """
 
+    name: str
     content: bytes
     has_binary: bool
 
+    def write(self, folder: str | os.PathLike[str]) -> None:
+        """Write the unit under its name, whole or not at all.
+
+        Parameters
+        ----------
+        folder : str or path
+            Made where it is missing.
+        """
+        with atomic_file(Path(folder) / self.name) as partial:
+            partial.write_bytes(self.content)
+
 
 def build_fmu(
-    scenario: Scenario, kind: Kind, fmi: FmiVersion, *, prefix: str = "tff", level: Level | None = None
+    scenario: Scenario,
+    kind: Kind = Kind.INVERSE,
+    fmi: FmiVersion = FmiVersion.V2,
+    *,
+    prefix: str = "tff",
+    level: Level | None = None,
 ) -> Fmu:
     """Wrap the exported C of a scenario.
 
     Parameters
     ----------
     scenario : Scenario
-    kind : Kind
-    fmi : FmiVersion
+    kind : Kind, optional
+        What the unit computes.
+    fmi : FmiVersion, optional
     prefix : str, optional
         Prefix of the C names.
     level : Level, optional
@@ -103,7 +125,7 @@ def build_fmu(
     binary = _compile(sources, compiled)
     if binary is not None:
         members[f"binaries/{_platform(fmi)}/{identifier}.so"] = binary
-    return Fmu(content=_archive(members), has_binary=binary is not None)
+    return Fmu(name=f"{identifier}_fmi{fmi.value[0]}.fmu", content=_archive(members), has_binary=binary is not None)
 
 
 def stubs(header: str, implemented: set[str]) -> str:
@@ -155,7 +177,7 @@ def _context(
             _Variable(name="actuator_position", text="positive towards the actuator", unit="m", start=near),
             _Variable(name="load_position", text="positive towards the actuator", unit="m", start=far),
         ]
-    release = version("tendonff")
+    release = __version__
     name = " ".join(scenario.name.replace("*/", "* /").split())
     return {
         "prefix": prefix,

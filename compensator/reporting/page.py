@@ -43,6 +43,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from tendonff._version import __version__
 from tendonff.compensator.files.reading import open_text
 from tendonff.compensator.files.writing import write_text
 from tendonff.compensator.reporting.plots import figure_style
@@ -52,7 +53,7 @@ Cell = str | float | int | bool | None
 """What a table holds; None shows as a dash."""
 
 _LARGEST_SVG_BYTES = 1_000_000  # a dense curve costs more as a path than as pixels
-_PACKAGES = ("tendonff", "casadi", "numpy", "scipy", "matplotlib", "control", "pandas", "pydantic")
+_PACKAGES = ("casadi", "numpy", "scipy", "matplotlib", "control", "pandas", "pydantic")
 
 
 @dataclass(frozen=True, slots=True)
@@ -374,7 +375,7 @@ def file_hash(path: Path) -> str:
 @cache
 def versions() -> tuple[tuple[str, str], ...]:
     """Names and versions of what computed the result."""
-    found = [("Python", platform.python_version())]
+    found = [("Python", platform.python_version()), ("tendonff", __version__)]
     for package in _PACKAGES:
         try:
             found.append((package, version(package)))

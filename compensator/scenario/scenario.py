@@ -66,7 +66,7 @@ class Scenario:
     transmission : Transmission
         Path, tendon, friction, actuator and load.
     reference : ReferenceSpec
-        The tension wanted at the far end.
+        The desired tension at the far end.
     run : Run
         Time step and fidelity level.
     robust : Uncertainty

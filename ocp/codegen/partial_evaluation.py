@@ -1,9 +1,10 @@
 """Print laws with their parameters folded in: what a controller evaluates, and nothing else.
 
-Where nothing is known, the law comes out whole: the host's code takes this road too. A law as `step.laws` states it takes every parameter and the weight H of the scheme as arguments. On a controller these
-are known beforehand, so everything that depends on them alone is evaluated here, in double precision: a number that is
-the same for every weight H becomes a literal, one that differs becomes a field of a coefficient record with one value
-per weight. What remains depends on the state only.
+Where nothing is known, the law comes out whole: the host's code takes this road too. A law as `step.laws` states it
+takes every parameter and the weight H of the scheme as arguments. On a controller these are known beforehand, so
+everything that depends on them alone is evaluated here, in double precision: a number that is the same for every weight
+H becomes a literal, one that differs becomes a field of a coefficient record with one value per weight. What remains
+depends on the state only.
 
 Folding keeps the order of operations, so that double code gives the bits that the unfolded law gives. Where `reorder`
 allows it, constants are gathered and divisions by them become multiplications.

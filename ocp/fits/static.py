@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.models.capstan import play
+from tendonff.models.bounds import play
 from tendonff.models.friction import LuGreBristle
 
 Array = NDArray[np.float64]

@@ -156,7 +156,7 @@ class StepCode:
             at=lambda name: _text(*states.offset(name), "n"),
             bases=indexed,
             ends=lambda names, prefix, at: {s: f"&{prefix}{s}[{at}]" for s in names},
-            based=lambda names: {f"{s}_base": f"*{s}" for s in names},
+            based=lambda names: {f"{s}_base": f"{s}_base" for s in names},
             same=lambda names: {s: s for s in names},
             number=lambda name: self.numbers[name],
             numbers=tuple(self.numbers),

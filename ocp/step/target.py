@@ -203,10 +203,13 @@ def _record(folder: Specialiser, weights: Weights) -> str:
         *(f"    {real} {name};" for name in fields),
         f"}} {folder.prefix}_weights;",
         "",
-        f"static const {folder.prefix}_weights {folder.prefix}_rows[{len(weights)}] = {{",
+        f"static const {folder.prefix}_weights *{folder.prefix}_rows(void)",
+        "{",
+        f"    static const {folder.prefix}_weights rows[{len(weights)}] = {{",
     ]
     rows = ([literal(column[k], folder.precision) for column in columns] for k in range(len(weights)))
-    return "\n".join([*lines, *(f"    {{ {', '.join(row)} }}," for row in rows), "};", ""])
+    lines += [f"        {{ {', '.join(row)} }}," for row in rows]
+    return "\n".join([*lines, "    };", "    return rows;", "}", ""])
 
 
 def _rest(chain: Chain, precision: Precision, *, relative: bool = False) -> str:

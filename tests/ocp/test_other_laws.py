@@ -86,7 +86,7 @@ class TwoBristles:
             for f, (sigma, share) in zip(base, self._bristles(), strict=True)
         )
 
-    def implicit_from_far_side(self, v: ca.SX, base: States, step_s: ca.SX, far_sum: ca.SX) -> None:
+    def implicit_from_far_side(self, *_known: object) -> None:
         return None
 
 
@@ -162,13 +162,13 @@ def test_it_is_exported_as_c(generic: Transmission, tmp_path: Path) -> None:
         """
         double run_inverse(double reference, int fresh, double *x, double *x_old) {
             double least;
-            return inv_invert_step(inv_rows, reference, fresh, x, x_old, &least);
+            return inv_invert_step(inv_rows(), reference, fresh, x, x_old, &least);
         }
         double run_plant(double before, double force, int fresh, double *x, double *x_old) {
             plant_work w;
             plant_report r = { 0, 0.0, 0, 0 };
             const plant_input a = { before, 0.0, 0.0, 0.0 }, b = { force, 0.0, 0.0, 0.0 };
-            plant_step(plant_rows, &a, &b, fresh, x, x_old, &w, &r);
+            plant_step(plant_rows(), &a, &b, fresh, x, x_old, &w, &r);
             return r.converged ? w.force[PLANT_COUNT] : -1.0;
         }
         """

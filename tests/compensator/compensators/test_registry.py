@@ -36,7 +36,7 @@ class ConstantGain(Compensator):
     style = Style(color="#56B4E9", linestyle="--")
     knows_the_level = False
 
-    def profile(self, problem, *, progress=silent):  # noqa: ARG002
+    def profile(self, problem, *, progress=silent):
         friction, path = problem.transmission.friction, problem.transmission.path
         gain = math.exp(friction.mu_dynamic * path.total_angle_rad)
         return Profile(force_N=problem.limited(gain * problem.reference.tension_N))
