@@ -61,7 +61,10 @@ def summary(result: DesignData) -> dict[str, object]:
     def scores(verified: tuple[Verified, ...]) -> dict[str, dict[str, object]]:
         found: dict[str, dict[str, object]] = {}
         for one in verified:
-            found.setdefault(one.compensator, {})[one.plant.level.value] = asdict(one.score)
+            entry: dict[str, object] = asdict(one.score)
+            if one.position_error_m is not None:
+                entry |= {"rmse_m": one.position_error_m[0], "peak_error_m": one.position_error_m[1]}
+            found.setdefault(one.compensator, {})[one.plant.level.value] = entry
         return found
 
     error = result.foresight.expected_error_N

@@ -16,7 +16,11 @@ from tendonff.compensator.reporting.page import (
     pictures_of,
     provenance_of,
 )
+from tendonff.compensator.scenario.reference import Hold
 from tendonff.models.fidelity import Level
+from tendonff.ocp.hold import find_holds
+
+_MOVES_IN_A_HOLD = 0.05  # of the force's range: what is worth a word
 
 _CAPTIONS = {
     "tension": "Wanted tension and what each profile delivers, on the design level.",
@@ -84,8 +88,8 @@ def design_report(result: DesignData, figures: dict[str, Figure]) -> Report:
         summary=headline(result),
         warnings=result.warnings,
         sections=(
-            Section(title="What arrives", blocks=(pictures["tension"], scores, peaks)),
-            Section(title="What the actuator does", blocks=(pictures["force"], *_solver(result))),
+            Section(title="What arrives", blocks=(pictures["tension"], scores, peaks, *_positions(result))),
+            Section(title="What the actuator does", blocks=(pictures["force"], *_holds(result), *_solver(result))),
             Section(title="Sizing the drive", blocks=(pictures["drive"], *_drive(result))),
             Section(title="Hysteresis", blocks=(pictures["loop"],)),
             Section(title="How much the model matters", blocks=(pictures["error"],)),
@@ -100,6 +104,46 @@ def design_report(result: DesignData, figures: dict[str, Figure]) -> Report:
             FileNote(name="summary.json", content="errors, solver status and warnings for other programs"),
         ),
     )
+
+
+def _holds(result: DesignData) -> tuple[Block, ...]:
+    """Why the force of the exact inverse changes while the reference rests."""
+    reference, profile = result.reference, result.profiles.get("inverse")
+    if profile is None or reference.hold is Hold.KEEP:
+        return ()
+    force, found = profile.force_N, []
+    for first, last in find_holds(reference.tension_N, reference.step_s):
+        change = float(np.ptp(force[first : last + 1]))
+        if change > _MOVES_IN_A_HOLD * float(np.ptp(force)):
+            found.append(f"from {reference.time_s[first]:.4g} to {reference.time_s[last]:.4g} s by {change:.3g} N")
+    if not found:
+        return ()
+    note = (
+        f"While the reference rests, the force of the exact inverse still moves: {'; '.join(found)}. At the end of a "
+        "move the load's inertia and the damping turn the sliding round for some milliseconds, friction changes sign, "
+        "and the force crosses the dead zone although the output hardly moves. Inside the dead zone nothing need "
+        'move: hold = "keep" in [reference] keeps the force, and says what that costs.'
+    )
+    return (Text(note),)
+
+
+def _positions(result: DesignData) -> tuple[Block, ...]:
+    """Errors of the load's position, where that is wanted."""
+    if result.reference.position_m is None:
+        return ()
+    span = float(np.ptp(result.reference.position_m))
+    rows = []
+    for c in result.compensators:
+        own, fine = (v.position_error_m for v in (result.on_level(c.name, result.level), result.on_proof(c.name)))
+        if own is not None and fine is not None:
+            share = f"{100 * fine[0] / span:.3g}" if span > 0 else ""
+            rows.append((c.label, own[0], own[1], fine[0], fine[1], share))
+    table = Table(
+        caption="Error of the load's position: design level, and finer chain",
+        columns=("profile", "rms [m]", "largest [m]", "rms, finer [m]", "largest, finer [m]", "% of range, finer"),
+        rows=tuple(rows),
+    )
+    return (table,)
 
 
 def _drive(result: DesignData) -> tuple[Block, ...]:

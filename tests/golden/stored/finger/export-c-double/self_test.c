@@ -1,6 +1,6 @@
 /* self_test.c: compares every module with golden vectors from the Python model, and tries the guards.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 32a28291451430fe, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash fba21ccd9c39df2a, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The reference is the scenario's, 5 samples in one so that the whole course fits, and then goes to and fro, so
  * that it turns round in unfinished transitions; forces are within the actuator's limits. Prints the largest differences; exit status 0 when all are within the tolerance.
