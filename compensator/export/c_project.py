@@ -15,6 +15,7 @@ import numpy as np
 from tendonff._version import __version__
 from tendonff.compensator.compensators.base import CModule, FloatArray, Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
+from tendonff.compensator.compensators.motion import with_motion
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
 from tendonff.compensator.compensators.table import table_of, table_range
 from tendonff.compensator.compensators.table_build import BuiltTable
@@ -137,16 +138,17 @@ def export_project(
         If there is no profile that may be exported; the message says why.
     """
     check_prefix(prefix)
-    if scenario.transmission.actuator.drive is Drive.POSITION:
+    if scenario.transmission.actuator.drive is Drive.POSITION and precision is Precision.FLOAT:
         raise InputError(
-            f'{scenario.source.name} [actuator]: drive = "position" is not exported yet; play a command column of '
-            'profile.csv (design), or export with drive = "force"'
+            f'{scenario.source.name} [actuator]: drive = "position" is exported in double only: the command is a small '
+            "difference of positions; use --precision double"
         )
     problem = Problem.of(scenario, level=level)
     warnings = problem.reference.warnings
     if profile_N is None:
-        profile = compensator("optimal").profile(problem).require()
-        profile_N, warnings = profile.force_N, (*warnings, *profile.warnings)
+        profile = with_motion(problem, "optimal", compensator("optimal").profile(problem).require())
+        played = profile.force_N if profile.command_m is None else profile.command_m
+        profile_N, warnings = played, (*warnings, *profile.warnings)
     if problem.reference.periodic:
         profile_N = profile_N[:-1]  # its last row is the first of the next period
     built = table_of(problem)
@@ -165,6 +167,14 @@ def export_project(
         texts[name] = _render(f"{name}.j2", context)
     texts["design.json"] = _design_json(scenario, problem.level, precision, prefix, built, profile_N)
     return Exported(files=texts, built=built, profile_N=profile_N, warnings=warnings)
+
+
+def _servo(problem: Problem) -> dict[str, float] | None:
+    """Give of the servo, and travel at rest, per newton; None for a force drive."""
+    stiffness = problem.transmission.actuator.servo_stiffness_N_per_m
+    if stiffness is None:
+        return None
+    return {"give_m_per_N": 1 / stiffness, "rest_m_per_N": problem.chain.rest_state(1.0).near_position_m}
 
 
 def c_sources(
@@ -290,9 +300,10 @@ def _context(scenario: Scenario, problem: Problem, precision: Precision, prefix:
     low, _ = table_range(problem)
     modules = c_modules()
     output = max(size, 4) + 8
+    servo = _servo(problem)
     past = 2 * count + 2 if precision is Precision.FLOAT else 0
     state = {
-        "inverse": _padded(output + (2 * reals + 2 + past) * size + 4, size),
+        "inverse": _padded(output + (2 * reals + (2 if servo is None else 3) + past) * size + 4, size),
         "capstan": output + 2 * size,
         "table": _padded(output + 4 * size + 4, size),
         "plant": _padded((2 * reals + 2) * size + 16, size),
@@ -320,6 +331,7 @@ def _context(scenario: Scenario, problem: Problem, precision: Precision, prefix:
         "tolerance": "0.02" if precision is Precision.FLOAT else "1e-9",
         "limits": controller_limits(precision),
         "state_bytes": state,
+        "servo": servo,
     }
 
 

@@ -18,8 +18,10 @@ from tendonff._version import __version__
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.c_project import c_modules, c_sources, check_prefix
 from tendonff.compensator.export.kinds import FmiVersion, Kind
+from tendonff.compensator.files.text import InputError
 from tendonff.compensator.files.writing import atomic_file
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
+from tendonff.models.drive import Drive
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.compiler import find_compiler, run_compiler
 from tendonff.ocp.codegen.precision import Precision
@@ -102,6 +104,10 @@ def build_fmu(
         If the compiler refuses the sources.
     """
     check_prefix(prefix)
+    if scenario.transmission.actuator.drive is Drive.POSITION:
+        raise InputError(
+            f'{scenario.source.name} [actuator]: drive = "position" has no FMU yet; use export-c, or drive = "force"'
+        )
     problem = Problem.of(scenario, level=level)
     module = next(module for module in c_modules() if module.name == kind.value)
     identifier = f"{prefix}_{kind}"

@@ -65,6 +65,10 @@ def answers(
             exported = CompensationTable(table) if isinstance(compensator, CompensationTable) else compensator
             columns[module.name] = exported.profile(followed).force_N
     force = rounded(columns["inverse"], precision)
+    servo = problem.transmission.actuator.servo_stiffness_N_per_m
+    if servo is not None and followed.inversion.states is not None:
+        rest = problem.chain.rest_state(start).near_position_m
+        columns["inverse"] = followed.inversion.states[:, -2] - rest + (columns["inverse"] - start) / servo
     columns["plant"] = simulate(problem.chain, force, step, initial_tension_N=start).require().output_tension_N
     return force, columns
 

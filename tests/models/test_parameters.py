@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tendonff.models.chain import Chain, chain_equations
+from tendonff.models.drive import Drive
 from tendonff.models.elements import elements_of, whole_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
@@ -170,3 +171,20 @@ def test_a_chain_is_symmetric_in_its_ends(generic: Transmission) -> None:
         rate = ca.Function("rate", [equations.state, equations.inputs], [equations.rate])
         results.append(np.asarray(rate(state, u)).ravel())
     assert mirrored(results[1], n) == pytest.approx(results[0], rel=1e-9, abs=1e-9)
+
+
+def test_a_position_drive_needs_its_stiffness_and_a_force_drive_has_none(generic: Transmission) -> None:
+    with pytest.raises(ParameterError, match=r'drive = "position" needs servo_stiffness_N_per_m'):
+        changed(generic, "actuator", drive=Drive.POSITION)
+    with pytest.raises(ParameterError, match=r'servo_stiffness_N_per_m is for drive = "position"'):
+        changed(generic, "actuator", servo_stiffness_N_per_m=1e5)
+    with pytest.raises(ParameterError, match="servo_stiffness_N_per_m must be a finite number > 0, got 0"):
+        changed(generic, "actuator", drive=Drive.POSITION, servo_stiffness_N_per_m=0.0)
+
+
+@pytest.mark.parametrize(("key", "bad"), [("travel_min_m", 0.01), ("travel_max_m", -0.01), ("travel_max_m", math.inf)])
+def test_a_travel_that_excludes_the_start_is_refused(generic: Transmission, key: str, bad: float) -> None:
+    with pytest.raises(
+        ParameterError, match=f"{key} must be a finite number .* 0, got {bad}; it counts from the start"
+    ):
+        changed(generic, "actuator", **{key: bad})

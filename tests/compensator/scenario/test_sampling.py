@@ -14,6 +14,7 @@ from tendonff.compensator.scenario.filters import low_pass, noise_advice, ripple
 from tendonff.compensator.scenario.reference import (
     CsvReference,
     Interpolation,
+    Quantity,
     ReferenceSpec,
     Shape,
     SineReference,
@@ -29,6 +30,7 @@ from tendonff.compensator.scenario.sampling import (
 )
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 from tendonff.models.chain import Chain
+from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.ocp.inverse import invert
 
@@ -305,3 +307,63 @@ def test_a_measured_trace_becomes_a_reference(finger: Scenario, measured_data: P
     reference = sampled(finger, spec)
     assert 0 < reference.removed_noise_N < 2.0
     assert reference.tension_N.min() > 5.0
+
+
+# --- what else a reference may say
+
+
+def test_a_reference_that_touches_zero_is_lifted_smoothly_and_says_so(finger: Scenario) -> None:
+    touching = WaypointReference(times_s=(0.0, 0.5, 1.0), tensions_N=(0.0, 50.0, 0.0), shape=Shape.SMOOTH)
+    default, chosen = sampled(finger, touching), sampled(finger, replace(touching, least_tension_N=4.0))
+    assert default.tension_N.min() == pytest.approx(1.0, rel=0.1)  # 2 % of the range
+    assert chosen.tension_N.min() == pytest.approx(4.0, rel=0.1)
+    assert chosen.tension_N.min() >= 4.0
+    assert chosen.initial_tension_N == chosen.tension_N.min()
+    assert chosen.tension_N.max() == pytest.approx(50.0, rel=1e-3)
+    assert "at least 4.24 N is kept instead (least_tension_N)" in chosen.warnings[0]
+    assert "2 % of the range; least_tension_N sets it" in default.warnings[0]
+
+
+def test_a_reference_that_stays_above_zero_is_not_lifted(finger: Scenario) -> None:
+    assert np.array_equal(
+        sampled(finger, replace(WAYPOINTS, least_tension_N=5.0)).tension_N, sampled(finger, WAYPOINTS).tension_N
+    )
+
+
+def test_a_cycle_that_does_not_close_is_refused(finger: Scenario) -> None:
+    with pytest.raises(InputError, match="starts at 20 and ends at 10; let one period end where it starts"):
+        sampled(finger, replace(WAYPOINTS, periodic=True))
+    closed = sampled(finger, replace(WAYPOINTS, tensions_N=(20.0, 40.0, 40.0, 20.0), periodic=True))
+    assert closed.tension_N[0] == closed.tension_N[-1]
+
+
+def test_a_wanted_position_asks_for_the_tension_of_the_loads_balance(finger: Scenario) -> None:
+    """At rest in the new place T = T0 + k_l q."""
+    wish = WaypointReference(
+        times_s=(0.0, 0.5, 1.0),
+        positions_m=(0.0, 0.004, 0.004),
+        shape=Shape.SMOOTH,
+        quantity=Quantity.POSITION,
+        initial_tension_N=30.0,
+    )
+    reference = sampled(finger, wish)
+    assert reference.position_m is not None
+    assert reference.position_m[-1] == 0.004
+    assert reference.tension_N[-1] == pytest.approx(30.0 + 0.004 * finger.transmission.load.stiffness_N_per_m)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"quantity": Quantity.POSITION}, 'positions_m is missing: quantity = "position" asks for it'),
+        ({"positions_m": (0.0, 0.0, 0.0, 0.0)}, 'positions_m is not for quantity = "tension"; give tensions_N alone'),
+        (
+            {"quantity": Quantity.POSITION, "tensions_N": None, "positions_m": (0.0, 0.0, 0.0, 0.0)},
+            "initial_tension_N is missing",
+        ),
+        ({"least_tension_N": 0.0}, "least_tension_N must be a finite number > 0, got 0"),
+    ],
+)
+def test_what_does_not_fit_the_quantity_is_refused(changes: dict[str, object], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        replace(WAYPOINTS, **changes)

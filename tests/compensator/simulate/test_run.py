@@ -175,3 +175,22 @@ def test_a_file_whose_force_cannot_be_told_is_asked_about(examples: Path, tmp_pa
     write_text(tmp_path / "p.csv", "time_s,force_none_N,force_capstan_N\n0,30,30\n0.1,31,31\n")
     assert play(examples, tmp_path / "p.csv", tmp_path / "O.csv") == 2
     assert 'choose with --force-column "force_none_N"' in capsys.readouterr().err
+
+
+SERVO = 'drive = "position"\nservo_stiffness_N_per_m = 2e5\n'
+
+
+def test_a_servo_is_simulated_under_its_command(examples: Path, tmp_path: Path) -> None:
+    """The force that a force drive is given is what the servo gives under travel + (F - T0)/k."""
+    text = (examples / "finger.toml").read_text(encoding="utf-8")
+    write_text(tmp_path / "servo.toml", text.replace("force_rate_max", f"{SERVO}force_rate_max", 1))
+    write_text(tmp_path / "F.csv", FORCE)
+    assert play(examples, tmp_path / "F.csv", tmp_path / "forced.csv") == 0
+    forced = read_csv(tmp_path / "forced.csv", COLUMNS)
+    travel = forced["actuator_position_m"] - forced["actuator_position_m"][0]
+    command = travel + (forced["force_N"] - 30.0) / 2e5
+    write_csv(tmp_path / "C.csv", {"time_s": forced["time_s"], "command_m": command})
+    assert play(tmp_path, tmp_path / "C.csv", tmp_path / "commanded.csv", name="servo") == 0
+    commanded = read_csv(tmp_path / "commanded.csv", COLUMNS)
+    for name in COLUMNS[1:]:
+        assert commanded[name] == pytest.approx(forced[name], abs=1e-6)
