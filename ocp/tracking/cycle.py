@@ -62,7 +62,13 @@ def track_cycle(
         return np.concatenate([*[rows[:-1]] * (_CYCLES - 1), rows])
 
     problem = TrackingProblem.of(
-        (chain,), repeated(cycle_N), step_s, limits, options, initial_tension_N=initial_tension_N
+        (chain,),
+        repeated(cycle_N),
+        step_s,
+        limits,
+        options,
+        initial_tension_N=initial_tension_N,
+        inverse_N=repeated(inversion.force_N),
     )
     plants = tuple(replace(plant, state=state) for plant in problem.plants)
     problem = replace(problem, plants=plants, start_N=limits.start(float(inversion.force_N[0])))
