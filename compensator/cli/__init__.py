@@ -23,6 +23,7 @@ from tendonff.compensator.cli.identify import identify
 from tendonff.compensator.cli.new import new
 from tendonff.compensator.cli.progress import say
 from tendonff.compensator.cli.simulate import simulate
+from tendonff.compensator.cli.sweep import sweep
 from tendonff.compensator.cli.table import table
 from tendonff.models.errors import TendonffError
 
@@ -68,6 +69,7 @@ app.command()(experiment)
 app.command()(compare)
 app.command()(explore)
 app.command()(identify)
+app.command()(sweep)
 app.command()(table)
 app.command()(export_c)
 app.command()(export_fmu)

@@ -110,8 +110,8 @@ def solve_qp(model: GaussNewtonModel, room: StepBounds, trust_N: Array | float, 
 
 
 _FAR = 1e9  # no bound [N]
-_PIQP = {"error_on_fail": False, "piqp": {"max_iter": 60}}
-_DAQP = {"error_on_fail": False}
+_PIQP: dict[str, object] = {"error_on_fail": False, "piqp": {"max_iter": 60}}
+_DAQP: dict[str, object] = {"error_on_fail": False}
 
 
 def _solve(
