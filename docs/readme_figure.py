@@ -27,7 +27,7 @@ def draw(result: tf.Design, target: str) -> None:
     for simulated in result.proof:
         if simulated.compensator in SHOWN:
             label, colour, style = SHOWN[simulated.compensator]
-            force.plot(time, result.forces_N[simulated.compensator], style, color=colour, label=label)
+            force.plot(time, result.profiles[simulated.compensator].force_N, style, color=colour, label=label)
             tension.plot(time, simulated.output_N, style, color=colour, linewidth=4)
     tension.plot(time, result.reference.tension_N, color="black", linewidth=0.9, label="reference")
     force.set(xlabel="time [s]", ylabel="actuator force [N]", title="Actuator force")

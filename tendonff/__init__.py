@@ -12,19 +12,23 @@ from tendonff._version import __version__
 if TYPE_CHECKING:  # what editors and type checkers read; `_HOMES` says the same to the interpreter
     from tendonff.compensator.compare.output import Comparison
     from tendonff.compensator.compare.run import compare
-    from tendonff.compensator.compensators.base import Compensator
+    from tendonff.compensator.compensators.base import Compensator, Problem, Profile
+    from tendonff.compensator.compensators.registry import COMPENSATORS
     from tendonff.compensator.design.output import Design
     from tendonff.compensator.design.run import design
     from tendonff.compensator.experiment.output import ExperimentResult
     from tendonff.compensator.experiment.run import experiment
     from tendonff.compensator.export.c_project import export_project as export_c
     from tendonff.compensator.export.fmu import build_fmu as export_fmu
+    from tendonff.compensator.export.kinds import FmiVersion
+    from tendonff.compensator.export.kinds import Kind as FmuKind
     from tendonff.compensator.files.reading import InputError
-    from tendonff.compensator.identification.result import Identification
+    from tendonff.compensator.identification.output import Identification
     from tendonff.compensator.identification.run import identify
     from tendonff.compensator.identification.suggest import suggest
     from tendonff.compensator.scenario.sampling import Reference, sample_reference
     from tendonff.compensator.scenario.scenario import Scenario, load_scenario
+    from tendonff.compensator.tables.output import Tables
     from tendonff.compensator.tables.run import make_tables as make_table
     from tendonff.models.capstan import Branch, CapstanLaw
     from tendonff.models.chain import Chain
@@ -42,6 +46,7 @@ if TYPE_CHECKING:  # what editors and type checkers read; `_HOMES` says the same
     from tendonff.ocp.tracking.track import track
 
 __all__ = [
+    "COMPENSATORS",
     "Actuator",
     "Branch",
     "CapstanLaw",
@@ -50,6 +55,8 @@ __all__ = [
     "Compensator",
     "Design",
     "ExperimentResult",
+    "FmiVersion",
+    "FmuKind",
     "ForceLimits",
     "Friction",
     "Identification",
@@ -59,10 +66,13 @@ __all__ = [
     "ParameterError",
     "Path",
     "Precision",
+    "Problem",
+    "Profile",
     "Reference",
     "Scenario",
     "SimulationJob",
     "SolveError",
+    "Tables",
     "Tendon",
     "TendonffError",
     "TrackOptions",
@@ -89,19 +99,22 @@ __all__ = [
 _HOMES = {
     "compensator.compare.output": ("Comparison",),
     "compensator.compare.run": ("compare",),
-    "compensator.compensators.base": ("Compensator",),
+    "compensator.compensators.base": ("Compensator", "Problem", "Profile"),
+    "compensator.compensators.registry": ("COMPENSATORS",),
     "compensator.design.output": ("Design",),
     "compensator.design.run": ("design",),
     "compensator.experiment.output": ("ExperimentResult",),
     "compensator.experiment.run": ("experiment",),
     "compensator.export.c_project": ("export_c:export_project",),
     "compensator.export.fmu": ("export_fmu:build_fmu",),
+    "compensator.export.kinds": ("FmiVersion", "FmuKind:Kind"),
     "compensator.files.reading": ("InputError",),
-    "compensator.identification.result": ("Identification",),
+    "compensator.identification.output": ("Identification",),
     "compensator.identification.run": ("identify",),
     "compensator.identification.suggest": ("suggest",),
     "compensator.scenario.sampling": ("Reference", "sample_reference"),
     "compensator.scenario.scenario": ("Scenario", "load_scenario"),
+    "compensator.tables.output": ("Tables",),
     "compensator.tables.run": ("make_table:make_tables",),
     "models.capstan": ("Branch", "CapstanLaw"),
     "models.chain": ("Chain",),

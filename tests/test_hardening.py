@@ -257,7 +257,8 @@ def test_a_stopped_design_leaves_what_was_there(examples, tmp_path, number):
     assert results_of(out) == ["profile.csv"]
     assert (out / "profile.csv").read_text(encoding="utf-8") == "of an earlier run"
     if number is not signal.SIGKILL:
-        assert process.returncode == 130
+        # Interrupted inside an `exec` (a dataclass being made), Python ends by SIGINT itself; a shell shows 130 too.
+        assert process.returncode in (130, -signal.SIGINT)
         assert said.strip() == "interrupted; nothing was written"
         assert list(tmp_path.iterdir()) == [out]
 

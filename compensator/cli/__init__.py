@@ -12,6 +12,7 @@ from typing import Annotated, NoReturn, cast
 import typer
 
 from tendonff._version import __version__
+from tendonff.compensator.cli.adapt import adapt
 from tendonff.compensator.cli.compare import compare
 from tendonff.compensator.cli.design import design
 from tendonff.compensator.cli.example import example
@@ -38,8 +39,8 @@ _USAGE_ERRORS = cast(
 
 app = typer.Typer(
     name="tendonff",
-    help="Which force must the actuator apply so that a tendon on a curved path delivers the tension I want?",
-    add_completion=False,
+    help="Feedforward friction compensation for tendon and Bowden-cable drives: compute the actuator force that "
+    "produces a desired output tension, and export it to your controller.",
     rich_markup_mode=None,  # plain text: panels wrap file names, and messages are to be grepped
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -67,6 +68,7 @@ app.command()(simulate)
 app.command()(design)
 app.command()(experiment)
 app.command()(compare)
+app.command()(adapt)
 app.command()(explore)
 app.command()(identify)
 app.command()(sweep)

@@ -5,7 +5,10 @@ from tendonff.compensator.cli.progress import progress, say, warn
 
 
 def compare(scenario: ScenarioArgument, out: OutFolderOption) -> None:
-    """Compare the model levels: every compensator designed on each, simulated on each and on the capstan law."""
+    """Compare model levels and compensators.
+
+    Every compensator is designed on each level, and simulated on each and on the capstan law.
+    """
     from tendonff.compensator.cli.opening import opened
 
     with opened(scenario, out) as (loaded, folder):

@@ -17,7 +17,10 @@ def design(
         bool, typer.Option("--strict", help="Refuse a reference out of reach instead of coming closest to it.")
     ] = False,
 ) -> int:
-    """Compute the actuator force that produces a desired output tension, and verify it."""
+    """Design and verify the actuator force.
+
+    Computes force profiles that produce the desired output tension, by every compensator, and simulates each.
+    """
     from tendonff.compensator.cli.opening import opened
 
     with opened(scenario, out) as (loaded, folder):

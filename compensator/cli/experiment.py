@@ -5,10 +5,13 @@ from tendonff.compensator.cli.progress import progress, say, warn
 
 
 def experiment(scenario: ScenarioArgument, out: OutFolderOption) -> None:
-    """Run the ten-state test on two motors, on all three model levels."""
+    """Run the ten-state test on two motors.
+
+    All three model levels receive the same commands.
+    """
     from tendonff.compensator.cli.opening import opened
 
-    with opened(scenario, out) as (loaded, folder):
+    with opened(scenario, out, follows_reference=False) as (loaded, folder):
         from tendonff.compensator.experiment.numbers import warnings_of
         from tendonff.compensator.experiment.run import experiment as run_test
 

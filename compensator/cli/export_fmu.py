@@ -20,7 +20,10 @@ def export_fmu(
     prefix: PrefixOption = "tff",
     level: LevelOption = None,
 ) -> None:
-    """Wrap the exported C for Simulink, dSPACE or Modelica: co-simulation units with their sources."""
+    """Write FMUs for Simulink, dSPACE or Modelica.
+
+    Co-simulation units of the exported C, with their sources.
+    """
     from tendonff.compensator.cli.opening import opened
 
     complete = True
@@ -31,8 +34,8 @@ def export_fmu(
         with progress("exporting"):
             for each in FmiVersion if fmi is None else (fmi,):
                 unit = build_fmu(loaded, kind, each, prefix=prefix, level=level)
-                names.append(f"{prefix}_{kind}_fmi{each.value[0]}.fmu")
-                (folder / names[-1]).write_bytes(unit.content)
+                unit.write(folder)
+                names.append(unit.name)
                 complete = complete and unit.has_binary
     if not complete:
         warn("no binary was made here (a C compiler on Linux makes one); the unit holds its sources")

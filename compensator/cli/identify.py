@@ -33,7 +33,7 @@ def identify(
         ),
     ] = None,
     suggest: Annotated[
-        bool, typer.Option("--suggest", help="Only write an excitation for this rig, ready to play as a force file.")
+        bool, typer.Option("--suggest", help="Only write an excitation for this rig, as a force file.")
     ] = False,
     time_column: Annotated[
         str | None, typer.Option("--time-column", help="Name of the column of time.", show_default=False)
@@ -86,13 +86,16 @@ def identify(
     ] = None,
     static_only: Annotated[bool, typer.Option("--static", help="Stop after the static stage.")] = False,
 ) -> None:
-    """Fit the scenario's parameters to measured tensions (and positions) at both ends."""
+    """Fit the parameters to measured data.
+
+    The data are tensions, and optionally positions, at both ends of the tendon.
+    """
     from tendonff.compensator.cli.opening import opened
     from tendonff.compensator.files.reading import InputError
     from tendonff.models.errors import ParameterError
 
     if suggest:
-        with opened(scenario, out) as (loaded, folder):
+        with opened(scenario, out, follows_reference=False) as (loaded, folder):
             from tendonff.compensator.identification.output import write_suggestion
 
             excitation = write_suggestion(loaded, folder)
@@ -113,19 +116,18 @@ def identify(
         "skip_s": skip,
         "explain": explain,
     }
-    with opened(scenario, out) as (loaded, folder):
+    with opened(scenario, out, follows_reference=False) as (loaded, folder):
         try:
             how = _scaled(replace(loaded.measurement, **{k: v for k, v in names.items() if v is not None}), scale or [])  # type: ignore[arg-type]
         except ParameterError as error:
             raise InputError(str(error)) from None
-        from tendonff.compensator.identification.output import write_identification
         from tendonff.compensator.identification.result import summary_lines
         from tendonff.compensator.identification.run import identify as identify_files
 
         with progress("identifying"):
             found = identify_files(replace(loaded, measurement=how), data, validate or [], static_only=static_only)
         with progress("writing"):
-            write_identification(found, folder, [*data, *(validate or [])])
+            found.write(folder)
     for warning in found.warnings:
         warn(warning)
     for line in summary_lines(found):

@@ -20,10 +20,13 @@ def simulate(
     ],
     level: LevelOption = None,
     check: Annotated[
-        bool, typer.Option("--check", help="Refine the step as well and state the error estimate.")
+        bool, typer.Option("--check", help="Simulate with smaller steps as well and state the discretisation error.")
     ] = False,
 ) -> None:
-    """Simulate the chain under a force file, from rest at the scenario's initial tension."""
+    """Simulate the chain under a force file.
+
+    The run starts at rest at the scenario's initial tension.
+    """
     from tendonff.compensator.files.reading import InputError
     from tendonff.compensator.scenario.scenario import load_scenario
 

@@ -35,7 +35,10 @@ def table(
         str | None, typer.Option("--rates", metavar="R,R,...", help="Rates of the reference [N/s]: a further axis.")
     ] = None,
 ) -> None:
-    """Tabulate the feedforward force over reference, branch and tension since the last reversal."""
+    """Tabulate the feedforward force.
+
+    The axes are the reference, the branch and the tension since the last reversal.
+    """
     from tendonff.compensator.cli.opening import opened
 
     angle_axis, rate_axis = _numbers(angles, "--angles"), _numbers(rates, "--rates")

@@ -254,4 +254,5 @@ def limit_warnings(name: str, before_N: FloatArray, after_N: FloatArray) -> tupl
     if not changed.any():
         return ()
     share, most = 100 * float(changed.mean()), float(np.max(difference))
-    return (f"{name}: the actuator's limits change the force in {share:.3g} % of the rows, by up to {most:.3g} N",)
+    active = f"actuator limits are active in {share:.3g} % of the samples"
+    return (f"{name}: {active} and change the force by up to {most:.3g} N",)

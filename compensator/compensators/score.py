@@ -65,6 +65,19 @@ def score(reference_N: FloatArray, output_N: FloatArray) -> Score:
     )
 
 
+def is_worse(score: Score, uncompensated: Score, reference_N: FloatArray) -> bool:
+    """Whether a compensator does harm: its error is above that of the reference itself as force, by more than 1 %.
+
+    Parameters
+    ----------
+    score, uncompensated : Score
+        On the same plant and reference.
+    reference_N : ndarray, shape (n,)
+        The reference; a millionth of its range is rounding [N].
+    """
+    return score.rmse_N > 1.01 * uncompensated.rmse_N + 1e-6 * scale_N(reference_N)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedPlant:
     """The chain that a force is tried on.
@@ -124,6 +137,8 @@ class Verified:
     plant : SimulatedPlant
     output_N : ndarray, shape (n,)
         Delivered tension at the rows of the reference [N].
+    travel_m : ndarray, shape (n,)
+        Travel of the actuator's end from rest [m].
     score : Score
     slack : str
         Where the tendon went slack; empty where it stayed taut.
@@ -132,6 +147,7 @@ class Verified:
     compensator: str
     plant: SimulatedPlant
     output_N: FloatArray
+    travel_m: FloatArray
     score: Score
     slack: str
 
@@ -161,6 +177,7 @@ def verify(
         compensator=compensator,
         plant=plant,
         output_N=output,
+        travel_m=run.near_position_m[:: plant.refinement] - run.near_position_m[0],
         score=score(reference.tension_N, output),
         slack=run.message if run.outcome is Outcome.SLACK else "",
     )

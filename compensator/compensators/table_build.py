@@ -12,8 +12,9 @@ import numpy as np
 
 from tendonff.compensator.compensators.lookup_table import BranchTable, FloatArray, LookupTable
 from tendonff.models.capstan import Branch
-from tendonff.models.chain import Chain, ChainState
+from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
+from tendonff.models.layout import ChainState
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import invert
 
@@ -127,7 +128,7 @@ def build_table(
     references = np.linspace(low, high, _CHECKED_REFERENCES)
     resolution = 0.25 * rate_N_per_s * step_s
     dense = {b: _sample_branch(light, b, references, rate_N_per_s, bound_N, resolution) for b in Branch}
-    p = chain.elements.adhesion_N
+    p = chain.elements.piece.adhesion_N
     tables = [_choose_nodes(references, dense, p, bound_N, split) for split in (0.97, 0.9, 0.75, 0.5)]
     table = min(tables, key=lambda t: t.nodes)
     error = max(float(np.abs(_errors(table, references, dense[b], b)).max()) for b in Branch)
@@ -140,7 +141,7 @@ def build_table(
 def _without_masses(chain: Chain) -> Chain:
     return replace(
         chain,
-        elements=replace(chain.elements, mass_kg=_TINY_MASS_KG),
+        elements=replace(chain.elements, piece=replace(chain.elements.piece, mass_kg=_TINY_MASS_KG)),
         near=replace(chain.near, mass_kg=_TINY_MASS_KG),
         far=replace(chain.far, mass_kg=_TINY_MASS_KG),
     )
@@ -160,7 +161,7 @@ def sweep(
         Reference tension at the reversal and at the end of the sweep [N].
     rate_N_per_s : float
     """
-    p = chain.elements.adhesion_N
+    p = chain.elements.piece.adhesion_N
     # Long enough a way to the reversal: four fifths of the lifted tension below it, or as much above.
     start = max(0.2 * (turn_N + p) - p, 0.02 * turn_N) if branch is Branch.RELEASE else turn_N + 4.0 * (turn_N + p)
     approach = np.linspace(start, turn_N, _APPROACH + 1)
@@ -168,10 +169,8 @@ def sweep(
     if arrived.states is None:
         raise SolveError("the sweep to the reversal kept no states")
     way = np.linspace(turn_N, end_N, _SAMPLES + 1)
-    state = ChainState.from_vector(arrived.states[-1])
-    force = invert(chain, way, abs(end_N - turn_N) / _SAMPLES / rate_N_per_s, state=state).force_N
-    force[0] = arrived.force_N[-1]
-    return way, force
+    state = ChainState.from_vector(arrived.states[-1], chain.layout)
+    return way, invert(chain, way, abs(end_N - turn_N) / _SAMPLES / rate_N_per_s, state=state).force_N
 
 
 def _sample_branch(
@@ -195,7 +194,7 @@ def _sample_shares(
     chain: Chain, branch: Branch, references: FloatArray, rate: float, most: float, resolution: float
 ) -> _Samples:
     """Force over share, up to `most`, for every reference."""
-    p = chain.elements.adhesion_N
+    p = chain.elements.piece.adhesion_N
     sign = 1.0 if branch is Branch.RELEASE else -1.0
     shares = np.concatenate([[0.0], np.geomspace(2e-4, 1.0, _CHECKED_SHARES - 1)]) * most
     turned = references[:, None] + sign * shares * (references[:, None] + p)  # where it had to turn

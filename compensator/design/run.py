@@ -1,10 +1,11 @@
-"""The main job: from a scenario to the force profile, with proof on every level and on a finer chain."""
+"""The main job: from a scenario to the force profile, verified on every level and on a finer chain."""
 
 from collections.abc import Sequence
 
-from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile
+from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, ProfileStatus
 from tendonff.compensator.compensators.registry import COMPENSATORS
-from tendonff.compensator.compensators.score import SimulatedPlant, Verified, verify
+from tendonff.compensator.compensators.score import SimulatedPlant, Verified, is_worse, verify
+from tendonff.compensator.design.expectation import expect
 from tendonff.compensator.design.output import Design
 from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.design.robustness import robustness, robustness_warnings
@@ -73,6 +74,8 @@ def design(
     bands = robustness(problem, forces) if problem.samples else None
     if bands is not None:
         warnings += robustness_warnings(bands)
+    usable = {name: p.force_N for name, p in profiles.items() if p.status is not ProfileStatus.FAILED}
+    expectation = expect(problem, scenario.robust, usable, bands)
 
     verified: list[Verified] = []
     proof: list[Verified] = []
@@ -81,7 +84,7 @@ def design(
         for plant, found in (*((SimulatedPlant(level=each), verified) for each in Level), (fine, proof)):
             found.append(verify(transmission, plant, name, force, reference))
             parts.done()
-    warnings += _worse_than_nothing([v for v in verified if v.plant.level is level])
+    warnings += _worse_than_nothing([v for v in verified if v.plant.level is level], reference.tension_N)
     warnings += _promises([v for v in verified if v.plant.level is level], proof)
     warnings += [f"{v.compensator} on {v.plant.level}: {v.slack}" for v in verified if v.slack]
     return Design(
@@ -93,20 +96,21 @@ def design(
         proof=tuple(proof),
         foresight=foresight,
         robustness=bands,
+        expectation=expectation,
         warnings=tuple(warnings),
     )
 
 
-def _worse_than_nothing(verified: Sequence[Verified]) -> list[str]:
-    """Compensators that leave more on their own level than the reference itself as force."""
+def _worse_than_nothing(verified: Sequence[Verified], reference_N: FloatArray) -> list[str]:
+    """Compensators with a larger error on their own level than the reference applied directly."""
     nothing = next((v.score for v in verified if v.compensator == "none"), None)
     if nothing is None:
         return []
     return [
-        f"{v.compensator} leaves {v.score.rmse_percent_of_range:.3g} % of range, more than no compensation "
+        f"{v.compensator}: RMS error {v.score.rmse_percent_of_range:.3g} % of range, more than without compensation "
         f"({nothing.rmse_percent_of_range:.3g} %): do not use it for this reference and these limits"
         for v in verified
-        if v.score.rmse_N > 1.01 * nothing.rmse_N
+        if is_worse(v.score, nothing, reference_N)
     ]
 
 

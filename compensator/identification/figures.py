@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.identification.measured.reading import Array
-from tendonff.compensator.identification.result import Identification, PieceComparison
+from tendonff.compensator.identification.result import IdentificationData, PieceComparison
 from tendonff.compensator.identification.suggest import Excitation
 from tendonff.compensator.reporting.plots import (
     BLUE,
@@ -24,12 +24,12 @@ MOST_PANELS = 4
 MOST_POINTS = 4000
 
 
-def draw(found: Identification, folder: Path) -> list[Path]:
+def draw(found: IdentificationData, folder: Path) -> list[Path]:
     """Write every figure that the data has material for.
 
     Parameters
     ----------
-    found : Identification
+    found : IdentificationData
     folder : Path
 
     Returns
@@ -59,7 +59,7 @@ def _thin(*columns: Array) -> list[Array]:
     return [c[::step] for c in columns]
 
 
-def _measured(found: Identification, piece: PieceComparison) -> Array:
+def _measured(found: IdentificationData, piece: PieceComparison) -> Array:
     return piece.output_N if found.explain is Explain.OUTPUT else piece.input_N
 
 
@@ -67,7 +67,7 @@ def _title(piece: PieceComparison) -> str:
     return f"{piece.name} ({'validation' if piece.role == 'validate' else 'fitted'})"
 
 
-def _over_time(found: Identification, comparisons: Sequence[PieceComparison], folder: Path) -> list[Path]:
+def _over_time(found: IdentificationData, comparisons: Sequence[PieceComparison], folder: Path) -> list[Path]:
     figure, axes = new_figure(len(comparisons), 1)
     other = "input" if found.explain is Explain.OUTPUT else "output"
     for ax, piece in zip(axes[:, 0], comparisons, strict=True):
@@ -85,7 +85,7 @@ def _over_time(found: Identification, comparisons: Sequence[PieceComparison], fo
     return save_figure(figure, folder / "time")
 
 
-def _loops(found: Identification, comparisons: Sequence[PieceComparison], folder: Path) -> list[Path]:
+def _loops(found: IdentificationData, comparisons: Sequence[PieceComparison], folder: Path) -> list[Path]:
     columns = min(2, len(comparisons))
     rows = -(-len(comparisons) // columns)
     figure, axes = new_figure(rows, columns, height_in=2.8 * rows + 0.5)
@@ -106,7 +106,7 @@ def _loops(found: Identification, comparisons: Sequence[PieceComparison], folder
     return save_figure(figure, folder / "loop")
 
 
-def _residuals(found: Identification, comparisons: Sequence[PieceComparison], folder: Path) -> list[Path]:
+def _residuals(found: IdentificationData, comparisons: Sequence[PieceComparison], folder: Path) -> list[Path]:
     figure, axes = new_figure(len(comparisons), 1, height_in=1.7 * len(comparisons) + 0.5)
     for ax, piece in zip(axes[:, 0], comparisons, strict=True):
         measured = _measured(found, piece)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from tendonff.compensator.identification.fitting.sliding_ratio import SlidingRatio
@@ -124,7 +125,7 @@ class PieceComparison:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Identification:
+class IdentificationData:
     """Everything that a set of measurements told about a scenario.
 
     Parameters
@@ -147,6 +148,8 @@ class Identification:
     gross : tuple of SlidingRatio
     warnings : tuple of str
     comparisons : tuple of PieceComparison
+    inputs : tuple of Path
+        The measured files.
     comparable : bool
         The measured tensions are of the scenario's size; else no excitation is suggested.
     """
@@ -165,6 +168,7 @@ class Identification:
     gross: tuple[SlidingRatio, ...]
     warnings: tuple[str, ...]
     comparisons: tuple[PieceComparison, ...]
+    inputs: tuple[Path, ...]
     comparable: bool = True
 
     def estimate(self, name: str) -> Estimate:
@@ -223,12 +227,12 @@ def _gross(ratio: SlidingRatio) -> Mapping[str, Any]:
     }
 
 
-def summary_lines(found: Identification) -> Sequence[str]:
+def summary_lines(found: IdentificationData) -> Sequence[str]:
     """The answer in a few lines of text.
 
     Parameters
     ----------
-    found : Identification
+    found : IdentificationData
     """
     against = "" if found.validation_percent is None else f", {found.validation_percent:.2f} % on validation files"
     lines = [f"law: {found.law}; error {found.fit_percent:.2f} % of range on fitted files{against}"]

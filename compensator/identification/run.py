@@ -1,5 +1,6 @@
 """`identify`: parameters of a transmission, with confidence intervals, from measured files."""
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,11 +19,11 @@ from tendonff.compensator.identification.measured.cleaning import Record, clean
 from tendonff.compensator.identification.measured.reading import DataIssue, read_measurement
 from tendonff.compensator.identification.measured.smoothing import low_pass
 from tendonff.compensator.identification.measured.units import magnitude_warning, unit_warnings
+from tendonff.compensator.identification.output import Identification
 from tendonff.compensator.identification.result import (
     POOR_PERCENT,
     CandidateLaw,
     FileResult,
-    Identification,
     PieceComparison,
 )
 from tendonff.compensator.scenario.scenario import Scenario
@@ -45,8 +46,8 @@ def _quiet(_: str) -> None:
 
 def identify(
     scenario: Scenario,
-    data: Sequence[Path],
-    validate: Sequence[Path] = (),
+    data: Sequence[str | os.PathLike[str]],
+    validate: Sequence[str | os.PathLike[str]] = (),
     *,
     static_only: bool = False,
     say: Callable[[str], None] = _quiet,
@@ -58,9 +59,9 @@ def identify(
     scenario : Scenario
         Path, masses and load are taken from it, and every value that is not identifiable from the data; its table
         [measurement] says how the files are to be read.
-    data : sequence of Path
+    data : sequence of str or path
         Files to fit.
-    validate : sequence of Path, optional
+    validate : sequence of str or path, optional
         Files that decide which law is chosen; without them the last third of each file of `data` does.
     static_only : bool, optional
         Stop after the static stage.
@@ -78,12 +79,13 @@ def identify(
         raise InputError(
             "total_angle_rad is 0: without a wrap angle friction has no coefficient; give the path's angle"
         )
-    if twice := sorted({p.name for p in data if p.resolve() in {v.resolve() for v in validate}}):
+    fitted, judging = [Path(file) for file in data], [Path(file) for file in validate]
+    if twice := sorted({p.name for p in fitted if p.resolve() in {v.resolve() for v in judging}}):
         raise InputError(f"{', '.join(twice)}: given with --data and with --validate; a file cannot judge its own fit")
     how = scenario.measurement
     say("reading")
-    records = [clean(read_measurement(path, how), how) for path in data]
-    judges = [clean(read_measurement(path, how), how) for path in validate]
+    records = [clean(read_measurement(path, how), how) for path in fitted]
+    judges = [clean(read_measurement(path, how), how) for path in judging]
     warnings = [*unit_warnings(how, _positions_of(records)), *_issues_of([*records, *judges])]
     foreign = _foreign(scenario, records)
     warnings += [foreign] if foreign else []
@@ -138,6 +140,7 @@ def identify(
         gross=gross,
         warnings=tuple(warnings),
         comparisons=answer.comparisons,
+        inputs=(*fitted, *judging),
         comparable=foreign is None,
     )
 

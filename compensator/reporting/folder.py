@@ -1,11 +1,11 @@
 """What every command writes into its folder: summary, figures and report."""
 
 from collections.abc import Mapping
-from importlib.metadata import version
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from tendonff._version import __version__
 from tendonff.compensator.files.writing import write_json
 from tendonff.compensator.reporting.page import Report, write_report
 from tendonff.compensator.reporting.plots import save_figure
@@ -23,7 +23,7 @@ def summary_head(scenario: Scenario) -> dict[str, object]:
         "schema": 1,
         "scenario": scenario.name,
         "scenario_hash": scenario_hash(scenario),
-        "tool": f"tendonff {version('tendonff')}",
+        "tool": f"tendonff {__version__}",
     }
 
 

@@ -1,4 +1,4 @@
-"""The tension wanted at the far end, sampled on the grid of the run."""
+"""The desired tension at the far end, sampled on the grid of the run."""
 
 import math
 from collections.abc import Callable
@@ -23,14 +23,14 @@ _GAP_ROWS, _LOGGED_ROWS = 10, 100  # a logged trace, not one written by hand, wh
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reference:
-    """Samples of the wanted tension.
+    """Samples of the reference tension.
 
     Parameters
     ----------
     time_s : ndarray, shape (n + 1,)
         k step_s for k = 0 .. n [s].
     tension_N : ndarray, shape (n + 1,)
-        Wanted tension [N], > 0.
+        Reference tension [N], > 0.
     step_s : float
         Time step [s].
     initial_tension_N : float
@@ -50,7 +50,7 @@ class Reference:
 
     @property
     def range_N(self) -> float:
-        """Largest minus smallest wanted tension [N]: what percentages refer to."""
+        """Largest minus smallest reference tension [N]: what percentages refer to."""
         return float(np.ptp(self.tension_N))
 
 
@@ -113,7 +113,7 @@ def _sample(scenario: Scenario) -> tuple[FloatArray, FloatArray, float, float, l
         case SineReference():
             time = _grid(spec.duration_s, step, file)
             highest = max(spec.frequencies_Hz)
-            if not highest * step < 0.5:  # sampled, it would be another sine, slower than the wanted one
+            if not highest * step < 0.5:  # sampled, it would be another sine, slower than the one asked for
                 raise InputError(
                     f"{file} [reference]: frequencies_Hz must be < {0.5 / step:g} (half the rate of "
                     f"step_s = {step:g}), "
@@ -304,7 +304,7 @@ def noise_advice(
     reference : Reference
         Samples as they were taken.
     force_of : callable
-        The inverse: wanted tension [N], shape (n + 1,), to force [N], shape (n + 1,).
+        The inverse: reference tension [N], shape (n + 1,), to force [N], shape (n + 1,).
     file : str
         Name for the message.
     share : float

@@ -15,9 +15,10 @@ from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.simulate.result import SimulatedForce
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
+from tendonff.models.layout import ChainInputs
 from tendonff.ocp.crosscheck import StepHalving
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.simulate import Simulator, describe_failure, force_inputs, tensions_of
+from tendonff.ocp.simulate import Simulator, describe_failure, tensions_of
 
 _CHUNK_VALUES = 200_000  # numbers in memory at a time
 
@@ -146,7 +147,7 @@ class _Run:
         self._chain, self._profile, self._step = chain, profile, step_s
         state = chain.rest_state(start_tension)
         self.first_force = float(profile.force_N[0])
-        start = force_inputs(np.array([self.first_force]))[0]
+        start = ChainInputs.of_force(np.array([self.first_force]))
         self._first = state.vector()
         self._simulator = Simulator(chain, step_s, state, start)
         self.halving = StepHalving(chain, step_s, state, self.first_force) if check else None
@@ -163,7 +164,7 @@ class _Run:
         """Rows first .. after - 1, which follow the last ones."""
         time = np.arange(first, after, dtype=np.float64) * self._step
         force = self._profile.at(time)
-        rows = self._simulator.advance(force_inputs(force))
+        rows = self._simulator.advance(ChainInputs.of_force(force))
         if (good := len(rows.tension_N)) < len(time):
             raise SolveError(describe_failure(self._chain, rows, float(time[good]), self._step))
         self._note_slack(rows.tension_N, time)

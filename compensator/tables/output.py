@@ -2,9 +2,9 @@
 
 import os
 from dataclasses import asdict, dataclass
-from importlib.metadata import version
 
-from tendonff.compensator.export.c_project import table_header
+from tendonff._version import __version__
+from tendonff.compensator.export.c_text import table_header
 from tendonff.compensator.files.writing import atomic_directory, write_json, write_text
 from tendonff.compensator.reporting.page import write_report
 from tendonff.compensator.reporting.plots import save_figure
@@ -91,7 +91,7 @@ def summary(result: TablesData) -> dict[str, object]:
         "segments": scenario.transmission.path.segments,
         "scenario": scenario.name,
         "scenario_hash": scenario_hash(scenario),
-        "tendonff": version("tendonff"),
+        "tendonff": __version__,
         "parameters": asdict(scenario.transmission),
         "valid_reference_N": [float(first.reference_N[0]), float(first.reference_N[-1])],
         "adhesion_N": first.adhesion_N,

@@ -18,8 +18,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.models.chain import Chain, ChainState
+from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
+from tendonff.models.layout import ChainState
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.limits import ForceLimits
 

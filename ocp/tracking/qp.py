@@ -125,6 +125,7 @@ def _solve(
     sparse = sp.csc_array(hessian + sp.eye_array(k) * 1e-300)
     pattern = ca.Sparsity(k, k, sparse.indptr.tolist(), sparse.indices.tolist())
     places = (sparse.indices, np.repeat(np.arange(k), np.diff(sparse.indptr)))
+    attempts: list[tuple[str, ca.Sparsity, float, dict[str, object]]]
     attempts = [] if len(row_low) >= k else [("piqp", pattern, 1e-9, _PIQP)]  # tension rows are what it fails on
     attempts += [("daqp", dense, damping, _DAQP) for damping in (1e-8, 1e-5)]
     for name, shape, damping, options in attempts:  # where the tendon sticks the Hessian is singular

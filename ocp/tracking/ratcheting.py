@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.models.chain import Chain
+from tendonff.models.friction import LuGreBristle
 from tendonff.ocp.simulate import simulate
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.diagnosis import law_of
@@ -27,8 +28,11 @@ def stiffened(chain: Chain) -> Chain:
     ----------
     chain : Chain
     """
-    e = chain.elements
-    return replace(chain, elements=replace(e, bristle_stiffness_N_per_m=_STIFFER * e.bristle_stiffness_N_per_m))
+    bristle = chain.friction
+    if not isinstance(bristle, LuGreBristle):
+        return chain
+    stiff = replace(bristle, bristle_stiffness_N_per_m=_STIFFER * bristle.bristle_stiffness_N_per_m)
+    return replace(chain, elements=replace(chain.elements, friction=stiff))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.ocp.simulate import Simulator, force_inputs
+from tendonff.models.layout import ChainInputs
+from tendonff.ocp.simulate import Simulator
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.grids import GridRefinement, coarse_spacing, refine
 from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
@@ -80,7 +81,7 @@ def solve(
         length = max(round(options.window_s / step_s), 2)
         overlap = max(min(overlap, length), 1)
     pieces = list(windows(len(starts_N[0]), length, overlap))
-    start = force_inputs(np.array([problem.start_N]))[0]
+    start = ChainInputs.of_force(np.array([problem.start_N]))
     simulators = [Simulator(p.chain, step_s, p.state, start) for p in problem.plants]
     force, refinements = np.array([problem.start_N]), []
     settings = SqpSettings(
@@ -98,7 +99,7 @@ def solve(
         force = np.concatenate([force, kept])
         if piece.end > piece.keep:
             for simulator in simulators:
-                simulator.advance(force_inputs(kept))
+                simulator.advance(ChainInputs.of_force(kept))
     counter.finish()
     return force, tuple(refinements)
 

@@ -64,3 +64,25 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_work(
     assert status == 2
     assert "is a file; name a folder to write" in message
     assert not HEAVY & modules
+
+
+@pytest.mark.parametrize("command", ["design", "compare", "table", "export-c", "export-fmu"])
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("force_max_N", "70.0", "delivers at most"),
+        ("amplitudes_N", "[25.0, 8.0]", "a tendon cannot push"),
+        ("step_s", "0.5", "frequencies_Hz must be < 1"),
+    ],
+)
+def test_an_infeasible_reference_is_refused_before_heavy_packages_are_loaded(
+    tmp_path: Path, examples: Path, command: str, key: str, value: str, message: str
+) -> None:
+    text = (examples / "finger.toml").read_text(encoding="utf-8")
+    changed = "\n".join(f"{key} = {value}" if line.startswith(f"{key} ") else line for line in text.splitlines())
+    (tmp_path / "bad.toml").write_text(changed, encoding="utf-8")
+    status, told, modules = start(tmp_path, command, "bad.toml", "--out", "o")
+    assert status == 2
+    assert message in told
+    assert not HEAVY & modules
+    assert not (tmp_path / "o").exists()

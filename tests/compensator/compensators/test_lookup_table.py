@@ -46,7 +46,7 @@ def test_reversals_that_the_table_was_not_made_from_are_met_within_the_bound(fin
     chain = Chain.of(finger.transmission, finger.run.level)
     light = replace(
         chain,
-        elements=replace(chain.elements, mass_kg=1e-9),
+        elements=replace(chain.elements, piece=replace(chain.elements.piece, mass_kg=1e-9)),
         near=replace(chain.near, mass_kg=1e-9),
         far=replace(chain.far, mass_kg=1e-9),
     )

@@ -6,12 +6,10 @@ import pytest
 
 from tendonff.compensator.reporting.frequency import bode_figure
 from tendonff.models.interop import link_impedance
-from tendonff.models.link import LinkParameters
+from tendonff.models.link import ZenerLink
 
 SLOW = control.TransferFunction([2.0], [0.5, 1.0])  # gain 2, time constant 0.5 s
-LINK = LinkParameters(
-    stiffness_N_per_m=2e4, relaxing_stiffness_N_per_m=6e3, relaxation_time_s=0.4, damping_N_s_per_m=3.0
-)
+LINK = ZenerLink(stiffness_N_per_m=2e4, relaxing_stiffness_N_per_m=6e3, relaxation_time_s=0.4, damping_N_s_per_m=3.0)
 
 
 def test_a_bode_plot_shows_gain_and_phase_in_hertz():

@@ -1,21 +1,31 @@
-/* self_test.c: compares every module with golden vectors from the Python model, and tries the guards.
+/* self_test.c: what the modules answer, what they must never do, and whether their data are whole.
  *
  * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 32a28291451430fe, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
- * The reference is the scenario's, 5 samples in one so that the whole course fits, and then goes to and fro, so
- * that it turns round in unfinished transitions; forces are within the actuator's limits. Prints the largest differences; exit status 0 when all are within the tolerance.
+ * Golden vectors come from the Python model: first the scenario's reference, 5 samples in one so that the
+ * whole course fits, and a way to and fro that turns round in unfinished transitions; then jumps, in which the limits
+ * of force and rate bind. All bounds are stated here anew, apart from the headers. Exit status 0 when everything passes.
  */
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 
 #include "tff_capstan.h"
 #include "tff_inverse.h"
 #include "tff_profile.h"
 #include "tff_table.h"
 #include "tff_plant.h"
+#include "tff_table_data.h"
 
 #define ROWS 1047
-#define TOLERANCE_N 1e-9
+#define JUMPS 12
+#define LIMIT_CASES 62
+
+/* Bounds that no output may leave [N]. */
+#define LEAST_N 0.0
+#define MOST_N 200.0
+#define CHANGE_N 100.0
+#define ROUNDING 1e-12
 
 static const tff_real golden_reference[ROWS] = {
     30.0, 30.003926345676344, 30.015697643335567, 30.035290692246456, 30.062666882413048, 30.097772281275834,
@@ -708,13 +718,13 @@ static const double golden_table[ROWS] = {
     8.0583269528806483, 7.9688729653018386, 7.8848982828913368, 7.8064627736276337, 7.7336190413734522,
     7.6664123627793224, 7.6048806352690566, 7.5490543361633522, 7.4989564929838863, 7.4546026649657149,
     7.4160009357918311, 7.3831519175495259, 7.3560487658941165, 7.334677206391544, 7.319015571997415,
-    7.309034851615853, 7.304698749667824, 7.3124972314594556, 7.3545419546036142, 7.4208632954005136,
-    7.8890785977947129, 8.7674743508998922, 10.339176127545251, 12.132667521971639, 13.965583981944496,
-    15.75032501737004, 17.362945345978897, 18.790784828374264, 20.121816044910059, 21.344282813933596,
-    22.424610704636887, 23.394077098550543, 24.324758304417671, 25.141923776777073, 25.902259431692769,
-    26.623003039382802, 27.268258842719408, 27.897783971459695, 28.476669229858061, 29.028148753566668,
-    29.579818089469232, 30.067848040280737, 30.567162817545661, 31.076920624843222, 31.529681667067283,
-    31.986865047019908, 32.451096893904236, 32.921646806550996, 33.390024046312945, 33.826305537957452,
+    7.309034851615853, 7.304698749667824, 7.3124972314594574, 7.3545419546036248, 7.4208632954005225,
+    7.8890785977947644, 8.7674743508999935, 10.339176127545352, 12.132667521971735, 13.965583981944574,
+    15.750325017370102, 17.362945345978957, 18.790784828374306, 20.121816044910091, 21.344282813933624,
+    22.424610704636912, 23.394077098550561, 24.324758304417685, 25.141923776777087, 25.90225943169278,
+    26.623003039382812, 27.268258842719415, 27.897783971459702, 28.476669229858064, 29.028148753566672,
+    29.579818089469235, 30.067848040280737, 30.567162817545665, 31.076920624843222, 31.529681667067283,
+    31.986865047019911, 32.451096893904236, 32.921646806550996, 33.390024046312945, 33.826305537957452,
     34.266516112622753, 34.710001874518895, 35.156111679848607, 35.604198204064154, 36.053618998096056,
     36.503737531834965, 36.953924223184806, 37.403557451047803, 37.852024550642952, 38.290762247632514,
     38.723823132530406, 39.151391000930317, 39.576315192809453, 39.997385640860664, 40.414076441327097,
@@ -753,14 +763,14 @@ static const double golden_table[ROWS] = {
     83.684977000193669, 83.95209524450766, 84.200832109958171, 84.430868126402288, 84.641907472980293,
     84.833678449097064, 85.005933907089329, 85.158451645865924, 85.291034764872691, 85.403511977799084,
     85.495737885509911, 85.567593207752466, 85.618984973257696, 85.649846667922432, 85.660138340828141,
-    85.639678117097503, 85.578488299345821, 85.269700410588626, 84.185873614097773, 82.434062805374566,
-    79.690296397079848, 76.459293397024993, 72.885504561425705, 68.8643590381905, 64.38670074630582,
-    60.158180850474551, 55.876064141984159, 51.718475894210698, 47.804739612318009, 44.185412132352972,
-    40.749379289441968, 37.868467210088198, 35.146295661279296, 32.88281975531423, 30.932865418673273,
-    29.181815730344312, 27.871893724387935, 26.687220650202025, 25.740792481483687, 24.96789024549048,
-    24.328736228960619, 23.771802755161634, 23.367985197111963, 22.954247136655265, 22.663566258958017,
-    22.413743985500805, 22.159164691444978, 21.900129245916698, 21.69557958768933, 21.511608548530294,
-    21.325318199228814, 21.136930473340509, 20.959238359876711, 20.795770871931069, 20.631004389900408,
+    85.639678117097503, 85.578488299345835, 85.269700410589166, 84.185873614098327, 82.434062805375476,
+    79.690296397080758, 76.459293397025903, 72.885504561426572, 68.864359038191367, 64.386700746306687,
+    60.158180850475233, 55.876064141984848, 51.718475894211245, 47.804739612318535, 44.185412132353385,
+    40.749379289442388, 37.868467210088511, 35.146295661279524, 32.882819755314451, 30.93286541867343,
+    29.181815730344415, 27.871893724388045, 26.687220650202093, 25.740792481483755, 24.967890245490519,
+    24.328736228960658, 23.771802755161652, 23.367985197111981, 22.954247136655283, 22.663566258958021,
+    22.413743985500812, 22.159164691444985, 21.900129245916709, 21.69557958768933, 21.511608548530297,
+    21.325318199228821, 21.136930473340513, 20.959238359876711, 20.795770871931069, 20.631004389900408,
     20.465174251980965, 20.298563136136064, 20.131363616417563, 19.963767471612162, 19.79596538698566,
     19.628146658441928, 19.46049889958223, 19.293207752143591, 19.126456600288783, 18.960426289212911,
     18.795294848523721, 18.631237220843389, 18.468424996070553, 18.307026151730568, 18.147204799831776,
@@ -774,7 +784,7 @@ static const double golden_table[ROWS] = {
     14.379404978400789, 14.341408942626119, 14.306795634806015, 14.27548278899825, 14.247382422178557,
     14.222401013898718, 14.200439695133541, 14.18139444600928, 14.165156302092155, 14.151611568901052,
     14.140642044295063, 14.1321252483734, 14.125934660512442, 14.12193996315221, 14.120007291933575,
-    14.11999949177568, 14.129091552203793, 14.146597417164715, 14.171761275099344, 14.216467621361645,
+    14.11999949177568, 14.129091552203789, 14.146597417164713, 14.171761275099344, 14.216467621361645,
     14.381335473491768, 14.569850499278369, 14.778812967361587, 15.368673450067627, 16.0332494607398,
     16.725264525480988, 17.435167496223897, 18.15337424397557, 18.874491973472377, 19.588501619777336,
     20.281094681674602, 20.942714405976226, 21.563900884557214, 22.135308872617049, 22.647725399294679,
@@ -797,14 +807,14 @@ static const double golden_table[ROWS] = {
     8.0261539685873853, 7.9466394816738273, 7.8711466508973311, 7.7998164508602539, 7.7327851330584032,
     7.6701840034050015, 7.6121392074449856, 7.5587715235640172, 7.510196164483248, 7.466522587317546,
     7.4278543124614247, 7.394288751553419, 7.3659170447558378, 7.3428239075732291, 7.3250874874190943,
-    7.3127792301264849, 7.3059637565843811, 7.304698749667824, 7.3314272389664126, 7.3880733137367027,
-    7.6551733631080303, 8.2703526571979431, 9.721661170958015, 11.501926007247363, 13.453998008595146,
-    15.355632055484552, 17.040550208193729, 18.604109536393999, 20.045566423942446, 21.357689247330899,
-    22.531545261525128, 23.57068152719911, 24.553395746203616, 25.472050496047842, 26.263534002846313,
-    27.040831502353502, 27.746701100544957, 28.425410819869388, 29.06065712634522, 29.686696729343232,
-    30.263808383292172, 30.861925813564863, 31.429401756865524, 31.981845291705987, 32.55105342364044,
+    7.3127792301264849, 7.3059637565843811, 7.304698749667824, 7.3314272389664206, 7.3880733137367107,
+    7.6551733631080818, 8.2703526571979946, 9.7216611709581162, 11.501926007247461, 13.453998008595224,
+    15.355632055484628, 17.040550208193789, 18.604109536394041, 20.045566423942482, 21.357689247330928,
+    22.531545261525157, 23.570681527199127, 24.553395746203631, 25.472050496047853, 26.263534002846324,
+    27.040831502353509, 27.746701100544964, 28.425410819869391, 29.060657126345223, 29.686696729343236,
+    30.263808383292176, 30.861925813564866, 31.429401756865524, 31.981845291705987, 32.55105342364044,
     33.136429142440839, 33.698011885889144, 34.256800858727814, 34.828835676427659, 35.413526177431493,
-    36.010266489607879, 36.618435990402162, 37.237400289055557, 37.866512229042549, 38.492367977503406,
+    36.010266489607879, 36.618435990402169, 37.237400289055557, 37.866512229042549, 38.492367977503406,
     39.120415821601561, 39.756589696225198, 40.400198012510053, 41.050572517314798, 41.707037924631166,
     42.368912942717373, 43.035511309981651, 43.706142837904814, 44.380114459280215, 45.056731280041191,
     45.73529763294448, 46.41511813137425, 47.095498721534874, 47.775747731303859, 48.455176914026012,
@@ -831,12 +841,12 @@ static const double golden_table[ROWS] = {
     9.2929307190865185, 9.1758062233826667, 9.0587029369254779, 8.9416208597149609, 8.8245599917511086,
     8.7075203330339264, 8.5905018835634106, 8.4735046433395631, 8.3565286123623821, 8.2395737906318729,
     8.1226401781480284, 8.0057277749108522, 7.8888365809203442, 7.7719665961765036, 7.655117820679334,
-    7.5382902544288282, 7.4214838974249924, 7.304698749667824, 11.777869372429983, 16.667924312923883,
-    19.804605252093754, 21.963147625684527, 23.608873430248011, 24.920550990003935, 25.99999110706046,
-    26.938488976664033, 27.720275355127509, 28.43770466897109, 29.079077445593004, 29.684604929596397,
-    30.221870967377633, 30.758553799149322, 31.268732967471276, 31.732217325892783, 32.195414907201979,
+    7.5382902544288282, 7.4214838974249924, 7.304698749667824, 11.777869372430033, 16.667924312923915,
+    19.804605252093769, 21.963147625684542, 23.608873430248021, 24.920550990003942, 25.999991107060463,
+    26.938488976664036, 27.720275355127512, 28.43770466897109, 29.079077445593008, 29.684604929596397,
+    30.221870967377637, 30.758553799149322, 31.268732967471276, 31.732217325892787, 32.195414907201979,
     32.658325711398874, 33.120949738483468, 33.558316781642361, 33.977480483485273, 34.396552671084493,
-    34.815533344440041, 35.23442250355189, 35.653220148420068, 36.071926279044554, 36.490540895425362,
+    34.815533344440041, 35.23442250355189, 35.653220148420068, 36.071926279044561, 36.490540895425362,
     36.909063997562477, 37.327495585455907, 37.745835659105659, 38.15926465404749, 38.567725316434036,
     31.646099075363981, 23.859176671800999, 18.5382869533959, 15.126698423121159, 13.139042505468579,
     11.879623121960389, 11.111205235361544, 10.617944118858468, 10.263482279918025, 10.04877444650983,
@@ -844,16 +854,16 @@ static const double golden_table[ROWS] = {
     9.1730494716083122, 9.0561189498367476, 8.9392095749518852, 8.8223213469537303, 8.7054542658422793,
     8.5886083316175323, 8.4717835442794893, 8.354979903828152, 8.2381974102635205, 8.1214360635855911,
     8.0046958637943675, 7.8879768108898496, 7.7712789048720348, 7.6546021457409257, 7.5379465334965206,
-    7.4213120681388203, 7.304698749667824, 11.529969849826768, 16.358281732150751, 19.518883059327877,
-    21.662281565060706, 23.309092427549853, 24.632721042930449, 25.729278129777295, 26.656762079471815,
-    27.439034722223912, 28.180887721263026, 28.797010214954526, 29.412207783535397, 29.942573008558099,
-    30.458090845297392, 30.973071199378289, 31.435623888745202, 31.880475260975444, 32.325062339418977,
+    7.4213120681388203, 7.304698749667824, 11.529969849826864, 16.358281732150811, 19.518883059327919,
+    21.662281565060734, 23.309092427549874, 24.632721042930463, 25.729278129777306, 26.656762079471825,
+    27.439034722223919, 28.18088772126303, 28.797010214954529, 29.412207783535401, 29.942573008558099,
+    30.458090845297395, 30.973071199378293, 31.435623888745202, 31.880475260975444, 32.325062339418977,
     32.769385124075818, 33.213443614945945, 26.217427906648112, 19.281603688346419, 14.806653539761202,
     12.154888448879424, 10.660980218618556, 9.7848121830280714, 9.2498949809933162, 8.8958704302545648,
     8.6844508094515387, 8.4802073096464508, 8.3437045170521671, 8.2070171458601546, 8.0887466760378679,
     7.976681362501215, 7.8646355379353503, 7.7526092023402713, 7.6406023557159788, 7.5286149980624737,
-    7.4166471293797551, 7.304698749667824, 11.699960506317087, 16.570622938087332, 19.715703204446825,
-    21.868609355283642, 23.514678172513069, 24.83011167989719, 25.91492999061218, 18.191441108942961,
+    7.4166471293797551, 7.304698749667824, 11.699960506317135, 16.570622938087361, 19.715703204446843,
+    21.868609355283656, 23.514678172513079, 24.830111679897197, 25.914929990612183, 18.191441108942961,
     13.038576977189685, 10.271283730763688, 8.8447797219198527, 8.0814074043493207, 7.6669103604305207,
     7.4392314390797631, 11.930564702642561, 16.084686895391485, 18.903848156706143, 13.790626595701177,
     10.750363708160881, 9.0291653555943157, 14.603912656268266, 18.247179771829863, 20.746897906161777,
@@ -861,8 +871,29 @@ static const double golden_table[ROWS] = {
     27.696643470117976, 28.347161265046633, 28.962947991872749, 29.522603337500076, 21.913904404986116,
     15.792004851154603, 12.16397262723064, 10.177885647753326, 9.0909015708293488, 8.4815004235711768,
     8.1030442343478946, 7.8885480511167563, 7.6894066284471254, 7.5522938564727342, 7.4166471293797551,
-    7.304698749667824, 10.720670013792892, 15.317082231833325, 18.34516920637855, 20.553746163927062,
-    22.240168622045008
+    7.304698749667824, 10.72067001379299, 15.317082231833401, 18.345169206378596, 20.553746163927094,
+    22.240168622045037
+<<<<<<< HEAD
+};
+static const tff_real jump_reference[JUMPS] = {
+    14.024266534537732, 47.0, 47.0, 14.024266534537732, 14.024266534537732, 30.512133267268865, 47.0,
+    20.619413227630186, 20.619413227630186, 43.702426653453777, 14.024266534537732, 14.024266534537732
+};
+static const double jump_capstan[JUMPS] = {
+    14.024266534537732, 88.099436116510901, 88.099436116510901, 7.4817791824633773, 7.4817791824633773,
+    57.193653948047242, 88.099436116510901, 11.000211402227073, 11.000211402227073, 81.918279682818167,
+    7.4817791824633773, 7.4817791824633773
+};
+static const double jump_inverse[JUMPS] = {
+    14.024266534537732, 114.02426653453773, 14.02426653453773, 0.0, 100.0, 12.094086198952539, 102.42860251034634,
+    2.4286025103463373, 102.42860251034634, 200.0, 100.0, 200.0
+};
+static const double jump_table[JUMPS] = {
+    14.024266534537732, 85.660138340828141, 85.660138340828141, 7.304698749667824, 7.304698749667824,
+    55.624363262151704, 85.660138340828141, 10.768877482648051, 10.768877482648051, 79.652998578462245,
+    7.304698749667824, 7.304698749667824
+=======
+>>>>>>> house
 };
 static const double golden_plant[ROWS] = {
     30.0, 30.003926345676348, 30.015697643335564, 30.035290692246452, 30.062666882413044, 30.097772281275834,
@@ -1296,10 +1327,10 @@ static double larger(double a, double b)
     return (b <= a) ? a : b; /* this way round NaN counts as larger */
 }
 
-static void report(const char *name, double error)
+static void report(const char *name, double error, double tolerance)
 {
-    const int good = error <= TOLERANCE_N;
-    printf("%-10s %s, largest difference %.3g N over %d samples\n", name, good ? "passes" : "FAILS", error, ROWS);
+    const int good = error <= tolerance;
+    printf("%s %s, largest difference %.3g N, at most %.3g N\n", good ? "passes" : "FAILS ", name, error, tolerance);
     if (!good) {
         failures++;
     }
@@ -1307,82 +1338,437 @@ static void report(const char *name, double error)
 
 static void expect(const char *name, int good)
 {
-    printf("%-10s %s\n", good ? "passes" : "FAILS", name);
+    printf("%s %s\n", good ? "passes" : "FAILS ", name);
     if (!good) {
         failures++;
     }
 }
 
-static void golden_vectors(void)
+static int is_near(double value, double expected)
 {
-    tff_capstan capstan;
-    tff_inverse inverse;
-    tff_table table;
-    tff_plant plant;
-    tff_profile profile;
-    double e_plant = 0.0, e_profile = 0.0;
-    double e_capstan = 0.0;
-    double e_inverse = 0.0;
-    double e_table = 0.0;
-    int k;
-
-    tff_capstan_init(&capstan, golden_reference[0]);
-    tff_inverse_init(&inverse, golden_reference[0]);
-    tff_table_init(&table, golden_reference[0]);
-    tff_plant_init(&plant, golden_reference[0]);
-    tff_profile_init(&profile);
-    for (k = 0; k < ROWS; k++) {
-        const tff_real reference = golden_reference[k];
-        e_capstan = larger(e_capstan, fabs((double)tff_capstan_step(&capstan, reference) - golden_capstan[k]));
-        e_inverse = larger(e_inverse, fabs((double)tff_inverse_step(&inverse, reference) - golden_inverse[k]));
-        e_table = larger(e_table, fabs((double)tff_table_step(&table, reference) - golden_table[k]));
-        e_plant = larger(e_plant, fabs((double)tff_plant_step(&plant, golden_plant_force[k]) - golden_plant[k]));
-    }
-    for (k = 0; k < TFF_PROFILE_LENGTH; k++) {
-        const double played = (double)tff_profile_step(&profile);
-        e_profile = larger(e_profile, fabs(played - (double)tff_profile_at((uint32_t)k)));
-    }
-    report("capstan", e_capstan);
-    report("inverse", e_inverse);
-    report("table", e_table);
-    report("plant", e_plant);
-    report("profile", e_profile);
-    expect("profile says that it has ended",
-           (tff_profile_step(&profile) >= TFF_FORCE_MIN_N) && (profile.output.status == TFF_ENDED));
+    return fabs(value - expected) <= (ROUNDING * (1.0 + fabs(expected)));
 }
 
-static void guards(void)
-{
-    const tff_real nan = (tff_real)NAN;
-    const tff_real bad[4] = { nan, (tff_real)INFINITY, (tff_real)-1, (tff_real)2 * TFF_REFERENCE_MAX_N };
-    tff_capstan capstan;
-    tff_inverse inverse;
-    tff_table table;
-    tff_plant plant;
-    int k, held = 1, flagged = 1;
+/* ---- constants and data ---- */
 
-    tff_capstan_init(&capstan, golden_reference[0]);
-    tff_inverse_init(&inverse, golden_reference[0]);
-    tff_table_init(&table, golden_reference[0]);
-    tff_plant_init(&plant, golden_reference[0]);
-    for (k = 0; k < 4; k++) {
-        held = held && (tff_capstan_step(&capstan, bad[k]) == golden_reference[0]);
-        flagged = flagged && (capstan.output.status == TFF_INPUT_HELD);
-        held = held && (tff_inverse_step(&inverse, bad[k]) == golden_reference[0]);
-        flagged = flagged && (inverse.output.status == TFF_INPUT_HELD);
-        held = held && (tff_table_step(&table, bad[k]) == golden_reference[0]);
-        flagged = flagged && (table.output.status == TFF_INPUT_HELD);
+static uint32_t fnv_byte(uint32_t sum, uint32_t byte)
+{
+    return (sum ^ (byte & 0xFFu)) * UINT32_C(16777619);
+}
+
+static uint32_t fnv_real(uint32_t sum, tff_real value)
+{
+    uint64_t bits;
+    unsigned k;
+
+    memcpy(&bits, &value, sizeof bits);
+    for (k = 0u; k < (8u * (unsigned)sizeof bits); k += 8u) {
+        sum = fnv_byte(sum, (uint32_t)((bits >> k) & 0xFFu));
     }
-    held = held && (tff_plant_step(&plant, nan) == golden_reference[0]);
-    flagged = flagged && (plant.status == TFF_INPUT_HELD);
-    expect("NaN, infinity and references out of range hold the last good output", held);
-    expect("and say so in the status", flagged);
+    return sum;
+}
+
+static void data(void)
+{
+    uint32_t sum = UINT32_C(2166136261);
+    uint32_t k;
+
+    expect("status bits", (TFF_OK == 0u) && (TFF_INPUT_HELD == 1u) && (TFF_FORCE_LIMITED == 2u) && (TFF_RATE_LIMITED == 4u)
+           && (TFF_WOULD_PUSH == 8u) && (TFF_FAILED == 16u) && (TFF_ENDED == 32u));
+    expect("limits of the actuator", is_near((double)TFF_FORCE_MIN_N, LEAST_N) && is_near((double)TFF_FORCE_MAX_N, MOST_N)
+           && is_near((double)TFF_CHANGE_MAX_N, CHANGE_N));
+    expect("accepted references and sample time", is_near((double)TFF_REFERENCE_MIN_N, 0.14023897025398877)
+           && is_near((double)TFF_REFERENCE_MAX_N, 106.69761821822065) && is_near((double)TFF_STEP_S, 0.001));
+    for (k = 0u; k < (uint32_t)TFF_PROFILE_LENGTH; k++) {
+        sum = fnv_real(sum, tff_profile_at(k));
+    }
+    expect("checksum of the profile", (TFF_PROFILE_LENGTH == 4001) && (sum == UINT32_C(700375939)));
+    sum = UINT32_C(2166136261);
+    for (k = 0u; k < (uint32_t)TFF_TABLE_PULL_SHARES; k++) {
+        sum = fnv_real(sum, tff_table_pull_share[k]);
+    }
+    for (k = 0u; k < (uint32_t)(TFF_TABLE_REFERENCES * TFF_TABLE_PULL_SHARES); k++) {
+        sum = fnv_real(sum, tff_table_pull_ratio[k]);
+    }
+    expect("checksum of the pull table", sum == UINT32_C(1998844698));
+    sum = UINT32_C(2166136261);
+    for (k = 0u; k < (uint32_t)(sizeof tff_table_pull_cell / sizeof tff_table_pull_cell[0]); k++) {
+        sum = fnv_byte(sum, (uint32_t)tff_table_pull_cell[k]);
+        sum = fnv_byte(sum, ((uint32_t)tff_table_pull_cell[k]) >> 8);
+    }
+    expect("checksum of its index", sum == UINT32_C(981972069));
+    sum = UINT32_C(2166136261);
+    for (k = 0u; k < (uint32_t)TFF_TABLE_RELEASE_SHARES; k++) {
+        sum = fnv_real(sum, tff_table_release_share[k]);
+    }
+    for (k = 0u; k < (uint32_t)(TFF_TABLE_REFERENCES * TFF_TABLE_RELEASE_SHARES); k++) {
+        sum = fnv_real(sum, tff_table_release_ratio[k]);
+    }
+    expect("checksum of the release table", sum == UINT32_C(3067600565));
+    sum = UINT32_C(2166136261);
+    for (k = 0u; k < (uint32_t)(sizeof tff_table_release_cell / sizeof tff_table_release_cell[0]); k++) {
+        sum = fnv_byte(sum, (uint32_t)tff_table_release_cell[k]);
+        sum = fnv_byte(sum, ((uint32_t)tff_table_release_cell[k]) >> 8);
+    }
+    expect("checksum of its index", sum == UINT32_C(2832429690));
+    expect("range of the table", is_near((double)TFF_TABLE_MIN_N, 12.375091876668819)
+           && is_near((double)TFF_TABLE_MAX_N, 48.648805148730055)
+           && is_near((double)TFF_TABLE_FIRST_N, 12.375091876668819)
+           && is_near((double)TFF_TABLE_CELLS_PER_N, 0.11027269168720266));
+}
+
+/* ---- the limiter ---- */
+
+static void limits(void)
+{
+    typedef struct {
+        tff_real before, wanted, force;
+        uint32_t status;
+    } limit_case;
+    static const limit_case cases[LIMIT_CASES] = {
+        { 100.0, 100.0, 100.0, 0u },
+        { 100.0, 125.0, 125.0, 0u },
+        { 100.0, 75.0, 75.0, 0u },
+        { 100.0, (tff_real)NAN, 100.0, 16u },
+        { 100.0, (tff_real)INFINITY, 100.0, 16u },
+        { 100.0, -(tff_real)INFINITY, 100.0, 16u },
+        { 100.0, 2.9999999999999998e+30, 100.0, 16u },
+        { 100.0, -2.9999999999999998e+30, 100.0, 16u },
+        { 0.0, 125.0, 100.0, 4u },
+        { 0.0, 75.0, 75.0, 0u },
+        { 0.0, 0.0, 0.0, 0u },
+        { 0.0, 200.0, 100.0, 4u },
+        { 0.0, -25.0, 0.0, 2u },
+        { 0.0, 225.0, 100.0, 6u },
+        { 0.0, 9.9999999999999991e+28, 100.0, 6u },
+        { 0.0, -9.9999999999999991e+28, 0.0, 2u },
+        { 0.0, (tff_real)NAN, 0.0, 16u },
+        { 0.0, (tff_real)INFINITY, 0.0, 16u },
+        { 0.0, -(tff_real)INFINITY, 0.0, 16u },
+        { 0.0, 2.9999999999999998e+30, 0.0, 16u },
+        { 0.0, -2.9999999999999998e+30, 0.0, 16u },
+        { 200.0, 125.0, 125.0, 0u },
+        { 200.0, 75.0, 100.0, 4u },
+        { 200.0, 0.0, 100.0, 4u },
+        { 200.0, 200.0, 200.0, 0u },
+        { 200.0, -25.0, 100.0, 6u },
+        { 200.0, 225.0, 200.0, 2u },
+        { 200.0, 9.9999999999999991e+28, 200.0, 2u },
+        { 200.0, -9.9999999999999991e+28, 100.0, 6u },
+        { 200.0, (tff_real)NAN, 200.0, 16u },
+        { 200.0, (tff_real)INFINITY, 200.0, 16u },
+        { 200.0, -(tff_real)INFINITY, 200.0, 16u },
+        { 200.0, 2.9999999999999998e+30, 200.0, 16u },
+        { 200.0, -2.9999999999999998e+30, 200.0, 16u },
+        { -800.0, 100.0, -700.0, 4u },
+        { -800.0, 125.0, -700.0, 4u },
+        { -800.0, 75.0, -700.0, 4u },
+        { -800.0, 0.0, -700.0, 4u },
+        { -800.0, 200.0, -700.0, 4u },
+        { -800.0, -25.0, -700.0, 6u },
+        { -800.0, 225.0, -700.0, 6u },
+        { -800.0, 9.9999999999999991e+28, -700.0, 6u },
+        { -800.0, -9.9999999999999991e+28, -700.0, 6u },
+        { -800.0, (tff_real)NAN, -800.0, 16u },
+        { -800.0, (tff_real)INFINITY, -800.0, 16u },
+        { -800.0, -(tff_real)INFINITY, -800.0, 16u },
+        { -800.0, 2.9999999999999998e+30, -800.0, 16u },
+        { -800.0, -2.9999999999999998e+30, -800.0, 16u },
+        { 1000.0, 100.0, 900.0, 4u },
+        { 1000.0, 125.0, 900.0, 4u },
+        { 1000.0, 75.0, 900.0, 4u },
+        { 1000.0, 0.0, 900.0, 4u },
+        { 1000.0, 200.0, 900.0, 4u },
+        { 1000.0, -25.0, 900.0, 6u },
+        { 1000.0, 225.0, 900.0, 6u },
+        { 1000.0, 9.9999999999999991e+28, 900.0, 6u },
+        { 1000.0, -9.9999999999999991e+28, 900.0, 6u },
+        { 1000.0, (tff_real)NAN, 1000.0, 16u },
+        { 1000.0, (tff_real)INFINITY, 1000.0, 16u },
+        { 1000.0, -(tff_real)INFINITY, 1000.0, 16u },
+        { 1000.0, 2.9999999999999998e+30, 1000.0, 16u },
+        { 1000.0, -2.9999999999999998e+30, 1000.0, 16u },
+    };
+    tff_output output;
+    int k, good = 1, flagged = 1, gathered = 1, start = 1;
+
+    for (k = 0; k < LIMIT_CASES; k++) {
+        tff_real force;
+        tff_output_init(&output, cases[k].before);
+        start = start && ((double)output.force >= LEAST_N) && ((double)output.force <= MOST_N) && (output.status == TFF_OK) && (output.seen == TFF_OK);
+        output.force = cases[k].before;
+        force = tff_output_set(&output, cases[k].wanted);
+        good = good && is_near((double)force, (double)cases[k].force) && is_near((double)output.force, (double)cases[k].force);
+        flagged = flagged && (output.status == cases[k].status);
+        force = tff_output_hold(&output, TFF_INPUT_HELD);
+        good = good && is_near((double)force, (double)cases[k].force);
+        flagged = flagged && (output.status == TFF_INPUT_HELD);
+        gathered = gathered && (output.seen == (cases[k].status | TFF_INPUT_HELD));
+    }
+    expect("limiter: force", good);
+    expect("limiter: status bits", flagged);
+    expect("limiter: bits seen since init", gathered);
+    expect("limiter: start within the limits", start);
+}
+
+/* ---- modules that follow a reference ---- */
+
+static int is_allowed(double force, double before)
+{
+    const double slack = ROUNDING * (fabs(force) + fabs(before) + 1.0);
+    return (force >= (LEAST_N - slack)) && (force <= (MOST_N + slack)) && (fabs(force - before) <= (CHANGE_N + slack));
+}
+
+static void test_capstan(void)
+{
+    const tff_real bad[6] = { (tff_real)NAN, (tff_real)INFINITY, -(tff_real)INFINITY, (tff_real)-1, 0.13743419084890898, 108.83157058258507 };
+    tff_capstan self;
+    tff_capstan other;
+    double error = 0.0;
+    double before;
+    double first;
+    int k, allowed = 1, held = 1, same = 1, started = 1;
+
+    tff_capstan_init(&self, golden_reference[0]);
+    before = (double)self.output.force;
+    for (k = 0; k < ROWS; k++) {
+        const double force = (double)tff_capstan_step(&self, golden_reference[k]);
+        error = larger(error, fabs(force - golden_capstan[k]));
+        allowed = allowed && is_allowed(force, before) && is_near(force, (double)self.output.force);
+        before = force;
+    }
+    report("capstan: golden vectors", error, 8.7999999999999994e-08);
+    /* not a number, or out of range: the last good output, and as if the call had not been */
+    other = self;
+    for (k = 0; k < 6; k++) {
+        held = held && is_near((double)tff_capstan_step(&self, bad[k]), before) && (self.output.status == TFF_INPUT_HELD);
+    }
+    held = held && ((self.output.seen & TFF_INPUT_HELD) != 0u);
+    for (k = 0; k < 20; k++) {
+        first = (double)tff_capstan_step(&self, golden_reference[ROWS - 1]);
+        same = same && is_near(first, (double)tff_capstan_step(&other, golden_reference[ROWS - 1])) && (self.output.status == other.output.status);
+    }
+    expect("capstan: bad references hold the last good output and say so", held);
+    expect("capstan: bad references leave the state alone", same);
+    (void)tff_capstan_step(&self, 0.24679634950195545);
+    same = (self.output.status & TFF_INPUT_HELD) == 0u;
+    tff_capstan_init(&self, golden_reference[0]);
+    (void)tff_capstan_step(&self, 106.59106083897269);
+    same = same && ((self.output.status & TFF_INPUT_HELD) == 0u);
+    expect("capstan: the ends of the accepted range are accepted", same);
+    for (k = 0; k < 6; k++) {
+        tff_capstan_init(&self, bad[k]);
+        started = started && is_allowed((double)self.output.force, (double)self.output.force) && (self.output.status == TFF_INPUT_HELD)
+                  && (self.output.seen == TFF_INPUT_HELD);
+        started = started && ((double)self.output.force >= fmin(MOST_N, fmax(LEAST_N, 0.14009873128373479))) && ((double)self.output.force <= fmin(MOST_N, 106.80431583643886));
+    }
+    expect("capstan: a bad start is replaced and flagged", started);
+    error = 0.0;
+    tff_capstan_init(&self, jump_reference[0]);
+    before = (double)self.output.force;
+    for (k = 0; k < JUMPS; k++) {
+        const double force = (double)tff_capstan_step(&self, jump_reference[k]);
+        error = larger(error, fabs(force - jump_capstan[k]));
+        allowed = allowed && is_allowed(force, before);
+        before = force;
+    }
+    report("capstan: golden vectors of jumps", error, 8.7999999999999994e-08);
+    expect("capstan: every force within the limits", allowed);
+    expect("capstan: limits that bind are flagged", (self.output.seen & 0u) == 0u);
+    expect("capstan: what did not happen is not flagged", (self.output.seen & (TFF_INPUT_HELD | TFF_FAILED | TFF_ENDED)) == 0u);
+}
+
+static void test_inverse(void)
+{
+    const tff_real bad[6] = { (tff_real)NAN, (tff_real)INFINITY, -(tff_real)INFINITY, (tff_real)-1, 0.13743419084890898, 108.83157058258507 };
+    tff_inverse self;
+    tff_inverse other;
+    double error = 0.0;
+    double before;
+    double first;
+    int k, allowed = 1, held = 1, same = 1, started = 1;
+
+    tff_inverse_init(&self, golden_reference[0]);
+    before = (double)self.output.force;
+    for (k = 0; k < ROWS; k++) {
+        const double force = (double)tff_inverse_step(&self, golden_reference[k]);
+        error = larger(error, fabs(force - golden_inverse[k]));
+        allowed = allowed && is_allowed(force, before) && is_near(force, (double)self.output.force);
+        before = force;
+    }
+    report("inverse: golden vectors", error, 8.4999999999999994e-08);
+    /* not a number, or out of range: the last good output, and as if the call had not been */
+    other = self;
+    for (k = 0; k < 6; k++) {
+        held = held && is_near((double)tff_inverse_step(&self, bad[k]), before) && (self.output.status == TFF_INPUT_HELD);
+    }
+    held = held && ((self.output.seen & TFF_INPUT_HELD) != 0u);
+    for (k = 0; k < 20; k++) {
+        first = (double)tff_inverse_step(&self, golden_reference[ROWS - 1]);
+        same = same && is_near(first, (double)tff_inverse_step(&other, golden_reference[ROWS - 1])) && (self.output.status == other.output.status);
+    }
+    expect("inverse: bad references hold the last good output and say so", held);
+    expect("inverse: bad references leave the state alone", same);
+    (void)tff_inverse_step(&self, 0.24679634950195545);
+    same = (self.output.status & TFF_INPUT_HELD) == 0u;
+    tff_inverse_init(&self, golden_reference[0]);
+    (void)tff_inverse_step(&self, 106.59106083897269);
+    same = same && ((self.output.status & TFF_INPUT_HELD) == 0u);
+    expect("inverse: the ends of the accepted range are accepted", same);
+    for (k = 0; k < 6; k++) {
+        tff_inverse_init(&self, bad[k]);
+        started = started && is_allowed((double)self.output.force, (double)self.output.force) && (self.output.status == TFF_INPUT_HELD)
+                  && (self.output.seen == TFF_INPUT_HELD);
+        started = started && ((double)self.output.force >= fmin(MOST_N, fmax(LEAST_N, 0.14009873128373479))) && ((double)self.output.force <= fmin(MOST_N, 106.80431583643886));
+    }
+    expect("inverse: a bad start is replaced and flagged", started);
+    error = 0.0;
+    tff_inverse_init(&self, jump_reference[0]);
+    before = (double)self.output.force;
+    for (k = 0; k < JUMPS; k++) {
+        const double force = (double)tff_inverse_step(&self, jump_reference[k]);
+        error = larger(error, fabs(force - jump_inverse[k]));
+        allowed = allowed && is_allowed(force, before);
+        before = force;
+    }
+    report("inverse: golden vectors of jumps", error, 1.1000000000000001e-06);
+    expect("inverse: every force within the limits", allowed);
+    expect("inverse: limits that bind are flagged", (self.output.seen & 6u) == 6u);
+    {
+        uint32_t bits = TFF_OK;
+        tff_inverse_init(&other, 47.0);
+        for (k = 0; k < 2; k++) {
+            (void)tff_inverse_step(&other, 0.14304374965906855);
+            bits |= other.output.status;
+        }
+        expect("inverse: a fall that no tendon follows is flagged", ((bits & TFF_WOULD_PUSH) != 0u) && (other.output.seen == bits));
+    }
+    expect("inverse: what did not happen is not flagged", (self.output.seen & (TFF_INPUT_HELD | TFF_FAILED | TFF_ENDED)) == 0u);
+}
+
+static void test_table(void)
+{
+    const tff_real bad[6] = { (tff_real)NAN, (tff_real)INFINITY, -(tff_real)INFINITY, (tff_real)-1, 12.127590039135443, 49.621781251704654 };
+    tff_table self;
+    tff_table other;
+    double error = 0.0;
+    double before;
+    double first;
+    int k, allowed = 1, held = 1, same = 1, started = 1;
+
+    tff_table_init(&self, golden_reference[0]);
+    before = (double)self.output.force;
+    for (k = 0; k < ROWS; k++) {
+        const double force = (double)tff_table_step(&self, golden_reference[k]);
+        error = larger(error, fabs(force - golden_table[k]));
+        allowed = allowed && is_allowed(force, before) && is_near(force, (double)self.output.force);
+        before = force;
+    }
+    report("table: golden vectors", error, 8.6000000000000002e-08);
+    /* not a number, or out of range: the last good output, and as if the call had not been */
+    other = self;
+    for (k = 0; k < 6; k++) {
+        held = held && is_near((double)tff_table_step(&self, bad[k]), before) && (self.output.status == TFF_INPUT_HELD);
+    }
+    held = held && ((self.output.seen & TFF_INPUT_HELD) != 0u);
+    for (k = 0; k < 20; k++) {
+        first = (double)tff_table_step(&self, golden_reference[ROWS - 1]);
+        same = same && is_near(first, (double)tff_table_step(&other, golden_reference[ROWS - 1])) && (self.output.status == other.output.status);
+    }
+    expect("table: bad references hold the last good output and say so", held);
+    expect("table: bad references leave the state alone", same);
+    (void)tff_table_step(&self, 12.41136558994088);
+    same = (self.output.status & TFF_INPUT_HELD) == 0u;
+    tff_table_init(&self, golden_reference[0]);
+    (void)tff_table_step(&self, 48.612531435457996);
+    same = same && ((self.output.status & TFF_INPUT_HELD) == 0u);
+    expect("table: the ends of the accepted range are accepted", same);
+    for (k = 0; k < 6; k++) {
+        tff_table_init(&self, bad[k]);
+        started = started && is_allowed((double)self.output.force, (double)self.output.force) && (self.output.status == TFF_INPUT_HELD)
+                  && (self.output.seen == TFF_INPUT_HELD);
+        started = started && ((double)self.output.force >= fmin(MOST_N, fmax(LEAST_N, 12.36271678479215))) && ((double)self.output.force <= fmin(MOST_N, 48.697453953878778));
+    }
+    expect("table: a bad start is replaced and flagged", started);
+    error = 0.0;
+    tff_table_init(&self, jump_reference[0]);
+    before = (double)self.output.force;
+    for (k = 0; k < JUMPS; k++) {
+        const double force = (double)tff_table_step(&self, jump_reference[k]);
+        error = larger(error, fabs(force - jump_table[k]));
+        allowed = allowed && is_allowed(force, before);
+        before = force;
+    }
+    report("table: golden vectors of jumps", error, 8.6000000000000002e-08);
+    expect("table: every force within the limits", allowed);
+    expect("table: limits that bind are flagged", (self.output.seen & 0u) == 0u);
+    expect("table: what did not happen is not flagged", (self.output.seen & (TFF_INPUT_HELD | TFF_FAILED | TFF_ENDED)) == 0u);
+}
+
+static void test_profile(void)
+{
+    tff_profile profile;
+    double error = 0.0;
+    double last;
+    int k, good = 1;
+
+    tff_profile_init(&profile);
+    good = is_near((double)profile.output.force, (double)tff_profile_at(0u)) && (profile.output.seen == TFF_OK);
+    for (k = 0; k < TFF_PROFILE_LENGTH; k++) {
+        const double played = (double)tff_profile_step(&profile);
+        error = larger(error, fabs(played - (double)tff_profile_at((uint32_t)k)));
+        good = good && (profile.output.status == TFF_OK) && is_near((double)profile.output.force, played);
+    }
+    last = (double)tff_profile_at((uint32_t)(TFF_PROFILE_LENGTH - 1));
+    report("profile: plays its samples", error, 0.0);
+    for (k = 0; k < 3; k++) {
+        good = good && is_near((double)tff_profile_step(&profile), last) && (profile.output.status == TFF_ENDED);
+    }
+    good = good && ((profile.output.seen & TFF_ENDED) != 0u) && is_near((double)tff_profile_at(UINT32_C(4294967295)), last);
+    expect("profile: stays at its last sample and says that it has ended", good);
+}
+
+/* ---- the chain ---- */
+
+static void test_plant(void)
+{
+    tff_plant plant;
+    tff_real tension;
+    double error = 0.0;
+    int k, good;
+
+    tff_plant_init(&plant, golden_reference[0]);
+    for (k = 0; k < ROWS; k++) {
+        error = larger(error, fabs((double)tff_plant_step(&plant, golden_plant_force[k]) - golden_plant[k]));
+    }
+    report("plant: golden vectors", error, 8.4999999999999994e-08);
+    expect("plant: positions of the ends", (fabs((double)tff_plant_actuator_position(&plant) - (0.0055135213384641408)) <= 2.8333333333333332e-11)
+           && (fabs((double)tff_plant_load_position(&plant) - (0.0047204494570784444)) <= 2.8333333333333332e-11));
+    tension = plant.tension;
+    good = is_near((double)tff_plant_step(&plant, (tff_real)NAN), (double)tension) && (plant.status == TFF_INPUT_HELD);
+    good = good && is_near((double)tff_plant_step(&plant, (tff_real)INFINITY), (double)tension) && (plant.status == TFF_INPUT_HELD);
+    expect("plant: bad forces hold the last tension and say so", good && ((plant.seen & TFF_INPUT_HELD) != 0u));
+    plant.x[0] = (tff_real)NAN; /* no step can be solved from here */
+    good = is_near((double)tff_plant_step(&plant, golden_plant_force[0]), (double)tension) && (plant.status == TFF_FAILED);
+    expect("plant: a step without a solution holds the last tension and says so", good);
+    tff_plant_init(&plant, (tff_real)NAN);
+    expect("plant: a bad start is replaced and flagged", (plant.status == TFF_INPUT_HELD) && is_near((double)plant.tension, 0.14023897025398877));
+    tff_plant_init(&plant, golden_reference[0]);
+    for (k = 0; k < 200; k++) {
+        (void)tff_plant_step(&plant, -golden_reference[0]);
+    }
+    expect("plant: a slack tendon is flagged", (plant.seen & TFF_WOULD_PUSH) != 0u);
 }
 
 int main(void)
 {
-    golden_vectors();
-    guards();
+    data();
+    limits();
+    test_capstan();
+    test_inverse();
+    test_table();
+    test_profile();
+    test_plant();
     printf("%s\n", (failures == 0) ? "self test passed" : "SELF TEST FAILED");
     return (failures == 0) ? 0 : 1;
 }

@@ -1,30 +1,18 @@
-"""The chain in C: element laws with the parameters folded in, and the templates of the scheme around them."""
+"""The chain in C for a controller: element laws with the parameters folded in, and the scheme around them."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tendonff.models.chain import Chain
+from tendonff.models.layout import fields_of
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.codegen.printer import literal
-from tendonff.ocp.step.c_engine import CHAIN_NAMES, chain_numbers
-from tendonff.ocp.step.laws import (
-    end_mass,
-    far_velocity,
-    link_force,
-    link_gain,
-    link_rate,
-    link_start,
-    link_states,
-    near_force,
-    path_mass,
-    path_mass_drop,
-    path_mass_inverse,
-)
-from tendonff.ocp.step.render import LawCalls, Limits, render_template
+from tendonff.ocp.codegen.printer import literal, real_type
+from tendonff.ocp.step.laws import ElementLaws, end_mass, far_velocity, near_force
+from tendonff.ocp.step.protocol import Array
+from tendonff.ocp.step.render import Limits, StepCode
 from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT, RESIDUAL_ROUNDING, RESIDUAL_TOLERANCE_N
 
-_PER_END = ("mass", "damping", "stiffness")
+Weights = tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,27 +70,25 @@ def inverse_code(chain: Chain, step_s: float, prefix: str, precision: Precision)
     precision : Precision
     """
     weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY))
-    folder = _specialiser(chain, weights, prefix, precision)
-    far = {"f_c": 0.0, "x_c": 0.0, "pull": 1.0}
-    rate: dict[str, float] = {}
-    compliances = _compliances(chain, precision)
+    folder, laws = _specialiser(chain, weights, prefix, precision), ElementLaws.of(chain)
+    compliances = None if precision is Precision.DOUBLE else _compliances(chain)
+    far, rate = {"f_c": 0.0, "x_c": 0.0, "pull": 1.0}, {}
     if compliances is not None:  # the laws depend on tension and position through their balance only
         far["f"], rate["force"] = 0.0, 0.0
-    laws = {
-        "link_start": folder.fold(link_start()),
-        "link_rate": folder.fold(link_rate(), fixed=rate),
-        "link_states": folder.fold(link_states()),
-        "far_velocity": folder.fold(far_velocity(), fixed=_end(chain, "far") | far),
-        "near_force": folder.fold(near_force(), fixed=_end(chain, "near") | {"x_c": 0.0, "pull": -1.0}),
-    }
-    mass = path_mass_inverse() if compliances is None else path_mass_drop()
-    laws[mass.name] = folder.fold(mass)
-    calls = _calls(prefix, laws)
+    folded = (
+        folder.fold(laws.link_start()),
+        folder.fold(laws.link_rate(), fixed=rate),
+        folder.fold(laws.link_states()),
+        folder.fold(far_velocity(), fixed=_end(chain, "far") | far),
+        folder.fold(near_force(), fixed=_end(chain, "near") | {"x_c": 0.0, "pull": -1.0}),
+        folder.fold(laws.path_mass_inverse(drop=compliances is not None)),
+    )
+    code = _code(chain, folder, folded, compliances=compliances)
     return ChainCode(
         header="",
         record=_record(folder, weights),
-        laws="\n".join(law.code for law in laws.values()),
-        body=render_template("inverse.c.j2", prefix, precision, calls=calls, compliances=compliances),
+        laws="\n".join(law.code for law in folded),
+        body=code.render("inverse.c.j2"),
         rest=_rest(chain, precision, relative=compliances is not None),
     )
 
@@ -120,86 +106,89 @@ def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -
     precision : Precision
     """
     limits = controller_limits(precision)
-    masses = (chain.near.mass_kg, chain.elements.mass_kg, chain.far.mass_kg)
     pieces = tuple((step_s / 2**k, 0.0) for k in range(1, limits.splits + 1))
     weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY), *pieces)
-    folder = _specialiser(chain, weights, prefix, precision)
-    laws = {
-        "link_start": folder.fold(link_start()),
-        "link_force": folder.fold(link_force()),
-        "link_states": folder.fold(link_states()),
-        "path_mass": folder.fold(path_mass()),
-        "end_mass_near": folder.fold(
-            end_mass(), "end_mass_near", fixed=_end(chain, "near") | {"x_c": 0.0, "pull": -1.0}
-        ),
-        "end_mass_far": folder.fold(
-            end_mass(), "end_mass_far", fixed=_end(chain, "far") | {"x_c": 0.0, "f_c": 0.0, "pull": 1.0}
-        ),
-    }
-    calls = _calls(prefix, laws)
+    folder, laws = _specialiser(chain, weights, prefix, precision), ElementLaws.of(chain)
+    near, far = {"x_c": 0.0, "pull": -1.0}, {"x_c": 0.0, "f_c": 0.0, "pull": 1.0}
+    folded = (
+        folder.fold(laws.link_start()),
+        folder.fold(laws.link_force()),
+        folder.fold(laws.link_states()),
+        folder.fold(laws.path_mass()),
+        folder.fold(end_mass(), "end_mass_near", fixed=_end(chain, "near") | near),
+        folder.fold(end_mass(), "end_mass_far", fixed=_end(chain, "far") | far),
+    )
+    code = _code(chain, folder, folded, limits=limits)
     return ChainCode(
-        header=render_template("stepper.h.j2", prefix, precision, calls=calls),
+        header=code.render("types.h.j2") + code.render("target.h.j2"),
         record=_record(folder, weights),
-        laws="\n".join(law.code for law in laws.values()),
-        body=render_template("stepper.c.j2", prefix, precision, calls=calls, limits=limits, masses_kg=masses),
+        laws="\n".join(law.code for law in folded),
+        body=code.render("kernel.c.j2"),
         rest=_rest(chain, precision),
     )
 
 
-def _compliances(chain: Chain, precision: Precision) -> tuple[float, float] | None:
-    """Compliances of load and link [m/N] for an inverse in deviations; None where it keeps the states themselves.
+def _code(
+    chain: Chain,
+    folder: Specialiser,
+    laws: tuple[SpecialisedLaw, ...],
+    *,
+    limits: Limits | None = None,
+    compliances: dict[str, float] | None = None,
+) -> StepCode:
+    return StepCode(
+        prefix=folder.prefix,
+        precision=folder.precision,
+        layout=chain.layout,
+        laws={law.name: law for law in laws},
+        count=f"{folder.prefix.upper()}_COUNT",
+        size=f"{folder.prefix.upper()}_COUNT",
+        solve="solve_target.c.j2",
+        numbers={name: literal(value, folder.precision) for name, value in chain.numbers().items()},
+        limits=limits or Limits(),
+        compliances=compliances,
+    )
+
+
+def _compliances(chain: Chain) -> dict[str, float]:
+    """What a lasting newton does to the load's position and to the states of a link [m/N].
 
     A float holds a position of centimetres to nanometres only, which a stiff bristle turns into newtons over a hold.
     Relative to what the tension alone would cause, positions are small and their rounding harmless. Double code keeps
     the states themselves, and so agrees with the Python model to rounding.
     """
-    if precision is Precision.DOUBLE:
-        return None
-    return 1 / chain.far.stiffness_N_per_m, 1 / chain.elements.stiffness_N_per_m
+    stretch, states = chain.link.rest(1.0)
+    links = dict(zip(chain.link.states, map(float, states), strict=True))
+    return {"q_l": 1 / chain.far.stiffness_N_per_m, "e": float(stretch), **links}
 
 
-def _specialiser(
-    chain: Chain, weights: tuple[tuple[float, float], ...], prefix: str, precision: Precision
-) -> Specialiser:
-    numbers = _snapped(dict(zip(CHAIN_NAMES, chain_numbers(chain), strict=True)))
-    element = {name: value for name, value in numbers.items() if not name.startswith(("near_", "far_"))}
-    parameters = {name: (value,) * len(weights) for name, value in element.items()}
+def _specialiser(chain: Chain, weights: Weights, prefix: str, precision: Precision) -> Specialiser:
+    numbers = _snapped(chain)
+    parameters = {name: (value,) * len(weights) for name, value in numbers.items()}
     parameters["H"] = tuple(weight for weight, _ in weights)
     folder = Specialiser(prefix=prefix, precision=precision, parameters=parameters)
-    (gain,) = folder.evaluate(link_gain())
+    (gain,) = folder.evaluate(ElementLaws.of(chain).link_gain())
     reorder = precision is Precision.FLOAT
     return Specialiser(prefix=prefix, precision=precision, parameters=parameters | {"gain": gain}, reorder=reorder)
 
 
-def _snapped(numbers: dict[str, float]) -> dict[str, float]:
+def _snapped(chain: Chain) -> dict[str, float]:
     """Coefficients that differ by rounding only are made equal, so that no code is spent on the difference."""
-    names = ("mu_dp", "mu_sp", "mu_dr", "mu_sr")
+    numbers = chain.numbers()
+    names = [name for name in numbers if name.startswith("friction_")]
     for k, name in enumerate(names):
         for other in names[:k]:
-            if abs(numbers[name] - numbers[other]) <= 1e-14 * numbers[other]:
+            if abs(numbers[name] - numbers[other]) <= 1e-14 * abs(numbers[other]):
                 numbers[name] = numbers[other]
     return numbers
 
 
 def _end(chain: Chain, which: str) -> dict[str, float]:
-    end = chain.near if which == "near" else chain.far
-    return dict(zip(_PER_END, (end.mass_kg, end.damping_N_s_per_m, end.stiffness_N_per_m), strict=True))
+    return fields_of(chain.near if which == "near" else chain.far, "end_")
 
 
-def _calls(prefix: str, laws: Mapping[str, SpecialisedLaw]) -> LawCalls:
-    """Calls of folded laws, with the coefficient record in `c`."""
-
-    def call(law: str, arguments: Mapping[str, str], end: str = "") -> str:
-        known = laws.get(f"{law}_{end}") or laws[law]
-        passed = ["c"] if known.weighted else []
-        passed += [arguments[name] for name in (*known.inputs, *known.outputs)]
-        return f"{prefix}_{known.name}({', '.join(passed)})"
-
-    return call
-
-
-def _record(folder: Specialiser, weights: tuple[tuple[float, float], ...]) -> str:
-    real = "float" if folder.precision is Precision.FLOAT else "double"
+def _record(folder: Specialiser, weights: Weights) -> str:
+    real = real_type(folder.precision)
     fields = ["H", "carry", *folder.coefficients]
     columns = [
         tuple(w for w, _ in weights),
@@ -214,21 +203,21 @@ def _record(folder: Specialiser, weights: tuple[tuple[float, float], ...]) -> st
         *(f"    {real} {name};" for name in fields),
         f"}} {folder.prefix}_weights;",
         "",
-        f"static const {folder.prefix}_weights *{folder.prefix}_weights_of(int row)",
+        f"static const {folder.prefix}_weights *{folder.prefix}_rows(void)",
         "{",
         f"    static const {folder.prefix}_weights rows[{len(weights)}] = {{",
     ]
     rows = ([literal(column[k], folder.precision) for column in columns] for k in range(len(weights)))
     lines += [f"        {{ {', '.join(row)} }}," for row in rows]
-    return "\n".join([*lines, "    };", "", "    return &rows[row];", "}", ""])
+    return "\n".join([*lines, "    };", "    return rows;", "}", ""])
 
 
 def _rest(chain: Chain, precision: Precision, *, relative: bool = False) -> str:
     """Statements for the state at rest: affine in the tension, so two evaluations of `rest_state` say it all."""
     zero, one = chain.rest_state(0.0).vector(), chain.rest_state(1.0).vector()
     zero_text = literal(0.0, precision)
-    n = chain.count
-    blocks = ((0, n + 2), (n + 2, 3 * n + 4), (3 * n + 4, 4 * n + 4), (4 * n + 4, 4 * n + 5), (4 * n + 5, 4 * n + 6))
+    layout = chain.layout
+    blocks = _merged([(layout.part(name).start, layout.part(name).stop) for name, _, _ in layout.blocks], one)
     lines = []
     for first, last in blocks:
         slope = 0.0 if relative else float(one[first] - zero[first])
@@ -238,3 +227,14 @@ def _rest(chain: Chain, precision: Precision, *, relative: bool = False) -> str:
         else:
             lines.append(f"    for (j = {first}; j < {last}; j++) {{\n        self->x[j] = {value};\n    }}")
     return "\n".join(lines)
+
+
+def _merged(blocks: list[tuple[int, int]], values: Array) -> list[tuple[int, int]]:
+    """Neighbouring blocks with one value become one."""
+    merged = blocks[:1]
+    for first, last in blocks[1:]:
+        if values[first] == values[merged[-1][0]] and last - first > 1:
+            merged[-1] = (merged[-1][0], last)
+        else:
+            merged.append((first, last))
+    return merged
