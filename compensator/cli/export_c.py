@@ -19,6 +19,9 @@ def export_c(
     ] = Precision.DOUBLE,
     prefix: PrefixOption = "tff",
     level: LevelOption = None,
+    force_export: Annotated[
+        bool, typer.Option("--force-export", help="Export modules all the same that are worse than no compensation.")
+    ] = False,
 ) -> None:
     """Write C99 for the controller.
 
@@ -28,10 +31,17 @@ def export_c(
 
     with opened(scenario, out) as (loaded, folder):
         from tendonff.compensator.export.c_project import export_project
+        from tendonff.compensator.export.judgement import score_lines
 
         with progress("exporting"):
-            exported = export_project(loaded, precision=precision, prefix=prefix, level=level)
+            exported = export_project(
+                loaded, precision=precision, prefix=prefix, level=level, force_export=force_export
+            )
             exported.write(folder)
+    for note in exported.notes:
+        say(note)
     for warning in exported.warnings:
         warn(warning)
+    for line in score_lines(exported.judged):
+        say(line)
     say(f"{len(exported.files)} files in {out}; `make test` there compares them with the Python model")

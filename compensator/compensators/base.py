@@ -74,6 +74,7 @@ class Problem:
         reference : Reference, optional
             Default: the scenario's own, sampled.
         options : TrackOptions, optional
+            Default: those of the scenario.
         """
         samples = sample_transmissions(scenario.transmission, scenario.robust)
         return cls(
@@ -82,7 +83,7 @@ class Problem:
             reference=sample_reference(scenario) if reference is None else reference,
             samples=samples if len(samples) > 1 else (),
             objective=scenario.robust.objective,
-            options=options or TrackOptions(),
+            options=options or TrackOptions(**scenario.optimal.given),  # type: ignore[arg-type]
         )
 
     @cached_property

@@ -87,6 +87,7 @@ def tracking_warnings(tracking: Tracking) -> tuple[str, ...]:
     if tracking.status is TrackStatus.EXACT:
         return ()
     found = [] if tracking.status is TrackStatus.OPTIMAL else [f"optimal: {tracking.message}"]
+    found += [f"optimal: {caution}" for caution in tracking.cautions]
     found += tracking.reasons
     if tracking.departures:
         worst = max(tracking.departures, key=lambda departure: abs(departure.peak_error_N))

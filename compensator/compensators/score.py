@@ -65,6 +65,19 @@ def score(reference_N: FloatArray, output_N: FloatArray) -> Score:
     )
 
 
+def is_worse(score: Score, uncompensated: Score, reference_N: FloatArray) -> bool:
+    """Whether a compensator does harm: its error is above that of the reference itself as force, by more than 1 %.
+
+    Parameters
+    ----------
+    score, uncompensated : Score
+        On the same plant and reference.
+    reference_N : ndarray, shape (n,)
+        The reference; a millionth of its range is rounding [N].
+    """
+    return score.rmse_N > 1.01 * uncompensated.rmse_N + 1e-6 * scale_N(reference_N)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedPlant:
     """The chain that a force is tried on.

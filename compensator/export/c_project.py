@@ -3,53 +3,39 @@
 import json
 import math
 import os
-import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from importlib.resources import files
-from types import MappingProxyType
 
-import jinja2
 import numpy as np
 
 from tendonff._version import __version__
+from tendonff.compensator.adapt.setup import learnt, tuning_of
 from tendonff.compensator.compensators.base import CModule, FloatArray, Problem
-from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
-from tendonff.compensator.compensators.table import table_of, table_range
+from tendonff.compensator.compensators.table import CompensationTable, table_of
 from tendonff.compensator.compensators.table_build import BuiltTable
+from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_golden
+from tendonff.compensator.export.c_text import (
+    PLANT,
+    accepted_range,
+    c_modules,
+    c_sources,
+    check_prefix,
+    folder_files,
+    measured,
+    table_bytes,
+    table_context,
+)
 from tendonff.compensator.export.golden import golden_vectors
-from tendonff.compensator.export.table_index import share_index
-from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.export.host import run_on_host
+from tendonff.compensator.export.judgement import Judged, judge
+from tendonff.compensator.export.self_test import FloatLoss, float_losses, loss_warnings, self_test_context
 from tendonff.compensator.files.writing import atomic_directory, write_text
-from tendonff.compensator.scenario.sampling import largest_tension
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
-from tendonff.models.capstan import Branch, CapstanLaw
+from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.codegen.printer import literal
-from tendonff.ocp.step.target import controller_limits, inverse_code, plant_code
-
-PLANT = CModule(name="plant", content="the chain itself")
-"""What is exported beside the compensators, for tests."""
-
-_KEYWORDS = frozenset(
-    re.findall(
-        r"\w+",
-        """
-        auto break case char const continue default do double else enum extern float for goto if inline int
-        long register restrict return short signed sizeof static struct switch typedef union unsigned void
-        volatile while main nan class new delete this template public private try catch throw bool true false
-        """,
-    )
-)
-_TEMPLATES = jinja2.Environment(  # noqa: S701 - C has no markup to escape
-    loader=jinja2.PackageLoader("tendonff.compensator.export", "templates/c"),
-    undefined=jinja2.StrictUndefined,
-    keep_trailing_newline=True,
-    trim_blocks=True,
-    lstrip_blocks=True,
-)
+from tendonff.ocp.errors import SolveError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,14 +49,20 @@ class Exported:
     built : BuiltTable
     profile_N : ndarray, shape (n,)
         The profile that is played back [N].
+    judged : tuple of Judged
+        What each module is worth on the scenario's reference, no compensation first.
     warnings : tuple of str
         What the user should know.
+    notes : tuple of str
+        What the tuner can identify along the reference, and what it cannot; empty without one.
     """
 
     files: dict[str, str]
     built: BuiltTable
     profile_N: FloatArray
+    judged: tuple[Judged, ...]
     warnings: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write every file, all or nothing.
@@ -85,27 +77,6 @@ class Exported:
                 write_text(partial / name, text)
 
 
-def check_prefix(prefix: str) -> str:
-    """A prefix that every C and C++ compiler takes, or an error that says what is wrong.
-
-    Parameters
-    ----------
-    prefix : str
-    """
-    good = prefix.isascii() and prefix.isidentifier() and not prefix.startswith("_") and len(prefix) <= 24
-    if not good or prefix.endswith("_") or "__" in prefix or prefix.lower() in _KEYWORDS:
-        raise InputError(
-            f'--prefix must be a C identifier of at most 24 letters, digits and single underscores, got "{prefix}"; '
-            'the default is "tff"'
-        )
-    return prefix
-
-
-def c_modules() -> tuple[CModule, ...]:
-    """Modules of the compensators that can be exported, in the order of the registry, and of the plant."""
-    return (*(c.c_module for c in COMPENSATORS if c.c_module is not None), PLANT)
-
-
 def export_project(
     scenario: Scenario,
     *,
@@ -113,8 +84,12 @@ def export_project(
     prefix: str = "tff",
     level: Level | None = None,
     profile_N: FloatArray | None = None,
+    force_export: bool = False,
 ) -> Exported:
     """Print the whole folder.
+
+    Every module is simulated on the scenario's reference and level first; one whose error is above that of no
+    compensation is left out.
 
     Parameters
     ----------
@@ -126,14 +101,16 @@ def export_project(
     level : Level, optional
         Fidelity level of inverse, table and plant; default: the scenario's own.
     profile_N : ndarray, optional
-        Profile to play [N]; default: the optimal one.
+        Profile to play [N]; default: the optimal one. It is judged where it has a sample for each of the reference.
+    force_export : bool, optional
+        Export modules all the same that are worse than no compensation.
 
     Raises
     ------
     InputError
         If the prefix is no C identifier or the reference cannot be delivered.
     SolveError
-        If there is no profile that may be exported; the message says why.
+        If there is no profile that may be exported, or nothing is better than no compensation; the message says why.
     """
     check_prefix(prefix)
     problem = Problem.of(scenario, level=level)
@@ -142,206 +119,109 @@ def export_project(
         profile = compensator("optimal").profile(problem).require()
         profile_N, warnings = profile.force_N, (*warnings, *profile.warnings)
     built = table_of(problem)
-    further = {
-        **_table_context(built, precision),
-        "table_bytes": _table_bytes(built.table, precision),
+    forces = _forces(problem, built, profile_N)
+    numbers = {
+        **table_context(built, precision),
+        "table_bytes": table_bytes(built.table, precision),
         "profile": profile_N,
         "profile_bytes": (4 if precision is Precision.FLOAT else 8) * len(profile_N),
-        "golden": golden_vectors(problem, built.table, precision),
+    }
+    golden = golden_vectors(problem, built.table, precision)
+    losses: tuple[FloatLoss, ...] = ()
+    found: Sequence[Mapping[str, FloatArray]] | None = None
+    if precision is Precision.FLOAT:
+        modules = tuple(m for m in c_modules(scenario) if m not in ADAPTIVE_MODULES)
+        every = c_sources(scenario, problem, modules, precision, prefix, numbers)
+        followed = dict.fromkeys(golden.jumps.columns, problem.reference.tension_N)
+        found = run_on_host(every, prefix, precision, [golden.course.inputs_N, golden.jumps.inputs_N, followed])
+        if found is not None:
+            losses = float_losses(golden.course, found[0])
+            forces |= found[2]
+    judged = judge(problem, forces)
+    modules, faults = _chosen(judged, c_modules(scenario), force_export=force_export)
+    further: dict[str, object] = {
+        **numbers,
+        **self_test_context(
+            problem, built.table, profile_N, golden, precision, found, accepted_N=accepted_range(problem)
+        ),
         "measured": measured(precision),
+        "judged": judged,
+        "losses": losses,
     }
-    texts = c_sources(scenario, problem, c_modules(), precision, prefix, further)
-    context = _context(scenario, problem, precision, prefix) | further
-    for name in ("self_test.c", "example_main.c", "Makefile", "CMakeLists.txt", "README.md"):
-        texts[name] = _render(f"{name}.j2", context)
-    texts["design.json"] = _design_json(scenario, problem.level, precision, prefix, built, profile_N)
-    return Exported(files=texts, built=built, profile_N=profile_N, warnings=warnings)
-
-
-def c_sources(
-    scenario: Scenario,
-    problem: Problem,
-    modules: Sequence[CModule],
-    precision: Precision,
-    prefix: str,
-    further: Mapping[str, object] = MappingProxyType({}),
-) -> dict[str, str]:
-    """Sources and headers of some modules and of what they share, by file name.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    problem : Problem
-    modules : sequence of CModule
-    precision : Precision
-    prefix : str
-    further : mapping, optional
-        What the templates of these modules need beyond scenario and level: table, profile.
-    """
-    chain, step = problem.chain, problem.reference.step_s
-    context = _context(scenario, problem, precision, prefix) | dict(further)
-    names = [module.name for module in modules]
-    code: dict[str, dict[str, object]] = {}
-    if "inverse" in names:
-        code["inverse"] = asdict(inverse_code(chain, step, f"{prefix}_inverse", precision))
-    if "plant" in names:
-        code["plant"] = asdict(plant_code(chain, step, f"{prefix}_chain", precision))
-    headers = ("types", "limits", *(header for module in modules for header in (*module.headers, module.name)))
-    texts = {f"{prefix}_{name}.h": _render(f"{name}.h.j2", context) for name in headers}
-    for name in ("limits", *names):
-        texts[f"{prefix}_{name}.c"] = _render(f"{name}.c.j2", context | code.get(name, {}))
-    return texts
-
-
-def table_header(scenario: Scenario, built: BuiltTable, level: Level, prefix: str = "tff") -> str:
-    """The C header of a table alone, in double.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    built : BuiltTable
-    level : Level
-    prefix : str, optional
-    """
-    context = _naming(scenario, level, Precision.DOUBLE, prefix) | _table_context(built, Precision.DOUBLE)
-    return _render("table_data.h.j2", context)
-
-
-def _render(template: str, context: dict[str, object]) -> str:
-    return _TEMPLATES.get_template(template).render(context)
-
-
-def _naming(scenario: Scenario, level: Level, precision: Precision, prefix: str) -> dict[str, object]:
-    def number(value: float) -> str:
-        return literal(max(-1e30, min(float(value), 1e30)), precision)
-
-    def rows(table: Iterable[Iterable[float]]) -> str:
-        return ",\n".join(_wrapped([number(v) for v in row]) for row in table)
-
-    def exact_rows(values: Iterable[float]) -> str:
-        return _wrapped([literal(float(v), Precision.DOUBLE) for v in values])
-
-    def integers(values: Iterable[int]) -> str:
-        return _wrapped([f"{v}u" for v in values])
-
-    name = " ".join(scenario.name.replace("*/", "* /").split())
-    lines = (
-        f'Scenario "{name}", hash {scenario_hash(scenario)}, level {level}.',
-        f"Written by tendonff {__version__} export-c --precision {precision} --prefix {prefix}.",
+    notes: tuple[str, ...] = ()
+    if scenario.adaptation is not None:
+        notes = learnt(problem, tuning_of(problem, scenario.adaptation)).sentences()
+        course = golden.course
+        vectors = adaptive_golden(problem, scenario.adaptation, course.reference_N, course.plant_force_N, precision)
+        mu = problem.transmission.friction.mu_dynamic
+        further["adaptive"] = {
+            "golden": vectors,
+            "mu_dynamic": mu,
+            "tolerance_N": 0.02 if precision is Precision.FLOAT else 1e-9,
+        }
+    texts = c_sources(scenario, problem, modules, precision, prefix, further)
+    texts |= folder_files(scenario, problem, modules, precision, prefix, further)
+    texts["design.json"] = _design_json(
+        scenario,
+        problem.level,
+        precision,
+        prefix,
+        built=built,
+        profile=profile_N,
+        judged=judged,
+        losses=losses,
+        modules=modules,
     )
-    return {
-        "prefix": prefix,
-        "guard": prefix.upper(),
-        "real": "float" if precision is Precision.FLOAT else "double",
-        "num": number,
-        "rows": rows,
-        "exact_rows": exact_rows,
-        "integers": integers,
-        "provenance": "\n".join(f" * {line}" for line in lines),
-        "level": level,
-        "version": __version__,
-        "scenario_name": name,
-        "scenario_hash": scenario_hash(scenario),
-    }
+    warnings = (*warnings, *faults, *loss_warnings(losses))
+    return Exported(files=texts, built=built, profile_N=profile_N, judged=judged, warnings=warnings, notes=notes)
 
 
-def _wrapped(items: list[str]) -> str:
-    """Comma-separated numbers in lines of at most 116 characters."""
-    lines, line = [], ""
-    for item in items:
-        if line and len(line) + len(item) + 2 > 112:
-            lines.append(line)
-            line = ""
-        line += ("" if not line else ", ") + item
-    return ",\n".join(f"    {text}" for text in [*lines, line])
+def _forces(problem: Problem, built: BuiltTable, profile_N: FloatArray) -> dict[str, FloatArray]:
+    """Force of each module at the samples of the reference [N]; that of a profile of another length is left out."""
+    forces = {}
+    for each in COMPENSATORS:
+        module = each.c_module
+        if module is None:
+            continue
+        if module.plays_back:
+            if len(profile_N) == len(problem.reference.tension_N):
+                forces[module.name] = profile_N
+        else:
+            exported = CompensationTable(built.table) if isinstance(each, CompensationTable) else each
+            forces[module.name] = exported.profile(problem).force_N
+    return forces
 
 
-def _table_context(built: BuiltTable, precision: Precision) -> dict[str, object]:
-    table = built.table
-    notes = (
-        f"Interpolation error at most {built.error_N:.3g} N (bound {built.bound_N:.3g} N); made for a reference that",
-        f"moves at {built.rate_N_per_s:.4g} N/s. Bilinear in the reference and in the share.",
-    )
-    return {
-        "table": table,
-        "pull_ratios": table.ratio(Branch.PULL),
-        "release_ratios": table.ratio(Branch.RELEASE),
-        "pull_index": share_index(table.pull.share, precision),
-        "release_index": share_index(table.release.share, precision),
-        "table_notes": "\n".join(f" * {note}" for note in notes),
-    }
-
-
-def _context(scenario: Scenario, problem: Problem, precision: Precision, prefix: str) -> dict[str, object]:
-    """What every template may use."""
-    transmission, reference, step = problem.transmission, problem.reference, problem.reference.step_s
-    actuator, law = transmission.actuator, CapstanLaw.of(transmission)
-    chain = problem.chain
-    count, reals, size = chain.count, chain.layout.size, 4 if precision is Precision.FLOAT else 8
-    low, _ = table_range(problem)
-    modules = c_modules()
-    output = max(size, 4) + 8
-    past = 2 * count + 2 if precision is Precision.FLOAT else 0
-    state = {
-        "inverse": _padded(output + (2 * reals + 2 + past) * size + 4, size),
-        "capstan": output + 2 * size,
-        "table": _padded(output + 4 * size + 4, size),
-        "plant": _padded((2 * reals + 2) * size + 16, size),
-        "profile": _padded(output + 4, size),
-    }
-    return _naming(scenario, problem.level, precision, prefix) | {
-        "title": f"{prefix}: feedforward force for a tendon",
-        "count": count,
-        "reals": reals,
-        "step": step,
-        "step_s": repr(step),
-        "reference_min": min(low, 0.01 * float(np.min(reference.tension_N))),
-        "reference_max": max(largest_tension(transmission), float(np.max(reference.tension_N))),
-        "force_min": actuator.force_min_N,
-        "force_max": actuator.force_max_N,
-        "change_max": actuator.force_rate_max_N_per_s * step,
-        "pull_ratio": math.exp(law.pull_exponent),
-        "release_ratio": math.exp(-law.release_exponent),
-        "adhesion": law.adhesion_N,
-        "modules": modules,
-        "followers": [m for m in modules if not m.plays_back and m != PLANT],  # of a reference
-        "initial": reference.initial_tension_N,
-        "amplitude": 0.25 * min(reference.initial_tension_N, max(reference.range_N, 1e-3)),
-        "example_rows": max(20, min(4000, round(2.0 / step))),
-        "tolerance": "0.02" if precision is Precision.FLOAT else "1e-9",
-        "limits": controller_limits(precision),
-        "state_bytes": state,
-    }
-
-
-def _padded(size: int, alignment: int) -> int:
-    return -(-size // alignment) * alignment
-
-
-def _table_bytes(table: LookupTable, precision: Precision) -> int:
-    """Constant data of a table: forces, shares and the index of the shares."""
-    size, total = 4 if precision is Precision.FLOAT else 8, 0
-    for branch in Branch:
-        share = table.branch(branch).share
-        index = len(share_index(share, precision).cell) * (1 if len(share) <= 256 else 2)
-        total += size * (table.branch(branch).force_N.size + len(share)) + index
-    return total
-
-
-def measured(precision: Precision) -> dict[str, object]:
-    """Instructions, code and stack of the example, as `tests/target` measured them.
-
-    Parameters
-    ----------
-    precision : Precision
-    """
-    text = files("tendonff.compensator.export").joinpath("measured.json").read_text(encoding="utf-8")
-    content: dict[str, dict[str, object]] = json.loads(text)
-    return content[precision]
+def _chosen(
+    judged: Sequence[Judged], every: tuple[CModule, ...], *, force_export: bool
+) -> tuple[tuple[CModule, ...], tuple[str, ...]]:
+    """Modules to export, and warnings of those that do harm."""
+    faults = {each.module: each.fault for each in judged if each.fault}
+    if force_export:
+        kept = (f"{module}: {fault}; exported because of --force-export" for module, fault in faults.items())
+        return every, tuple(kept)
+    modules = tuple(module for module in every if module.name not in faults)
+    if modules == (PLANT,):
+        said = "; ".join(f"{module}: {fault}" for module, fault in faults.items())
+        raise SolveError(
+            f"nothing to export: {said}. Let the reference move more slowly, raise the actuator's limits, "
+            "or export all the same with --force-export"
+        )
+    left = (f"{module} is not exported: {fault}; --force-export exports it" for module, fault in faults.items())
+    return modules, tuple(left)
 
 
 def _design_json(
-    scenario: Scenario, level: Level, precision: Precision, prefix: str, built: BuiltTable, profile: FloatArray
+    scenario: Scenario,
+    level: Level,
+    precision: Precision,
+    prefix: str,
+    *,
+    built: BuiltTable,
+    profile: FloatArray,
+    judged: Sequence[Judged],
+    losses: Sequence[FloatLoss],
+    modules: Sequence[CModule],
 ) -> str:
     transmission = scenario.transmission
     law = CapstanLaw.of(transmission)
@@ -367,6 +247,8 @@ def _design_json(
             "rate_N_per_s": built.rate_N_per_s,
         },
         "profile": {"samples": len(profile), "least_N": float(np.min(profile)), "most_N": float(np.max(profile))},
-        "files": {f"{prefix}_{module.name}": module.content for module in c_modules()},
+        "float_loss": {loss.module: asdict(loss) for loss in losses},
+        "scores": {each.module: each.as_dict() for each in judged},
+        "files": {f"{prefix}_{module.name}": module.content for module in modules},
     }
     return json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False) + "\n"

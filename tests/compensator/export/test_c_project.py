@@ -12,7 +12,8 @@ import pytest
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.export.c_project import check_prefix, export_project
+from tendonff.compensator.export.c_project import export_project
+from tendonff.compensator.export.c_text import check_prefix
 from tendonff.compensator.export.golden import answers
 from tendonff.compensator.export.table_index import rounded
 from tendonff.compensator.files.reading import InputError
@@ -48,7 +49,7 @@ def library(examples, tmp_path_factory):
         if key not in made:
             folder = tmp_path_factory.mktemp(f"{example}_{precision}")
             scenario = load_scenario(examples / f"{example}.toml")
-            exported = export_project(scenario, precision=precision, profile_N=np.full(3, 30.0))
+            exported = export_project(scenario, precision=precision, profile_N=np.full(3, 30.0), force_export=True)
             exported.write(folder)
             includes = "".join(f'#include "tff_{kind}.h"\n' for kind in KINDS)
             (folder / "driver.c").write_text(includes + "".join(DRIVER.format(kind=k, first=first) for k in KINDS))
