@@ -1,5 +1,6 @@
 """`tendonff identify`: parameters of a rig from what was measured on it."""
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -7,10 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument
-from tendonff.compensator.cli.progress import progress, say, warn
+from tendonff.compensator.cli.progress import interruptible, progress, say, warn
 from tendonff.compensator.scenario.measurement import Explain
 
 if TYPE_CHECKING:
+    from tendonff.compensator.identification.result import Identification
     from tendonff.compensator.scenario.measurement import Measurement
 
 SCALED = ("time", "input", "output", "input_position", "output_position")
@@ -67,6 +69,25 @@ def identify(
             show_default=False,
         ),
     ] = None,
+    offset: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--offset",
+            metavar="[COLUMN=]N",
+            help="What the cells read without tension, in N: of both, or of the column input or output; subtracted. "
+            "Default: found from slack samples.",
+            show_default=False,
+        ),
+    ] = None,
+    tare: Annotated[
+        str | None,
+        typer.Option(
+            "--tare",
+            metavar="FROM:TO",
+            help="Seconds of every file in which the tendon is slack; both cells are set to zero there.",
+            show_default=False,
+        ),
+    ] = None,
     skip: Annotated[
         float | None,
         typer.Option(
@@ -85,6 +106,7 @@ def identify(
         ),
     ] = None,
     static_only: Annotated[bool, typer.Option("--static", help="Stop after the static stage.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Fit very long files without asking.")] = False,
 ) -> None:
     """Fit the scenario's parameters to measured tensions (and positions) at both ends."""
     from tendonff.compensator.files.reading import InputError
@@ -115,17 +137,57 @@ def identify(
         "explain": explain,
     }
     try:
-        how = _scaled(replace(loaded.measurement, **{k: v for k, v in names.items() if v is not None}), scale or [])  # type: ignore[arg-type]
+        how = replace(loaded.measurement, **{k: v for k, v in names.items() if v is not None})  # type: ignore[arg-type]
+        how = _zeroed(_scaled(how, scale or []), offset or [], tare)
     except ParameterError as error:
         raise InputError(str(error)) from None
+
+    def confirm(question: str) -> bool:
+        return yes or (sys.stdin.isatty() and typer.confirm(f"{question}. Go on?", err=True))
+
+    def work() -> "Identification":
+        known = replace(loaded, measurement=how)
+        return identify_files(known, data, validate or [], static_only=static_only, say=_say_files, confirm=confirm)
+
     with progress("identifying"):
-        found = identify_files(replace(loaded, measurement=how), data, validate or [], static_only=static_only)
+        found = interruptible(work)
     with progress("writing"):
         write_identification(found, out, [*data, *(validate or [])])
     for warning in found.warnings:
         warn(warning)
     for line in summary_lines(found):
         say(line)
+
+
+def _say_files(line: str) -> None:
+    """What was read; the names of stages stay silent."""
+    if " samples over " in line:
+        say(line)
+
+
+def _zeroed(how: "Measurement", offsets: list[str], tare: str | None) -> "Measurement":
+    """Put `--offset` and `--tare` into the table [measurement]."""
+    from tendonff.compensator.files.reading import InputError, suggestion
+
+    for wish in offsets:
+        column, _, text = wish.rpartition("=")
+        try:
+            value = float(text)
+        except ValueError:
+            raise InputError(
+                f'--offset must be a number or COLUMN=number, got "{wish}"; --offset output=0.4 takes 0.4 N off'
+            ) from None
+        if column not in ("", "input", "output"):
+            raise InputError(f'--offset: unknown column "{column}"{suggestion(column, ("input", "output"))}')
+        for name in [column] if column else ["input", "output"]:
+            how = replace(how, **{f"{name}_offset_N": value})  # type: ignore[arg-type]
+    if tare is not None:
+        try:
+            start, stop = (float(text) for text in tare.split(":"))
+        except ValueError:
+            raise InputError(f'--tare must be FROM:TO in seconds, got "{tare}"; --tare 0:2 for the first two') from None
+        how = replace(how, tare_s=(start, stop))
+    return how
 
 
 def _scaled(how: "Measurement", wishes: list[str]) -> "Measurement":

@@ -53,7 +53,12 @@ def summarise_excitation(records: Sequence[Record]) -> ExcitationSummary:
 
 
 def reason(
-    name: DynamicParameter, now: ExcitationSummary, transmission: Transmission, relative_error: float | None = None
+    name: DynamicParameter,
+    now: ExcitationSummary,
+    transmission: Transmission,
+    relative_error: float | None = None,
+    *,
+    fitted: bool = False,
 ) -> str:
     """Why a value is not identifiable, with the way out.
 
@@ -63,7 +68,9 @@ def reason(
     now : ExcitationSummary
     transmission : Transmission
     relative_error : float, optional
-        Standard error it would have, as a share of the value.
+        Standard error it has or would have, as a share of the value.
+    fitted : bool, optional
+        It is part of the law, and doubtful; else it does not reduce the validation error.
     """
     tau = transmission.tendon.relaxation_time_s
     known = relative_error is not None and np.isfinite(relative_error)
@@ -83,14 +90,17 @@ def reason(
     if name in (D.STATIC_EXCESS, D.STRIBECK_VELOCITY):
         omega = transmission.friction.stribeck_velocity_m_per_s
         speed = f" (the input end moved at up to {now.speed_m_per_s:.2g} m/s)" if now.speed_m_per_s else ""
+        useless = doubt.removesuffix("; ") if fitted else "adding a Stribeck term does not reduce the validation error"
         return (
-            f"adding a Stribeck term does not reduce the validation error{speed}; "
+            f"{useless}{speed}; "
             f"add strokes at speeds from {0.2 * omega:.2g} to {5 * omega:.2g} m/s, around the Stribeck velocity"
         )
     if name is D.VISCOUS:
-        return f"{doubt}adding viscous friction does not reduce the validation error; add faster strokes (10 times)"
+        useless = "" if fitted else "adding viscous friction does not reduce the validation error; "
+        return f"{doubt}{useless}add faster strokes (10 times)"
     if name is D.ADHESION:
-        return f"{doubt}load-independent friction does not reduce the validation error; add strokes at low tension"
+        useless = "" if fitted else "load-independent friction does not reduce the validation error; "
+        return f"{doubt}{useless}add strokes at low tension"
     if name is D.DAMPING:
         return f"{doubt}it acts on fast changes only; add excitation above 20 Hz"
     if name is D.BRISTLE:

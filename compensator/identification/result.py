@@ -24,15 +24,18 @@ class Estimate:
     name : str
         Key of the scenario file, or what it is.
     value : float
-        Estimate, or the scenario's value where the data cannot tell.
+        Estimate; the scenario's value where it was not fitted.
     standard_error : float or None
     interval : tuple of 2 floats, or None
         95 %.
     identifiable : bool
+        The data tell it by itself.
     why : str
         Where the value comes from, or what keeps the data from telling and which experiment would tell.
     scenario : float or None
         The scenario's own value.
+    fitted : bool
+        The value is the joint estimate, which fitted.toml has; else it is the scenario's.
     """
 
     name: str
@@ -42,6 +45,7 @@ class Estimate:
     identifiable: bool
     why: str
     scenario: float | None = None
+    fitted: bool = False
 
     def as_json(self) -> dict[str, Any]:
         """Plain values; what is not a finite number becomes null."""
@@ -51,6 +55,7 @@ class Estimate:
             "standard_error": self.standard_error if _is_finite(self.standard_error) else None,
             "interval_95": list(self.interval) if finite and self.interval is not None else None,
             "identifiable": self.identifiable,
+            "fitted": self.fitted,
             "why": self.why,
             "scenario": self.scenario,
         }
@@ -143,8 +148,10 @@ class Identification:
     laws : tuple of CandidateLaw
     files : tuple of FileResult
     fit_percent, validation_percent : float or None
-        Rms over all files of that role in percent of their common range; None without validation files.
-    gross : tuple of SlidingRatio
+        RMS error over all files of that role in percent of their common range; None without validation files.
+    replay_percent : float or None
+        The same for `scenario`, simulated again over the fitted files; None where no law describes the device.
+    sliding : tuple of SlidingRatio
     warnings : tuple of str
     comparisons : tuple of PieceComparison
     comparable : bool
@@ -162,7 +169,8 @@ class Identification:
     files: tuple[FileResult, ...]
     fit_percent: float
     validation_percent: float | None
-    gross: tuple[SlidingRatio, ...]
+    replay_percent: float | None
+    sliding: tuple[SlidingRatio, ...]
     warnings: tuple[str, ...]
     comparisons: tuple[PieceComparison, ...]
     comparable: bool = True
@@ -180,11 +188,12 @@ class Identification:
             "law_describes_the_device": self.described,
             "fit_percent_of_range": self.fit_percent,
             "validation_percent_of_range": self.validation_percent,
+            "fitted_toml_percent_of_range": self.replay_percent,
             "files": [_file(f) for f in self.files],
             "estimates": {e.name: e.as_json() for e in self.estimates},
             "correlation": {"names": list(self.correlation_names), "matrix": self.correlation.tolist()},
             "laws": [_law(law) for law in self.laws],
-            "gross_sliding": {str(g.branch): _gross(g) for g in self.gross},
+            "gross_sliding": {str(g.branch): _gross(g) for g in self.sliding},
             "warnings": list(self.warnings),
         }
 
@@ -238,5 +247,11 @@ def summary_lines(found: Identification) -> Sequence[str]:
         if e.identifiable and e.interval is not None
     ]
     if found.described:
-        lines += [f"  {e.name} = {e.value:.5g} kept: {e.why}" for e in found.estimates if not e.identifiable]
+        lines += [
+            f"  {e.name} = {e.value:.5g} {'doubtful, fitted with the others' if e.fitted else 'kept'}: {e.why}"
+            for e in found.estimates
+            if not e.identifiable
+        ]
+    if found.replay_percent is not None:
+        lines.append(f"fitted.toml, simulated again: error {found.replay_percent:.2f} % of range on fitted files")
     return lines

@@ -1,6 +1,6 @@
 """Residuals of the whole chain against measured pieces: output tension, and elongation where positions exist."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -96,11 +96,26 @@ def fit_pieces(records: Sequence[Record]) -> list[FitPiece]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class OutputError:
+    """Error of a predicted output over some rows.
+
+    Parameters
+    ----------
+    rms_N : float
+    robust_rms_N : float
+        With large deviations counted linearly.
+    """
+
+    rms_N: float
+    robust_rms_N: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ChainResiduals:
-    """Residuals of a chain model over runs, in given units."""
+    """Residuals of a chain model over pieces, in given units."""
 
     model: ChainModel
-    runs: Sequence[FitPiece]
+    pieces: Sequence[FitPiece]
     fixed: Mapping[DynamicParameter, float]
     free: tuple[DynamicParameter, ...]
     output_unit_N: float
@@ -123,7 +138,7 @@ class ChainResiduals:
 
     def _evaluate(self, full: Mapping[DynamicParameter, float], over: tuple[DynamicParameter, ...]) -> Residuals:
         parts: list[tuple[Array, Array, Array]] = []
-        for number, run in enumerate(self.runs):
+        for number, run in enumerate(self.pieces):
             response = self.model.respond(full, run.drive, over)
             good = run.good
             time = run.piece.time_s[:: run.thin][good]
@@ -141,7 +156,7 @@ class ChainResiduals:
         return Residuals(values=values, slopes=slopes, blocks=blocks.astype(np.int64))
 
     def _failed(self) -> Residuals:
-        rows = sum(int(r.good.sum()) * (2 if r.with_elongation else 1) for r in self.runs)
+        rows = sum(int(r.good.sum()) * (2 if r.with_elongation else 1) for r in self.pieces)
         return Residuals(
             values=np.full(rows, FAILED_RESIDUAL),
             slopes=np.zeros((rows, len(self.free))),
@@ -151,33 +166,67 @@ class ChainResiduals:
     def split(self, validation: Sequence[FitPiece]) -> tuple["ChainResiduals", "ChainResiduals"]:
         """A task to fit and one to judge: on `validation`, or on the last part of each piece."""
         if validation:
-            return self, replace(self, runs=validation)
+            return self, replace(self, pieces=validation)
         early, late = [], []
-        for run in self.runs:
+        for run in self.pieces:
             usable = np.flatnonzero(run.good)
             border = usable[int(TRAINING_SHARE * (len(usable) - 1))] if usable.size else 0
             rows = np.arange(len(run.good))
             early.append(replace(run, good=run.good & (rows <= border)))
             late.append(replace(run, good=run.good & (rows > border)))
-        return replace(self, runs=early), replace(self, runs=late)
+        return replace(self, pieces=early), replace(self, pieces=late)
 
-    def robust_rms_N(self, full: Mapping[DynamicParameter, float]) -> float:
-        """Error of the output with large deviations counted linearly [N]."""
-        total, rows = 0.0, 0
-        for run in self.runs:
+    def rms_of_chain(self, full: Mapping[DynamicParameter, float]) -> "OutputError":
+        """Error of the chain's output."""
+        return self.rms_of(lambda run: self.model.respond(full, run.drive).output_N)
+
+    def rms_of(self, predict: Callable[[FitPiece], Array]) -> "OutputError":
+        """Error of a prediction of the output over the fitted rows: one measure for all laws.
+
+        Parameters
+        ----------
+        predict : callable
+        """
+        total, squares, rows = 0.0, 0.0, 0
+        for run in self.pieces:
             try:
-                response = self.model.respond(full, run.drive)
+                found = predict(run)
             except SolveError:
-                return float("inf")
-            off = (run.shaped(response.output_N) - run.piece.output_N[:: run.thin])[run.good] / self.output_unit_N
+                return OutputError(rms_N=float("inf"), robust_rms_N=float("inf"))
+            off = (run.shaped(found) - run.piece.output_N[:: run.thin])[run.good] / self.output_unit_N
             total += float(np.sum(2 * (np.sqrt(1 + off**2) - 1)))
+            squares += float(np.sum(off**2))
             rows += len(off)
-        return self.output_unit_N * float(np.sqrt(total / max(rows, 1)))
+        robust, plain = (self.output_unit_N * float(np.sqrt(x / max(rows, 1))) for x in (total, squares))
+        return OutputError(rms_N=plain, robust_rms_N=robust)
+
+    def independent_rows(self, residuals: Residuals) -> float:
+        """Rows of the output that are independent of each other, by the residuals' autocorrelation.
+
+        Parameters
+        ----------
+        residuals : Residuals
+        """
+        total, at = 0.0, 0
+        for run in self.pieces:
+            rows = int(run.good.sum())
+            off = residuals.values[at : at + rows]
+            at += rows * (2 if run.with_elongation else 1)
+            off = off / np.sqrt(np.sqrt(1 + off**2))
+            if rows > 8 and float(np.ptp(off)) > 0:
+                size = 2 ** int(np.ceil(np.log2(2 * rows)))
+                power = np.abs(np.fft.rfft(off, size)) ** 2
+                correlation = np.fft.irfft(power)[:rows] / (power.sum() / size * 2)
+                correlation = correlation / correlation[0]
+                turn = np.flatnonzero(correlation < 0)
+                reach = int(turn[0]) if len(turn) else rows
+                total += rows / (1 + 2 * float(correlation[1:reach].sum()))
+        return max(total, 1.0)
 
     def channel_rms(self, residuals: Residuals) -> tuple[float, float]:
         """Robust size of the output's and the elongation's residuals [N], [m]."""
         outputs, moves, at = [], [], 0
-        for run in self.runs:
+        for run in self.pieces:
             rows = int(run.good.sum())
             outputs.append(residuals.values[at : at + rows])
             at += rows
@@ -193,8 +242,8 @@ class ChainResiduals:
         return size(outputs, self.output_unit_N), size(moves, self.elongation_unit_m)
 
 
-def spans_of(runs: Sequence[FitPiece]) -> tuple[float, float]:
-    """Ranges of the output tension [N] and of the elongation [m] over all runs."""
-    output = max(r.piece.output_N.max() for r in runs) - min(r.piece.output_N.min() for r in runs)
-    travel = max((float(np.ptp(r.elongation)) for r in runs if r.with_elongation), default=1.0)
+def spans_of(pieces: Sequence[FitPiece]) -> tuple[float, float]:
+    """Ranges of the output tension [N] and of the elongation [m] over all pieces."""
+    output = max(r.piece.output_N.max() for r in pieces) - min(r.piece.output_N.min() for r in pieces)
+    travel = max((float(np.ptp(r.elongation)) for r in pieces if r.with_elongation), default=1.0)
     return max(float(output), 1e-12), max(travel, 1e-15)
