@@ -125,20 +125,21 @@ def _fitted(scenario: Scenario, level: Level, offsets_N: tuple[float, float], re
 
 
 def replay(
-    fitted: Fitted, fit: StaticFit, records: Sequence[Record], *, static_only: bool = False
+    fitted: Fitted, fit: StaticFit | None, records: Sequence[Record], *, static_only: bool = False
 ) -> tuple[FileError, ...]:
     """Errors of a fitted scenario, simulated again over the files with its own number of masses.
 
     Parameters
     ----------
     fitted : Fitted
-    fit : StaticFit
-        Says what is explained; its guide is no part of a scenario and left out.
+    fit : StaticFit or None
+        Says what is explained, by default the position of the input end; its guide is no part of a scenario and left
+        out.
     records : sequence of Record
     static_only : bool, optional
         By the static law, without the chain.
     """
-    if static_only or fit.explain is Explain.INPUT or any(r.signed for r in records):
+    if fit is not None and (static_only or fit.explain is Explain.INPUT or any(r.signed for r in records)):
         without = replace(fit, values={**fit.values, P.GUIDE: 0.0})
         return errors_of(without, records, middle_of(records))
     scenario = fitted.scenario
@@ -150,6 +151,6 @@ def replay(
     )
     values = {**model.values(), D.INPUT_BIAS: fitted.offsets_N[0], D.OUTPUT_BIAS: fitted.offsets_N[1]}
     try:
-        return chain_errors(model, values, records)
+        return chain_errors(model, values, records, Explain.POSITION if fit is None else Explain.OUTPUT)
     except SolveError:
-        return tuple(FileError(name=r.name, rms_N=float("inf"), range_N=1.0) for r in records)
+        return tuple(FileError(name=r.name, rms=float("inf"), span=1.0) for r in records)

@@ -26,13 +26,16 @@ class ExcitationSummary:
     speed_m_per_s : float
         Usual top speed of the input end; 0 if not measured.
     load_swing : float
-        Range of the output tension over its mean.
+        Range of the output tension over its mean; of the input's where the output was not measured.
+    proximal : bool
+        Nothing was measured at the far end.
     """
 
     positions: bool
     hold_s: float
     speed_m_per_s: float
     load_swing: float
+    proximal: bool
 
 
 def summarise_excitation(records: Sequence[Record]) -> ExcitationSummary:
@@ -43,12 +46,14 @@ def summarise_excitation(records: Sequence[Record]) -> ExcitationSummary:
         for p in r.pieces
         if p.input_m is not None
     ]
-    output = np.concatenate([r.joined("output_N") for r in records])
+    proximal = not all(r.has_output for r in records)
+    output = np.concatenate([r.joined("input_N" if proximal else "output_N") for r in records])
     return ExcitationSummary(
         positions=all(r.has_positions for r in records),
         hold_s=longest_hold_s(records),
         speed_m_per_s=max(speeds, default=0.0),
         load_swing=float(np.ptp(output) / max(abs(output.mean()), 1e-12)),
+        proximal=proximal,
     )
 
 
@@ -75,7 +80,9 @@ def reason(
     tau = transmission.tendon.relaxation_time_s
     known = relative_error is not None and np.isfinite(relative_error)
     doubt = f"standard error {100 * float(relative_error or 0):.3g} %; " if known else ""
-    if name in (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME) and not now.positions:
+    if now.proximal and name in (D.STIFFNESS, D.OUTPUT_BIAS, D.INPUT_BIAS):
+        return f"{doubt}nothing was measured at the far end; measure the output tension to tell {name}"
+    if name in (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME) and not now.positions and not now.proximal:
         what = "tensions alone do not show elongation"
         return f"no positions of both ends were measured: {name} is not identifiable ({what}); measure both positions"
     if name in (D.RELAXATION_TIME, D.RELAXING):

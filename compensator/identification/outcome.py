@@ -3,17 +3,17 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from tendonff.compensator.identification.fitting.dynamic import DynamicFit, chain_errors
 from tendonff.compensator.identification.fitting.model_selection import StaticSelection
 from tendonff.compensator.identification.fitting.residuals import FitPiece, fit_pieces
 from tendonff.compensator.identification.fitting.static import (
     FileError,
     errors_of,
+    explained,
     middle_of,
     pooled_percent,
     respond,
+    span_of,
 )
 from tendonff.compensator.identification.measured.cleaning import Record
 from tendonff.compensator.identification.measured.reading import Array
@@ -46,24 +46,27 @@ class Outcome:
     comparisons: tuple[PieceComparison, ...]
 
 
-def compared(stage: StaticSelection, chain: DynamicFit | None, records: Sequence[Record]) -> tuple[CandidateLaw, ...]:
+def compared(
+    stage: StaticSelection | None, chain: DynamicFit | None, records: Sequence[Record]
+) -> tuple[CandidateLaw, ...]:
     """All laws on one measure: the same rows, RMS, the same range; the best is chosen.
 
     The chain is kept where it is at least as good as the best static law where neither was fitted.
 
     Parameters
     ----------
-    stage : StaticSelection
+    stage : StaticSelection or None
+        None where nothing was measured at the far end.
     chain : DynamicFit or None
     records : sequence of Record
     """
     if chain is None:
-        return stage.laws
+        return () if stage is None else stage.laws
     judge, train = chain.law.judge, chain.law.train
-    scale = 100 / max(float(np.ptp(np.concatenate([r.joined("output_N") for r in records]))), 1e-300)
+    scale = 100 / max(span_of(records, judge.pieces[0].explain), 1e-300)
     middle = middle_of(records)
     laws = []
-    for law, fit in zip(stage.laws, stage.tried, strict=True):
+    for law, fit in zip(stage.laws, stage.tried, strict=True) if stage is not None else ():
 
         def predict(p: FitPiece, values: Mapping[StaticParameter, float] = fit.values) -> Array:
             return respond(values, p.piece, Explain.OUTPUT, middle).prediction_N
@@ -81,6 +84,8 @@ def compared(stage: StaticSelection, chain: DynamicFit | None, records: Sequence
         )
         for one in chain.law.candidates
     ]
+    if stage is None:
+        return tuple(laws)
     static_best = next(k for k, law in enumerate(stage.laws) if law.chosen)
     chain_best = next(k for k, law in enumerate(laws) if law.chosen)
     if laws[static_best].validation_percent < laws[chain_best].validation_percent:
@@ -91,7 +96,7 @@ def compared(stage: StaticSelection, chain: DynamicFit | None, records: Sequence
 
 def outcome_of(
     laws: Sequence[CandidateLaw],
-    stage: StaticSelection,
+    stage: StaticSelection | None,
     chain: DynamicFit | None,
     records: Sequence[Record],
     judges: Sequence[Record],
@@ -101,12 +106,13 @@ def outcome_of(
     Parameters
     ----------
     laws : sequence of CandidateLaw
-    stage : StaticSelection
+    stage : StaticSelection or None
+        None where nothing was measured at the far end.
     chain : DynamicFit or None
         None where the static law was chosen.
     records, judges : sequence of Record
     """
-    middle, explain = middle_of(records), stage.fit.explain
+    middle, explain = middle_of(records), Explain.POSITION if stage is None else stage.fit.explain
     fitted, judged = (_errors(stage, chain, some, middle) for some in (records, judges))
     files = tuple(
         FileResult(role=role, error=error, findings=record.findings)
@@ -129,38 +135,48 @@ def outcome_of(
 
 
 def _errors(
-    stage: StaticSelection, chain: DynamicFit | None, records: Sequence[Record], middle_m: float
+    stage: StaticSelection | None, chain: DynamicFit | None, records: Sequence[Record], middle_m: float
 ) -> tuple[FileError, ...]:
-    if not records:
-        return ()
     if chain is not None:
-        return chain_errors(chain.model, chain.values, records)
+        explain = Explain.POSITION if stage is None else Explain.OUTPUT
+        return chain_errors(chain.model, chain.values, records, explain)
+    if stage is None:
+        return ()
     return errors_of(stage.fit, records, middle_m)
 
 
 def _comparisons(
-    stage: StaticSelection, chain: DynamicFit | None, record: Record, role: str, middle_m: float
+    stage: StaticSelection | None, chain: DynamicFit | None, record: Record, role: str, middle_m: float
 ) -> list[PieceComparison]:
     found = []
-    for run, piece in zip(fit_pieces([record]), record.pieces, strict=True):
+    explain = Explain.POSITION if stage is None else stage.fit.explain
+    channel = Explain.POSITION if stage is None else Explain.OUTPUT
+    for run, piece in zip(fit_pieces([record], channel), record.pieces, strict=True):
         moved = modelled = None
+        measured = explained(piece, explain)
         if chain is not None:
             response = chain.model.respond(chain.values, run.drive)
-            model = low_pass(response.output_N, record.step_s, record.cutoff_Hz)
-            if record.has_positions:
+            model = low_pass(run.predicted(response)[0], record.step_s, record.cutoff_Hz)
+            if run.with_elongation:
                 moved = run.elongation - run.elongation.mean()
                 modelled = low_pass(response.elongation_m, record.step_s, record.cutoff_Hz)
                 modelled = modelled - modelled.mean()
+        elif stage is not None:
+            model = respond(stage.fit.values, piece, explain, middle_m).prediction_N
         else:
-            model = respond(stage.fit.values, piece, stage.fit.explain, middle_m).prediction_N
+            continue
+        if explain is Explain.POSITION:
+            measured, model = measured - measured.mean(), model - model.mean()
+        given = piece.output_N if explain is Explain.INPUT else piece.input_N
         found.append(
             PieceComparison(
                 name=record.name,
                 role=role,
                 time_s=piece.time_s,
                 input_N=piece.input_N,
-                output_N=piece.output_N,
-                model_N=model,
+                given=given,
+                measured=measured,
+                model=model,
                 elongation_m=moved,
                 model_elongation_m=modelled,
             )

@@ -53,8 +53,8 @@ def identification_report(found: Identification, folder: Path, inputs: Sequence[
             (
                 f.error.name,
                 f.role,
-                f.error.rms_N,
-                f.error.range_N,
+                f.error.rms,
+                f.error.span,
                 f.error.percent,
                 "; ".join(finding.text for finding in f.findings) or "none",
             )

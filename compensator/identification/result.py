@@ -113,8 +113,9 @@ class PieceComparison:
     ----------
     name, role : str
         Of the file.
-    time_s, input_N, output_N, model_N : ndarray, shape (n,)
-        `model_N` is the explained channel.
+    time_s, input_N : ndarray, shape (n,)
+    given, measured, model : ndarray, shape (n,)
+        The tension that drives the law; what it explains, measured and by the law, in N or m.
     elongation_m, model_elongation_m : ndarray, shape (n,), or None
     """
 
@@ -122,8 +123,9 @@ class PieceComparison:
     role: str
     time_s: Array
     input_N: Array
-    output_N: Array
-    model_N: Array
+    given: Array
+    measured: Array
+    model: Array
     elongation_m: Array | None = None
     model_elongation_m: Array | None = None
 
@@ -189,7 +191,7 @@ class Identification:
             "fit_percent_of_range": self.fit_percent,
             "validation_percent_of_range": self.validation_percent,
             "fitted_toml_percent_of_range": self.replay_percent,
-            "files": [_file(f) for f in self.files],
+            "files": [_file(f, "m" if self.explain is Explain.POSITION else "N") for f in self.files],
             "estimates": {e.name: e.as_json() for e in self.estimates},
             "correlation": {"names": list(self.correlation_names), "matrix": self.correlation.tolist()},
             "laws": [_law(law) for law in self.laws],
@@ -198,12 +200,12 @@ class Identification:
         }
 
 
-def _file(result: FileResult) -> dict[str, Any]:
+def _file(result: FileResult, unit: str) -> dict[str, Any]:
     return {
         "name": result.error.name,
         "role": result.role,
-        "rms_N": result.error.rms_N,
-        "range_N": result.error.range_N,
+        f"rms_{unit}": result.error.rms,
+        f"range_{unit}": result.error.span,
         "rms_percent_of_range": result.error.percent,
         "findings": [
             {"kind": str(f.issue), "count": f.count, "times_s": list(f.times_s), "text": f.text}

@@ -23,6 +23,7 @@ from tendonff.compensator.identification.measured.reading import DataIssue, read
 from tendonff.compensator.identification.measured.units import magnitude_warning, unit_warnings
 from tendonff.compensator.identification.outcome import Outcome, compared, outcome_of
 from tendonff.compensator.identification.result import POOR_PERCENT, FileResult, Identification
+from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.chain import DynamicParameter
@@ -85,8 +86,18 @@ def identify(
     warnings = [*unit_warnings(how, _positions_of(records)), *_issues_of(everything)]
     foreign = _foreign(scenario, records)
     warnings += [foreign] if foreign else []
-    stage, chain, trouble = _fit(scenario, records, judges, static_only=static_only, say=say)
-    warnings += trouble
+    stage: StaticSelection | None = None
+    chain: dynamic.DynamicFit | None
+    if _proximal(scenario, everything, static_only=static_only):
+        chain = _fit_proximal(scenario, records, judges, say)
+        warnings.append(
+            "nothing was measured at the far end: the load is the scenario's, "
+            f"{scenario.transmission.load.stiffness_N_per_m:g} N/m; an error of it goes into the estimates"
+        )
+    else:
+        stage, chain, trouble = _fit(scenario, records, judges, static_only=static_only, say=say)
+        warnings += trouble
+    explain = Explain.POSITION if stage is None else stage.fit.explain
     laws = compared(stage, chain, records)
     if chain is not None and not any(law.chosen and law.stage == "dynamic" for law in laws):
         chain = None
@@ -98,22 +109,24 @@ def identify(
     excitation = summarise_excitation(records)
     if chain is not None:
         found = dynamic_estimates(scenario, chain, excitation, described=not failure)
-    else:
+    elif stage is not None:
         found = static_estimates(scenario, stage, excitation, described=not failure)
+    else:
+        raise InputError("no law could be fitted to these files")
     estimates, names, correlation = found
     fitted, replayed = Fitted(scenario=scenario), None
     if not failure:
         say("replay of the fitted scenario")
-        if chain is None:
-            fitted = scenario_of_static(scenario, stage, records, static_only=static_only)
-        else:
+        if chain is not None:
             fitted = scenario_of_chain(scenario, chain, records)
-        errors = replay(fitted, stage.fit, records, static_only=static_only)
-        replayed = pooled_percent(errors, records, stage.fit.explain)
+        elif stage is not None:
+            fitted = scenario_of_static(scenario, stage, records, static_only=static_only)
+        errors = replay(fitted, None if stage is None else stage.fit, records, static_only=static_only)
+        replayed = pooled_percent(errors, records, explain)
         warnings += _not_in_a_scenario(fitted, stage, chain, records)
     return Identification(
         scenario=fitted.scenario,
-        explain=stage.fit.explain,
+        explain=explain,
         law=outcome.law,
         described=not failure,
         estimates=estimates,
@@ -129,6 +142,34 @@ def identify(
         comparisons=outcome.comparisons,
         comparable=foreign is None,
     )
+
+
+def _proximal(scenario: Scenario, records: Sequence[Record], *, static_only: bool) -> bool:
+    """Nothing is compared at the far end: the output tension was not measured, or its position is to be explained."""
+    without = [r.name for r in records if not r.has_output]
+    if without and len(without) < len(records):
+        raise InputError(
+            f"{', '.join(without)}: no output tension, which the other files have; fit them apart, or leave it out of "
+            'all with explain = "position"'
+        )
+    if not without and scenario.measurement.explain is not Explain.POSITION:
+        return False
+    if static_only:
+        raise InputError("the static law needs the output tension; without it leave --static out")
+    if not all(r.has_input_position for r in records):
+        raise InputError(
+            "without the output tension the position of the input end is needed; name it with --input-position-column"
+        )
+    return True
+
+
+def _fit_proximal(
+    scenario: Scenario, records: Sequence[Record], judges: Sequence[Record], say: Callable[[str], None]
+) -> dynamic.DynamicFit:
+    """The chain between the measured input tension and the scenario's load, against the position of the input end."""
+    say("first look")
+    coarse = dynamic.fit_coarse(records, scenario.transmission, {}, Explain.POSITION)
+    return dynamic.fit_dynamic(coarse, {}, validation=judges, say=say)
 
 
 def _fit(
@@ -169,7 +210,8 @@ def _positions_of(records: Sequence[Record]) -> list[str]:
 
 def _foreign(scenario: Scenario, records: Sequence[Record]) -> str | None:
     """What to say where the measured tensions are far from those of the scenario."""
-    largest = max(float(np.abs(r.joined(name)).max()) for r in records for name in ("input_N", "output_N"))
+    names = ("input_N", "output_N") if all(r.has_output for r in records) else ("input_N",)
+    largest = max(float(np.abs(r.joined(name)).max()) for r in records for name in names)
     return magnitude_warning(largest, scenario.transmission.actuator.force_max_N)
 
 
@@ -216,7 +258,7 @@ def _failure(outcome: Outcome) -> str:
     for percent, which in ((outcome.fit_percent, "fitted"), (outcome.validation_percent, "validation")):
         if percent is not None and not percent <= POOR_PERCENT:
             return f"an RMS error of {percent:.3g} % of range on {which} files (more than {POOR_PERCENT:g} %)"
-    widest = max(f.error.range_N for f in outcome.files)
+    widest = max(f.error.span for f in outcome.files)
     poor = [f for f in outcome.files if _is_poor(f, widest)]
     if poor:
         worst = max(poor, key=lambda f: f.error.percent)
@@ -228,7 +270,7 @@ def _failure(outcome: Outcome) -> str:
 
 
 def _is_poor(file: FileResult, widest_N: float) -> bool:
-    return file.error.percent > POOR_PERCENT and file.error.rms_N > SMALL_SHARE * widest_N
+    return file.error.percent > POOR_PERCENT and file.error.rms > SMALL_SHARE * widest_N
 
 
 def _no_law(outcome: Outcome, failure: str, sliding: Sequence[SlidingRatio], records: Sequence[Record]) -> str:
@@ -246,11 +288,11 @@ def _no_law(outcome: Outcome, failure: str, sliding: Sequence[SlidingRatio], rec
 
 
 def _not_in_a_scenario(
-    fitted: Fitted, stage: StaticSelection, chain: dynamic.DynamicFit | None, records: Sequence[Record]
+    fitted: Fitted, stage: StaticSelection | None, chain: dynamic.DynamicFit | None, records: Sequence[Record]
 ) -> list[str]:
     """What the law has and a scenario has no place for, or a place that is easily overlooked."""
     found = []
-    if chain is None and stage.fit.values[P.GUIDE] != 0:
+    if chain is None and stage is not None and stage.fit.values[P.GUIDE] != 0:
         found.append(
             "a scenario has no key for guide_stiffness_N_per_m: fitted.toml leaves it out, and so does a design with "
             "it; add the guide's friction force by hand"

@@ -18,11 +18,15 @@ class Explain(StrEnum):
         Output tension from the history of the input tension: one driven end, a load that moves only with the tendon.
     INPUT
         Input tension from output tension and input position: the output tension is imposed by something else.
+    POSITION
+        Position of the input end from the history of its tension: nothing is measured at the far end, whose load is
+        the scenario's.
     """
 
     AUTO = "auto"
     OUTPUT = "output"
     INPUT = "input"
+    POSITION = "position"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

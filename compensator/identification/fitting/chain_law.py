@@ -26,9 +26,9 @@ LAW_NAMES = {
 IDENTIFIABLE = 0.5
 """A further value is kept when its standard error is below this share of it."""
 
-WORTH_A_CONSTANT = 6.0
-"""A constant is worth having where it improves the information criterion, whose sample size counts rows that are
-independent of each other, by more than this; simulated rigs without adhesion stay below."""
+WORTH_A_CONSTANT = 4.0
+"""A constant is worth having where it improves the information criterion by more than this. The criterion's sample size
+counts rows that are independent of each other, rows that judge included; simulated rigs without adhesion stay below."""
 
 WORTH_A_VALUE, SLIGHTLY = 1.4, 1.1
 """A term that depends on speed is worth having where it lowers the validation error by the first factor, or by the
@@ -213,7 +213,7 @@ def choose_law(
         poor = [
             n
             for n in chosen.free
-            if n not in (*CORE, D.STRIBECK_VELOCITY)
+            if n not in (*CORE, *CONSTANTS, D.STRIBECK_VELOCITY)
             and not solution.standard_error(n) < IDENTIFIABLE * abs(solution.values[n])
         ]
         if not poor:
@@ -231,15 +231,16 @@ def _add_constants(
 ) -> None:
     """Adhesion and offsets, the most useful first; two at most, for a third acts like the two together."""
     for _ in range(2):
-        independent = search.train.independent_rows(search.best.residuals)
+        rows = search.train.independent_rows(search.best.residuals)
+        more = rows * search.judge.rows / max(search.train.rows, 1)
         tried = []
         for extra in offered:
             if extra not in search.train.free:
                 task, name = search.extended(extra), f"{search.name}, {LAW_NAMES[extra]}"
                 found = search.attempt(task, _nudged(search.values, extra, start, mean_N), name)
-                gain = 2 * independent * np.log(search.fitted / max(found[1], 1e-300)) - np.log(max(independent, 2.0))
-                sure = abs(found[0].values[extra]) > 2 * found[0].standard_error(extra)
-                if gain > WORTH_A_CONSTANT and sure and found[2] < SIMPLER_WITHIN * search.least:
+                ratios = search.fitted / max(found[1], 1e-300), search.least / max(found[2], 1e-300)
+                gain = 2 * (rows * np.log(ratios[0]) + more * np.log(ratios[1])) - np.log(max(rows + more, 2.0))
+                if gain > WORTH_A_CONSTANT:
                     tried.append((float(gain), task, found, name))
         if not tried:
             return

@@ -13,7 +13,7 @@ from tendonff.compensator.identification.fitting.chain_law import (
     choose_law,
     fit_free,
 )
-from tendonff.compensator.identification.fitting.residuals import ChainResiduals, fit_pieces, spans_of
+from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece, fit_pieces, spans_of
 from tendonff.compensator.identification.fitting.static import FileError
 from tendonff.compensator.identification.fitting.uncertainty import (
     expected_errors,
@@ -23,7 +23,9 @@ from tendonff.compensator.identification.fitting.uncertainty import (
     with_other_laws,
 )
 from tendonff.compensator.identification.measured.cleaning import Record
+from tendonff.compensator.identification.measured.reading import Array
 from tendonff.compensator.identification.measured.smoothing import low_pass
+from tendonff.compensator.scenario.measurement import Explain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.fits.chain import ChainModel, DynamicParameter
@@ -35,6 +37,7 @@ COARSE_MASSES, COARSE_STEP_S = 8, 2e-3
 FINE_MASSES, FINE_STEP_S = 30, 1e-3
 ROBUST_UNIT = 0.02
 BRISTLE_STARTS = (0.1, 1.0, 10.0)
+MU_STARTS = (0.4, 1.0, 2.0)
 DYNAMIC_BLOCKS = 12
 """Blocks of rows that are taken as independent: long, for friction carries an error on until the next sweep."""
 
@@ -66,6 +69,16 @@ class DynamicFit:
     expected: dict[DynamicParameter, float]
     law: ChosenLaw
     mean_N: float
+
+
+def _tension_N(run: FitPiece) -> Array:
+    """The tension that the law's constants are compared with, shape (n,)."""
+    return run.piece.input_N if run.explain is Explain.POSITION else run.piece.output_N
+
+
+def _tension_span_N(pieces: Sequence[FitPiece]) -> float:
+    every = np.concatenate([_tension_N(run) for run in pieces])
+    return max(float(np.ptp(every)), 1e-12)
 
 
 def relevant_size(name: DynamicParameter, value: float, mean_N: float) -> float:
@@ -103,7 +116,10 @@ class CoarseFit:
 
 
 def fit_coarse(
-    records: Sequence[Record], transmission: Transmission, start: Mapping[DynamicParameter, float]
+    records: Sequence[Record],
+    transmission: Transmission,
+    start: Mapping[DynamicParameter, float],
+    explain: Explain = Explain.OUTPUT,
 ) -> CoarseFit:
     """Fit friction and presliding, and the tendon where positions exist, from several stiffnesses of the bristle.
 
@@ -113,27 +129,40 @@ def fit_coarse(
     transmission : Transmission
     start : mapping of DynamicParameter to float
         From the stages before; the rest comes from `transmission`.
+    explain : Explain, optional
+        OUTPUT, or POSITION where nothing was measured at the far end.
     """
-    pieces = fit_pieces(records)
-    span_N, span_m = spans_of(pieces)
+    pieces = fit_pieces(records, explain)
+    span, span_m = spans_of(pieces)
+    span_N = _tension_span_N(pieces)
     model = ChainModel(
         transmission=transmission, level=Level.PRESLIDING, count=COARSE_MASSES, longest_step_s=COARSE_STEP_S
     )
     known = {**model.values(), **{n: v for n, v in start.items() if n not in CONSTANTS and n not in SPEED_TERMS}}
+    proximal = explain is Explain.POSITION
     seconds = sum(float(np.ptp(r.piece.time_s)) for r in pieces)
     task = ChainResiduals(
         model=model,
         pieces=pieces,
         fixed=known,
-        free=CORE + (TENDON if all(r.with_elongation for r in pieces) else ()),
-        output_unit_N=ROBUST_UNIT * span_N,
+        free=CORE + (TENDON if proximal or all(r.with_elongation for r in pieces) else ()),
+        output_unit=ROBUST_UNIT * span,
         elongation_unit_m=ROBUST_UNIT * span_m,
         block_s=float(np.clip(seconds / DYNAMIC_BLOCKS, 0.1, 10.0)),
     )
-    starts = [{**known, D.BRISTLE: factor * known[D.BRISTLE]} for factor in BRISTLE_STARTS]
+    starts = [
+        {
+            **known,
+            D.BRISTLE: factor * known[D.BRISTLE],
+            D.MU_PULL: share * known[D.MU_PULL],
+            D.MU_RELEASE: share * known[D.MU_RELEASE],
+        }
+        for factor in BRISTLE_STARTS
+        for share in (MU_STARTS if proximal else (1.0,))
+    ]
     first = min((fit_free(task, at, span_N, 5, 1e-3) for at in starts), key=lambda s: s.cost)
     solution = fit_free(task, task.complete(first.values), span_N, 10, 1e-3)
-    percent = 100 * task.rms_of_chain(task.complete(solution.values)).robust_rms_N / span_N
+    percent = 100 * task.rms_of_chain(task.complete(solution.values)).robust_rms_N / span
     return CoarseFit(task=task, solution=solution, percent=percent)
 
 
@@ -161,20 +190,21 @@ def fit_dynamic(
     """
     task, best = coarse.task, coarse.solution
     pieces, transmission = task.pieces, task.model.transmission
-    span_N, _ = spans_of(pieces)
+    explain = pieces[0].explain
+    span_N = _tension_span_N(pieces)
     known = task.complete(best.values)
-    mean_N = float(np.mean(np.concatenate([r.piece.output_N for r in pieces])))
+    mean_N = float(np.mean(np.concatenate([_tension_N(r) for r in pieces])))
     # Now units of the size of the residuals, which decides how much each channel counts.
     output_unit, elongation_unit = task.channel_rms(best.residuals)
-    task = replace(task, fixed=known, output_unit_N=2 * output_unit, elongation_unit_m=2 * elongation_unit)
+    task = replace(task, fixed=known, output_unit=2 * output_unit, elongation_unit_m=2 * elongation_unit)
     say("dynamic stage: choice of the law")
-    law = choose_law(task, fit_pieces(validation), start, span_N, mean_N, biases=biases)
+    law = choose_law(task, fit_pieces(validation, explain), start, span_N, mean_N, biases=biases)
     task, solution = law.task, law.solution
     say("dynamic stage: fine chain")
     known = task.complete(solution.values)
     output_unit, elongation_unit = task.channel_rms(solution.residuals)
     fine = replace(task.model, count=max(FINE_MASSES, transmission.path.segments), longest_step_s=FINE_STEP_S)
-    task = replace(task, model=fine, fixed=known, output_unit_N=2 * output_unit, elongation_unit_m=2 * elongation_unit)
+    task = replace(task, model=fine, fixed=known, output_unit=2 * output_unit, elongation_unit_m=2 * elongation_unit)
     solution = fit_free(task, known, span_N, 8, 1e-5)
     say("dynamic stage: uncertainty")
     coarse_model = replace(task.model, count=COARSE_MASSES, longest_step_s=COARSE_STEP_S)
@@ -194,15 +224,20 @@ def fit_dynamic(
 
 
 def chain_errors(
-    model: ChainModel, values: Mapping[DynamicParameter, float], records: Sequence[Record]
+    model: ChainModel,
+    values: Mapping[DynamicParameter, float],
+    records: Sequence[Record],
+    explain: Explain = Explain.OUTPUT,
 ) -> tuple[FileError, ...]:
-    """Error of the output tension over the whole of each record.
+    """Error of the explained channel over the whole of each record.
 
     Parameters
     ----------
     model : ChainModel
     values : mapping of DynamicParameter to float
     records : sequence of Record
+    explain : Explain, optional
+        OUTPUT or POSITION.
 
     Raises
     ------
@@ -211,13 +246,12 @@ def chain_errors(
     """
     found = []
     for record in records:
-        wanted, given, good = [], [], []
-        for run in fit_pieces([record]):
-            response = model.respond(values, run.drive)
-            wanted.append(run.piece.output_N)
-            given.append(low_pass(response.output_N, run.step_s, run.cutoff_Hz))
-            good.append(run.piece.good)
-        y, x, kept = np.concatenate(wanted), np.concatenate(given), np.concatenate(good)
-        rms = float(np.sqrt(np.mean((x - y)[kept] ** 2)))
-        found.append(FileError(name=record.name, rms_N=rms, range_N=float(np.ptp(y))))
+        squares, rows = 0.0, 0
+        for run in fit_pieces([record], explain):
+            prediction, _ = run.predicted(model.respond(values, run.drive))
+            off = (low_pass(prediction, run.step_s, run.cutoff_Hz) - run.measured)[run.piece.good]
+            squares += float(np.sum(run.centred(off) ** 2))
+            rows += len(off)
+        span = float(np.ptp(np.concatenate([run.measured for run in fit_pieces([record], explain)])))
+        found.append(FileError(name=record.name, rms=float(np.sqrt(squares / max(rows, 1))), span=span))
     return tuple(found)

@@ -8,8 +8,9 @@ import numpy as np
 from tendonff.compensator.identification.measured.cleaning import SHORT_GAP_ROWS, Piece, Record
 from tendonff.compensator.identification.measured.reading import Array, Mask
 from tendonff.compensator.identification.measured.smoothing import low_pass
+from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.fits.chain import ChainModel, Drive, DynamicParameter
+from tendonff.ocp.fits.chain import ChainModel, ChainResponse, Drive, DynamicParameter
 from tendonff.ocp.fits.least_squares import Residuals
 
 D = DynamicParameter
@@ -39,6 +40,26 @@ class FitPiece:
     step_s: float
     input_noise_N: float
     with_elongation: bool
+    explain: Explain
+
+    @property
+    def measured(self) -> Array:
+        """The explained channel: output tension, or position of the input end with an unknown zero, shape (n,)."""
+        return self.piece.travel_m() if self.explain is Explain.POSITION else self.piece.output_N
+
+    def predicted(self, response: ChainResponse) -> tuple[Array, Array]:
+        """The explained channel of a response, shape (n,), and its slopes, shape (n, k)."""
+        if self.explain is Explain.POSITION:
+            return response.near_m, response.near_slopes
+        return response.output_N, response.output_slopes
+
+    def off(self, prediction: Array) -> Array:
+        """Prediction less measurement at the fitted rows; the zero of positions is arbitrary."""
+        return self.centred((self.shaped(prediction) - self.measured[:: self.thin])[self.good])
+
+    def centred(self, x: Array) -> Array:
+        """Rows of the explained channel without what its arbitrary zero adds."""
+        return np.asarray(x - x.mean(axis=0)) if self.explain is Explain.POSITION and len(x) else x
 
     def shaped(self, x: Array) -> Array:
         """What the low-pass and the thinning leave of a prediction."""
@@ -61,8 +82,15 @@ def _gap_ends(good: Mask) -> list[int]:
     return [int(stop) for start, stop in zip(edges[::2], edges[1::2], strict=True) if stop - start > SHORT_GAP_ROWS]
 
 
-def fit_pieces(records: Sequence[Record]) -> list[FitPiece]:
-    """Pieces of all records, thinned to what their low-pass leaves."""
+def fit_pieces(records: Sequence[Record], explain: Explain = Explain.OUTPUT) -> list[FitPiece]:
+    """Pieces of all records, thinned to what their low-pass leaves.
+
+    Parameters
+    ----------
+    records : sequence of Record
+    explain : Explain, optional
+        OUTPUT or POSITION: what is compared.
+    """
     found = []
     span = max((float(np.ptp(r.joined("input_N"))) for r in records), default=0.0)
     for record in records:
@@ -79,7 +107,8 @@ def fit_pieces(records: Sequence[Record]) -> list[FitPiece]:
                 enough = FORGET_BRIDGE * span
                 known = int(np.argmax(swept >= enough)) if swept[-1] >= enough else len(swept)
                 good[end : end + min(known, int(FORGET_MOST * len(good)))] = False
-            drive = Drive(input_N=piece.input_N, step_s=record.step_s, first_output_N=float(piece.output_N[0]))
+            first = piece.input_N[0] if explain is Explain.POSITION else piece.output_N[0]
+            drive = Drive(input_N=piece.input_N, step_s=record.step_s, first_output_N=float(first))
             found.append(
                 FitPiece(
                     piece=piece,
@@ -89,7 +118,8 @@ def fit_pieces(records: Sequence[Record]) -> list[FitPiece]:
                     cutoff_Hz=record.cutoff_Hz,
                     step_s=record.step_s,
                     input_noise_N=record.input_noise_N,
-                    with_elongation=record.has_positions,
+                    with_elongation=record.has_positions and explain is Explain.OUTPUT,
+                    explain=explain,
                 )
             )
     return found
@@ -118,9 +148,14 @@ class ChainResiduals:
     pieces: Sequence[FitPiece]
     fixed: Mapping[DynamicParameter, float]
     free: tuple[DynamicParameter, ...]
-    output_unit_N: float
+    output_unit: float
     elongation_unit_m: float
     block_s: float
+
+    @property
+    def rows(self) -> int:
+        """Fitted rows of the output."""
+        return sum(int(run.good.sum()) for run in self.pieces)
 
     def complete(self, values: Mapping[str, float]) -> dict[DynamicParameter, float]:
         """All parameters from the free ones."""
@@ -143,9 +178,9 @@ class ChainResiduals:
             good = run.good
             time = run.piece.time_s[:: run.thin][good]
             block = np.floor(time / self.block_s) + 1e7 * number
-            wanted = run.piece.output_N[:: run.thin]
-            difference = (run.shaped(response.output_N) - wanted)[good] / self.output_unit_N
-            parts.append((difference, run.shaped(response.output_slopes)[good] / self.output_unit_N, block))
+            prediction, by = run.predicted(response)
+            slopes = run.centred(run.shaped(by)[good])
+            parts.append((run.off(prediction) / self.output_unit, slopes / self.output_unit, block))
             if run.with_elongation:
                 moved = (run.shaped(response.elongation_m) - run.elongation[:: run.thin])[good]
                 slopes = run.shaped(response.elongation_slopes)[good]
@@ -178,7 +213,7 @@ class ChainResiduals:
 
     def rms_of_chain(self, full: Mapping[DynamicParameter, float]) -> "OutputError":
         """Error of the chain's output."""
-        return self.rms_of(lambda run: self.model.respond(full, run.drive).output_N)
+        return self.rms_of(lambda run: run.predicted(self.model.respond(full, run.drive))[0])
 
     def rms_of(self, predict: Callable[[FitPiece], Array]) -> "OutputError":
         """Error of a prediction of the output over the fitted rows: one measure for all laws.
@@ -193,11 +228,11 @@ class ChainResiduals:
                 found = predict(run)
             except SolveError:
                 return OutputError(rms_N=float("inf"), robust_rms_N=float("inf"))
-            off = (run.shaped(found) - run.piece.output_N[:: run.thin])[run.good] / self.output_unit_N
+            off = run.off(found) / self.output_unit
             total += float(np.sum(2 * (np.sqrt(1 + off**2) - 1)))
             squares += float(np.sum(off**2))
             rows += len(off)
-        robust, plain = (self.output_unit_N * float(np.sqrt(x / max(rows, 1))) for x in (total, squares))
+        robust, plain = (self.output_unit * float(np.sqrt(x / max(rows, 1))) for x in (total, squares))
         return OutputError(rms_N=plain, robust_rms_N=robust)
 
     def independent_rows(self, residuals: Residuals) -> float:
@@ -239,11 +274,11 @@ class ChainResiduals:
                 return unit
             return max(float(1.4826 * np.median(np.abs(np.concatenate(parts)))) * unit, 1e-6 * unit)
 
-        return size(outputs, self.output_unit_N), size(moves, self.elongation_unit_m)
+        return size(outputs, self.output_unit), size(moves, self.elongation_unit_m)
 
 
 def spans_of(pieces: Sequence[FitPiece]) -> tuple[float, float]:
-    """Ranges of the output tension [N] and of the elongation [m] over all pieces."""
-    output = max(r.piece.output_N.max() for r in pieces) - min(r.piece.output_N.min() for r in pieces)
+    """Ranges of the explained channel and of the elongation [m] over all pieces."""
+    output = max(r.measured.max() for r in pieces) - min(r.measured.min() for r in pieces)
     travel = max((float(np.ptp(r.elongation)) for r in pieces if r.with_elongation), default=1.0)
-    return max(float(output), 1e-12), max(travel, 1e-15)
+    return max(float(output), 1e-15), max(travel, 1e-15)

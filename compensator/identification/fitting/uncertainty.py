@@ -7,16 +7,18 @@ import numpy as np
 
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals
 from tendonff.compensator.identification.measured.reading import Array
+from tendonff.compensator.identification.measured.smoothing import find_adaptive_low_pass
 from tendonff.ocp.fits.chain import DynamicParameter
 from tendonff.ocp.fits.least_squares import Residuals, Solution, block_covariance
 
 D = DynamicParameter
 
 REPLICAS = 8
-"""Runs with more noise on the input, for what its noise does to the answer."""
+"""Runs with noise put on the input again, for what its noise does to the answer."""
 
-LOUDER = (1.0, 3.0)
-"""Added variance of the input's noise, in units of its own."""
+MORE_THAN_ONCE, CORRECTION_DOUBT = 1.5, 0.5
+"""The first dose of noise shifts the answer by so many times what a second one does, for rectification grows more
+slowly than variance; and the standard error of the correction, as a share of it. Both seen on simulated rigs."""
 
 FLOORS = {
     D.MU_PULL: 0.005,
@@ -122,9 +124,10 @@ def _newton(found: Residuals, columns: Sequence[int]) -> tuple[Array, float]:
 def with_input_noise(task: ChainResiduals, solution: Solution) -> Solution:
     """Take the input's noise into account: what it shifts is taken out, what it scatters joins the covariance.
 
-    The model is driven by a measurement, whose noise is not in the residuals' statistics and is rectified by the play
-    of friction. More noise of the same kind is put on the input, one Gauss-Newton step tells where the answer goes, and
-    the way back to no noise is extrapolated (simulation extrapolation).
+    The model is driven by a measurement. Its noise is rectified by the play of friction, and the filter against it
+    rounds the extremes that friction remembers; neither is in the residuals' statistics. So the smoothed input is taken
+    for true, measured again with noise of the same size, filtered again, and one Gauss-Newton step tells where the
+    answer goes (parametric bootstrap).
 
     Parameters
     ----------
@@ -132,40 +135,29 @@ def with_input_noise(task: ChainResiduals, solution: Solution) -> Solution:
         On few masses, with the free parameters of `solution`.
     solution : Solution
     """
-    noisy = [(run, run.input_noise_N) for run in task.pieces]
-    if all(noise <= 0 for _, noise in noisy):
+    if all(run.input_noise_N <= 0 for run in task.pieces):
         return solution
     base = task.evaluate(solution.values)
     weight = 1 / np.sqrt(1 + base.values**2)
     normal = (base.slopes * weight[:, None]).T
     inverse = np.linalg.pinv(normal @ base.slopes, hermitian=True, rcond=1e-14)
     rng = np.random.default_rng(0)
-    moves: dict[float, list[Array]] = {level: [] for level in LOUDER}
+    moves = []
     for _ in range(REPLICAS):
-        extra = [
-            run.piece.input_filter.apply(noise * rng.standard_normal(len(run.drive.input_N))) for run, noise in noisy
-        ]
-        for level in LOUDER:
-            shaken = [
-                replace(run, drive=replace(run.drive, input_N=run.drive.input_N + np.sqrt(level) * more))
-                for (run, _), more in zip(noisy, extra, strict=True)
-            ]
-            other = replace(task, pieces=shaken, free=()).evaluate(solution.values)
-            moves[level].append(-inverse @ (normal @ (other.values - base.values)))
-    # What noise of variance 1 + level does is a (1 + level)^(1/2) + b (1 + level): rectified, and averaged.
-    shapes = np.array([[np.sqrt(1 + level) - 1, level] for level in LOUDER])
-    means = np.array([np.mean(moves[level], axis=0) for level in LOUDER])
-    shift = np.linalg.solve(shapes, means).sum(axis=0)
-    once = means[0]
-    # Between what one dose of noise did and two and a half of it, the ratio for pure rectification.
-    shift = np.where(once >= 0, np.clip(shift, once, 2.5 * once), np.clip(shift, 2.5 * once, once))
-    scatter = np.atleast_2d(np.cov(np.array(moves[LOUDER[0]]).T))
+        again = []
+        for run in task.pieces:
+            read = run.drive.input_N + run.input_noise_N * rng.standard_normal(len(run.drive.input_N))
+            smooth = find_adaptive_low_pass(read, run.step_s).apply(read)
+            again.append(replace(run, drive=replace(run.drive, input_N=smooth)))
+        other = replace(task, pieces=again, free=()).evaluate(solution.values)
+        moves.append(-inverse @ (normal @ (other.values - base.values)))
+    shift, scatter = MORE_THAN_ONCE * np.mean(moves, axis=0), np.atleast_2d(np.cov(np.array(moves).T))
     values = {}
     for name, by in zip(task.free, shift, strict=True):
         least = 0.0 if name in (D.ADHESION, D.STATIC_EXCESS, D.VISCOUS) else 0.1 * solution.values[name]
         corrected = solution.values[name] - float(by)
         values[str(name)] = max(corrected, least) if name in POSITIVE else corrected
-    doubt = np.outer(shift, shift) / 4
+    doubt = np.outer(shift, shift) * CORRECTION_DOUBT**2
     return replace(solution, values=values, covariance=solution.covariance + scatter * (1 + 1 / REPLICAS) + doubt)
 
 
