@@ -106,6 +106,15 @@ def identify(
         ),
     ] = None,
     static_only: Annotated[bool, typer.Option("--static", help="Stop after the static stage.")] = False,
+    condition: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--condition",
+            metavar="FILE=LABEL",
+            help="Label of a measured file, such as wet or worn: estimates are told by label; may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Fit very long files without asking.")] = False,
 ) -> None:
     """Fit the scenario's parameters to measured tensions (and positions) at both ends."""
@@ -141,13 +150,22 @@ def identify(
         how = _zeroed(_scaled(how, scale or []), offset or [], tare)
     except ParameterError as error:
         raise InputError(str(error)) from None
+    labels = _labels(condition or [], [path.name for path in data])
 
     def confirm(question: str) -> bool:
         return yes or (sys.stdin.isatty() and typer.confirm(f"{question}. Go on?", err=True))
 
     def work() -> "Identification":
         known = replace(loaded, measurement=how)
-        return identify_files(known, data, validate or [], static_only=static_only, say=_say_files, confirm=confirm)
+        return identify_files(
+            known,
+            data,
+            validate or [],
+            static_only=static_only,
+            conditions=labels,
+            say=_say_files,
+            confirm=confirm,
+        )
 
     with progress("identifying"):
         found = interruptible(work)
@@ -163,6 +181,21 @@ def _say_files(line: str) -> None:
     """What was read; the names of stages stay silent."""
     if " samples over " in line:
         say(line)
+
+
+def _labels(wishes: list[str], names: list[str]) -> dict[str, str]:
+    """Labels by file name from `--condition`."""
+    from tendonff.compensator.files.reading import InputError, suggestion
+
+    found = {}
+    for wish in wishes:
+        name, equals, label = wish.rpartition("=")
+        if not equals or not label:
+            raise InputError(f'--condition must be FILE=LABEL, got "{wish}"; --condition run3.csv=wet')
+        if Path(name).name not in names:
+            raise InputError(f'--condition: "{name}" is not given with --data{suggestion(Path(name).name, names)}')
+        found[Path(name).name] = label
+    return found
 
 
 def _zeroed(how: "Measurement", offsets: list[str], tare: str | None) -> "Measurement":

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from tendonff.compensator.identification.between_files import ByFile
 from tendonff.compensator.identification.fitting.sliding_ratio import SlidingRatio
 from tendonff.compensator.identification.fitting.static import FileError
 from tendonff.compensator.identification.measured.reading import Array, Finding
@@ -156,6 +157,10 @@ class Identification:
     sliding : tuple of SlidingRatio
     warnings : tuple of str
     comparisons : tuple of PieceComparison
+    by_file : tuple of ByFile
+        What each of several files says alone.
+    output_delay_s : float or None
+        How much later the output is read than the input.
     comparable : bool
         The measured tensions are of the scenario's size; else no excitation is suggested.
     """
@@ -175,6 +180,8 @@ class Identification:
     sliding: tuple[SlidingRatio, ...]
     warnings: tuple[str, ...]
     comparisons: tuple[PieceComparison, ...]
+    by_file: tuple[ByFile, ...] = ()
+    output_delay_s: float | None = None
     comparable: bool = True
 
     def estimate(self, name: str) -> Estimate:
@@ -194,6 +201,15 @@ class Identification:
             "files": [_file(f, "m" if self.explain is Explain.POSITION else "N") for f in self.files],
             "estimates": {e.name: e.as_json() for e in self.estimates},
             "correlation": {"names": list(self.correlation_names), "matrix": self.correlation.tolist()},
+            "by_file": {
+                f.file: {
+                    "condition": f.condition or None,
+                    "started_s": f.started_s,
+                    "estimates": {n: {"estimate": v, "standard_error": f.errors[n]} for n, v in f.values.items()},
+                }
+                for f in self.by_file
+            },
+            "output_delay_s": self.output_delay_s,
             "laws": [_law(law) for law in self.laws],
             "gross_sliding": {str(g.branch): _gross(g) for g in self.sliding},
             "warnings": list(self.warnings),

@@ -1,11 +1,12 @@
 """`identify`: parameters of a transmission, with confidence intervals, from measured files."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.identification.between_files import by_file
 from tendonff.compensator.identification.estimates import dynamic_estimates, static_estimates
 from tendonff.compensator.identification.fitted import Fitted, replay, scenario_of_chain, scenario_of_static
 from tendonff.compensator.identification.fitting import dynamic, tendon
@@ -21,6 +22,7 @@ from tendonff.compensator.identification.measured.cleaning import Record, clean
 from tendonff.compensator.identification.measured.plan import check_plan
 from tendonff.compensator.identification.measured.reading import DataIssue, read_measurement
 from tendonff.compensator.identification.measured.units import magnitude_warning, unit_warnings
+from tendonff.compensator.identification.moments import moved_inside
 from tendonff.compensator.identification.outcome import Outcome, compared, outcome_of
 from tendonff.compensator.identification.result import POOR_PERCENT, FileResult, Identification
 from tendonff.compensator.scenario.measurement import Explain
@@ -34,6 +36,8 @@ P, D = StaticParameter, DynamicParameter
 MOST_ALIKE = 3
 """So many files may each have a line about the same kind of data issue."""
 
+MOST_MOMENTS = 5
+
 SMALL_SHARE = 0.03
 """A file whose error is below this share of the common range is described, however little it moves itself."""
 
@@ -44,6 +48,7 @@ def identify(
     validate: Sequence[Path] = (),
     *,
     static_only: bool = False,
+    conditions: Mapping[str, str] | None = None,
     say: Callable[[str], None] = lambda _: None,
     confirm: Callable[[str], bool] = lambda _: False,
 ) -> Identification:
@@ -60,6 +65,8 @@ def identify(
         Files that decide which law is chosen; without them the last third of each file of `data` does.
     static_only : bool, optional
         Stop after the static stage.
+    conditions : mapping of str to str, optional
+        Labels by file name: estimates are told for each label.
     say : callable, optional
         Told what was read, before any work, and what is being done.
     confirm : callable, optional
@@ -102,6 +109,8 @@ def identify(
     if chain is not None and not any(law.chosen and law.stage == "dynamic" for law in laws):
         chain = None
     outcome = outcome_of(laws, stage, chain, records, judges)
+    files, said = by_file(chain, records, conditions or {})
+    warnings += [*said, *_delay(chain), *_touched(outcome)]
     sliding = sliding_ratios(records)
     failure = _failure(outcome)
     if failure:
@@ -140,6 +149,8 @@ def identify(
         sliding=sliding,
         warnings=tuple(warnings),
         comparisons=outcome.comparisons,
+        by_file=files,
+        output_delay_s=None if chain is None or chain.delay is None else chain.delay.seconds,
         comparable=foreign is None,
     )
 
@@ -200,6 +211,32 @@ def _fit(
     except SolveError as error:
         return stage, None, [f"the dynamic stage found no answer ({error}); the static law is reported"]
     return stage, chain, []
+
+
+def _delay(chain: dynamic.DynamicFit | None) -> list[str]:
+    """What to say where one channel is read later than the other."""
+    if chain is None or chain.delay is None or not chain.delay.told:
+        return []
+    late = chain.delay.seconds
+    told = (
+        f"the output is read {1e3 * abs(late):.3g} ms {'later' if late > 0 else 'earlier'} than the input "
+        f"(+-{1e3 * chain.delay.error_s:.2g} ms): shift its time stamps, or log both with one clock"
+    )
+    return [told]
+
+
+def _touched(outcome: Outcome) -> list[str]:
+    """Moments at which the output moved although the law holds it."""
+    moments = moved_inside(outcome.comparisons)
+    if not moments:
+        return []
+    shown = ", ".join(f"{name} {time:.4g} s" for name, time in moments[:MOST_MOMENTS])
+    more = " ..." if len(moments) > MOST_MOMENTS else ""
+    told = (
+        f"the output moves inside the dead band {len(moments)} times ({shown}{more}): was the far end touched or moved "
+        "there? Leave these times out, or hold it"
+    )
+    return [told]
 
 
 def _positions_of(records: Sequence[Record]) -> list[str]:

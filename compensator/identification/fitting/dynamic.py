@@ -13,6 +13,13 @@ from tendonff.compensator.identification.fitting.chain_law import (
     choose_law,
     fit_free,
 )
+from tendonff.compensator.identification.fitting.per_file import (
+    Delay,
+    FileEstimate,
+    delay_of,
+    file_estimates,
+    with_scatter,
+)
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece, fit_pieces, spans_of
 from tendonff.compensator.identification.fitting.static import FileError
 from tendonff.compensator.identification.fitting.uncertainty import (
@@ -61,6 +68,10 @@ class DynamicFit:
         With the laws that were compared.
     mean_N : float
         Mean output tension.
+    files : tuple of FileEstimate
+        What each file says by itself; empty for a single file.
+    delay : Delay or None
+        Of the output channel.
     """
 
     model: ChainModel
@@ -69,6 +80,8 @@ class DynamicFit:
     expected: dict[DynamicParameter, float]
     law: ChosenLaw
     mean_N: float
+    files: tuple[FileEstimate, ...]
+    delay: Delay | None
 
 
 def _tension_N(run: FitPiece) -> Array:
@@ -211,7 +224,9 @@ def fit_dynamic(
     quick = replace(task, model=coarse_model, fixed=task.complete(solution.values))
     every = (*task.free, *(n for n in D if n not in task.free))
     slopes = slopes_over_all(quick, every)
-    solution = with_other_laws(solution, slopes, every, quick)
+    files = () if slopes is None else file_estimates(quick, slopes, solution)
+    delay = None if slopes is None else delay_of(quick, slopes, len(task.free))
+    solution = with_scatter(with_other_laws(solution, slopes, every, quick), files)
     solution = with_floors(with_input_noise(quick, solution), mean_N)
     return DynamicFit(
         model=task.model,
@@ -220,6 +235,8 @@ def fit_dynamic(
         expected=expected_errors(slopes, every),
         law=law,
         mean_N=mean_N,
+        files=files,
+        delay=delay,
     )
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -32,6 +33,7 @@ TRAINING_SHARE = 0.65
 class FitPiece:
     """A piece as the residuals need it."""
 
+    file: str
     piece: Piece
     drive: Drive
     good: Mask
@@ -111,6 +113,7 @@ def fit_pieces(records: Sequence[Record], explain: Explain = Explain.OUTPUT) -> 
             drive = Drive(input_N=piece.input_N, step_s=record.step_s, first_output_N=float(first))
             found.append(
                 FitPiece(
+                    file=record.name,
                     piece=piece,
                     drive=drive,
                     good=good[::thin],
@@ -152,6 +155,8 @@ class ChainResiduals:
     elongation_unit_m: float
     block_s: float
 
+    BLOCKS_A_PIECE: ClassVar[int] = 10_000_000
+
     @property
     def rows(self) -> int:
         """Fitted rows of the output."""
@@ -177,7 +182,7 @@ class ChainResiduals:
             response = self.model.respond(full, run.drive, over)
             good = run.good
             time = run.piece.time_s[:: run.thin][good]
-            block = np.floor(time / self.block_s) + 1e7 * number
+            block = np.floor(time / self.block_s) + self.BLOCKS_A_PIECE * number
             prediction, by = run.predicted(response)
             slopes = run.centred(run.shaped(by)[good])
             parts.append((run.off(prediction) / self.output_unit, slopes / self.output_unit, block))

@@ -115,6 +115,8 @@ class Record:
         Readings far below zero: torques of a pre-tensioned loop, or the like.
     unread : tuple of str
         Columns of the file that have no use.
+    started_s : float or None
+        Seconds from 1970 to its first row, where its time stamps are dates.
     findings : tuple of Finding
     """
 
@@ -126,6 +128,7 @@ class Record:
     output_noise_N: float
     signed: bool
     unread: tuple[str, ...]
+    started_s: float | None
     findings: tuple[Finding, ...]
 
     @property
@@ -237,6 +240,7 @@ def clean(raw: RawMeasurement, how: Measurement) -> Record:
         output_noise_N=float(np.average([b for _, b, _ in noises], weights=weights)),
         signed=signed,
         unread=raw.unread,
+        started_s=raw.started_s,
         findings=tuple(findings),
     )
 

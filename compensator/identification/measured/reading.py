@@ -106,6 +106,8 @@ class RawMeasurement:
         First rows after a clock that jumped back.
     unread : tuple of str
         Columns of the file that have no use.
+    started_s : float or None
+        Seconds from 1970 to its first row, where its time stamps are dates.
     findings : tuple of Finding
     """
 
@@ -117,6 +119,7 @@ class RawMeasurement:
     output_m: Array | None
     breaks: tuple[int, ...]
     unread: tuple[str, ...]
+    started_s: float | None
     findings: tuple[Finding, ...]
 
     @property
@@ -127,9 +130,10 @@ class RawMeasurement:
 
 def _columns(
     path: Path, names: Mapping[str, str], findings: list[Finding]
-) -> tuple[dict[str, Array], dict[str, float], tuple[str, ...]]:
-    """The wanted columns as numbers, factors from a row of units, and the names of the other columns."""
+) -> tuple[dict[str, Array], dict[str, float], tuple[str, ...], float | None]:
+    """The wanted columns as numbers, factors from a row of units, names of the other columns, and the date it began."""
     table = read_table(path)
+    started: float | None = None
     found: dict[str, Array] = {}
     factors: dict[str, float] = {}
     for key, name in names.items():
@@ -142,8 +146,8 @@ def _columns(
                 )
             continue
         if key == "time":
-            found[key], dated = table.seconds(name)
-            if dated:
+            found[key], started = table.seconds(name)
+            if started is not None:
                 findings.append(issue_found(DataIssue.DATES, [], "read as seconds since the first one", 1))
         else:
             found[key] = table.numbers(name)
@@ -157,7 +161,7 @@ def _columns(
         findings.append(issue_found(DataIssue.UNITS, [], text, 1))
     if table.long_rows:
         findings.append(issue_found(DataIssue.LONG, [], "rows left out", table.long_rows))
-    return found, factors, tuple(name for name in table.columns if name not in names.values())
+    return found, factors, tuple(name for name in table.columns if name not in names.values()), started
 
 
 def _proximal(table: MeasuredTable, names: Mapping[str, str]) -> bool:
@@ -220,7 +224,7 @@ def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
         if twin := next((k for k, n in columns.items() if n == name and k != key), None):
             raise InputError(f'"{name}" is named as the column of {key} and of {twin}; each needs its own')
     findings: list[Finding] = []
-    table, factors, unread = _columns(path, columns, findings)
+    table, factors, unread, started = _columns(path, columns, findings)
     scales = {
         "time": how.time_scale,
         "input": how.input_scale,
@@ -276,6 +280,7 @@ def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
         output_m=kept.get("output_position"),
         breaks=breaks,
         unread=unread,
+        started_s=started,
         findings=tuple(findings),
     )
 

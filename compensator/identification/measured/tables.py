@@ -59,17 +59,18 @@ class MeasuredTable:
             )
         return np.asarray(pd.to_numeric(cells, errors="coerce").to_numpy(dtype=np.float64))
 
-    def seconds(self, name: str) -> tuple[Array, bool]:
-        """A column of time as numbers, and whether it held dates: then in seconds since the first."""
+    def seconds(self, name: str) -> tuple[Array, float | None]:
+        """A column of time as numbers; dates become seconds since the first, which is told in seconds since 1970."""
         import pandas as pd
 
         found = self.numbers(name)
         if np.isfinite(found).any() and not pd.api.types.is_datetime64_any_dtype(self.columns[name]):
-            return found, False
+            return found, None
         dates = pd.to_datetime(self.columns[name], errors="coerce", format="ISO8601", utc=True)
         if not dates.notna().any():
-            return found, False
-        return np.asarray((dates - dates.dropna().iloc[0]).dt.total_seconds().to_numpy(dtype=np.float64)), True
+            return found, None
+        first = dates.dropna().iloc[0]
+        return np.asarray((dates - first).dt.total_seconds().to_numpy(dtype=np.float64)), float(first.timestamp())
 
 
 def unit_factor(key: str, unit: str) -> float | None:
