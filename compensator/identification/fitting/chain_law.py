@@ -28,7 +28,7 @@ IDENTIFIABLE = 0.5
 
 WORTH_A_CONSTANT = 4.0
 """A constant is worth having where it improves the information criterion by more than this. The criterion's sample size
-counts rows that are independent of each other, rows that judge included; simulated rigs without adhesion stay below."""
+counts rows that are independent of each other; most simulated rigs without adhesion stay below."""
 
 WORTH_A_VALUE, SLIGHTLY = 1.4, 1.1
 """A term that depends on speed is worth having where it lowers the validation error by the first factor, or by the
@@ -155,6 +155,22 @@ class _Search:
         self.train, self.name = task, name
         self.best, self.fitted, self.least = found
 
+    def gain(self, found: tuple[Solution, float, float]) -> float:
+        """Information that another law gains, or loses: Bayes' criterion without the price of its values.
+
+        Its sample size counts rows that are independent of each other, rows that judge included.
+        """
+        rows = self.train.independent_rows(self.best.residuals)
+        more = rows * self.judge.rows / max(self.train.rows, 1)
+        fit, judged = self.fitted / max(found[1], 1e-300), self.least / max(found[2], 1e-300)
+        return float(2 * (rows * np.log(fit) + more * np.log(judged)))
+
+    @property
+    def price(self) -> float:
+        """Bayes' price of a value: the logarithm of the sample size."""
+        rows = self.train.independent_rows(self.best.residuals)
+        return float(np.log(max(rows * (1 + self.judge.rows / max(self.train.rows, 1)), 2.0)))
+
     def extended(self, extra: DynamicParameter) -> ChainResiduals:
         """The best law with one more free value; a Stribeck effect comes with its velocity."""
         more = (extra, D.STRIBECK_VELOCITY) if extra is D.STATIC_EXCESS else (extra,)
@@ -200,7 +216,7 @@ def choose_law(
             free=tuple(n for n in task.free if n is not D.MU_RELEASE),
         )
         found = search.attempt(same, search.values, "symmetric with presliding")
-        if found[2] <= SIMPLER_WITHIN * search.least:
+        if found[2] <= SIMPLER_WITHIN * search.least and search.gain(found) + search.price > 0:
             search.accept(same, found, "symmetric with presliding")
     _add_constants(search, CONSTANTS if biases else (D.ADHESION,), start, mean_N)
     for extra in SPEED_TERMS:
@@ -218,6 +234,8 @@ def choose_law(
         ]
         if not poor:
             break
+        if D.STATIC_EXCESS in poor and D.STRIBECK_VELOCITY in chosen.free:
+            poor.append(D.STRIBECK_VELOCITY)
         known = chosen.complete(solution.values)
         known.update({n: scenario[n] for n in poor})
         chosen = replace(chosen, fixed=known, free=tuple(n for n in chosen.free if n not in poor))
@@ -231,17 +249,14 @@ def _add_constants(
 ) -> None:
     """Adhesion and offsets, the most useful first; two at most, for a third acts like the two together."""
     for _ in range(2):
-        rows = search.train.independent_rows(search.best.residuals)
-        more = rows * search.judge.rows / max(search.train.rows, 1)
         tried = []
         for extra in offered:
             if extra not in search.train.free:
                 task, name = search.extended(extra), f"{search.name}, {LAW_NAMES[extra]}"
                 found = search.attempt(task, _nudged(search.values, extra, start, mean_N), name)
-                ratios = search.fitted / max(found[1], 1e-300), search.least / max(found[2], 1e-300)
-                gain = 2 * (rows * np.log(ratios[0]) + more * np.log(ratios[1])) - np.log(max(rows + more, 2.0))
+                gain = search.gain(found) - search.price
                 if gain > WORTH_A_CONSTANT:
-                    tried.append((float(gain), task, found, name))
+                    tried.append((gain, task, found, name))
         if not tried:
             return
         _, task, found, name = max(tried, key=lambda one: one[0])

@@ -58,6 +58,7 @@ class DynamicFit:
     Parameters
     ----------
     model : ChainModel
+        With the scenario's own number of masses: the errors that are reported are those of the answer that goes on.
     values : dict of DynamicParameter to float
         All of them; what was not free has the value it was given.
     solution : Solution
@@ -229,7 +230,7 @@ def fit_dynamic(
     solution = with_scatter(with_other_laws(solution, slopes, every, quick), files)
     solution = with_floors(with_input_noise(quick, solution), mean_N)
     return DynamicFit(
-        model=task.model,
+        model=replace(task.model, count=transmission.path.segments),
         values=task.complete(solution.values),
         solution=solution,
         expected=expected_errors(slopes, every),

@@ -144,9 +144,13 @@ def delay_of(task: ChainResiduals, found: Residuals, count: int) -> Delay:
         if run.with_elongation:
             rates.append(np.zeros(int(run.good.sum())))
     slopes = np.column_stack([found.slopes[:, :count], np.concatenate(rates)])
-    covariance, _ = block_covariance(replace(found, slopes=slopes), robust=True)
     seconds = float(_step(found.values, slopes)[-1])
-    error = float(np.sqrt(covariance[-1, -1]))
+    weight = 1 / np.sqrt(1 + found.values**2)
+    scale = np.maximum(np.sqrt((slopes**2).sum(axis=0)), 1e-300)
+    inverse = np.linalg.pinv((slopes / scale).T @ (slopes / scale * weight[:, None]), rcond=1e-12)
+    # Rows that are independent of each other count: a delay shows at every stroke alike.
+    share = float((weight * found.values**2).sum()) / task.independent_rows(found)
+    error = float(np.sqrt(max(inverse[-1, -1], 0.0) * share) / scale[-1])
     step = max(run.step_s for run in task.pieces)
     told = abs(seconds) > max(SURE * error, LEAST_STEPS * step) and task.pieces[0].explain is Explain.OUTPUT
     return Delay(seconds=seconds, error_s=error, told=told)
