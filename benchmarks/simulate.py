@@ -58,12 +58,13 @@ from tendonff.compensator.scenario.sampling import initial_tension, sample_refer
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.chain import Chain, chain_equations
 from tendonff.models.fidelity import Level
+from tendonff.models.layout import ChainInputs
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.crosscheck import Adaptive, AdaptiveIntegrator
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import invert
-from tendonff.ocp.simulate import Simulator, force_inputs, simulate
+from tendonff.ocp.simulate import Simulator, simulate
 from tendonff.ocp.step import c_engine, render
 
 Array = NDArray[np.float64]
@@ -111,15 +112,15 @@ def ours(chain: Chain, rows: int, engine: Engine, step_s: float = STEP, every: i
     """Our stepper from rest over rows of the smooth force; the output at `every` one of them."""
     row_time = np.arange(rows // every + 1) * step_s * every
     force = np.interp(np.arange(rows + 1) * step_s, row_time, np.asarray(force_at(row_time)))
-    inputs, start = force_inputs(force), chain.rest_state(START_N)
+    inputs, start = ChainInputs.of_force(force), chain.rest_state(START_N)
 
     def run() -> Array:
-        simulator = Simulator(chain, step_s, start, inputs[0], engine)
+        simulator = Simulator(chain, step_s, start, inputs[:1], engine)
         return np.concatenate([[START_N], simulator.advance(inputs[1:]).tension_N[every - 1 :: every, -1]])
 
     if engine is Engine.COMPILED:
         return run
-    prepared = [Simulator(chain, step_s, start, inputs[0], engine) for _ in range(3)]  # building them is not the run
+    prepared = [Simulator(chain, step_s, start, inputs[:1], engine) for _ in range(3)]  # building them is not the run
     return lambda: np.concatenate([[START_N], prepared.pop().advance(inputs[1:]).tension_N[:, -1]])
 
 

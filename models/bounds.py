@@ -1,6 +1,7 @@
-"""One-sided bounds whose derivative costs one comparison."""
+"""Bounds on symbols: one-sided with a derivative that costs one comparison, and the play operator."""
 
 import casadi as ca
+import numpy as np
 
 
 def at_least(x: ca.SX, floor: float) -> ca.SX:
@@ -11,7 +12,24 @@ def at_least(x: ca.SX, floor: float) -> ca.SX:
 
     Parameters
     ----------
-    x : ca.SX
+    x : ca.SX or ndarray
     floor : float
     """
+    if isinstance(x, np.ndarray):
+        return np.where(x > floor, x, floor)
     return ca.if_else(x > floor, x, floor)
+
+
+def play(memory: ca.SX, low: ca.SX, high: ca.SX) -> ca.SX:
+    """One update of the play operator: keep the memory unless a bound pushes it.
+
+    `models.capstan` has the same for whole histories of numbers.
+
+    Parameters
+    ----------
+    memory : ca.SX
+        Value so far.
+    low, high : ca.SX
+        Bounds that the input sets now, low <= high.
+    """
+    return ca.fmin(ca.fmax(memory, low), high)

@@ -15,7 +15,6 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -42,17 +41,19 @@ class Branch(StrEnum):
     RELEASE = "release"
 
 
-def play(memory: ca.SX, low: ca.SX, high: ca.SX) -> ca.SX:
-    """One update of the play operator: keep the memory unless a bound pushes it.
+def _play_history(start: float, low: Array, high: Array) -> Array:
+    """Play operator over a history: each value is the one before it, clipped to the bounds of its instant.
 
-    Parameters
-    ----------
-    memory : ca.SX
-        Value so far.
-    low, high : ca.SX
-        Bounds that the input sets now, low <= high.
+    Clips compose to clips, so all histories up to 1, 2, 4 ... instants are composed at once; nothing is rounded.
     """
-    return ca.fmin(ca.fmax(memory, low), high)
+    low, high = low.copy(), high.copy()
+    span = 1
+    while span < len(low):
+        composed = np.clip(low[:-span], low[span:], high[span:]), np.clip(high[:-span], low[span:], high[span:])
+        low[span:], high[span:] = composed
+        span *= 2
+    held: Array = np.clip(start, low, high)
+    return held
 
 
 def _shape(exponent: float) -> float:
@@ -153,13 +154,9 @@ class CapstanLaw:
         ndarray, shape (n,)
         """
         history = np.asarray(input_N, dtype=np.float64)
-        memory, low, high = ca.SX.sym("memory"), ca.SX.sym("low"), ca.SX.sym("high")
-        update = ca.Function("play", [memory, low, high], [play(memory, low, high)])
         start = history[0] if initial_output_N is None else initial_output_N
         lows, highs = self.output_bounds_N(history)
-        run = update.mapaccum("plays", len(history))
-        output: Array = np.maximum(np.asarray(run(start, lows, highs)).ravel(), 0.0)
-        return output
+        return np.maximum(_play_history(start, lows, highs), 0.0)
 
     def profile_history_N(self, input_N: ArrayLike, shares: ArrayLike, initial_N: float | None = None) -> Array:
         """Tension along the path for any input history, started from uniform tension.

@@ -17,34 +17,14 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from tendonff.models.assembly import End, end_force, normal_force, path_force
 from tendonff.models.elements import Elements, elements_of
 from tendonff.models.fidelity import Level
-from tendonff.models.friction import BristleParameters, bristle_rate, friction_force, normal_force
-from tendonff.models.link import LinkParameters, relaxation_rate, tendon_force, unclipped_force
+from tendonff.models.friction import FrictionLaw
+from tendonff.models.layout import INPUT_NAMES, ChainState, StateLayout, fields_of
+from tendonff.models.link import LinkLaw, tendon_force
 from tendonff.models.parameters import Transmission
-
-Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class End:
-    """One end of the chain: a mass with a damper, what drives it and what it leans on.
-
-    Parameters
-    ----------
-    mass_kg : float
-        Moving mass [kg], > 0.
-    damping_N_s_per_m : float
-        Viscous damping [N s/m].
-    stiffness_N_per_m : float
-        k_c [N/m]; 0 for an actuator.
-    """
-
-    mass_kg: float
-    damping_N_s_per_m: float
-    stiffness_N_per_m: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,31 +81,28 @@ class Chain:
         return self.elements.count
 
     @property
-    def link(self) -> LinkParameters:
-        """Parameters of one link."""
-        e = self.elements
-        return LinkParameters(
-            stiffness_N_per_m=e.stiffness_N_per_m,
-            relaxing_stiffness_N_per_m=e.relaxing_stiffness_N_per_m,
-            relaxation_time_s=e.relaxation_time_s,
-            damping_N_s_per_m=e.damping_N_s_per_m,
-        )
+    def link(self) -> LinkLaw:
+        """Law of one link."""
+        return self.elements.link
 
     @property
-    def bristle(self) -> BristleParameters:
-        """Parameters of one bristle."""
-        e = self.elements
-        return BristleParameters(
-            bristle_stiffness_N_per_m=e.bristle_stiffness_N_per_m,
-            mu_dynamic_pull=e.mu_dynamic_pull,
-            mu_static_pull=e.mu_static_pull,
-            mu_dynamic_release=e.mu_dynamic_release,
-            mu_static_release=e.mu_static_release,
-            stribeck_velocity_m_per_s=e.stribeck_velocity_m_per_s,
-        )
+    def friction(self) -> FrictionLaw:
+        """Friction law of one mass on the path."""
+        return self.elements.friction
 
-    def rest_state(self, tension_N: float, far_rest_position_m: float = 0.0) -> "ChainState":
-        """At rest under uniform tension: f_s = 0, z = e = T0/(k1 (N+1)), the far spring carries T0.
+    @property
+    def layout(self) -> StateLayout:
+        """Order of the states."""
+        return StateLayout(count=self.count, link_states=self.link.states, friction_states=self.friction.states)
+
+    def numbers(self) -> dict[str, float]:
+        """Every parameter by name: the one record that generated C and sensitivities follow."""
+        e = self.elements
+        records = {"piece_": e.piece, "friction_": e.friction, "link_": e.link, "near_": self.near, "far_": self.far}
+        return {name: value for prefix, record in records.items() for name, value in fields_of(record, prefix).items()}
+
+    def rest_state(self, tension_N: float, far_rest_position_m: float = 0.0) -> ChainState:
+        """At rest under uniform tension: f_s = 0, e as long as the tension needs, the far spring carries T0.
 
         Parameters
         ----------
@@ -140,63 +117,15 @@ class Chain:
             With q_l = x_c2 + T0/k_c2 (0 offset where k_c2 = 0, a far motor that acts with f_c2 = T0).
         """
         n, k_far = self.count, self.far.stiffness_N_per_m
-        stretch = tension_N / self.elements.stiffness_N_per_m
+        stretch, states = self.link.rest(tension_N)
         q_far = far_rest_position_m + (tension_N / k_far if k_far > 0 else 0.0)
         return ChainState(
             velocity_m_per_s=np.zeros(n + 2),
             elongation_m=np.full(n + 1, stretch),
-            relaxed_m=np.full(n + 1, stretch),
-            bristle_N=np.zeros(n),
+            link=np.repeat(np.array(states, dtype=np.float64)[:, None], n + 1, axis=1),
+            friction=np.zeros((len(self.friction.states), n)),
             near_position_m=q_far + stretch * (n + 1),
             far_position_m=q_far,
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ChainState:
-    """State of the chain at one instant.
-
-    Parameters
-    ----------
-    velocity_m_per_s : ndarray, shape (N + 2,)
-        v_a, v_1 .. v_N, v_l.
-    elongation_m, relaxed_m : ndarray, shape (N + 1,)
-        e and z of each link.
-    bristle_N : ndarray, shape (N,)
-        f_s of each mass.
-    near_position_m, far_position_m : float
-        q_a, q_l. The positions between them follow from the elongations, whose differences keep full precision.
-    """
-
-    velocity_m_per_s: Array
-    elongation_m: Array
-    relaxed_m: Array
-    bristle_N: Array
-    near_position_m: float
-    far_position_m: float
-
-    def vector(self) -> Array:
-        """All states in one array, shape (4 N + 6,): v, e, z, f_s, q_a, q_l."""
-        ends = [self.near_position_m, self.far_position_m]
-        return np.concatenate([self.velocity_m_per_s, self.elongation_m, self.relaxed_m, self.bristle_N, ends])
-
-    @classmethod
-    def from_vector(cls, x: Array) -> "ChainState":
-        """Inverse of `vector`.
-
-        Parameters
-        ----------
-        x : ndarray, shape (4 N + 6,)
-        """
-        n = (len(x) - 6) // 4
-        v, e, z, f_s, ends = np.split(np.array(x, dtype=np.float64), np.cumsum([n + 2, n + 1, n + 1, n]))
-        return cls(
-            velocity_m_per_s=v,
-            elongation_m=e,
-            relaxed_m=z,
-            bristle_N=f_s,
-            near_position_m=float(ends[0]),
-            far_position_m=float(ends[1]),
         )
 
 
@@ -206,11 +135,11 @@ class ChainEquations:
 
     Parameters
     ----------
-    state : ca.SX, shape (4 N + 6, 1)
-        In the order of `ChainState.vector`.
+    state : ca.SX, shape (size, 1)
+        In the order of `StateLayout`.
     inputs : ca.SX, shape (4, 1)
-        f_c1 [N], x_c1 [m], f_c2 [N], x_c2 [m].
-    rate : ca.SX, shape (4 N + 6, 1)
+        In the order of `INPUT_NAMES`.
+    rate : ca.SX, shape (size, 1)
         Time derivative of `state`.
     tension_N : ca.SX, shape (N + 1, 1)
         f_1 .. f_{N+1}.
@@ -220,25 +149,6 @@ class ChainEquations:
     inputs: ca.SX
     rate: ca.SX
     tension_N: ca.SX
-
-
-def end_force(v: ca.SX, q: ca.SX, tension: ca.SX, pull: ca.SX, f_c: ca.SX, x_c: ca.SX, end: End) -> ca.SX:
-    """Sum of the forces on an end mass, positive towards the actuator [N].
-
-    Parameters
-    ----------
-    v, q : ca.SX
-        Velocity [m/s], position [m].
-    tension : ca.SX
-        Tension of the adjacent link [N].
-    pull : ca.SX
-        Direction in which the tension pulls the mass: -1 at the near end, +1 at the far end.
-    f_c, x_c : ca.SX
-        Motor force away from the tendon [N], rest position of the end's spring [m].
-    end : End
-        Numbers or CasADi scalars.
-    """
-    return pull * (tension - f_c) - end.damping_N_s_per_m * v - end.stiffness_N_per_m * (q - x_c)
 
 
 def chain_equations(chain: Chain) -> ChainEquations:
@@ -252,30 +162,29 @@ def chain_equations(chain: Chain) -> ChainEquations:
     -------
     ChainEquations
     """
-    n, elements = chain.count, chain.elements
-    v, e, z = ca.SX.sym("v", n + 2), ca.SX.sym("e", n + 1), ca.SX.sym("z", n + 1)
-    f_s, ends = ca.SX.sym("f_s", n), ca.SX.sym("q", 2)
-    inputs = ca.SX.sym("u", 4)
+    n, layout, piece, friction, link = chain.count, chain.layout, chain.elements.piece, chain.friction, chain.link
+    state = ca.SX.sym("x", layout.size)
+    inputs = ca.SX.sym("u", len(INPUT_NAMES))
     f_c1, x_c1, f_c2, x_c2 = ca.vertsplit(inputs)
-    link, bristle = chain.link, chain.bristle
+    v, e, *own, q_a, q_l = ca.vertsplit(state, layout.cuts)
+    links, masses = tuple(own[: len(link.states)]), tuple(own[len(link.states) :])
 
     e_rate = v[:-1] - v[1:]
-    f = tendon_force(unclipped_force(e, e_rate, z, link))
-    z_rate = relaxation_rate(e, z, link)
-
+    f = tendon_force(link.unclipped_force(e, e_rate, links))
     on_path = v[1:-1]
-    f_n = normal_force(f[:-1], f[1:], elements.adhesion_N)
-    f_s_rate = bristle_rate(on_path, f_s, f_n, bristle)
-    f_f = friction_force(on_path, f_s, elements.viscous_N_s_per_m)
+    f_n = normal_force(f[:-1], f[1:], piece.adhesion_N)
+    f_f = friction.state_force(masses) + friction.viscous_force(on_path)
 
     near, far = chain.near, chain.far
-    near_force = end_force(v[0], ends[0], f[0], -1, f_c1, x_c1, near)
-    far_force = end_force(v[n + 1], ends[1], f[n], 1, f_c2, x_c2, far)
-    path_force = f[:-1] - f[1:] - f_f
-    acceleration = ca.vertcat(near_force / near.mass_kg, path_force / elements.mass_kg, far_force / far.mass_kg)
+    near_force = end_force(v[0], q_a, f[0], -1, f_c1, x_c1, near)
+    far_force = end_force(v[n + 1], q_l, f[n], 1, f_c2, x_c2, far)
+    masses_rate = path_force(f[:-1], f[1:], f_f) / piece.mass_kg
     return ChainEquations(
-        state=ca.vertcat(v, e, z, f_s, ends),
+        state=state,
         inputs=inputs,
-        rate=ca.vertcat(acceleration, e_rate, z_rate, f_s_rate, v[0], v[n + 1]),
+        rate=ca.vertcat(
+            *(near_force / near.mass_kg, masses_rate, far_force / far.mass_kg, e_rate),
+            *(*link.rate(e, links), *friction.rate(on_path, masses, f_n), v[0], v[n + 1]),
+        ),
         tension_N=f,
     )

@@ -1,42 +1,148 @@
-"""Friction of the tendon on its path.
+"""Friction of the tendon on its path: what a friction law offers, and the paper's, a LuGre bristle without damping.
 
-Positive is towards the actuator (pulling); friction opposes sliding::
-
-    actuator                                load
-        f_i <-----[ mass i ]-----> f_{i+1}          (m/N) dv_i/dt = f_i - f_{i+1} - f_f,i
-                      |--> f_f,i                    drawn for v_i > 0: slides left, f_f,i > 0 points right
-
-The laws are module functions of plain arguments (numbers or CasADi scalars), so that simulation, inverse,
-linearisation, identification and exported C all use the same expressions. Equation numbers are those of Palli,
+A law is a record: its fields are its parameters (numbers or CasADi scalars), its methods the law itself, so that
+simulation, inverse, linearisation, identification and exported C all use the same expressions. Its states are its own;
+a law with others than the bristle force needs nothing but this interface. Equation numbers are those of Palli,
 Borghesan, Melchiorri, "Friction and Visco-Elasticity Effects in Tendon-based Transmission Systems" (ICRA 2010).
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar, Protocol, Self
 
 import casadi as ca
 
+from tendonff.models.assembly import NORMAL_FORCE_FLOOR_N
 from tendonff.models.bounds import at_least
-
-NORMAL_FORCE_FLOOR_N = 1e-9
-"""Least normal force in the bristle law [N]: its rate sigma0 abs(v)/(mu f_n) has no limit as a tendon goes slack."""
 
 COEFFICIENT_FLOOR = 1e-12
 """Least equivalent coefficient in the bristle law [-]: lets a frictionless path run through the same expression."""
 
+_NEWTON_MOVES = 12
+_LARGE_NORMAL_FORCE_N = 1e12
+
+States = tuple[ca.SX, ...]
+
+
+class FrictionLaw(Protocol):
+    """Friction of one mass on the path: f_f = state_force(states) + viscous_force(v).
+
+    What an implementer owes: (1) a frozen dataclass whose fields are its parameters, of the whole tendon or, after
+    `on_piece`, of one element; (2) `states`; (3) their rate; (4) the same states under the implicit rule
+    x = base + H dx/dt for a known normal force, in closed form; (5) either the closed form for f_n = A + state_force,
+    or None; then each state's share of the force must lie between zero and its value for a large normal force.
+    """
+
+    states: ClassVar[tuple[str, ...]]
+
+    @property
+    def slip_coefficients(self) -> tuple[float, float]:
+        """Friction over normal force in fast steady slip, pulling and releasing [-]."""
+        ...
+
+    @property
+    def weakening_speed_m_per_s(self) -> float | None:
+        """Speed about which friction falls, so that slow sliding may be unstable [m/s]; None where it does not."""
+        ...
+
+    def on_piece(self, angle_rad: ca.SX, pieces: ca.SX) -> Self:
+        """The law of one of `pieces` equal elements, each with wrap angle `angle_rad`."""
+        ...
+
+    def aliases(self) -> Mapping[str, str]:
+        """Fields that equal another, by name: code for them can be left out; empty where there are none."""
+        ...
+
+    def rate(self, v: ca.SX, states: States, f_n: ca.SX) -> States:
+        """Time derivatives of the states at sliding speed v [m/s] under a normal force f_n [N]."""
+        ...
+
+    def state_force(self, states: States) -> ca.SX:
+        """Part of the friction force that the states carry [N], positive when it opposes pulling."""
+        ...
+
+    def viscous_force(self, v: ca.SX) -> ca.SX:
+        """Part that the speed alone decides [N]."""
+        ...
+
+    def implicit(self, v: ca.SX, base: States, step_s: ca.SX, f_n: ca.SX) -> States:
+        """States at the end of a step of weight H."""
+        ...
+
+    def implicit_from_far_side(self, v: ca.SX, base: States, step_s: ca.SX, far_sum: ca.SX) -> States | None:
+        """The same where f_n = A + state_force(states) with A = `far_sum` known; None without a closed form."""
+        ...
+
+
+def equivalent_coefficient(mu: ca.SX, angle_rad: ca.SX) -> ca.SX:
+    """Coefficient of one lumped element, (1 - e^{-mu phi})/(1 + e^{-mu phi}) = tanh(mu phi/2) [-].
+
+    Eqs. (8), (9): with it N elements in one-way slip give e^{mu theta} exactly.
+
+    Parameters
+    ----------
+    mu : float or ca.SX
+        Coefficient of tendon on path [-].
+    angle_rad : float or ca.SX
+        phi, the element's wrap angle [rad].
+    """
+    return ca.tanh(mu * angle_rad / 2)
+
+
+def from_far_side(law: FrictionLaw, v: ca.SX, base: States, step_s: ca.SX, far_sum: ca.SX) -> States:
+    """States at the end of a step where f_n = A + state_force(states): closed form, or a guarded scalar Newton.
+
+    Parameters
+    ----------
+    law : FrictionLaw
+    v : ca.SX
+        Velocity at the end of the step [m/s].
+    base : tuple of ca.SX
+        What the scheme adds the rates to: the old states for implicit Euler.
+    step_s : ca.SX
+        H, the weight of the rates [s].
+    far_sum : ca.SX
+        A = 2 f_{i+1} + 2 p + b v + m dv/dt [N].
+    """
+    closed = law.implicit_from_far_side(v, base, step_s, far_sum)
+    if closed is not None:
+        return closed
+    f_n = ca.SX.sym("f_n")
+    excess = f_n - far_sum - law.state_force(law.implicit(v, base, step_s, f_n))
+    slope = ca.jacobian(excess, f_n)
+    ends = law.implicit(v, base, step_s, ca.SX(_LARGE_NORMAL_FORCE_N))
+    alone = [tuple(end if k == j else ca.SX(0) for j, end in enumerate(ends)) for k in range(len(ends))]
+    most = [law.state_force(states) for states in alone]
+    low = at_least(far_sum + sum(ca.if_else(force < 0, force, 0) for force in most), NORMAL_FORCE_FLOOR_N)
+    high = at_least(far_sum + sum(at_least(force, 0) for force in most), NORMAL_FORCE_FLOOR_N)
+    x = ca.if_else(sum(most) > 0, high, low)  # from there Newton's method approaches a saturating law steadily
+    # Unrolled, so that every engine and the exported code take the same moves in the same, bounded time.
+    for _ in range(_NEWTON_MOVES):
+        now, by_x = ca.substitute([excess, slope], [f_n], [x])
+        low, high = ca.if_else(now < 0, x, low), ca.if_else(now > 0, x, high)
+        newton = x - now / by_x
+        inside = (newton >= low) * (newton <= high)  # a Newton move that leaves the bracket becomes a bisection
+        x = ca.if_else(inside, newton, (low + high) / 2)
+    return law.implicit(v, base, step_s, x)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BristleParameters:
-    """Parameters of one element's bristle; numbers or CasADi scalars.
+class LuGreBristle:
+    """Eqs. (5a) to (5c): a LuGre bristle without damping of its own, which is Dahl's law where mu does not fall.
 
     Parameters
     ----------
     bristle_stiffness_N_per_m : float or ca.SX
-        sigma0/N [N/m].
+        sigma0 [N/m].
     mu_dynamic_pull, mu_static_pull, mu_dynamic_release, mu_static_release : float or ca.SX
-        Equivalent coefficients of the element, eqs. (8), (9) [-].
+        Coefficients of tendon on path; on a piece the equivalent ones, eqs. (8), (9) [-].
     stribeck_velocity_m_per_s : float or ca.SX
         omega [m/s].
+    viscous_N_s_per_m : float or ca.SX
+        b [N s/m].
     """
+
+    states: ClassVar[tuple[str, ...]] = ("f_s",)
 
     bristle_stiffness_N_per_m: ca.SX
     mu_dynamic_pull: ca.SX
@@ -44,112 +150,105 @@ class BristleParameters:
     mu_dynamic_release: ca.SX
     mu_static_release: ca.SX
     stribeck_velocity_m_per_s: ca.SX
+    viscous_N_s_per_m: ca.SX
 
+    @property
+    def slip_coefficients(self) -> tuple[float, float]:
+        """The dynamic coefficients."""
+        return self.mu_dynamic_pull, self.mu_dynamic_release
 
-def normal_force(f_near: ca.SX, f_far: ca.SX, adhesion_N: ca.SX) -> ca.SX:
-    """Normal force of an element, f_n = f_i + f_{i+1} + 2 p [N], eq. (4) with adhesion p; at least the floor.
+    @property
+    def weakening_speed_m_per_s(self) -> float | None:
+        """The Stribeck velocity, where static and dynamic coefficients differ in some direction."""
+        weakens = self.mu_static_pull != self.mu_dynamic_pull or self.mu_static_release != self.mu_dynamic_release
+        return float(self.stribeck_velocity_m_per_s) if weakens else None
 
-    Parameters
-    ----------
-    f_near, f_far : ca.SX
-        Tensions on the actuator's and the load's side [N].
-    adhesion_N : ca.SX
-        p [N].
-    """
-    return at_least(f_near + f_far + 2 * adhesion_N, NORMAL_FORCE_FLOOR_N)
+    def aliases(self) -> Mapping[str, str]:
+        """The static coefficients, where friction does not fall with speed: an exponential takes most of a step."""
+        if self.weakening_speed_m_per_s is not None:
+            return {}
+        return {"mu_static_pull": "mu_dynamic_pull", "mu_static_release": "mu_dynamic_release"}
 
-
-def stribeck_coefficient(v: ca.SX, bristle: BristleParameters) -> ca.SX:
-    """mu(v) = mu_d + (mu_c - mu_d) exp(-abs(v)/omega) [-], eq. (5b), with the coefficients of the direction of v.
-
-    First power of abs(v) as in the paper; much of the literature squares it. Extension: pulling (v >= 0) and
-    releasing (v < 0) may have different coefficients; at v = 0 the bristle law does not use mu.
-    """
-    pulling = v >= 0
-    low = ca.if_else(pulling, bristle.mu_dynamic_pull, bristle.mu_dynamic_release)
-    # Differences inside: with equal coefficients the exponential vanishes from the expression.
-    excess = ca.if_else(
-        pulling,
-        bristle.mu_static_pull - bristle.mu_dynamic_pull,
-        bristle.mu_static_release - bristle.mu_dynamic_release,
-    )
-    mu = low + excess * ca.exp(-ca.fabs(v) / bristle.stribeck_velocity_m_per_s)
-    return at_least(mu, COEFFICIENT_FLOOR)
-
-
-def bristle_rate(v: ca.SX, f_s: ca.SX, f_n: ca.SX, bristle: BristleParameters) -> ca.SX:
-    """df_s/dt = sigma0 (v - f_s abs(v)/(f_n mu(v))) [N/s], eq. (5a).
-
-    Parameters
-    ----------
-    v : ca.SX
-        Sliding velocity [m/s], positive towards the actuator.
-    f_s : ca.SX
-        Bristle force [N], positive when it opposes pulling.
-    f_n : ca.SX
-        Normal force [N], > 0.
-    bristle : BristleParameters
-    """
-    return bristle.bristle_stiffness_N_per_m * (v - f_s * ca.fabs(v) / (f_n * stribeck_coefficient(v, bristle)))
-
-
-def friction_force(v: ca.SX, f_s: ca.SX, viscous_N_s_per_m: ca.SX) -> ca.SX:
-    """f_f = f_s + b v [N], eq. (5c)."""
-    return f_s + viscous_N_s_per_m * v
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ImplicitBristle:
-    """Eq. (5a) under the implicit rule f_s = base + H df_s/dt: f_s (1 + g/f_n) = B.
-
-    The rate is affine in f_s and its slope is inverse to f_n, so the rule has a closed form both forwards, where
-    f_n is known, and backwards, where f_n = A + f_s (`bristle_force_from_far_side`).
-
-    Parameters
-    ----------
-    drive : ca.SX
-        B = base + H sigma0 v [N].
-    resistance : ca.SX
-        g = H sigma0 abs(v)/mu(v) [N], >= 0.
-    """
-
-    drive: ca.SX
-    resistance: ca.SX
-
-    def force(self, f_n: ca.SX) -> ca.SX:
-        """f_s [N] for a known normal force [N]."""
-        return self.drive * f_n / (f_n + self.resistance)
-
-    def bristle_force_from_far_side(self, far_sum: ca.SX) -> ca.SX:
-        """f_s [N] when f_n = A + f_s, the root of f_s^2 + (A + g - B) f_s - A B = 0 with f_n > 0.
+    def on_piece(self, angle_rad: ca.SX, pieces: ca.SX) -> "LuGreBristle":
+        """The bristle of one of equal elements.
 
         Parameters
         ----------
-        far_sum : ca.SX
-            A = 2 f_{i+1} + 2 p + b v + m dv/dt [N].
+        angle_rad : float or ca.SX
+            phi [rad].
+        pieces : float or ca.SX
+            Their number.
         """
-        half = (far_sum + self.resistance - self.drive) / 2
-        product = far_sum * self.drive
+        return replace(
+            self,
+            bristle_stiffness_N_per_m=self.bristle_stiffness_N_per_m / pieces,
+            mu_dynamic_pull=equivalent_coefficient(self.mu_dynamic_pull, angle_rad),
+            mu_static_pull=equivalent_coefficient(self.mu_static_pull, angle_rad),
+            mu_dynamic_release=equivalent_coefficient(self.mu_dynamic_release, angle_rad),
+            mu_static_release=equivalent_coefficient(self.mu_static_release, angle_rad),
+            viscous_N_s_per_m=self.viscous_N_s_per_m / pieces,
+        )
+
+    def coefficient(self, v: ca.SX) -> ca.SX:
+        """mu(v) = mu_d + (mu_c - mu_d) exp(-abs(v)/omega) [-], eq. (5b), with the coefficients of the direction of v.
+
+        First power of abs(v) as in the paper; much of the literature squares it. Extension: pulling (v >= 0) and
+        releasing (v < 0) may have different coefficients; at v = 0 the bristle law does not use mu.
+
+        Parameters
+        ----------
+        v : ca.SX
+            Sliding velocity [m/s], positive towards the actuator.
+        """
+        pulling = v >= 0
+        low = ca.if_else(pulling, self.mu_dynamic_pull, self.mu_dynamic_release)
+        # Differences inside: with equal coefficients the exponential vanishes from the expression.
+        excess = ca.if_else(
+            pulling, self.mu_static_pull - self.mu_dynamic_pull, self.mu_static_release - self.mu_dynamic_release
+        )
+        mu = low + excess * ca.exp(-ca.fabs(v) / self.stribeck_velocity_m_per_s)
+        return at_least(mu, COEFFICIENT_FLOOR)
+
+    def rate(self, v: ca.SX, states: States, f_n: ca.SX) -> States:
+        """df_s/dt = sigma0 (v - f_s abs(v)/(f_n mu(v))) [N/s], eq. (5a).
+
+        Parameters
+        ----------
+        v : ca.SX
+            Sliding velocity [m/s], positive towards the actuator.
+        states : tuple of one ca.SX
+            f_s [N], positive when it opposes pulling.
+        f_n : ca.SX
+            Normal force [N], > 0.
+        """
+        (f_s,) = states
+        return (self.bristle_stiffness_N_per_m * (v - f_s * ca.fabs(v) / (f_n * self.coefficient(v))),)
+
+    def state_force(self, states: States) -> ca.SX:
+        """f_s [N], eq. (5c)."""
+        return states[0]
+
+    def viscous_force(self, v: ca.SX) -> ca.SX:
+        """Viscous part b v [N], eq. (5c)."""
+        return self.viscous_N_s_per_m * v
+
+    def _rational(self, v: ca.SX, base: ca.SX, step_s: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """B = base + H sigma0 v and g = H sigma0 abs(v)/mu(v), both [N], of f_s (1 + g/f_n) = B, from `rate` itself."""
+        f_s = ca.SX.sym("f_s")
+        (rate,) = self.rate(v, (f_s,), ca.SX(1))
+        drive = base + step_s * ca.substitute(rate, f_s, ca.SX(0))
+        return drive, -step_s * ca.jacobian(rate, f_s)
+
+    def implicit(self, v: ca.SX, base: States, step_s: ca.SX, f_n: ca.SX) -> States:
+        """f_s [N] for a known normal force: the rate is affine in f_s, and its slope inverse to f_n."""
+        drive, resistance = self._rational(v, base[0], step_s)
+        return (drive * f_n / (f_n + resistance),)
+
+    def implicit_from_far_side(self, v: ca.SX, base: States, step_s: ca.SX, far_sum: ca.SX) -> States:
+        """f_s [N] when f_n = A + f_s, the root of f_s^2 + (A + g - B) f_s - A B = 0 with f_n > 0."""
+        drive, resistance = self._rational(v, base[0], step_s)
+        half = (far_sum + resistance - drive) / 2
+        product = far_sum * drive
         root = ca.sqrt(at_least(half * half + product, 0))
         # Two forms of the same root; each cancels on the other's side.
-        return ca.if_else(half > 0, product / at_least(root + half, NORMAL_FORCE_FLOOR_N), root - half)
-
-
-def implicit_bristle(v: ca.SX, base: ca.SX, step_s: ca.SX, bristle: BristleParameters) -> ImplicitBristle:
-    """Solve eq. (5a) over an implicit step, symbolically, from `bristle_rate` itself.
-
-    Parameters
-    ----------
-    v : ca.SX
-        Velocity at the end of the step [m/s].
-    base : ca.SX
-        What the scheme adds the rate to: the old f_s for implicit Euler [N].
-    step_s : ca.SX
-        H, the weight of the rate: the step for implicit Euler [s].
-    bristle : BristleParameters
-    """
-    f_s = ca.SX.sym("f_s")
-    rate = bristle_rate(v, f_s, ca.SX(1), bristle)
-    slope = ca.jacobian(rate, f_s)
-    drive = base + step_s * ca.substitute(rate, f_s, ca.SX(0))
-    return ImplicitBristle(drive=drive, resistance=-step_s * slope)
+        return (ca.if_else(half > 0, product / at_least(root + half, NORMAL_FORCE_FLOOR_N), root - half),)

@@ -1,61 +1,52 @@
-"""Links: the tendon between two masses, elastic (6) or visco-elastic (7).
+"""Links: what a link law offers, and the tendon between two masses, elastic (6) or visco-elastic (7).
 
 Elongation e = q_near - q_far is positive when the link is stretched; the force f > 0 pulls both masses together::
 
     [ near ]--<--f--~~~~ link ~~~~--f-->--[ far ]        e = q_near - q_far        a tendon cannot push: f >= 0
 
-Equation numbers are those of Palli, Borghesan, Melchiorri (ICRA 2010).
+As in `models.friction`, a law is a record with methods. Equation numbers are those of Palli, Borghesan, Melchiorri
+(ICRA 2010).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import ClassVar, Protocol, Self
 
 import casadi as ca
 
 from tendonff.models.bounds import at_least
 
+States = tuple[ca.SX, ...]
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkParameters:
-    """Parameters of one link; numbers or CasADi scalars.
 
-    Parameters
-    ----------
-    stiffness_N_per_m, relaxing_stiffness_N_per_m : float or ca.SX
-        k1 (N + 1), k2 (N + 1) [N/m]; k2 = 0 is the elastic link (6).
-    relaxation_time_s : float or ca.SX
-        tau = b_k/k2 [s].
-    damping_N_s_per_m : float or ca.SX
-        c (N + 1) [N s/m].
+class LinkLaw(Protocol):
+    """Tension of one link between two masses.
+
+    What an implementer owes: (1) a frozen dataclass whose fields are its parameters, of the whole tendon or, after
+    `shortened`, of a link; (2) `states`; (3) their rate; (4) the same states under the implicit rule
+    x = base + H dx/dt; (5) a force that is then affine in the rate of elongation; (6) the state at rest.
     """
 
-    stiffness_N_per_m: ca.SX
-    relaxing_stiffness_N_per_m: ca.SX
-    relaxation_time_s: ca.SX
-    damping_N_s_per_m: ca.SX
+    states: ClassVar[tuple[str, ...]]
 
+    def shortened(self, ratio: ca.SX) -> Self:
+        """The law of a link, of which `ratio` make the whole tendon."""
+        ...
 
-def relaxation_rate(e: ca.SX, z: ca.SX, link: LinkParameters) -> ca.SX:
-    """dz/dt = (e - z)/tau [m/s], eq. (7) in the time domain.
+    def rate(self, e: ca.SX, states: States) -> States:
+        """Time derivatives of the states at elongation e [m]."""
+        ...
 
-    Parameters
-    ----------
-    e, z : ca.SX
-        Elongation, and elongation of the relaxing branch's damper [m].
-    link : LinkParameters
-    """
-    return (e - z) / link.relaxation_time_s
+    def unclipped_force(self, e: ca.SX, e_rate: ca.SX, states: States) -> ca.SX:
+        """What a link that can push would carry [N]."""
+        ...
 
+    def implicit(self, e: ca.SX, base: States, step_s: ca.SX) -> States:
+        """States at the end of a step of weight H that ends at elongation e."""
+        ...
 
-def unclipped_force(e: ca.SX, e_rate: ca.SX, z: ca.SX, link: LinkParameters) -> ca.SX:
-    """k1 e + k2 (e - z) + c de/dt [N], eqs. (6), (7): what a link that can push would carry.
-
-    Parameters
-    ----------
-    e, e_rate, z : ca.SX
-        Elongation [m], its rate [m/s], elongation of the relaxing branch's damper [m].
-    link : LinkParameters
-    """
-    return link.stiffness_N_per_m * e + link.relaxing_stiffness_N_per_m * (e - z) + link.damping_N_s_per_m * e_rate
+    def rest(self, tension_N: ca.SX) -> tuple[ca.SX, States]:
+        """Elongation [m] and states under a lasting tension."""
+        ...
 
 
 def tendon_force(unclipped_N: ca.SX) -> ca.SX:
@@ -64,43 +55,78 @@ def tendon_force(unclipped_N: ca.SX) -> ca.SX:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ImplicitLink:
-    """Eqs. (6), (7) under the implicit rule x = base + H dx/dt: affine in the rate of elongation.
+class ZenerLink:
+    """Eqs. (6), (7): a Zener element (standard linear solid) with a damper beside it.
 
     Parameters
     ----------
-    e, z : ca.SX
-        States at the end of the step [m].
-    unclipped_N : ca.SX
-        Force at the end of the step, before slack [N].
+    stiffness_N_per_m, relaxing_stiffness_N_per_m : float or ca.SX
+        k1, k2 [N/m]; k2 = 0 is the elastic link (6).
+    relaxation_time_s : float or ca.SX
+        tau = b_k/k2 [s].
+    damping_N_s_per_m : float or ca.SX
+        c [N s/m].
     """
 
-    e: ca.SX
-    z: ca.SX
-    unclipped_N: ca.SX
+    states: ClassVar[tuple[str, ...]] = ("z",)
+
+    stiffness_N_per_m: ca.SX
+    relaxing_stiffness_N_per_m: ca.SX
+    relaxation_time_s: ca.SX
+    damping_N_s_per_m: ca.SX
+
+    def shortened(self, ratio: ca.SX) -> "ZenerLink":
+        """The link of which `ratio` make the whole: stiffness and damping are that much higher.
+
+        Parameters
+        ----------
+        ratio : float or ca.SX
+        """
+        return replace(
+            self,
+            stiffness_N_per_m=self.stiffness_N_per_m * ratio,
+            relaxing_stiffness_N_per_m=self.relaxing_stiffness_N_per_m * ratio,
+            damping_N_s_per_m=self.damping_N_s_per_m * ratio,
+        )
+
+    def rate(self, e: ca.SX, states: States) -> States:
+        """dz/dt = (e - z)/tau [m/s], eq. (7) in the time domain.
+
+        Parameters
+        ----------
+        e : ca.SX
+            Elongation [m].
+        states : tuple of one ca.SX
+            z, elongation of the relaxing branch's damper [m].
+        """
+        return ((e - states[0]) / self.relaxation_time_s,)
+
+    def unclipped_force(self, e: ca.SX, e_rate: ca.SX, states: States) -> ca.SX:
+        """k1 e + k2 (e - z) + c de/dt [N], eqs. (6), (7).
+
+        Parameters
+        ----------
+        e, e_rate : ca.SX
+            Elongation [m], its rate [m/s].
+        states : tuple of one ca.SX
+            z [m].
+        """
+        relaxing = self.relaxing_stiffness_N_per_m * (e - states[0])
+        return self.stiffness_N_per_m * e + relaxing + self.damping_N_s_per_m * e_rate
+
+    def implicit(self, e: ca.SX, base: States, step_s: ca.SX) -> States:
+        """The relaxing branch over an implicit step, solved from `rate` itself."""
+        z = ca.SX.sym("z")
+        (rate,) = self.rate(e, (z,))
+        return ((base[0] + step_s * ca.substitute(rate, z, ca.SX(0))) / (1 - step_s * ca.jacobian(rate, z)),)
+
+    def rest(self, tension_N: ca.SX) -> tuple[ca.SX, States]:
+        """Both branches at T/k1 [m]."""
+        stretch = tension_N / self.stiffness_N_per_m
+        return stretch, (stretch,)
 
 
-def implicit_link(e_rate: ca.SX, e_base: ca.SX, z_base: ca.SX, step_s: ca.SX, link: LinkParameters) -> ImplicitLink:
-    """Solve the relaxing branch over an implicit step, symbolically, from `relaxation_rate` itself.
-
-    Parameters
-    ----------
-    e_rate : ca.SX
-        Rate of elongation at the end of the step [m/s].
-    e_base, z_base : ca.SX
-        What the scheme adds the rates to: the old states for implicit Euler [m].
-    step_s : ca.SX
-        H, the weight of the rates: the step for implicit Euler [s].
-    link : LinkParameters
-    """
-    e = e_base + step_s * e_rate
-    z_symbol = ca.SX.sym("z")
-    rate = relaxation_rate(e, z_symbol, link)
-    z = (z_base + step_s * ca.substitute(rate, z_symbol, ca.SX(0))) / (1 - step_s * ca.jacobian(rate, z_symbol))
-    return ImplicitLink(e=e, z=z, unclipped_N=unclipped_force(e, e_rate, z, link))
-
-
-def transfer_function(link: LinkParameters) -> tuple[tuple[float, float, float], tuple[float, float]]:
+def transfer_function(link: ZenerLink) -> tuple[tuple[float, float, float], tuple[float, float]]:
     """Numerator and denominator of F/E of one link in powers of s, highest first, eq. (7).
 
     F/E = [c tau s^2 + (tau (k1 + k2) + c) s + k1]/(tau s + 1). The paper prints F/V = F/(s E) with c = 0 and
@@ -108,7 +134,7 @@ def transfer_function(link: LinkParameters) -> tuple[tuple[float, float, float],
 
     Parameters
     ----------
-    link : LinkParameters
+    link : ZenerLink
         Numbers.
 
     Returns

@@ -10,7 +10,8 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_complete
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from tendonff.models.chain import Chain, ChainState
+from tendonff.models.chain import Chain
+from tendonff.models.layout import ChainState
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import Simulation, simulate

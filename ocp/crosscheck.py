@@ -13,11 +13,12 @@ from enum import StrEnum
 import casadi as ca
 import numpy as np
 
-from tendonff.models.chain import Chain, ChainState, chain_equations
+from tendonff.models.chain import Chain, chain_equations
 from tendonff.models.errors import ParameterError
+from tendonff.models.layout import INPUT_NAMES, ChainInputs, ChainState
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.simulate import Simulator, describe_failure, force_inputs, simulate
+from tendonff.ocp.simulate import Simulator, describe_failure, simulate
 from tendonff.ocp.step.protocol import Array
 
 NUDGE = 1e-9
@@ -110,9 +111,9 @@ class StepHalving:
         self, chain: Chain, step_s: float, state: ChainState, force_N: float, engine: Engine = Engine.AUTO
     ) -> None:
         self._chain, self._step_s = chain, step_s
-        start = force_inputs(np.array([force_N]))[0]
+        start, nudged = (ChainInputs.of_force(np.array([force])) for force in (force_N, force_N * (1 + NUDGE)))
         self._runs = {parts: Simulator(chain, step_s / parts, state, start, engine) for parts in (2, 4)}
-        self._nudged = Simulator(chain, step_s, state, start * (1 + NUDGE), engine)
+        self._nudged = Simulator(chain, step_s, state, nudged, engine)
         self._rows = 0
         self._squares = {2: 0.0, 4: 0.0}
         self._peaks = {2: 0.0, 4: 0.0}
@@ -154,7 +155,7 @@ class StepHalving:
         self._highest = max(self._highest, float(output_N.max(initial=-math.inf)))
 
     def _advance(self, run: Simulator, time_s: Array, force_N: Array, step_s: float) -> Array:
-        rows = run.advance(force_inputs(force_N))
+        rows = run.advance(ChainInputs.of_force(force_N))
         if (good := len(rows.tension_N)) < len(time_s):
             raise SolveError(describe_failure(self._chain, rows, float(time_s[good]), step_s))
         return rows.tension_N[:, -1]
@@ -253,15 +254,17 @@ class AdaptiveIntegrator:
         tolerance: float = 1e-8,
         scale_N: float = 10.0,
     ) -> None:
-        n, equations = chain.count, chain_equations(chain)
-        stretch = scale_N / chain.elements.stiffness_N_per_m
-        self._scale = np.concatenate(
-            [np.full(n + 2, 1e-2), np.full(2 * n + 2, stretch), np.full(n, scale_N), np.full(2, stretch * (n + 1))]
-        )
+        layout, equations = chain.layout, chain_equations(chain)
+        stretch = float(chain.link.rest(scale_N)[0])
+        self._scale = np.full(layout.size, stretch)
+        self._scale[layout.part("v")] = 1e-2
+        for name in layout.friction_states:
+            self._scale[layout.part(name)] = scale_N
+        self._scale[-2:] = stretch * (chain.count + 1)
         self._solver, self._rows, self._step_s = solver, rows, step_s
-        y, t, force = ca.SX.sym("y", 4 * n + 6), ca.SX.sym("t"), ca.SX.sym("force", 3)
+        y, t, force = ca.SX.sym("y", layout.size), ca.SX.sym("t"), ca.SX.sym("force", 3)
         now = force[0] + force[1] * (t - force[2])  # force and slope at the row before, and its time
-        inputs = ca.vertcat(now, 0, 0, 0)
+        inputs = ca.vertcat(now, ca.SX.zeros(len(INPUT_NAMES) - 1))
         rate, tension = ca.substitute(
             [equations.rate, equations.tension_N], [equations.state, equations.inputs], [self._scale * y, inputs]
         )

@@ -5,27 +5,24 @@ Two questions share one routine: how the tensions change with the force at the k
 """
 
 import ctypes
-import functools
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.models.chain import Chain, ChainState
+from tendonff.models.chain import Chain
 from tendonff.models.elements import Whole
 from tendonff.models.errors import ParameterError
-from tendonff.ocp.codegen.compiler import load_library
+from tendonff.models.layout import ChainInputs, ChainState
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
-from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.simulate import describe_failure, force_inputs, tensions_of
-from tendonff.ocp.step.c_engine import PREFIX, ReportStruct, chain_numbers, chain_struct, pointer
+from tendonff.ocp.simulate import describe_failure, tensions_of
+from tendonff.ocp.step.c_engine import ReportStruct, chain_struct, host_source, library_of, pointer
 from tendonff.ocp.step.casadi_tangent import CasadiTangent
-from tendonff.ocp.step.laws import simulation_laws, tangent_laws
+from tendonff.ocp.step.laws import ElementLaws
 from tendonff.ocp.step.protocol import Array, Rows
-from tendonff.ocp.step.render import print_laws, render_template
 
 
 class Links(StrEnum):
@@ -120,19 +117,11 @@ class _Numbers:
     values: Array
 
 
-@functools.cache
-def _library() -> ctypes.CDLL:
-    parts = [
-        "#include <math.h>\n#include <stddef.h>\n",
-        render_template("stepper.h.j2", PREFIX, Precision.DOUBLE),
-        print_laws((*simulation_laws(), *tangent_laws()), PREFIX, Precision.DOUBLE),
-        render_template("stepper.c.j2", PREFIX, Precision.DOUBLE),
-        render_template("tangent.c.j2", PREFIX, Precision.DOUBLE),
-        f"int {PREFIX}_work_reals(int n) {{ return {PREFIX}_work_size(n); }}\n",
-    ]
-    library = load_library("\n".join(parts))
-    library.tff_tangent_run.restype = ctypes.c_long
-    return library
+def _tangent_source(chain: Chain) -> str:
+    laws = ElementLaws.of(chain)
+    return host_source(
+        chain, (*laws.simulation(), *laws.tangent()), ("kernel.c.j2", "weigh.c.j2", "tangent.c.j2", "tangent_run.c.j2")
+    )
 
 
 def force_sensitivity(
@@ -178,7 +167,7 @@ def force_sensitivity(
     directions = _Directions(
         width=len(rows),
         numbers=None,
-        start=np.zeros((4 * chain.count + 6, len(rows))),
+        start=np.zeros((chain.layout.size, len(rows))),
         knot=np.ascontiguousarray(left, dtype=np.intc),
         weight=np.ascontiguousarray(weight),
         window=window,
@@ -222,20 +211,16 @@ def parameter_sensitivity(
     Sensitivity
         One direction per parameter, per its SI unit.
     """
-    values = {f.name: getattr(whole, f.name) for f in fields(whole)}
     symbols: dict[str, ca.SX] = {name: ca.SX.sym(name) for name in parameters}
-    symbolic = Chain(
-        elements=Whole(**{**values, **symbols}).divided(chain.count), level=chain.level, near=chain.near, far=chain.far
-    )
+    symbolic = replace(chain, elements=whole.changed(symbols).divided(chain.count))
     unknowns = ca.vertcat(*symbols.values())
-    at = [values[name] for name in parameters]
-    numbers = ca.vertcat(*chain_numbers(symbolic))
-    stretch = initial_tension_N / symbolic.elements.stiffness_N_per_m
-    n = chain.count
-    # The start at rest depends on the stiffness alone: e = z = T0/(k1 (N + 1)), q_a = q_l + sum of e.
-    start = ca.vertcat(
-        ca.SX.zeros(n + 2), ca.repmat(stretch, 2 * n + 2, 1), ca.SX.zeros(n), stretch * (n + 1), ca.SX(0)
-    )
+    at = [whole.value(name) for name in parameters]
+    numbers = ca.vertcat(*symbolic.numbers().values())
+    stretch, own = symbolic.link.rest(initial_tension_N)
+    by_link = [ca.repmat(state, chain.count + 1, 1) for state in (stretch, *own)]
+    masses = ca.SX.zeros(len(chain.friction.states) * chain.count)
+    ends = ca.vertcat(ca.sum1(by_link[0]), 0)  # q_a - q_l; the load's spring does not depend on the tendon
+    start = ca.vertcat(ca.SX.zeros(chain.count + 2), *by_link, masses, ends)
     slopes = ca.Function("slopes", [unknowns], [ca.jacobian(numbers, unknowns), ca.jacobian(start, unknowns)])
     by_number, by_start = (np.ascontiguousarray(np.asarray(m.full())) for m in slopes(at))
     directions = _Directions(width=len(parameters), numbers=by_number, start=by_start, knot=None, weight=None, window=0)
@@ -256,15 +241,16 @@ def _run(
     *,
     with_ends: bool,
 ) -> Sensitivity:
-    library, n, width = _library(), chain.count, directions.width
-    inputs = np.ascontiguousarray(force_inputs(np.asarray(force_N, dtype=np.float64)))
+    library, n, width = library_of(chain, _tangent_source), chain.count, directions.width
+    library.tff_tangent_run.restype = ctypes.c_long
+    inputs = np.ascontiguousarray(ChainInputs.of_force(force_N).table())
     rows = len(inputs) - 1
     first_link = n if links is Links.OUTPUT else 0
     x = state.vector()
     x_old = x.copy()
     dx = np.ascontiguousarray(directions.start)
     dx_old = dx.copy()
-    work = np.empty(library.tff_work_reals(ctypes.c_int(n)) + 4 * n + 6)
+    work = np.empty(library.tff_work_reals(ctypes.c_int(n)) + chain.layout.size)
     tangent_work = np.empty(library.tff_tangent_reals(ctypes.c_int(n), ctypes.c_int(width)))
     tension, ends = np.empty((rows + 1, n + 1)), np.empty((rows + 1, 2))
     slopes = np.zeros((rows + 1, n + 1 - first_link, width))
@@ -272,10 +258,11 @@ def _run(
     tension[0], ends[0] = tensions_of(chain, x)[0], x[-2:]
     if ends_slopes is not None:
         ends_slopes[0] = dx[-2:]
-    report = ReportStruct()
-    struct = chain_struct(chain, step_s)
+    report, worst = ReportStruct(), ctypes.c_int()
+    struct = chain_struct(chain)
     done = library.tff_tangent_run(
         ctypes.byref(struct),
+        ctypes.c_double(step_s),
         pointer(inputs),
         ctypes.c_long(rows),
         ctypes.c_int(1),
@@ -285,6 +272,7 @@ def _run(
         pointer(tension[1:]),
         pointer(ends[1:]),
         ctypes.byref(report),
+        ctypes.byref(worst),
         ctypes.c_int(width),
         pointer(directions.numbers),
         ctypes.c_void_p(None if directions.knot is None else directions.knot.ctypes.data),
@@ -305,7 +293,7 @@ def _run(
             iterations=report.iterations,
             splits=report.splits,
             residual_N=report.residual_N,
-            worst_mass=report.worst_mass,
+            worst_mass=worst.value,
         )
         raise SolveError(describe_failure(chain, failed, (done + 1) * step_s, step_s))
     return Sensitivity(tension_N=tension, ends_m=ends, tension_slopes=slopes, ends_slopes=ends_slopes)
@@ -321,7 +309,7 @@ def _run_casadi(
     changes: Array,
     links: Links,
 ) -> Sensitivity:
-    inputs, x = force_inputs(np.asarray(force_N, dtype=np.float64)), state.vector()
+    inputs, x = ChainInputs.of_force(force_N), state.vector()
     tangent = CasadiTangent(chain, numbers.chain, numbers.symbols, numbers.values, step_s)
     steps = len(inputs) - 1
     rows, slopes, ends_slopes = tangent.run(

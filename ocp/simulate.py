@@ -1,17 +1,16 @@
 """Forward simulation of the chain by one fixed-step scheme, whatever the engine."""
 
-import functools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
-import casadi as ca
 import numpy as np
 
-from tendonff.models.chain import Chain, ChainState
+from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
-from tendonff.models.link import LinkParameters, tendon_force, unclipped_force
+from tendonff.models.layout import ChainInputs, ChainState
+from tendonff.models.link import tendon_force
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.step.c_engine import CompiledStepper
@@ -53,8 +52,8 @@ class Simulation:
         f_1 .. f_{N+1}; the last column is the output tension.
     near_position_m, far_position_m : ndarray, shape (n,)
         q_a, q_l.
-    states : ndarray, shape (n, 4 N + 6), or None
-        Every state in the order of `ChainState.vector`, recorded on request.
+    states : ndarray, shape (n, size), or None
+        Every state in the order of `StateLayout`, recorded on request.
     final : ChainState
         State after the last good row.
     iterations, splits : int
@@ -95,8 +94,8 @@ class Simulator:
         h [s], > 0.
     state : ChainState
         Where it starts.
-    inputs : array_like, shape (4,)
-        Inputs at that state: f_c1 [N], x_c1 [m], f_c2 [N], x_c2 [m].
+    inputs : ChainInputs
+        Those at that state: one row.
     engine : Engine, optional
 
     Raises
@@ -108,28 +107,27 @@ class Simulator:
     """
 
     def __init__(
-        self, chain: Chain, step_s: float, state: ChainState, inputs: Array, engine: Engine = Engine.AUTO
+        self, chain: Chain, step_s: float, state: ChainState, inputs: ChainInputs, engine: Engine = Engine.AUTO
     ) -> None:
         if not 0 < step_s < math.inf:
             raise ParameterError(f"step_s must be a finite number > 0, got {step_s}; 0.001 suits most rigs")
         self._chain = chain
         x = state.vector()
-        self._memory = StepperMemory(x=x, x_old=x.copy(), inputs=np.array(inputs, dtype=np.float64), fresh=True)
+        self._memory = StepperMemory(x=x, x_old=x.copy(), inputs=inputs, fresh=True)
         compiled = resolve_engine(engine) is Engine.COMPILED
         self._stepper: Stepper = CompiledStepper(chain, step_s) if compiled else CasadiStepper(chain, step_s)
 
     @property
     def state(self) -> ChainState:
         """Where the chain is now."""
-        return ChainState.from_vector(self._memory.x)
+        return ChainState.from_vector(self._memory.x, self._chain.layout)
 
-    def advance(self, inputs: Array, record: bool = False) -> Rows:
+    def advance(self, inputs: ChainInputs, record: bool = False) -> Rows:
         """Advance over inputs at the ends of the coming steps.
 
         Parameters
         ----------
-        inputs : ndarray, shape (rows, 4)
-            f_c1 [N], x_c1 [m], f_c2 [N], x_c2 [m].
+        inputs : ChainInputs
         record : bool, optional
             Keep every state.
 
@@ -138,18 +136,7 @@ class Simulator:
         Rows
             Fewer than asked for where a step fails for good.
         """
-        return self._stepper.advance(self._memory, np.asarray(inputs, dtype=np.float64), record)
-
-
-@functools.cache
-def _tension_law() -> ca.Function:
-    """Tension of a link over e, de/dt, z and its four numbers."""
-    e, rate, z = (ca.SX.sym(name) for name in ("e", "e_rate", "z"))
-    k1, k2, tau, c = numbers = [ca.SX.sym(name) for name in ("k1", "k2", "tau", "c")]
-    link = LinkParameters(
-        stiffness_N_per_m=k1, relaxing_stiffness_N_per_m=k2, relaxation_time_s=tau, damping_N_s_per_m=c
-    )
-    return ca.Function("tension", [e, rate, z, *numbers], [tendon_force(unclipped_force(e, rate, z, link))])
+        return self._stepper.advance(self._memory, inputs, record)
 
 
 def tensions_of(chain: Chain, states: Array) -> Array:
@@ -158,30 +145,12 @@ def tensions_of(chain: Chain, states: Array) -> Array:
     Parameters
     ----------
     chain : Chain
-    states : ndarray, shape (rows, 4 N + 6)
+    states : ndarray, shape (rows, size)
     """
-    n, link, x = chain.count, chain.link, np.atleast_2d(states)
-    e, z, rate = x[:, n + 2 : 2 * n + 3], x[:, 2 * n + 3 : 3 * n + 4], x[:, : n + 1] - x[:, 1 : n + 2]
-    numbers = (
-        link.stiffness_N_per_m,
-        link.relaxing_stiffness_N_per_m,
-        link.relaxation_time_s,
-        link.damping_N_s_per_m,
-    )
-    tension = _tension_law()(*(part.reshape(1, -1) for part in (e, rate, z)), *numbers)
-    return np.asarray(tension).reshape(e.shape)
-
-
-def force_inputs(force_N: Array) -> Array:
-    """Inputs of a chain whose actuator alone acts: f_c1 = force, x_c1 = f_c2 = x_c2 = 0; shape (n, 4).
-
-    Parameters
-    ----------
-    force_N : ndarray, shape (n,)
-    """
-    inputs = np.zeros((len(force_N), 4))
-    inputs[:, 0] = force_N
-    return inputs
+    layout, x = chain.layout, np.atleast_2d(states)
+    v, own = x[:, layout.part("v")], tuple(x[:, layout.part(name)] for name in layout.link_states)
+    force: Array = tendon_force(chain.link.unclipped_force(x[:, layout.part("e")], v[:, :-1] - v[:, 1:], own))
+    return force
 
 
 def describe_failure(chain: Chain, rows: Rows, time_s: float, step_s: float) -> str:
@@ -252,8 +221,8 @@ def simulate(
         if not 0 <= start < math.inf:
             raise ParameterError(f"initial_tension_N must be a finite number >= 0, got {start}; a tendon cannot push")
         state = chain.rest_state(start)
-    inputs = force_inputs(force)
-    simulator = Simulator(chain, step_s, state, inputs[0], engine)
+    inputs = ChainInputs.of_force(force)
+    simulator = Simulator(chain, step_s, state, inputs[:1], engine)
     first = state.vector()
     rows = simulator.advance(inputs[1:], record)
     tension = np.vstack([tensions_of(chain, first), rows.tension_N])

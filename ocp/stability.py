@@ -11,10 +11,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tendonff.models.chain import Chain, ChainState
-from tendonff.models.interop import linear_system
-from tendonff.ocp.inverse import invert
+from tendonff.models.chain import Chain
+from tendonff.models.layout import ChainState
+from tendonff.models.linearise import Lineariser
+from tendonff.ocp.inverse import Inversion, invert
 from tendonff.ocp.simulate import Outcome, simulate
 from tendonff.ocp.step.protocol import Array
 
@@ -81,6 +83,7 @@ def foresee(
     *,
     force_N: Array | None = None,
     initial_tension_N: float | None = None,
+    inversion: Inversion | None = None,
 ) -> Foresight:
     """Linearise the chain along a reference and say where feedforward will not hold it.
 
@@ -95,20 +98,24 @@ def foresee(
         A profile whose error is to be expected; default: the exact inverse.
     initial_tension_N : float, optional
         Default: the first reference.
+    inversion : Inversion, optional
+        The exact inverse of the same problem with its states, where it is known already.
 
     Returns
     -------
     Foresight
     """
     reference = np.asarray(reference_N, dtype=np.float64)
-    inversion = invert(chain, reference, step_s, initial_tension_N=initial_tension_N, record=True)
+    if inversion is None or inversion.states is None:
+        inversion = invert(chain, reference, step_s, initial_tension_N=initial_tension_N, record=True)
     force = inversion.force_N if force_N is None else force_N
     expected = expected_error_N(chain, force, reference, step_s, float(inversion.force_N[0]))
     states = inversion.states
     if states is None:
         raise AssertionError("the inverse was asked to record its states")
     rows = np.unique(np.linspace(1, len(reference) - 1, min(_SAMPLES, len(reference) - 1)).astype(int))
-    poles = np.array([_fastest_growth(chain, states[row]) for row in rows])
+    linear, layout = Lineariser(chain), chain.layout
+    poles = np.array([_fastest(linear.at(ChainState.from_vector(states[row], layout)).poles) for row in rows])
     time_s = rows * step_s
     found = _stretches(time_s, poles)
     duration = float(time_s[-1])
@@ -142,9 +149,8 @@ def expected_error_N(
     return float(np.sqrt(np.mean((run.output_tension_N[::_REPLAY_STEPS] - reference_N) ** 2)))
 
 
-def _fastest_growth(chain: Chain, state: Array) -> complex:
+def _fastest(poles: NDArray[np.complex128]) -> complex:
     """Pole with the largest real part [1/s]."""
-    poles = np.linalg.eigvals(np.asarray(linear_system(chain, ChainState.from_vector(state)).A))
     return complex(poles[int(np.argmax(poles.real))])
 
 
@@ -177,7 +183,6 @@ def _warnings(
     if not found:
         return ()
     worst = max(found, key=lambda s: s.growth_exponent)
-    e = chain.elements
     error = (
         f"expect about {expected_N:.2g} N rms ({100 * expected_N / max(range_N, 1e-300):.2g} % of range)"
         if math.isfinite(expected_N)
@@ -187,8 +192,8 @@ def _warnings(
         f"in {100 * share:.3g} % of the time, most from t = {worst.start_s:.3g} to {worst.end_s:.3g} s "
         f"(a mode grows at {worst.growth_per_s:.3g} 1/s)"
     )
-    if e.mu_static_pull > e.mu_dynamic_pull or e.mu_static_release > e.mu_dynamic_release:
-        speed = f"{e.stribeck_velocity_m_per_s:.3g} m/s"
+    if (weakening := chain.friction.weakening_speed_m_per_s) is not None:
+        speed = f"{weakening:.3g} m/s"
         text = (
             f"stick-slip: friction weakens with speed and the tendon slides slowly {when}; no force computed "
             f"beforehand can hold it; {error}; slide well above or below {speed}, add damping at the load, "

@@ -1,1 +1,155 @@
-"""Feedforward friction compensation for tendon and Bowden-cable drives."""
+"""Feedforward friction compensation for tendon and Bowden-cable drives.
+
+The public names, each imported from where it is defined when it is first used, so that `import tendonff` costs nothing:
+`import tendonff as tf`, then `tf.design(tf.load_scenario("finger.toml"))`.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from tendonff._version import __version__
+
+if TYPE_CHECKING:  # what editors and type checkers read; `_HOMES` says the same to the interpreter
+    from tendonff.compensator.compare.output import Comparison
+    from tendonff.compensator.compare.run import compare
+    from tendonff.compensator.compensators.base import Compensator, Problem, Profile
+    from tendonff.compensator.compensators.registry import COMPENSATORS
+    from tendonff.compensator.design.output import Design
+    from tendonff.compensator.design.run import design
+    from tendonff.compensator.experiment.output import ExperimentResult
+    from tendonff.compensator.experiment.run import experiment
+    from tendonff.compensator.export.c_project import export_project as export_c
+    from tendonff.compensator.export.fmu import build_fmu as export_fmu
+    from tendonff.compensator.export.kinds import FmiVersion
+    from tendonff.compensator.export.kinds import Kind as FmuKind
+    from tendonff.compensator.files.reading import InputError
+    from tendonff.compensator.identification.output import Identification
+    from tendonff.compensator.identification.run import identify
+    from tendonff.compensator.identification.suggest import suggest
+    from tendonff.compensator.scenario.sampling import Reference, sample_reference
+    from tendonff.compensator.scenario.scenario import Scenario, load_scenario
+    from tendonff.compensator.tables.output import Tables
+    from tendonff.compensator.tables.run import make_tables as make_table
+    from tendonff.models.capstan import Branch, CapstanLaw
+    from tendonff.models.chain import Chain
+    from tendonff.models.errors import ParameterError, TendonffError
+    from tendonff.models.fidelity import Level
+    from tendonff.models.interop import as_iosystem, linear_system
+    from tendonff.models.parameters import Actuator, Friction, Load, Path, Tendon, Transmission
+    from tendonff.ocp.batch import SimulationJob, simulate_batch
+    from tendonff.ocp.codegen.precision import Precision
+    from tendonff.ocp.errors import SolveError
+    from tendonff.ocp.inverse import invert
+    from tendonff.ocp.simulate import simulate
+    from tendonff.ocp.tracking.limits import ForceLimits
+    from tendonff.ocp.tracking.problem import TrackOptions
+    from tendonff.ocp.tracking.track import track
+
+__all__ = [
+    "COMPENSATORS",
+    "Actuator",
+    "Branch",
+    "CapstanLaw",
+    "Chain",
+    "Comparison",
+    "Compensator",
+    "Design",
+    "ExperimentResult",
+    "FmiVersion",
+    "FmuKind",
+    "ForceLimits",
+    "Friction",
+    "Identification",
+    "InputError",
+    "Level",
+    "Load",
+    "ParameterError",
+    "Path",
+    "Precision",
+    "Problem",
+    "Profile",
+    "Reference",
+    "Scenario",
+    "SimulationJob",
+    "SolveError",
+    "Tables",
+    "Tendon",
+    "TendonffError",
+    "TrackOptions",
+    "Transmission",
+    "__version__",
+    "as_iosystem",
+    "compare",
+    "design",
+    "experiment",
+    "export_c",
+    "export_fmu",
+    "identify",
+    "invert",
+    "linear_system",
+    "load_scenario",
+    "make_table",
+    "sample_reference",
+    "simulate",
+    "simulate_batch",
+    "suggest",
+    "track",
+]
+
+_HOMES = {
+    "compensator.compare.output": ("Comparison",),
+    "compensator.compare.run": ("compare",),
+    "compensator.compensators.base": ("Compensator", "Problem", "Profile"),
+    "compensator.compensators.registry": ("COMPENSATORS",),
+    "compensator.design.output": ("Design",),
+    "compensator.design.run": ("design",),
+    "compensator.experiment.output": ("ExperimentResult",),
+    "compensator.experiment.run": ("experiment",),
+    "compensator.export.c_project": ("export_c:export_project",),
+    "compensator.export.fmu": ("export_fmu:build_fmu",),
+    "compensator.export.kinds": ("FmiVersion", "FmuKind:Kind"),
+    "compensator.files.reading": ("InputError",),
+    "compensator.identification.output": ("Identification",),
+    "compensator.identification.run": ("identify",),
+    "compensator.identification.suggest": ("suggest",),
+    "compensator.scenario.sampling": ("Reference", "sample_reference"),
+    "compensator.scenario.scenario": ("Scenario", "load_scenario"),
+    "compensator.tables.output": ("Tables",),
+    "compensator.tables.run": ("make_table:make_tables",),
+    "models.capstan": ("Branch", "CapstanLaw"),
+    "models.chain": ("Chain",),
+    "models.errors": ("ParameterError", "TendonffError"),
+    "models.fidelity": ("Level",),
+    "models.interop": ("as_iosystem", "linear_system"),
+    "models.parameters": ("Actuator", "Friction", "Load", "Path", "Tendon", "Transmission"),
+    "ocp.batch": ("SimulationJob", "simulate_batch"),
+    "ocp.codegen.precision": ("Precision",),
+    "ocp.errors": ("SolveError",),
+    "ocp.inverse": ("invert",),
+    "ocp.simulate": ("simulate",),
+    "ocp.tracking.limits": ("ForceLimits",),
+    "ocp.tracking.problem": ("TrackOptions",),
+    "ocp.tracking.track": ("track",),
+}
+_HOME_OF = {
+    public: (f"tendonff.{module}", defined or public)
+    for module, names in _HOMES.items()
+    for public, _, defined in (name.partition(":") for name in names)
+}
+
+
+if not TYPE_CHECKING:  # hidden from type checkers, so that they refuse a name that does not exist
+
+    def __getattr__(name: str) -> object:
+        """Import a public name when it is first asked for."""
+        if name not in _HOME_OF:
+            raise AttributeError(f"module 'tendonff' has no attribute {name!r}; public names: {', '.join(__all__)}")
+        module, defined = _HOME_OF[name]
+        value = getattr(import_module(module), defined)
+        globals()[name] = value
+        return value
+
+
+def __dir__() -> list[str]:
+    """Public names and sub-packages."""
+    return sorted({*__all__, *globals()})

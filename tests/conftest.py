@@ -1,7 +1,11 @@
 """Shared by all tests."""
 
+import importlib.util
 import os
+import shutil
+import sys
 from pathlib import Path
+from types import ModuleType
 
 import matplotlib as mpl
 import pytest
@@ -45,6 +49,18 @@ def measured_data() -> Path:
 
 
 @pytest.fixture(scope="session")
+def independent_rig() -> ModuleType:
+    """The module `independent_rig.py`: a rig that shares no code with the packages."""
+    spec = importlib.util.spec_from_file_location("independent_rig", ROOT / "tests" / "independent_rig.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # dataclasses look their module up
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="session")
 def generic() -> Transmission:
     """A transmission in which every term of the model acts, and no two values that could be mixed up are equal."""
     return Transmission(
@@ -76,6 +92,27 @@ def generic() -> Transmission:
         ),
         load=Load(mass_kg=0.02, stiffness_N_per_m=3000.0, damping_N_s_per_m=2.0),
     )
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """Chromium without a screen and without a network; skips where it is not installed."""
+    webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
+    chromium = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    driver = shutil.which("chromedriver")
+    if chromium is None or driver is None:
+        pytest.skip("chromium and chromedriver (Debian: chromium, chromium-driver) are not installed")
+    options = webdriver.ChromeOptions()
+    options.binary_location = chromium
+    for flag in ("--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"):
+        options.add_argument(flag)
+    options.add_argument("--window-size=1280,900")
+    # No name resolves but this machine's own: a page that asked the network would fail to load it, and be seen.
+    options.add_argument("--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE localhost")
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    with webdriver.Chrome(options=options, service=webdriver.ChromeService(driver)) as opened:
+        opened.set_page_load_timeout(60)
+        yield opened
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -17,13 +17,15 @@ from hypothesis import strategies as st
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.compare.run import compare
-from tendonff.compensator.design.run import design, summary
+from tendonff.compensator.design.output import summary
+from tendonff.compensator.design.run import design
 from tendonff.compensator.experiment.machine import plan_experiment
 from tendonff.compensator.explore.run import Explorer
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_to_toml
-from tendonff.compensator.tables.run import make_tables, table_summary
+from tendonff.compensator.tables.output import summary as table_summary
+from tendonff.compensator.tables.run import make_tables
 from tendonff.models.errors import TendonffError
 
 TENDONFF = [sys.executable, "-m", "tendonff.compensator.cli"]
@@ -255,7 +257,8 @@ def test_a_stopped_design_leaves_what_was_there(examples, tmp_path, number):
     assert results_of(out) == ["profile.csv"]
     assert (out / "profile.csv").read_text(encoding="utf-8") == "of an earlier run"
     if number is not signal.SIGKILL:
-        assert process.returncode == 130
+        # Interrupted inside an `exec` (a dataclass being made), Python ends by SIGINT itself; a shell shows 130 too.
+        assert process.returncode in (130, -signal.SIGINT)
         assert said.strip() == "interrupted; nothing was written"
         assert list(tmp_path.iterdir()) == [out]
 

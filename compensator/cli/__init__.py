@@ -11,8 +11,11 @@ from typing import Annotated, NoReturn, cast
 
 import typer
 
+from tendonff._version import __version__
+from tendonff.compensator.cli.adapt import adapt
 from tendonff.compensator.cli.compare import compare
 from tendonff.compensator.cli.design import design
+from tendonff.compensator.cli.example import example
 from tendonff.compensator.cli.experiment import experiment
 from tendonff.compensator.cli.explore import explore
 from tendonff.compensator.cli.export_c import export_c
@@ -35,8 +38,8 @@ _USAGE_ERRORS = cast(
 
 app = typer.Typer(
     name="tendonff",
-    help="Which force must the actuator apply so that a tendon on a curved path delivers the tension I want?",
-    add_completion=False,
+    help="Feedforward friction compensation for tendon and Bowden-cable drives: compute the actuator force that "
+    "produces a desired output tension, and export it to your controller.",
     rich_markup_mode=None,  # plain text: panels wrap file names, and messages are to be grepped
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -45,9 +48,7 @@ app = typer.Typer(
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        from importlib.metadata import version
-
-        typer.echo(f"tendonff {version('tendonff')}")
+        typer.echo(f"tendonff {__version__}")
         raise typer.Exit
 
 
@@ -61,10 +62,12 @@ def _root(
 
 
 app.command()(new)
+app.command()(example)
 app.command()(simulate)
 app.command()(design)
 app.command()(experiment)
 app.command()(compare)
+app.command()(adapt)
 app.command()(explore)
 app.command()(identify)
 app.command()(table)

@@ -1,21 +1,22 @@
-"""`tendonff compare`: how much model the task needs."""
+"""`tendonff compare`: which model fidelity the task needs."""
 
 from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument
 from tendonff.compensator.cli.progress import progress, say, warn
 
 
 def compare(scenario: ScenarioArgument, out: OutFolderOption) -> None:
-    """Compare the fidelity levels: every compensator designed on each, played on each and on the capstan law."""
-    from tendonff.compensator.compare.report import write_comparison
-    from tendonff.compensator.compare.run import compare as compare_levels
-    from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.scenario.scenario import load_scenario
+    """Compare model levels and compensators.
 
-    loaded = load_scenario(scenario)
-    with atomic_directory(out) as folder:  # entered first: a folder that cannot be written is known before the work
+    Every compensator is designed on each level, and simulated on each and on the capstan law.
+    """
+    from tendonff.compensator.cli.opening import opened
+
+    with opened(scenario, out) as (loaded, folder):
+        from tendonff.compensator.compare.run import compare as compare_levels
+
         with progress("comparing") as advance:
-            result = compare_levels(loaded, advance=advance)
-        write_comparison(result, folder)
+            result = compare_levels(loaded, progress=advance)
+        result.write(folder)
     for warning in result.warnings:
         warn(warning)
     say(result.recommendation)

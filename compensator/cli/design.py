@@ -1,26 +1,37 @@
 """`tendonff design`: the main job."""
 
+from typing import Annotated
+
+import typer
+
 from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument
 from tendonff.compensator.cli.progress import progress, warn
 
 EXIT_SOLVE = 1  # what was written is the best that was found
 
 
-def design(scenario: ScenarioArgument, out: OutFolderOption) -> int:
-    """Design the actuator's force profile for a wanted output tension, and prove what it delivers."""
-    from tendonff.compensator.design.run import design as design_profile
-    from tendonff.compensator.design.run import write_design
-    from tendonff.compensator.design.scores import print_scores
-    from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.scenario.scenario import load_scenario
-    from tendonff.ocp.tracking.result import TrackStatus
+def design(
+    scenario: ScenarioArgument,
+    out: OutFolderOption,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Refuse a reference out of reach instead of coming closest to it.")
+    ] = False,
+) -> int:
+    """Design and verify the actuator force.
 
-    loaded = load_scenario(scenario)
-    with progress("designing") as advance:
-        result = design_profile(loaded, advance=advance)
-    with progress("writing"), atomic_directory(out) as folder:
-        write_design(result, folder)
+    Computes force profiles that produce the desired output tension, by every compensator, and simulates each.
+    """
+    from tendonff.compensator.cli.opening import opened
+
+    with opened(scenario, out) as (loaded, folder):
+        from tendonff.compensator.design.run import design as design_profile
+        from tendonff.compensator.design.scores import print_scores
+
+        with progress("designing") as advance:
+            result = design_profile(loaded, strict=strict, progress=advance)
+        with progress("writing"):
+            result.write(folder)
     for warning in result.warnings:
         warn(warning)
     print_scores(result, out)
-    return EXIT_SOLVE if result.tracking.status in (TrackStatus.INFEASIBLE, TrackStatus.FAILED) else 0
+    return 0 if result.is_usable else EXIT_SOLVE

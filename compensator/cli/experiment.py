@@ -1,19 +1,23 @@
 """`tendonff experiment`: the paper's ten-state test on two motors."""
 
 from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument
-from tendonff.compensator.cli.progress import say, warn
+from tendonff.compensator.cli.progress import progress, say, warn
 
 
 def experiment(scenario: ScenarioArgument, out: OutFolderOption) -> None:
-    """Run the ten-state test on two motors, on all three fidelity levels."""
-    from tendonff.compensator.experiment.numbers import warnings_of
-    from tendonff.compensator.experiment.output import experiment as run_test
-    from tendonff.compensator.experiment.output import write_experiment
-    from tendonff.compensator.scenario.scenario import load_scenario
+    """Run the ten-state test on two motors.
 
-    loaded = load_scenario(scenario)
-    result = run_test(loaded)
-    write_experiment(result, out, loaded)
+    All three model levels receive the same commands.
+    """
+    from tendonff.compensator.cli.opening import opened
+
+    with opened(scenario, out, follows_reference=False) as (loaded, folder):
+        from tendonff.compensator.experiment.numbers import warnings_of
+        from tendonff.compensator.experiment.run import experiment as run_test
+
+        with progress("experimenting") as advance:
+            result = run_test(loaded, progress=advance)
+        result.write(folder)
     for warning in warnings_of(result):
         warn(warning)
     states = len(result.plan.states)

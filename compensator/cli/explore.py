@@ -15,7 +15,10 @@ def explore(
     ] = 5006,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")] = True,
 ) -> None:
-    """Explore one scenario in the browser: sliders for friction, angle, bristle, relaxation and rate limit."""
+    """Explore a scenario in the browser.
+
+    Sliders change friction, angle, presliding stiffness, relaxation and rate limit.
+    """
     from tendonff.compensator.files.reading import InputError
     from tendonff.compensator.scenario.scenario import load_scenario
 

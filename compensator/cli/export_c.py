@@ -19,16 +19,29 @@ def export_c(
     ] = Precision.DOUBLE,
     prefix: PrefixOption = "tff",
     level: LevelOption = None,
+    force_export: Annotated[
+        bool, typer.Option("--force-export", help="Export modules all the same that are worse than no compensation.")
+    ] = False,
 ) -> None:
-    """Write C99 for the controller: inverse, capstan law, table, optimal profile, and the chain for tests."""
-    from tendonff.compensator.export.c_project import export_project, write_project
-    from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.scenario.scenario import load_scenario
+    """Write C99 for the controller.
 
-    loaded = load_scenario(scenario)
-    with progress("exporting"), atomic_directory(out) as folder:
-        exported = export_project(loaded, precision=precision, prefix=prefix, level=level)
-        write_project(exported, folder)
-    for warning in exported.reference.warnings:
+    Inverse, capstan law, table, optimal profile, and the chain itself for tests.
+    """
+    from tendonff.compensator.cli.opening import opened
+
+    with opened(scenario, out) as (loaded, folder):
+        from tendonff.compensator.export.c_project import export_project
+        from tendonff.compensator.export.judgement import score_lines
+
+        with progress("exporting"):
+            exported = export_project(
+                loaded, precision=precision, prefix=prefix, level=level, force_export=force_export
+            )
+            exported.write(folder)
+    for note in exported.notes:
+        say(note)
+    for warning in exported.warnings:
         warn(warning)
+    for line in score_lines(exported.judged):
+        say(line)
     say(f"{len(exported.files)} files in {out}; `make test` there compares them with the Python model")

@@ -20,20 +20,23 @@ def export_fmu(
     prefix: PrefixOption = "tff",
     level: LevelOption = None,
 ) -> None:
-    """Wrap the exported C for Simulink, dSPACE or Modelica: co-simulation units with their sources."""
-    from tendonff.compensator.export.fmu import build_fmu
-    from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.scenario.scenario import load_scenario
+    """Write FMUs for Simulink, dSPACE or Modelica.
 
-    loaded = load_scenario(scenario)
+    Co-simulation units of the exported C, with their sources.
+    """
+    from tendonff.compensator.cli.opening import opened
+
     complete = True
     names = []
-    with progress("exporting"), atomic_directory(out) as folder:
-        for each in FmiVersion if fmi is None else (fmi,):
-            unit = build_fmu(loaded, kind, each, prefix=prefix, level=level)
-            names.append(f"{prefix}_{kind}_fmi{each.value[0]}.fmu")
-            (folder / names[-1]).write_bytes(unit.content)
-            complete = complete and unit.has_binary
+    with opened(scenario, out) as (loaded, folder):
+        from tendonff.compensator.export.fmu import build_fmu
+
+        with progress("exporting"):
+            for each in FmiVersion if fmi is None else (fmi,):
+                unit = build_fmu(loaded, kind, each, prefix=prefix, level=level)
+                unit.write(folder)
+                names.append(unit.name)
+                complete = complete and unit.has_binary
     if not complete:
         warn("no binary was made here (a C compiler on Linux makes one); the unit holds its sources")
     say(f"{', '.join(names)} in {out}")

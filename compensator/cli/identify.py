@@ -12,7 +12,7 @@ from tendonff.compensator.cli.progress import interruptible, progress, say, warn
 from tendonff.compensator.scenario.measurement import Explain
 
 if TYPE_CHECKING:
-    from tendonff.compensator.identification.result import Identification
+    from tendonff.compensator.identification.output import Identification
     from tendonff.compensator.scenario.measurement import Measurement
 
 SCALED = ("time", "input", "output", "input_position", "output_position")
@@ -35,7 +35,7 @@ def identify(
         ),
     ] = None,
     suggest: Annotated[
-        bool, typer.Option("--suggest", help="Only write an excitation for this rig, ready to play as a force file.")
+        bool, typer.Option("--suggest", help="Only write an excitation for this rig, as a force file.")
     ] = False,
     time_column: Annotated[
         str | None, typer.Option("--time-column", help="Name of the column of time.", show_default=False)
@@ -117,17 +117,19 @@ def identify(
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Fit very long files without asking.")] = False,
 ) -> None:
-    """Fit the scenario's parameters to measured tensions (and positions) at both ends."""
+    """Fit the parameters to measured data.
+
+    The data are tensions, and optionally positions, at both ends of the tendon.
+    """
+    from tendonff.compensator.cli.opening import opened
     from tendonff.compensator.files.reading import InputError
-    from tendonff.compensator.identification.output import write_identification, write_suggestion
-    from tendonff.compensator.identification.result import summary_lines
-    from tendonff.compensator.identification.run import identify as identify_files
-    from tendonff.compensator.scenario.scenario import load_scenario
     from tendonff.models.errors import ParameterError
 
-    loaded = load_scenario(scenario)
     if suggest:
-        excitation = write_suggestion(loaded, out)
+        with opened(scenario, out, follows_reference=False) as (loaded, folder):
+            from tendonff.compensator.identification.output import write_suggestion
+
+            excitation = write_suggestion(loaded, folder)
         say(f"{out / 'suggested_force.csv'}: {excitation.time_s[-1]:.4g} s, up to {excitation.force_N.max():.4g} N")
         for part in excitation.parts:
             say(f"  {part}")
@@ -145,32 +147,35 @@ def identify(
         "skip_s": skip,
         "explain": explain,
     }
-    try:
-        how = replace(loaded.measurement, **{k: v for k, v in names.items() if v is not None})  # type: ignore[arg-type]
-        how = _zeroed(_scaled(how, scale or []), offset or [], tare)
-    except ParameterError as error:
-        raise InputError(str(error)) from None
     labels = _labels(condition or [], [path.name for path in data])
 
     def confirm(question: str) -> bool:
         return yes or (sys.stdin.isatty() and typer.confirm(f"{question}. Go on?", err=True))
 
-    def work() -> "Identification":
-        known = replace(loaded, measurement=how)
-        return identify_files(
-            known,
-            data,
-            validate or [],
-            static_only=static_only,
-            conditions=labels,
-            say=_say_files,
-            confirm=confirm,
-        )
+    with opened(scenario, out, follows_reference=False) as (loaded, folder):
+        try:
+            how = replace(loaded.measurement, **{k: v for k, v in names.items() if v is not None})  # type: ignore[arg-type]
+            how = _zeroed(_scaled(how, scale or []), offset or [], tare)
+        except ParameterError as error:
+            raise InputError(str(error)) from None
+        from tendonff.compensator.identification.result import summary_lines
+        from tendonff.compensator.identification.run import identify as identify_files
 
-    with progress("identifying"):
-        found = interruptible(work)
-    with progress("writing"):
-        write_identification(found, out, [*data, *(validate or [])])
+        def work() -> "Identification":
+            return identify_files(
+                replace(loaded, measurement=how),
+                data,
+                validate or [],
+                static_only=static_only,
+                conditions=labels,
+                say=_say_files,
+                confirm=confirm,
+            )
+
+        with progress("identifying"):
+            found = interruptible(work)
+        with progress("writing"):
+            found.write(folder)
     for warning in found.warnings:
         warn(warning)
     for line in summary_lines(found):

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TypeVar
 
-from tendonff.compensator.files.progress import Advance, silent
+from tendonff.compensator.files.progress import Progress, silent
 
 T = TypeVar("T")
 
@@ -33,7 +33,7 @@ def _note_engine() -> None:
 
 
 @contextmanager
-def progress(description: str) -> Iterator[Advance]:
+def progress(description: str) -> Iterator[Progress]:
     """Bar that shows how much of a long work is done; silent when standard error is not a terminal.
 
     Parameters
@@ -80,14 +80,15 @@ def interruptible(work: Callable[[], T]) -> T:
 
 
 @contextmanager
-def _bar(description: str) -> Iterator[Advance]:
+def _bar(description: str) -> Iterator[Progress]:
     if not sys.stderr.isatty():
         yield silent
         return
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
 
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(description, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -20,21 +20,25 @@ def simulate(
     ],
     level: LevelOption = None,
     check: Annotated[
-        bool, typer.Option("--check", help="Refine the step as well and state the error estimate.")
+        bool, typer.Option("--check", help="Simulate with smaller steps as well and state the discretisation error.")
     ] = False,
 ) -> None:
-    """Simulate the chain under a force file, from rest at the scenario's initial tension."""
+    """Simulate the chain under a force file.
+
+    The run starts at rest at the scenario's initial tension.
+    """
     from tendonff.compensator.files.reading import InputError
     from tendonff.compensator.scenario.scenario import load_scenario
-    from tendonff.compensator.simulate.run import play_force, read_force
 
-    loaded = load_scenario(scenario)
+    loaded = load_scenario(scenario)  # before the imports below, which take a second: a refusal is quick
+    from tendonff.compensator.simulate.run import read_force, simulate_force
+
     profile = read_force(force)
     if out.exists() and any(out.samefile(source) for source in (scenario, force)):
         raise InputError(f"{out} is an input of this run; name another file for the result")
     with progress("simulating") as advance:
-        played = play_force(loaded, level or loaded.run.level, profile, out, check=check, advance=advance)
-    for warning in played.warnings:
+        simulated = simulate_force(loaded, level or loaded.run.level, profile, out, check=check, progress=advance)
+    for warning in simulated.warnings:
         warn(warning)
-    if played.check is not None:
-        say(f"check: {played.check}")
+    if simulated.check is not None:
+        say(f"check: {simulated.check}")

@@ -35,27 +35,24 @@ def table(
         str | None, typer.Option("--rates", metavar="R,R,...", help="Rates of the reference [N/s]: a further axis.")
     ] = None,
 ) -> None:
-    """Tabulate the feedforward force over reference, branch and tension since the last reversal."""
-    from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.reporting.page import write_report
-    from tendonff.compensator.scenario.scenario import load_scenario
-    from tendonff.compensator.tables.report import table_report
-    from tendonff.compensator.tables.run import make_tables, write_tables
+    """Tabulate the feedforward force.
 
-    loaded = load_scenario(scenario)
+    The axes are the reference, the branch and the tension since the last reversal.
+    """
+    from tendonff.compensator.cli.opening import opened
+
     angle_axis, rate_axis = _numbers(angles, "--angles"), _numbers(rates, "--rates")
-    options = {"--level": level, "--bound": bound, "--angles": angles, "--rates": rates}
-    given = [f"{name} {value}" for name, value in options.items() if value is not None]
-    with progress("tabulating"), atomic_directory(out) as folder:
-        tables = make_tables(loaded, level=level, bound_N=bound, angles_rad=angle_axis, rates_N_per_s=rate_axis)
-        write_tables(tables, folder)
-        write_report(folder / "report.html", table_report(tables, folder, options=" ".join(given)))
-    for warning in tables.reference.warnings:
+    with opened(scenario, out) as (loaded, folder):
+        from tendonff.compensator.tables.run import make_tables
+
+        with progress("tabulating"):
+            result = make_tables(loaded, level=level, bound_N=bound, angles_rad=angle_axis, rates_N_per_s=rate_axis)
+            result.write(folder)
+    for warning in result.reference.warnings:
         warn(warning)
-    built = tables.runs[0].built
-    own = tables.scores[tables.level]
+    built, own = result.tables[0].built, result.scores[result.level]
     say(
-        f"{sum(run.built.table.nodes for run in tables.runs)} nodes, interpolation error {built.error_N:.3g} N "
-        f"(bound {built.bound_N:.3g} N); as a compensator on level {tables.level}: {own.rmse_N:.3g} N rms, "
+        f"{sum(made.built.table.nodes for made in result.tables)} nodes, interpolation error {built.error_N:.3g} N "
+        f"(bound {built.bound_N:.3g} N); as a compensator on level {result.level}: {own.rmse_N:.3g} N rms, "
         f"{own.rmse_percent_of_range:.2g} % of range"
     )

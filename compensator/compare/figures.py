@@ -6,11 +6,20 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from tendonff.compensator.compare.run import CAPSTAN_PLANT, Comparison, Entry, plants
-from tendonff.compensator.compensators.base import Compensator
-from tendonff.compensator.design.figures import thinned
+from tendonff.compensator.compare.result import CAPSTAN_PLANT, ComparisonData, Entry, plants
 from tendonff.compensator.reporting.frequency import bode_figure
-from tendonff.compensator.reporting.plots import BLUE, GREEN, INK, PAGE_WIDTH_IN, VERMILION, figure_style, new_figure
+from tendonff.compensator.reporting.plots import (
+    BLUE,
+    GREEN,
+    INK,
+    PAGE_WIDTH_IN,
+    VERMILION,
+    coinciding,
+    figure_style,
+    legend_below,
+    new_figure,
+    thinned,
+)
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.interop import linear_system
@@ -19,12 +28,12 @@ LEVEL_COLOURS = {"elastic": BLUE, "viscoelastic": VERMILION, "presliding": GREEN
 LEVEL_STYLES = {"elastic": "-", "viscoelastic": "--", "presliding": "-.", CAPSTAN_PLANT: ":"}
 
 
-def compare_figures(result: Comparison) -> dict[str, Figure]:
+def compare_figures(result: ComparisonData) -> dict[str, Figure]:
     """All figures of a comparison by file name.
 
     Parameters
     ----------
-    result : Comparison
+    result : ComparisonData
     """
     with figure_style():
         return {
@@ -35,29 +44,28 @@ def compare_figures(result: Comparison) -> dict[str, Figure]:
         }
 
 
-def matrix_rows(result: Comparison) -> list[tuple[str, list[Entry]]]:
+def matrix_rows(result: ComparisonData) -> list[tuple[str, list[Entry]]]:
     """Rows of the matrix by label, without the repetitions of what does not depend on the design level.
 
     Parameters
     ----------
-    result : Comparison
+    result : ComparisonData
     """
     first = next(iter(Level))
     rows = []
-    for compensator in Compensator:
-        fixed = compensator in (Compensator.NONE, Compensator.CAPSTAN)
-        for level in (first,) if fixed else tuple(Level):
-            label = compensator.value if fixed else f"{compensator}, {level}"
-            rows.append((label, [result.entry(compensator, level, plant) for plant in plants()]))
+    for compensator in result.compensators:
+        for level in tuple(Level) if compensator.knows_the_level else (first,):
+            label = f"{compensator}, {level}" if compensator.knows_the_level else compensator.name
+            rows.append((label, [result.entry(compensator.name, level, plant) for plant in plants()]))
     return rows
 
 
-def matrix_figure(result: Comparison) -> Figure:
+def matrix_figure(result: ComparisonData) -> Figure:
     """Error of every design on every plant, as numbers on colours.
 
     Parameters
     ----------
-    result : Comparison
+    result : ComparisonData
     """
     rows = matrix_rows(result)
     values = np.array([[entry.rmse_percent_of_range for entry in row] for _, row in rows])
@@ -67,7 +75,7 @@ def matrix_figure(result: Comparison) -> Figure:
     image = panel.imshow(shown, norm=LogNorm(0.01, 100.0), cmap="cividis_r", aspect="auto")
     panel.set_xticks(range(len(plants())), plants())
     panel.set_yticks(range(len(rows)), [label for label, _ in rows])
-    panel.set(xlabel="plant", ylabel="design", title="Error, % of range rms (± spread over step and tolerance)")
+    panel.set(xlabel="plant", ylabel="design", title="RMS error, % of range (± spread over step and tolerance)")
     panel.grid(False)
     panel.tick_params(length=0)
     for i, (_, row) in enumerate(rows):
@@ -91,35 +99,46 @@ def cell_text(entry: Entry) -> str:
     return f"{text} ± {spread:.1g}" if spread >= max(0.005, 0.01 * value) else text
 
 
-def errors_figure(result: Comparison) -> Figure:
-    """Error over time of the exact inverse designed on each level, on the most detailed plant.
+def errors_figure(result: ComparisonData) -> Figure:
+    """Reference, and error over time of the exact inverse designed on each level, on the most detailed plant.
 
     Parameters
     ----------
-    result : Comparison
+    result : ComparisonData
     """
     reference, plant = result.reference, Level.PRESLIDING.value
     rows = thinned(len(reference.time_s))
-    figure, axes = new_figure(2, 1, share_x=True, height_in=4.4)
-    axes[0, 0].plot(reference.time_s[rows], reference.tension_N[rows], color=INK, label="wanted")
-    for level in Level:
-        error = result.outputs_N[Compensator.INVERSE, level, plant] - reference.tension_N
-        style: dict[str, Any] = {"color": LEVEL_COLOURS[level], "linestyle": LEVEL_STYLES[level]}
-        axes[1, 0].plot(reference.time_s[rows], error[rows], label=f"designed on {level}", **style)
-    static = result.outputs_N[Compensator.CAPSTAN, next(iter(Level)), plant] - reference.tension_N
-    axes[1, 0].plot(reference.time_s[rows], static[rows], color="0.55", linewidth=0.9, label="static capstan law")
-    axes[0, 0].set(ylabel="wanted tension [N]")
-    axes[1, 0].set(ylabel="error [N]", xlabel="time [s]", title=f"Error on the {plant} plant")
-    figure.legend(*axes[1, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    figure, axes = new_figure(3, 1, share_x=True, height_in=5.6)
+    wanted, whole, zoom = axes[:, 0]
+    wanted.plot(reference.time_s[rows], reference.tension_N[rows], color=INK, label="reference")
+    errors = {level: result.outputs_N["inverse", level, plant] - reference.tension_N for level in Level}
+    static = result.outputs_N["capstan", next(iter(Level)), plant] - reference.tension_N
+    hidden = coinciding({level.value: error for level, error in errors.items()}, float(np.ptp(errors[Level.ELASTIC])))
+    for panel in (whole, zoom):
+        for level, error in errors.items():
+            style: dict[str, Any] = {"color": LEVEL_COLOURS[level], "linestyle": LEVEL_STYLES[level]}
+            if level in hidden.values():
+                style.update(linewidth=3.4, linestyle="-", alpha=0.55)
+            label = f"designed on {level}"
+            label += f" (coincides with {hidden[level]})" if level in hidden else ""
+            panel.plot(reference.time_s[rows], error[rows], label=label, **style)
+        panel.plot(reference.time_s[rows], static[rows], color="0.55", linewidth=0.9, label="static capstan law")
+    limit = 1.15 * max(float(np.max(np.abs(error))) for error in errors.values())
+    if limit > 0:
+        zoom.set_ylim(-limit, limit)
+    wanted.set(ylabel="reference [N]")
+    whole.set(ylabel="error [N]", title=f"Error on the {plant} plant")
+    zoom.set(ylabel="error [N]", xlabel="time [s]", title="Enlarged")
+    legend_below(figure, whole, columns=2)
     return figure
 
 
-def levels_figure(result: Comparison) -> Figure:
+def levels_figure(result: ComparisonData) -> Figure:
     """What the levels do differently: the loop, and the tension in a hold.
 
     Parameters
     ----------
-    result : Comparison
+    result : ComparisonData
     """
     figure, axes = new_figure(1, 2, height_in=3.2)
     loop, hold = axes[0]
@@ -129,18 +148,23 @@ def levels_figure(result: Comparison) -> Figure:
         loop.plot(traits.force_N[rows], traits.output_N[rows], label=name, **style)
         rows = thinned(len(traits.hold_time_s))
         hold.plot(traits.hold_time_s[rows], 100 * traits.hold_input_N[rows] / traits.hold_input_N[0], **style)
-    loop.set(xlabel="actuator force [N]", ylabel="output tension [N]", title="Loop")
-    hold.set(xlabel="time held [s]", ylabel="tension at the actuator [%]", title="Actuator's position held")
-    figure.legend(*loop.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    loop.set(xlabel="actuator force [N]", ylabel="output tension [N]", title="Hysteresis loop")
+    loop.set_aspect("equal", adjustable="datalim")
+    hold.set(
+        xlabel="time held [s]",
+        ylabel="tension at the actuator [%]",
+        title="Relaxation in a hold",
+    )
+    legend_below(figure, loop, columns=4)
     return figure
 
 
-def small_signal_figure(result: Comparison) -> Figure:
+def small_signal_figure(result: ComparisonData) -> Figure:
     """Small changes of the force around rest, where the tendon sticks: Bode plot from force to output tension.
 
     Parameters
     ----------
-    result : Comparison
+    result : ComparisonData
     """
     transmission, start = result.scenario.transmission, result.reference.initial_tension_N
     systems = {}

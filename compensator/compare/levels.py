@@ -13,8 +13,9 @@ import numpy as np
 from tendonff.compensator.compensators.base import FloatArray
 from tendonff.compensator.scenario.sampling import Reference
 from tendonff.models.capstan import Branch, CapstanLaw
-from tendonff.models.chain import Chain, ChainState
+from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
+from tendonff.models.layout import ChainInputs, ChainState
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.simulate import Simulator, simulate
 
@@ -120,7 +121,7 @@ def level_cost(transmission: Transmission, level: Level | None, reference: Refer
         times.append(time.perf_counter() - begin)
     return LevelCost(
         time_per_simulated_second_s=min(times) / (step * max(len(force) - 1, 1)),
-        states=1 if chain is None else 4 * chain.count + 6,
+        states=1 if chain is None else chain.layout.size,
         parameters=parameters_of(level),
     )
 
@@ -211,7 +212,7 @@ def _hold(
     held = chain.with_end_stiffness(holding, chain.far.stiffness_N_per_m)
     state: ChainState = held.rest_state(start_N)
     rest = state.near_position_m + start_N / holding
-    simulator = Simulator(held, step_s, state, np.array([0.0, rest, 0.0, 0.0]))
+    simulator = Simulator(held, step_s, state, ChainInputs.of(1, near_rest_m=rest))
     # Travel of the near end that brings it to the high tension, if friction did not take a part: never too little.
     soft = 1 / tendon.stiffness_N_per_m + 1 / holding + 1 / max(chain.far.stiffness_N_per_m, 1e-9)
     rate = (high_N - start_N) * soft / _RAMP_S
@@ -219,12 +220,12 @@ def _hold(
     position = float(rest)
     for _ in range(200):
         moving = position + rate * step_s * np.arange(1, chunk + 1, dtype=np.float64)
-        tension = simulator.advance(_commands(moving)).tension_N
+        tension = simulator.advance(ChainInputs.of(chunk, near_rest_m=moving)).tension_N
         position = float(moving[-1])
         if len(tension) < chunk or tension[-1, 0] >= high_N:
             break
     rows = max(2, round(_hold_s(transmission) / step_s))
-    near = simulator.advance(_commands(np.full(rows, position))).tension_N[:, 0]
+    near = simulator.advance(ChainInputs.of(rows, near_rest_m=position)).tension_N[:, 0]
     # The stop itself rings for a moment; relaxation is what comes after.
     settled = min(len(near) // 10, round(0.05 / step_s))
     return np.arange(len(near) - settled, dtype=np.float64) * step_s, near[settled:]
@@ -232,9 +233,3 @@ def _hold(
 
 def _hold_s(transmission: Transmission) -> float:
     return float(np.clip(_HOLD_RELAXATION_TIMES * transmission.tendon.relaxation_time_s, *_HOLD_S))
-
-
-def _commands(position_m: FloatArray) -> FloatArray:
-    inputs = np.zeros((len(position_m), 4))
-    inputs[:, 1] = position_m
-    return inputs

@@ -1,1 +1,1 @@
-"""Ways from a desired tension to a force."""
+"""Compensators: ways from a wanted tension to a force, one file each, and how well a force does."""

@@ -1,221 +1,258 @@
-"""Compensators: ways from a wanted tension to a force, and how well a played force does."""
+"""What a compensator is: a way from a wanted tension to the force of the actuator.
 
-from collections.abc import Mapping
+A further compensator is one file beside this one and one line in `registry`; design, compare, explore and the exports
+then know it. `export-c` also needs its C template, named by `c_module`.
+"""
+
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.compensator.scenario.sampling import Reference
-from tendonff.models.capstan import CapstanLaw
+from tendonff.compensator.files.progress import Progress, silent
+from tendonff.compensator.scenario.sampling import Reference, sample_reference
+from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
+from tendonff.models.uncertainty import Objective
+from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import Inversion, invert
-from tendonff.ocp.simulate import Outcome, Simulation, simulate
 from tendonff.ocp.tracking.limits import ForceLimits
+from tendonff.ocp.tracking.problem import TrackOptions
+from tendonff.ocp.tracking.result import Tracking
+from tendonff.ocp.tracking.robust import Sample, sample_transmissions
 
 FloatArray = NDArray[np.float64]
 
 
-class Compensator(StrEnum):
-    """Where a force profile comes from.
+@dataclass(frozen=True, kw_only=True)  # without slots: what is computed once is kept in the instance
+class Problem:
+    """A wanted tension, the transmission that shall deliver it, and what is known of it.
+
+    Parameters
+    ----------
+    transmission : Transmission
+        Of the design model.
+    level : Level
+        Fidelity level of the design model.
+    reference : Reference
+    samples : tuple of Sample, optional
+        Transmissions that the uncertainty admits, the nominal one first; empty where all is certain.
+    objective : Objective, optional
+        Which error over the samples counts.
+    options : TrackOptions, optional
+        What the optimal profile is optimised for.
+    """
+
+    transmission: Transmission
+    level: Level
+    reference: Reference
+    samples: tuple[Sample, ...] = ()
+    objective: Objective = Objective.WORST
+    options: TrackOptions = TrackOptions()  # noqa: RUF009 - frozen
+
+    @classmethod
+    def of(
+        cls,
+        scenario: Scenario,
+        *,
+        level: Level | None = None,
+        reference: Reference | None = None,
+        options: TrackOptions | None = None,
+    ) -> "Problem":
+        """The problem that a scenario poses, with its uncertainty.
+
+        Parameters
+        ----------
+        scenario : Scenario
+        level : Level, optional
+            Default: the scenario's own.
+        reference : Reference, optional
+            Default: the scenario's own, sampled.
+        options : TrackOptions, optional
+            Default: those of the scenario.
+        """
+        samples = sample_transmissions(scenario.transmission, scenario.robust)
+        return cls(
+            transmission=scenario.transmission,
+            level=level or scenario.run.level,
+            reference=sample_reference(scenario) if reference is None else reference,
+            samples=samples if len(samples) > 1 else (),
+            objective=scenario.robust.objective,
+            options=options or TrackOptions(**scenario.optimal.given),  # type: ignore[arg-type]
+        )
+
+    @cached_property
+    def chain(self) -> Chain:
+        """The design model."""
+        return Chain.of(self.transmission, self.level)
+
+    @cached_property
+    def limits(self) -> ForceLimits:
+        """What the actuator can do."""
+        return ForceLimits.of(self.transmission.actuator)
+
+    @cached_property
+    def inversion(self) -> Inversion:
+        """The exact inverse before the limits, with its states: computed once for all that need it."""
+        reference = self.reference
+        start = reference.initial_tension_N
+        return invert(self.chain, reference.tension_N, reference.step_s, initial_tension_N=start, record=True)
+
+    def limited(self, force_N: FloatArray) -> FloatArray:
+        """A force within the actuator's limits, from the initial tension on [N].
+
+        Parameters
+        ----------
+        force_N : ndarray, shape (n,)
+        """
+        return self.limits.apply(force_N, self.reference.step_s, self.reference.initial_tension_N)
+
+
+class ProfileStatus(StrEnum):
+    """What a profile is worth.
 
     Attributes
     ----------
-    NONE
-        The wanted tension itself as force.
-    CAPSTAN
-        The static inverse of the capstan law, within the actuator's limits.
-    INVERSE
-        The exact inverse of the chain, within the same limits.
-    OPTIMAL
-        The answer of the optimal-control problem.
+    GOOD
+        What the compensator is meant to give.
+    DOUBTFUL
+        Usable, but the message says what is missing.
+    FAILED
+        Not to be sent to an actuator; the message says why.
     """
 
-    NONE = "none"
-    CAPSTAN = "capstan"
-    INVERSE = "inverse"
-    OPTIMAL = "optimal"
+    GOOD = "good"
+    DOUBTFUL = "doubtful"
+    FAILED = "failed"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Score:
-    """How far the delivered tension is from the wanted one.
+class Profile:
+    """The answer of a compensator.
 
     Parameters
     ----------
-    rmse_N : float
-        Root mean square error [N].
-    rmse_percent_of_range : float
-        The same over the range of the reference [%].
-    peak_error_N : float
-        Largest absolute error [N].
-    """
-
-    rmse_N: float
-    rmse_percent_of_range: float
-    peak_error_N: float
-
-
-def score(reference_N: FloatArray, output_N: FloatArray) -> Score:
-    """Compare a delivered tension with the wanted one.
-
-    Parameters
-    ----------
-    reference_N, output_N : ndarray, shape (n,)
-        Rows at the same times [N].
-    """
-    error = output_N - reference_N
-    rmse = float(np.sqrt(np.mean(error**2)))
-    span = float(np.ptp(reference_N))
-    # A constant reference has no range; its own height is then the natural measure.
-    return Score(
-        rmse_N=rmse,
-        rmse_percent_of_range=100 * rmse / (span if span > 0 else float(np.max(np.abs(reference_N)))),
-        peak_error_N=float(np.max(np.abs(error))),
-    )
-
-
-def capstan_force(transmission: Transmission, reference: Reference) -> FloatArray:
-    """Static inverse of the capstan law, clipped and rate-limited to the actuator, shape (n,) [N].
-
-    Parameters
-    ----------
-    transmission : Transmission
-    reference : Reference
-    """
-    wanted = CapstanLaw.of(transmission).input_history_N(reference.tension_N, reference.initial_tension_N)
-    return ForceLimits.of(transmission.actuator).apply(wanted, reference.step_s, reference.initial_tension_N)
-
-
-def exact_inverse(transmission: Transmission, level: Level, reference: Reference) -> Inversion:
-    """Exact inverse of the chain at a level, before limits.
-
-    Parameters
-    ----------
-    transmission : Transmission
-    level : Level
-    reference : Reference
-    """
-    chain = Chain.of(transmission, level)
-    return invert(chain, reference.tension_N, reference.step_s, initial_tension_N=reference.initial_tension_N)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Plant:
-    """The chain that a force is played on.
-
-    Parameters
-    ----------
-    level : Level
-    segments : int, optional
-        Masses; default: the path's own.
-    refinement : int, optional
-        Steps per row of the profile; the force is linear in between.
-    """
-
-    level: Level
-    segments: int | None = None
-    refinement: int = 1
-
-
-def play(transmission: Transmission, plant: Plant, force_N: FloatArray, reference: Reference) -> Simulation:
-    """Play a force profile on a plant, from rest at the reference's initial tension.
-
-    Parameters
-    ----------
-    transmission : Transmission
-    plant : Plant
     force_N : ndarray, shape (n,)
-        Rows of the reference's grid [N].
-    reference : Reference
-
-    Returns
-    -------
-    Simulation
-        On the plant's own grid, every `refinement`-th row of which is a row of the reference.
+        Force of the actuator at the rows of the reference [N].
+    travel_m : ndarray, shape (n,), or None
+        Travel of the actuator's end from rest that belongs to the force [m]; None where the compensator knows none.
+    status : ProfileStatus
+    message : str
+        Why the status is not good; empty where it is.
+    warnings : tuple of str
+        All that the user should know of this profile, the message included.
+    tracking : Tracking or None
+        How an optimisation ended; None where nothing was optimised.
     """
-    fine = force_N
-    if plant.refinement > 1:
-        rows = (len(force_N) - 1) * plant.refinement + 1
-        fine = np.interp(np.arange(rows) / plant.refinement, np.arange(len(force_N)), force_N)
-    return simulate(
-        Chain.of(transmission, plant.level, plant.segments),
-        fine,
-        reference.step_s / plant.refinement,
-        initial_tension_N=reference.initial_tension_N,
-    )
+
+    force_N: FloatArray
+    travel_m: FloatArray | None = None
+    status: ProfileStatus = ProfileStatus.GOOD
+    message: str = ""
+    warnings: tuple[str, ...] = ()
+    tracking: Tracking | None = None
+
+    def require(self) -> "Profile":
+        """Return itself, or raise `SolveError` with the diagnosis where it must not be used."""
+        if self.status is ProfileStatus.FAILED:
+            raise SolveError(" ".join([self.message, *(w for w in self.warnings if self.message not in w)]))
+        return self
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Played:
-    """One compensator's force on one plant.
+class Style:
+    """How a compensator is drawn everywhere.
 
     Parameters
     ----------
-    compensator : str
-        Name of the compensator.
-    plant : Plant
-    output_N : ndarray, shape (n,)
-        Delivered tension at the rows of the reference [N].
-    score : Score
-    slack : str
-        Where the tendon went slack; empty where it stayed taut.
+    color : str
+    linestyle : str
+        "-", "--", "-." or ":".
     """
 
-    compensator: str
-    plant: Plant
-    output_N: FloatArray
-    score: Score
-    slack: str
+    color: str
+    linestyle: str
 
 
-def play_and_score(
-    transmission: Transmission, plant: Plant, compensator: str, force_N: FloatArray, reference: Reference
-) -> Played:
-    """Play a force profile and score what arrives.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CModule:
+    """What `export-c` makes of a compensator.
 
     Parameters
     ----------
-    transmission : Transmission
-    plant : Plant
-    compensator : str
-        Name for the result.
-    force_N : ndarray, shape (n,)
-    reference : Reference
-
-    Raises
-    ------
-    SolveError
-        If the simulation fails.
+    name : str
+        Of the template, and of the C module after the prefix.
+    content : str
+        What it is, in words.
+    headers : tuple of str, optional
+        Further templates of headers.
+    plays_back : bool, optional
+        The module plays the profile that was computed beforehand, and takes no reference.
     """
-    played = play(transmission, plant, force_N, reference).require()
-    output = played.output_tension_N[:: plant.refinement]
-    return Played(
-        compensator=compensator,
-        plant=plant,
-        output_N=output,
-        score=score(reference.tension_N, output),
-        slack=played.message if played.outcome is Outcome.SLACK else "",
-    )
+
+    name: str
+    content: str
+    headers: tuple[str, ...] = ()
+    plays_back: bool = False
 
 
-def binding_limits(limited: Mapping[str, tuple[FloatArray, FloatArray]]) -> tuple[str, ...]:
-    """Say for which compensators the actuator's limits changed the force, and for how long.
+class Compensator(ABC):
+    """A way from a wanted tension to a force.
+
+    Attributes
+    ----------
+    name : str
+        Key in files and on the command line.
+    label : str
+        Name for people.
+    style : Style
+    knows_the_level : bool
+        The profile depends on the fidelity level of the design model.
+    is_fast : bool
+        Fast enough to follow a slider.
+    c_module : CModule or None
+    """
+
+    name: str
+    label: str
+    style: Style
+    knows_the_level: bool = True
+    is_fast: bool = True
+    c_module: CModule | None = None
+
+    @abstractmethod
+    def profile(self, problem: Problem, *, progress: Progress = silent) -> Profile:
+        """Answer a problem.
+
+        Parameters
+        ----------
+        problem : Problem
+        progress : callable, optional
+            Told parts done and parts in all.
+        """
+
+    def __str__(self) -> str:
+        return self.name
+
+
+def limit_warnings(name: str, before_N: FloatArray, after_N: FloatArray) -> tuple[str, ...]:
+    """Say for how long the actuator's limits changed the force, and by how much; nothing where they did not.
 
     Parameters
     ----------
-    limited : mapping of str to (ndarray, ndarray)
-        Force before and after the limits, by compensator [N].
+    name : str
+        Of the compensator.
+    before_N, after_N : ndarray, shape (n,)
     """
-    notes = []
-    for name, (before, after) in limited.items():
-        changed = np.abs(before - after) > 1e-9 * max(float(np.max(np.abs(before))), 1.0)
-        if changed.any():
-            notes.append(
-                f"{name}: the actuator's limits change the force in {100 * float(changed.mean()):.3g} % of the rows, "
-                f"by up to {float(np.max(np.abs(before - after))):.3g} N"
-            )
-    return tuple(notes)
+    difference = np.abs(before_N - after_N)
+    changed = difference > 1e-9 * max(float(np.max(np.abs(before_N))), 1.0)
+    if not changed.any():
+        return ()
+    share, most = 100 * float(changed.mean()), float(np.max(difference))
+    active = f"actuator limits are active in {share:.3g} % of the samples"
+    return (f"{name}: {active} and change the force by up to {most:.3g} N",)

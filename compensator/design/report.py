@@ -1,133 +1,170 @@
-"""The report of a design: what each profile delivers, in one page."""
+"""The report of a design: what to expect of each profile, in one page."""
 
 from matplotlib.figure import Figure
 
-from tendonff.compensator.compensators.base import Compensator, Played
-from tendonff.compensator.design.figures import LABELS, percent
-from tendonff.compensator.design.run import FINE_REFINEMENT, FINE_SEGMENTS, Design
-from tendonff.compensator.reporting.page import Cell, FileNote, Picture, Provenance, Report, Section, Table, Text
+from tendonff.compensator.compensators.score import scale_N
+from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS, DesignData
+from tendonff.compensator.reporting.cells import Cell
+from tendonff.compensator.reporting.page import (
+    Block,
+    FileNote,
+    Report,
+    Section,
+    Table,
+    Text,
+    pictures_of,
+    provenance_of,
+)
 from tendonff.models.fidelity import Level
 
 _CAPTIONS = {
-    "tension": "Wanted tension and what each profile delivers, on the design level.",
-    "force": "The force that the actuator applies for it.",
-    "loop": "Left: the tendon's hysteresis, output over force. Right: output over wanted tension; a perfect "
-    "compensation is the diagonal.",
-    "error": "Error on each fidelity level: how much the answer depends on the model it was designed with.",
+    "expectation": "Output tension of the recommended profile over all sampled parameters (band), and of the reference "
+    "applied directly.",
+    "tension": "Reference and output tension of each profile with the design's own parameters. Below: the "
+    "compensated errors, enlarged; a curve that leaves the panel is larger.",
+    "force": "Actuator force, its rate of change, and the travel of the actuator's end. Dashed: limits of the "
+    "actuator.",
+    "loop": "Left: the tendon's hysteresis, output over force. Right: output over reference; perfect compensation is "
+    "the diagonal. Equal scales on both axes.",
+    "error": "Error on each fidelity level with the design's own parameters, on one scale; right: enlarged.",
 }
 
 
-def headline(result: Design) -> str:
-    """The answer in two sentences.
+def headline(result: DesignData) -> str:
+    """What to expect on a rig, in two sentences.
 
     Parameters
     ----------
-    result : Design
+    result : DesignData
     """
-    level = result.level
-    none = result.on_level(Compensator.NONE, level).score
-    best = min(
-        (c for c in Compensator if c is not Compensator.NONE),
-        key=lambda c: _proof(result, c).score.rmse_N,
-    )
+    found, best = result.expectation, result.recommended
+    over = f"the {scale_N(result.reference.tension_N):.4g} N range of the reference, for {found.doubt}"
+    if best.name == "none":
+        return f"The reference applied directly does best: expect an RMS error of up to {_worst(result)} of {over}."
+    without = f" Without compensation: up to {_worst(result, 'none')}." if "none" in found.worst_percent else ""
+    return f"Expect an RMS error of up to {_worst(result)} of {over}, with the best profile: {best.label}.{without}"
+
+
+def fine_print(result: DesignData) -> str:
+    """What the model says of itself.
+
+    Parameters
+    ----------
+    result : DesignData
+    """
+    best = result.recommended
     return (
-        f"Without compensation {percent(none)} % of the range of {result.reference.range_N:.4g} N is lost (rms, "
-        f"{level} level). The best profile here, {LABELS[best]}, leaves {percent(_proof(result, best).score)} % on a "
-        f"finer chain of {FINE_SEGMENTS} masses at a {FINE_REFINEMENT}th of the step."
+        f"With exactly the design's parameters the RMS error is {result.on_proof(best.name).score.percent} % "
+        f"({best.label}, {FINE_SEGMENTS} masses, step/{FINE_REFINEMENT}). That is the accuracy of the computation, not "
+        "of a rig, where the uncertainty of the parameters decides."
     )
 
 
-def _proof(result: Design, compensator: Compensator) -> Played:
-    return next(p for p in result.proof if p.compensator == compensator)
+def _worst(result: DesignData, name: str | None = None) -> str:
+    return f"{result.expectation.worst_percent[name or result.expectation.recommended]:.3g} %"
 
 
-def design_report(result: Design, figures: dict[str, Figure]) -> Report:
+def design_report(result: DesignData, figures: dict[str, Figure]) -> Report:
     """The page of a design.
 
     Parameters
     ----------
-    result : Design
+    result : DesignData
     figures : dict of str to Figure
-        From `design_figures.design_figures`.
+        From `design_figures`.
     """
-    pictures = {name: Picture(figure=figure, caption=_CAPTIONS[name]) for name, figure in figures.items()}
+    pictures = pictures_of(figures, _CAPTIONS)
+    worst = result.expectation.worst_percent
     scores = Table(
-        caption="Error, % of range rms; * design level, also of the last column",
+        caption="RMS error, % of reference range. First column: worst case over the uncertainty; the others: the "
+        "design's own parameters; * design level, used in the last column too",
         columns=(
             "profile",
+            f"worst, {result.expectation.doubt.widths}",
             *(f"{level}*" if level is result.level else level.value for level in Level),
             f"{FINE_SEGMENTS} masses, step/{FINE_REFINEMENT}",
         ),
         rows=tuple(
             (
-                LABELS[c],
-                *(percent(result.on_level(c, level).score) for level in Level),
-                percent(_proof(result, c).score),
+                c.label,
+                worst.get(c.name),
+                *(result.on_level(c.name, level).score.rmse_percent_of_range for level in Level),
+                result.on_proof(c.name).score.rmse_percent_of_range,
             )
-            for c in Compensator
+            for c in result.compensators
         ),
+        least=1e-3,
     )
     peaks = Table(
-        caption="Largest error [N]",
+        caption="Largest error [N], the design's own parameters",
         columns=("profile", *(level.value for level in Level)),
         rows=tuple(
-            (LABELS[c], *(result.on_level(c, level).score.peak_error_N for level in Level)) for c in Compensator
+            (c.label, *(result.on_level(c.name, level).score.peak_error_N for level in Level))
+            for c in result.compensators
         ),
-    )
-    tracking = result.tracking
-    solver = Table(
-        caption="Optimal control",
-        columns=("status", "iterations", "build [s]", "solve [s]"),
-        rows=((tracking.status.value, tracking.iterations, tracking.build_s, tracking.solve_s),),
+        least=1e-3,
     )
     return Report(
         title=f"Design: {result.scenario.name}",
         summary=headline(result),
+        fine_print=fine_print(result),
         warnings=result.warnings,
         sections=(
-            Section(title="What arrives", blocks=(pictures["tension"], scores, peaks)),
-            Section(title="What the actuator does", blocks=(pictures["force"], Text(tracking.message), solver)),
+            Section(title="What to expect", blocks=(pictures["expectation"], scores)),
+            Section(title="Output tension", blocks=(pictures["tension"], peaks)),
+            Section(title="Actuator force", blocks=(pictures["force"], *_solver(result))),
             Section(title="Hysteresis", blocks=(pictures["loop"],)),
-            Section(title="How much the model matters", blocks=(pictures["error"],)),
+            Section(title="Sensitivity to model fidelity", blocks=(pictures["error"],)),
             *_robust_section(result),
         ),
-        provenance=Provenance(
-            scenario=result.scenario, command=f"tendonff design {result.scenario.source.name} --out DIR"
-        ),
+        provenance=provenance_of(result.scenario, "design"),
         files=(
-            FileNote(name="profile.csv", content="reference and the four forces over time"),
+            FileNote(name="profile.csv", content="reference and the force of every compensator over time"),
             FileNote(name="summary.json", content="errors, solver status and warnings for other programs"),
         ),
     )
 
 
-def _robust_section(result: Design) -> tuple[Section, ...]:
+def _solver(result: DesignData) -> tuple[Block, ...]:
+    """How the optimal-control problem ended; nothing where none was solved."""
+    tracking = result.tracking
+    if tracking is None:
+        return ()
+    table = Table(
+        caption="Optimal control",
+        columns=("status", "iterations", "build [s]", "solve [s]"),
+        rows=((tracking.status.value, tracking.iterations, tracking.build_s, tracking.solve_s),),
+    )
+    return Text(tracking.message), table
+
+
+def _robust_section(result: DesignData) -> tuple[Section, ...]:
     """What the scenario's uncertainty does to each profile; nothing where all is certain."""
     found = result.robustness
     if found is None:
         return ()
-    span = result.reference.range_N
+    span, labels = result.reference.range_N, {c.name: c.label for c in result.compensators}
     rows: tuple[tuple[Cell, ...], ...] = tuple(
         (
-            LABELS[compensator],
+            labels[name],
             *(
                 100 * value / span
                 for value in (band.nominal_rms_N, band.least_rms_N, band.median_rms_N, band.worst_rms_N)
             ),
-            f"{100 * band.amplification:+.2g}",
-            f"{100 * (band.worst_sample.mu - 1):+.3g}",
+            100 * band.amplification,
+            100 * (band.worst_sample.mu - 1),
         )
-        for compensator, band in found.bands.items()
+        for name, band in found.bands.items()
     )
     table = Table(
-        caption=f"Error over {len(found.samples)} samples of the parameters, % of range rms; over-compensation: "
-        "largest swing of the output beyond the wanted one, %",
-        columns=("profile", "nominal", "least", "median", "worst", "over-compensation", "mu at the worst [%]"),
+        caption=f"RMS error over {len(found.samples)} samples of the parameters, % of reference range; "
+        "over-compensation: largest swing of the output beyond the reference's, %; mu of the worst sample beside the "
+        "nominal one, %",
+        columns=("profile", "nominal", "least", "median", "worst", "over-compensation", "mu at worst"),
         rows=rows,
     )
     note = Text(
-        f"The optimal profile is made for the {found.objective.value} case. A profile that moves the output more than "
-        "was asked for is on the dangerous side: in a loop it adds energy that the friction, overestimated, does not "
-        "take away."
+        f"The optimal profile minimises the {found.objective.value} error over the samples. Inside a feedback loop "
+        "over-compensation injects energy: choose mu too low rather than too high."
     )
-    return (Section(title="When the parameters are not exact", blocks=(table, note)),)
+    return (Section(title="Robustness to parameter uncertainty", blocks=(table, note)),)

@@ -1,11 +1,11 @@
 """What uncertain parameters do to every profile of a design."""
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
-from tendonff.compensator.compensators.base import Compensator, FloatArray
-from tendonff.compensator.scenario.sampling import Reference
-from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.ocp.tracking.robust import ErrorBand, Objective, Sample, Uncertainty, error_band, sample_transmissions
+from tendonff.compensator.compensators.base import FloatArray, Problem
+from tendonff.models.uncertainty import Objective
+from tendonff.ocp.tracking.robust import ErrorBand, Sample, error_band
 
 _OVERCOMPENSATION = 0.02
 """Swing beyond the wanted one that is worth a warning [-]."""
@@ -21,56 +21,37 @@ class Robustness:
         The first is the nominal one.
     objective : Objective
         What the optimal profile was made for.
-    bands : dict of Compensator to ErrorBand
+    bands : dict of str to ErrorBand
+        By name of the compensator.
     """
 
     samples: tuple[Sample, ...]
     objective: Objective
-    bands: dict[Compensator, ErrorBand]
+    bands: dict[str, ErrorBand]
 
 
-def samples_of(scenario: Scenario) -> tuple[Sample, ...]:
-    """The transmissions that the scenario's uncertainty admits; the nominal one alone where all is certain.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    """
-    robust = scenario.robust
-    uncertainty = Uncertainty(
-        mu=robust.mu,
-        stiffness=robust.stiffness,
-        bristle_stiffness=robust.bristle_stiffness,
-        samples=robust.samples,
-        seed=robust.seed,
-    )
-    return sample_transmissions(scenario.transmission, uncertainty)
-
-
-def robustness(
-    scenario: Scenario, samples: tuple[Sample, ...], forces_N: dict[Compensator, FloatArray], reference: Reference
-) -> Robustness:
-    """Play every profile on every sample, on the design level.
+def robustness(problem: Problem, forces_N: Mapping[str, FloatArray]) -> Robustness:
+    """Simulate every sample of a problem under every profile, on the design level.
 
     Parameters
     ----------
-    scenario : Scenario
-    samples : tuple of Sample
-    forces_N : dict of Compensator to ndarray, shape (n,)
-    reference : Reference
+    problem : Problem
+    forces_N : mapping of str to ndarray, shape (n,)
+        By name of the compensator.
     """
+    reference = problem.reference
     bands = {
-        compensator: error_band(
-            samples,
-            scenario.run.level,
+        name: error_band(
+            problem.samples,
+            problem.level,
             force,
             reference.tension_N,
             reference.step_s,
             initial_tension_N=reference.initial_tension_N,
         )
-        for compensator, force in forces_N.items()
+        for name, force in forces_N.items()
     }
-    return Robustness(samples=samples, objective=Objective(scenario.robust.objective.value), bands=bands)
+    return Robustness(samples=problem.samples, objective=problem.objective, bands=bands)
 
 
 def robustness_warnings(found: Robustness) -> list[str]:
@@ -81,10 +62,11 @@ def robustness_warnings(found: Robustness) -> list[str]:
     found : Robustness
     """
     return [
-        f"{compensator}: over-compensates by up to {100 * band.amplification:.2g} % of the swing where mu is "
-        f"{100 * (band.amplified_sample.mu - 1):+.3g} %; in a loop that adds energy: stay on the low side of mu"
-        for compensator, band in found.bands.items()
-        if compensator is not Compensator.NONE and band.amplification > _OVERCOMPENSATION
+        f"{name}: over-compensates by up to {100 * band.amplification:.2g} % of the swing where mu is "
+        f"{100 * (band.amplified_sample.mu - 1):+.3g} %; inside a feedback loop over-compensation injects "
+        "energy: choose mu too low rather than too high"
+        for name, band in found.bands.items()
+        if name != "none" and band.amplification > _OVERCOMPENSATION
     ]
 
 
@@ -110,5 +92,5 @@ def robustness_summary(found: Robustness) -> dict[str, object]:
     return {
         "samples": len(found.samples),
         "objective": found.objective.value,
-        "compensators": {compensator.value: band_of(band) for compensator, band in found.bands.items()},
+        "compensators": {name: band_of(band) for name, band in found.bands.items()},
     }

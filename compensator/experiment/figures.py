@@ -5,13 +5,22 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from mpl_toolkits.mplot3d import Axes3D
 
 from tendonff.compensator.experiment.machine import StatePass
 from tendonff.compensator.experiment.numbers import driven_motor, holds, reversals
-from tendonff.compensator.experiment.run import SECTIONS, ExperimentResult, ExperimentRun
+from tendonff.compensator.experiment.result import SECTIONS, ExperimentData, ExperimentRun
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.reporting.plots import BLUE, GREY, INK, LINE_STYLES, VERMILION, figure_style, new_figure
+from tendonff.compensator.reporting.plots import (
+    BLUE,
+    GREY,
+    INK,
+    LINE_STYLES,
+    VERMILION,
+    figure_style,
+    legend_below,
+    new_figure,
+    thinned,
+)
 from tendonff.models.fidelity import Level
 
 _LEVEL_LOOK: dict[Level, dict[str, Any]] = {
@@ -20,13 +29,8 @@ _LEVEL_LOOK: dict[Level, dict[str, Any]] = {
     Level.PRESLIDING: {"color": BLUE, "linestyle": LINE_STYLES[0], "linewidth": 1.6},
 }
 _MAP = "viridis"  # even in lightness, so that it survives a black-and-white print
-_SURFACE_ROWS = 160
-_CURVE_ROWS = 4000
-
-
-def _thinned(count: int, most: int) -> slice:
-    """Every k-th row, so that at most about `most` are drawn."""
-    return slice(0, count, max(count // most, 1))
+_HEAT = "cividis_r"  # dark is high
+_HEAT_ROWS = 600
 
 
 def _section_colours() -> FloatArray:
@@ -36,14 +40,18 @@ def _section_colours() -> FloatArray:
     return np.asarray(mpl.colormaps[_MAP](np.linspace(0.0, 0.88, SECTIONS)))
 
 
-def _shade_states(axes: Axes, run: ExperimentRun, *, named: bool) -> None:
-    """Every other state on grey, with its name above the panel."""
+def _shade_states(axes: Axes, run: ExperimentRun, *, named: bool, shaded: bool = True) -> None:
+    """Every other state on grey, or between lines, with its name above the panel."""
     total = run.time_s[-1]
     end_of_last_name = -np.inf
     for index, done in enumerate(run.passes):
         start, end = run.time_s[done.first_row], run.time_s[done.last_row]
         if index % 2:
-            axes.axvspan(start, end, color="#EBEBEB", linewidth=0, zorder=0)
+            if shaded:
+                axes.axvspan(start, end, color="#EBEBEB", linewidth=0, zorder=0)
+            else:
+                for edge in (start, end):
+                    axes.axvline(edge, color="white", linewidth=0.6)
         if named:
             middle = (start + end) / 2
             lift = 1.02 if middle - end_of_last_name > 0.03 * total else 1.09  # narrow neighbours on two lines
@@ -60,17 +68,17 @@ def _shade_states(axes: Axes, run: ExperimentRun, *, named: bool) -> None:
 
 
 @figure_style()
-def tensions_figure(result: ExperimentResult) -> Figure:
+def tensions_figure(result: ExperimentData) -> Figure:
     """Seven tensions over time on the three levels, states shaded and named.
 
     Parameters
     ----------
-    result : ExperimentResult
+    result : ExperimentData
     """
     figure, axes = new_figure(len(result.runs), 1, height_in=7.0, share_x=True)
     for row, (level, run) in enumerate(result.runs.items()):
         panel: Axes = axes[row, 0]
-        rows = _thinned(len(run.time_s), _CURVE_ROWS)
+        rows = thinned(len(run.time_s))
         tension = run.tension_N
         for k, colour in enumerate(_section_colours()):
             label = f"$f_{k + 1}$" + (" (motor 1)" if k == 0 else " (motor 2)" if k == SECTIONS - 1 else "")
@@ -81,46 +89,31 @@ def tensions_figure(result: ExperimentResult) -> Figure:
         panel.set_ylim(bottom=0)
         panel.margins(x=0)
     axes[-1, 0].set_xlabel("time [s]")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=SECTIONS)
+    legend_below(figure, axes[0, 0], columns=SECTIONS)
     return figure
 
 
 @figure_style()
-def distribution_figure(result: ExperimentResult) -> Figure:
+def distribution_figure(result: ExperimentData) -> Figure:
     """Tension over time and angle, on the level of the machine.
 
     Parameters
     ----------
-    result : ExperimentResult
+    result : ExperimentData
     """
     run = result.runs[result.lead]
-    rows = _thinned(len(run.time_s), _SURFACE_ROWS)
+    rows = thinned(len(run.time_s), _HEAT_ROWS)
     time, tension = run.time_s[rows], run.tension_N[rows]
     angle = np.degrees(np.linspace(0, run.transmission.path.total_angle_rad, SECTIONS))
-    figure, axes = new_figure(height_in=4.6, projection="3d")
-    panel: Axes3D = axes[0, 0]
-    panel.plot_surface(
-        time[:, None] + 0 * angle,
-        angle + 0 * time[:, None],
-        tension,
-        cmap=_MAP,
-        rcount=_SURFACE_ROWS,
-        ccount=SECTIONS,
-        linewidth=0,
-        antialiased=False,
-        rasterized=True,
-        alpha=0.95,
-    )
-    for k in range(SECTIONS):
-        panel.plot(time, np.full(len(time), angle[k]), tension[:, k], color=INK, linewidth=0.6, zorder=10)
-    panel.set_xlabel("time [s]")
-    panel.set_ylabel("angle [deg]")
-    panel.set_zlabel("tension [N]")
-    panel.set_yticks(angle[::2])
-    panel.set_zlim(bottom=0)
-    panel.set_box_aspect((2.0, 1.0, 0.9), zoom=1.1)
-    panel.view_init(elev=28, azim=-58)
-    figure.suptitle(f"level {result.lead}; motor 1 at 0, motor 2 at {angle[-1]:.0f} deg", fontsize=9)
+    figure, axes = new_figure(height_in=3.4)
+    panel: Axes = axes[0, 0]
+    image = panel.pcolormesh(time, angle, tension.T, cmap=_HEAT, shading="gouraud", rasterized=True)
+    lines = panel.contour(time, angle, tension.T, levels=8, colors=INK, linewidths=0.5)
+    panel.clabel(lines, fontsize=7, fmt="%.0f N")
+    _shade_states(panel, run, named=True, shaded=False)
+    panel.grid(visible=False)
+    panel.set(xlabel="time [s]", ylabel="wrap angle from motor 1 [deg]", yticks=angle[::2])
+    figure.colorbar(image, ax=panel, label="tension [N]")
     return figure
 
 
@@ -129,7 +122,7 @@ def _end(run: ExperimentRun, motor: int) -> tuple[FloatArray, str]:
     return run.link_tension_N[:, 0 if motor == 0 else -1], f"$f_{1 if motor == 0 else SECTIONS}$"
 
 
-def _draw_detail(panel: Axes, result: ExperimentResult, done: StatePass, motor: int, what: str) -> None:
+def _draw_detail(panel: Axes, result: ExperimentData, done: StatePass, motor: int, what: str) -> None:
     symbol = ""
     for level, run in result.runs.items():
         tension, symbol = _end(run, motor)
@@ -144,12 +137,12 @@ def _draw_detail(panel: Axes, result: ExperimentResult, done: StatePass, motor: 
 
 
 @figure_style()
-def details_figure(result: ExperimentResult) -> Figure | None:
+def details_figure(result: ExperimentData) -> Figure | None:
     """Holds and reversals, the three levels in one panel each; None for a test that has neither.
 
     Parameters
     ----------
-    result : ExperimentResult
+    result : ExperimentData
     """
     lead = result.runs[result.lead]
     held, turned = list(holds(lead))[:2], reversals(lead)[:2]
@@ -171,18 +164,18 @@ def details_figure(result: ExperimentResult) -> Figure | None:
 
 
 @figure_style()
-def hysteresis_figure(result: ExperimentResult) -> Figure:
+def hysteresis_figure(result: ExperimentData) -> Figure:
     """Tension at both ends over the elongation of the tendon, three levels.
 
     Parameters
     ----------
-    result : ExperimentResult
+    result : ExperimentData
     """
     figure, axes = new_figure(1, 2, height_in=3.4, share_y=True)
     for motor in (0, 1):
         panel: Axes = axes[0, motor]
         for level, run in result.runs.items():
-            rows = _thinned(len(run.time_s), _CURVE_ROWS)
+            rows = thinned(len(run.time_s))
             tension, symbol = _end(run, motor)
             panel.plot(1e3 * run.elongation_m[rows], tension[rows], label=str(level), **_LEVEL_LOOK[level])
             panel.plot(0, tension[0], "o", color=INK, markersize=4)
@@ -194,12 +187,12 @@ def hysteresis_figure(result: ExperimentResult) -> Figure:
     return figure
 
 
-def experiment_figures(result: ExperimentResult) -> dict[str, Figure]:
+def experiment_figures(result: ExperimentData) -> dict[str, Figure]:
     """All figures by file name; without the details where the states have no hold and no reversal.
 
     Parameters
     ----------
-    result : ExperimentResult
+    result : ExperimentData
     """
     figures = {
         "experiment_distribution": distribution_figure(result),

@@ -6,13 +6,13 @@ the models among themselves.
 
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from tendonff.compensator.experiment.machine import StatePass
-from tendonff.compensator.experiment.run import SECTIONS, ExperimentResult, ExperimentRun
+from tendonff.compensator.experiment.result import ExperimentData, ExperimentRun
 from tendonff.compensator.scenario.experiment import MotorMode
 
 _BREAKAWAY = (0.05, 0.5)
@@ -279,12 +279,12 @@ def refinement(coarse: ExperimentRun, fine: ExperimentRun) -> Refinement:
     )
 
 
-def warnings_of(result: ExperimentResult) -> list[str]:
+def warnings_of(result: ExperimentData) -> list[str]:
     """What the user should know about the test.
 
     Parameters
     ----------
-    result : ExperimentResult
+    result : ExperimentData
     """
     lead = result.runs[result.lead]
     notes = [
@@ -310,66 +310,3 @@ def warnings_of(result: ExperimentResult) -> list[str]:
         if transient(run, done) is None
     ]
     return notes
-
-
-def summary_of(result: ExperimentResult, name: str) -> dict[str, object]:
-    """Contents of `summary.json`.
-
-    Parameters
-    ----------
-    result : ExperimentResult
-    name : str
-        Name of the scenario.
-    """
-    lead = result.runs[result.lead]
-    per_level = {
-        level: {
-            "range_N": run.range_N,
-            "relaxation": {state: asdict(value) for state, value in relaxation(run).items()},
-            "transient": {
-                done.state.name: asdict(value) for done in reversals(run) if (value := transient(run, done)) is not None
-            },
-            "switches": [asdict(value) for value in switches(run)],
-            "slip_profile": {state: asdict(value) for state, value in slip_profiles(run).items()},
-            "steepest_gradient_over_mu": steepest_gradient(run),
-        }
-        for level, run in result.runs.items()
-    }
-    steps = [value for run in result.runs.values() for value in switches(run)]
-    return {
-        "schema": 1,
-        "scenario": name,
-        "level_of_the_machine": result.lead,
-        "note": (
-            "The paper shows this test in pictures and prints no numbers; its Fig. 7 cannot be read, so the states are "
-            "chosen. All levels receive the schedule of the machine's level."
-        ),
-        "states": [
-            {
-                "state": done.state.name,
-                "purpose": done.state.purpose,
-                "motor_1": done.state.modes[0],
-                "motor_2": done.state.modes[1],
-                "start_s": round(float(lead.time_s[done.first_row]), 9),
-                "end_s": round(float(lead.time_s[done.last_row]), 9),
-                "ended_by": str(done.state.until) if done.met else "time",
-            }
-            for done in lead.passes
-        ],
-        "levels": per_level,
-        "bumpless": {
-            "largest_tension_step_percent_of_range": max(
-                (value.tension_step_percent_of_range for value in steps), default=0.0
-            ),
-            "largest_force_step_percent_of_range": max(
-                (value.force_step_percent_of_range for value in steps), default=0.0
-            ),
-        },
-        "quasi_static_elastic": {
-            "bristle_stiffness_factor": result.quasi_static_factor,
-            "steepest_gradient_over_mu": steepest_gradient(result.quasi_static),
-        },
-        "refinement": asdict(refinement(lead, result.fine)),
-        "sections": SECTIONS,
-        "warnings": warnings_of(result),
-    }

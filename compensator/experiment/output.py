@@ -1,70 +1,46 @@
-"""The paper's experiment: ten states, two motors, seven tensions, three models.
+"""The files of a two-motor test: a table for each level, summary, figures and report."""
 
-Rooms: `experiment_machine` (the states as data), `experiment_rig` (two motors on the chain), `experiment_run` (the
-machine on one level, its schedule on the others), `experiment_numbers` and `experiment_figures` (what they show).
-"""
-
+import os
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
-from tendonff.compensator.experiment.machine import plan_experiment
-from tendonff.compensator.experiment.numbers import summary_of
-from tendonff.compensator.experiment.run import SECTIONS, ExperimentResult, ExperimentRun, run_experiment
-from tendonff.compensator.files.writing import atomic_directory, atomic_file, write_json
-from tendonff.compensator.scenario.scenario import Scenario
-
-__all__ = ["ExperimentResult", "ExperimentRun", "experiment", "write_experiment"]
-
-
-def experiment(scenario: Scenario) -> ExperimentResult:
-    """Run the two-motor test of a scenario on the three levels.
-
-    Parameters
-    ----------
-    scenario : Scenario
-        Its [experiment] table may be missing.
-
-    Raises
-    ------
-    InputError
-        The table asks for tensions or rates beyond the actuator's.
-    SolveError
-        A step could not be solved.
-    """
-    return run_experiment(plan_experiment(scenario), scenario.run.level, scenario.experiment.fine_segments)
+from tendonff.compensator.experiment.figures import experiment_figures
+from tendonff.compensator.experiment.numbers import (
+    refinement,
+    relaxation,
+    reversals,
+    slip_profiles,
+    steepest_gradient,
+    switches,
+    transient,
+    warnings_of,
+)
+from tendonff.compensator.experiment.report import experiment_report
+from tendonff.compensator.experiment.result import SECTIONS, ExperimentData, ExperimentRun
+from tendonff.compensator.files.writing import atomic_directory, atomic_file
+from tendonff.compensator.reporting.folder import write_pages
 
 
-def write_experiment(result: ExperimentResult, folder: Path, scenario: Scenario) -> dict[str, object]:
-    """Write `experiment_<level>.csv`, `summary.json`, the figures and `report.html`, all or nothing.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExperimentResult(ExperimentData):
+    """A test that can be written."""
 
-    Parameters
-    ----------
-    result : ExperimentResult
-    folder : Path
-    scenario : Scenario
-        That it was made for.
+    def write(self, folder: str | os.PathLike[str]) -> None:
+        """Write `experiment_<level>.csv`, `summary.json`, figures and `report.html`, all or nothing.
 
-    Returns
-    -------
-    dict
-        Contents of `summary.json`.
-    """
-    from tendonff.compensator.experiment.figures import experiment_figures
-    from tendonff.compensator.experiment.report import experiment_report
-    from tendonff.compensator.reporting.page import write_report
-    from tendonff.compensator.reporting.plots import save_figure
-
-    summary = summary_of(result, scenario.name)
-    figures = experiment_figures(result)
-    with atomic_directory(folder) as partial:
-        for level, run in result.runs.items():
-            write_run(run, partial / f"experiment_{level}.csv")
-        for name, figure in figures.items():
-            save_figure(figure, partial / name)
-        write_report(partial / "report.html", experiment_report(result, scenario, figures))
-        write_json(partial / "summary.json", summary)
-    return summary
+        Parameters
+        ----------
+        folder : str or path
+            Made where it is missing.
+        """
+        figures = experiment_figures(self)
+        with atomic_directory(folder) as partial:
+            for level, run in self.runs.items():
+                write_run(run, partial / f"experiment_{level}.csv")
+            write_pages(partial, summary(self), figures, experiment_report(self, figures))
 
 
 def write_run(run: ExperimentRun, path: Path) -> None:
@@ -75,11 +51,70 @@ def write_run(run: ExperimentRun, path: Path) -> None:
     run : ExperimentRun
     path : Path
     """
-    import pandas as pd
-
     columns: dict[str, object] = {"time_s": np.round(run.time_s, 12), "state": run.state_names()}
     columns |= {f"tension_{k + 1}_N": run.tension_N[:, k] for k in range(SECTIONS)}
     columns |= {f"motor_{k + 1}_position_m": run.position_m[:, k] for k in (0, 1)}
     columns |= {f"motor_{k + 1}_force_N": run.force_N[:, k] for k in (0, 1)}
     with atomic_file(path) as partial:
         pd.DataFrame(columns).to_csv(partial, index=False, lineterminator="\n")
+
+
+def summary(result: ExperimentData) -> dict[str, object]:
+    """The contents of `summary.json`.
+
+    Parameters
+    ----------
+    result : ExperimentData
+    """
+    lead = result.runs[result.lead]
+    per_level = {
+        level: {
+            "range_N": run.range_N,
+            "relaxation": {state: asdict(value) for state, value in relaxation(run).items()},
+            "transient": {
+                done.state.name: asdict(value) for done in reversals(run) if (value := transient(run, done)) is not None
+            },
+            "switches": [asdict(value) for value in switches(run)],
+            "slip_profile": {state: asdict(value) for state, value in slip_profiles(run).items()},
+            "steepest_gradient_over_mu": steepest_gradient(run),
+        }
+        for level, run in result.runs.items()
+    }
+    steps = [value for run in result.runs.values() for value in switches(run)]
+    return {
+        "schema": 1,
+        "scenario": result.scenario.name,
+        "level_of_the_machine": result.lead,
+        "note": (
+            "The paper shows this test in pictures and prints no numbers; its Fig. 7 cannot be read, so the states are "
+            "chosen. All levels receive the schedule of the machine's level."
+        ),
+        "states": [
+            {
+                "state": done.state.name,
+                "purpose": done.state.purpose,
+                "motor_1": done.state.modes[0],
+                "motor_2": done.state.modes[1],
+                "start_s": round(float(lead.time_s[done.first_row]), 9),
+                "end_s": round(float(lead.time_s[done.last_row]), 9),
+                "ended_by": str(done.state.until) if done.met else "time",
+            }
+            for done in lead.passes
+        ],
+        "levels": per_level,
+        "bumpless": {
+            "largest_tension_step_percent_of_range": max(
+                (value.tension_step_percent_of_range for value in steps), default=0.0
+            ),
+            "largest_force_step_percent_of_range": max(
+                (value.force_step_percent_of_range for value in steps), default=0.0
+            ),
+        },
+        "quasi_static_elastic": {
+            "bristle_stiffness_factor": result.quasi_static_factor,
+            "steepest_gradient_over_mu": steepest_gradient(result.quasi_static),
+        },
+        "refinement": asdict(refinement(lead, result.fine)),
+        "sections": SECTIONS,
+        "warnings": warnings_of(result),
+    }

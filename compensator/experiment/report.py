@@ -13,13 +13,21 @@ from tendonff.compensator.experiment.numbers import (
     transient,
     warnings_of,
 )
-from tendonff.compensator.experiment.run import ExperimentResult
-from tendonff.compensator.reporting.page import FileNote, Picture, Provenance, Report, Section, Table, Text
-from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.experiment.result import ExperimentData
+from tendonff.compensator.reporting.page import (
+    FileNote,
+    Picture,
+    Report,
+    Section,
+    Table,
+    Text,
+    pictures_of,
+    provenance_of,
+)
 
 _CAPTIONS = {
     "experiment_tensions": "Seven tensions along the path; the states are shaded and named.",
-    "experiment_distribution": "Tension over time and angle on the machine's level.",
+    "experiment_distribution": "Tension over time (across) and angle (up) on the machine's level; dark is high.",
     "experiment_details": "Holds and reversals on the three models: relaxation, and how smooth the transient is.",
     "experiment_hysteresis": "Tension at each motor over the elongation of the tendon.",
 }
@@ -29,17 +37,16 @@ _NOTE = (
 )
 
 
-def experiment_report(result: ExperimentResult, scenario: Scenario, figures: dict[str, Figure]) -> Report:
+def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Report:
     """The page of an experiment.
 
     Parameters
     ----------
-    result : ExperimentResult
-    scenario : Scenario
+    result : ExperimentData
     figures : dict of str to Figure
-        From `experiment_figures.experiment_figures`.
+        From `experiment_figures`.
     """
-    pictures = {name: Picture(figure=figure, caption=_CAPTIONS[name]) for name, figure in figures.items()}
+    pictures = pictures_of(figures, _CAPTIONS)
     holds = Table(
         caption="Tension change of the held end during a hold [N]",
         columns=("level", *relaxation(result.runs[result.lead])),
@@ -72,7 +79,7 @@ def experiment_report(result: ExperimentResult, scenario: Scenario, figures: dic
     )
     slips = sum(len(slip_profiles(run)) for run in result.runs.values())
     return Report(
-        title=f"Two-motor test: {scenario.name}",
+        title=f"Two-motor test: {result.scenario.name}",
         summary=_summary(result),
         warnings=warnings_of(result),
         sections=(
@@ -81,23 +88,23 @@ def experiment_report(result: ExperimentResult, scenario: Scenario, figures: dic
                 blocks=(Text(_NOTE), *_present(pictures, "experiment_tensions"), _states(result)),
             ),
             Section(
-                title="What the models differ in", blocks=(*_present(pictures, "experiment_details"), holds, transients)
+                title="How the models differ", blocks=(*_present(pictures, "experiment_details"), holds, transients)
             ),
             Section(title="Along the path", blocks=(*_present(pictures, "experiment_distribution"), gradients)),
             Section(title="Hysteresis of the tendon", blocks=_present(pictures, "experiment_hysteresis")),
             Section(
-                title="How far to trust it",
+                title="Numerical accuracy",
                 blocks=(
                     Text(
                         f"Switching a motor changes a tension by at most {step:.2g} % of the range. "
                         f"{finer.segments} and {finer.fine_segments} masses differ by "
-                        f"{finer.rms_percent_of_range:.2g} % of the range rms. "
+                        f"{finer.rms_percent_of_range:.2g} % of the range RMS. "
                         f"{slips} one-way ramps were compared with the static law; see summary.json."
                     ),
                 ),
             ),
         ),
-        provenance=Provenance(scenario=scenario, command=f"tendonff experiment {scenario.source.name} --out DIR"),
+        provenance=provenance_of(result.scenario, "experiment"),
         files=(
             *(FileNote(name=f"experiment_{level}.csv", content="states, tensions, motors") for level in result.runs),
             FileNote(name="summary.json", content="every number of this page for other programs"),
@@ -110,7 +117,7 @@ def _present(pictures: dict[str, Picture], name: str) -> tuple[Picture, ...]:
     return (pictures[name],) if name in pictures else ()
 
 
-def _states(result: ExperimentResult) -> Table:
+def _states(result: ExperimentData) -> Table:
     lead = result.runs[result.lead]
     return Table(
         caption="States; A acts, A_h holds, L loads",
@@ -129,7 +136,7 @@ def _states(result: ExperimentResult) -> Table:
     )
 
 
-def _summary(result: ExperimentResult) -> str:
+def _summary(result: ExperimentData) -> str:
     largest = {
         level: max((abs(percent_of(v.change_N, run.range_N)) for v in relaxation(run).values()), default=0.0)
         for level, run in result.runs.items()

@@ -19,8 +19,9 @@ import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.scenario.experiment import MotorMode
-from tendonff.models.chain import Chain, ChainState
+from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
+from tendonff.models.layout import ChainInputs, ChainState
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import Simulator, describe_failure
@@ -201,15 +202,16 @@ class Rig:
         """A simulator for the modes, from a state."""
         near, far = (self._spec.stiffness(mode) for mode in modes)
         chain = self._chain.with_end_stiffness(near, far)
-        return Simulator(chain, self._spec.step_s, state, self._inputs(self._command[None, :], modes)[0])
+        return Simulator(chain, self._spec.step_s, state, self._inputs(self._command[None, :], modes))
 
     @staticmethod
-    def _inputs(commands: FloatArray, modes: Modes) -> FloatArray:
-        """Inputs f_c1, x_c1, f_c2, x_c2 of the chain, shape (n, 4)."""
-        inputs = np.zeros((len(commands), 4))
-        for k, mode in enumerate(modes):
-            inputs[:, 2 * k + (mode is not MotorMode.ACT)] = commands[:, k]
-        return inputs
+    def _inputs(commands: FloatArray, modes: Modes) -> ChainInputs:
+        """What the two motors do: a force, or a rest position."""
+        names = ("force_N" if mode is MotorMode.ACT else "rest_m" for mode in modes)
+        values = {
+            f"{end}_{name}": commands[:, k] for k, (end, name) in enumerate(zip(("near", "far"), names, strict=True))
+        }
+        return ChainInputs.of(len(commands), **values)
 
     def _motor_force(self, commands: FloatArray, positions: FloatArray) -> FloatArray:
         """Pull of each motor on its end [N], shape (n, 2)."""

@@ -6,118 +6,23 @@ the new command from its own end tension and position, as a real rig does from i
 the same time and ends at the same force as the machine's.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from tendonff.compensator.experiment.machine import Machine, Plan, Schedule, StatePass
+from tendonff.compensator.experiment.machine import Machine, Plan, Schedule, StatePass, plan_experiment
+from tendonff.compensator.experiment.output import ExperimentResult
+from tendonff.compensator.experiment.result import ExperimentRun
 from tendonff.compensator.experiment.rig import Rig, RigRows
+from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
-from tendonff.models.parameters import Transmission
 
 Ends = tuple[float | None, float | None]
 
 _SCALE_BOUNDS = (0.5, 2.0)
 _QUASI_STATIC_FACTOR = 100.0
-
-SECTIONS = 7
-"""Places along the path at which tensions are reported: 0, theta/6 ... theta."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExperimentRun:
-    """The test on one model, rows at 0, h, 2 h ...
-
-    Parameters
-    ----------
-    level : Level
-    transmission : Transmission
-        What it ran on.
-    passes : tuple of StatePass
-        States and their rows; a state starts with the row in which the one before it ended.
-    time_s : ndarray, shape (n,)
-    link_tension_N : ndarray, shape (n, N + 1)
-        f_1 .. f_{N+1} of the chain.
-    position_m, force_N : ndarray, shape (n, 2)
-        Of motors 1 and 2; forces are each motor's pull on its end of the tendon.
-    velocity_m_per_s : ndarray, shape (n, N + 2)
-        v_a, v_1 .. v_N, v_l.
-    force_jump_N : ndarray, shape (number of states, 2)
-        Jump of each motor's pull as a state begins.
-    """
-
-    level: Level
-    transmission: Transmission
-    passes: tuple[StatePass, ...]
-    time_s: FloatArray
-    link_tension_N: FloatArray
-    position_m: FloatArray
-    force_N: FloatArray
-    velocity_m_per_s: FloatArray
-    force_jump_N: FloatArray
-
-    @property
-    def tension_N(self) -> FloatArray:
-        """Tensions at the seven sections of the path, shape (n, 7) [N].
-
-        Link i of N masses stands at the angle i theta/N; between links ln T is taken as linear, which it is in slip.
-        """
-        links = self.link_tension_N.shape[1]
-        if links == SECTIONS:
-            return self.link_tension_N
-        places = np.linspace(0, links - 1, SECTIONS)
-        left = np.minimum(places.astype(int), max(links - 2, 0))
-        share = places - left
-        log = np.log(np.maximum(self.link_tension_N, 1e-12))
-        sections: FloatArray = np.exp((1 - share) * log[:, left] + share * log[:, left + 1])
-        return sections
-
-    @property
-    def elongation_m(self) -> FloatArray:
-        """Elongation of the tendon since the start, q_a - q_l, shape (n,) [m]."""
-        length = self.position_m[:, 0] - self.position_m[:, 1]
-        change: FloatArray = length - length[0]
-        return change
-
-    @property
-    def range_N(self) -> float:
-        """Largest minus smallest tension of the run [N]: what percentages refer to."""
-        return float(np.ptp(self.link_tension_N))
-
-    def state_names(self) -> list[str]:
-        """Name of the state in each row; a row in which one state ends and the next begins counts to the first."""
-        names = [self.passes[0].state.name]
-        for done in self.passes:
-            names += [done.state.name] * (done.last_row - done.first_row)
-        return names
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExperimentResult:
-    """The test on all models.
-
-    Parameters
-    ----------
-    plan : Plan
-    lead : Level
-        Level on which the machine ran.
-    runs : dict of Level to ExperimentRun
-        All three levels, on the path's own number of masses.
-    fine : ExperimentRun
-        The leading level with more masses.
-    quasi_static : ExperimentRun
-        The elastic level with a stiffer bristle, no viscous friction and no Stribeck effect: nearest to the static law.
-    quasi_static_factor : float
-        By how much its bristle is stiffer.
-    """
-
-    plan: Plan
-    lead: Level
-    runs: dict[Level, ExperimentRun]
-    fine: ExperimentRun
-    quasi_static: ExperimentRun
-    quasi_static_factor: float
 
 
 def run_machine(plan: Plan, level: Level) -> tuple[Schedule, ExperimentRun]:
@@ -160,7 +65,7 @@ def run_machine(plan: Plan, level: Level) -> tuple[Schedule, ExperimentRun]:
     return schedule, _run(level, plan, schedule, pieces, jumps)
 
 
-def play_schedule(plan: Plan, schedule: Schedule, level: Level, segments: int | None = None) -> ExperimentRun:
+def follow_schedule(plan: Plan, schedule: Schedule, level: Level, segments: int | None = None) -> ExperimentRun:
     """Give a model the commands of a schedule.
 
     Parameters
@@ -190,19 +95,31 @@ def _scales(rates: FloatArray, starts_N: Ends, ends_N: Ends, step_s: float) -> F
     return scales
 
 
-def run_experiment(plan: Plan, lead: Level, fine_segments: int) -> ExperimentResult:
-    """Run the test on the three levels, and on the leading one with more masses.
+def experiment(scenario: Scenario, *, progress: Progress = silent) -> ExperimentResult:
+    """Run the two-motor test of a scenario on the three levels, and on its own with more masses.
 
     Parameters
     ----------
-    plan : Plan
-    lead : Level
-        Level on which the state machine decides.
-    fine_segments : int
-        Number of masses of the finer run.
+    scenario : Scenario
+        Its [experiment] table may be missing.
+    progress : callable, optional
+        Told parts done and parts in all.
+
+    Raises
+    ------
+    InputError
+        The table asks for tensions or rates beyond the actuator's.
+    SolveError
+        A step could not be solved.
     """
+    plan, lead = plan_experiment(scenario), scenario.run.level
+    parts = Parts(progress, len(Level) + 2)
     schedule, leading = run_machine(plan, lead)
-    runs = {level: leading if level is lead else play_schedule(plan, schedule, level) for level in Level}
+    parts.done()
+    runs = {}
+    for level in Level:
+        runs[level] = leading if level is lead else follow_schedule(plan, schedule, level)
+        parts.done(level is not lead)
     friction = plan.rig.transmission.friction
     ideal = replace(
         friction,
@@ -213,12 +130,15 @@ def run_experiment(plan: Plan, lead: Level, fine_segments: int) -> ExperimentRes
         bristle_stiffness_N_per_m=_QUASI_STATIC_FACTOR * friction.bristle_stiffness_N_per_m,
     )
     rig = replace(plan.rig, transmission=replace(plan.rig.transmission, friction=ideal))
+    fine = follow_schedule(plan, schedule, lead, scenario.experiment.fine_segments)
+    parts.done()
     return ExperimentResult(
+        scenario=scenario,
         plan=plan,
         lead=lead,
         runs=runs,
-        fine=play_schedule(plan, schedule, lead, fine_segments),
-        quasi_static=play_schedule(replace(plan, rig=rig), schedule, Level.ELASTIC),
+        fine=fine,
+        quasi_static=follow_schedule(replace(plan, rig=rig), schedule, Level.ELASTIC),
         quasi_static_factor=_QUASI_STATIC_FACTOR,
     )
 

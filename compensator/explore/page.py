@@ -19,9 +19,8 @@ from bokeh.models.widgets import Checkbox, Div, Slider
 from bokeh.plotting import figure
 from bokeh.server.server import Server
 
-from tendonff.compensator.compensators.base import Compensator
-from tendonff.compensator.design.figures import COLOURS, LABELS, percent
-from tendonff.compensator.explore.run import SHOWN, Curve, Explorer, Knobs
+from tendonff.compensator.explore.result import Course
+from tendonff.compensator.explore.run import SHOWN, ExploreParameters, Explorer
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.errors import TendonffError
@@ -29,7 +28,7 @@ from tendonff.models.errors import TendonffError
 ADDRESS = "127.0.0.1"
 """The only address that the page is served on."""
 
-_DASHES = {Compensator.NONE: "dotted", Compensator.CAPSTAN: "dashdot", Compensator.INVERSE: "solid"}
+_DASHES = {":": "dotted", "-.": "dashdot", "-": "solid", "--": "dashed"}
 
 
 class ExplorerPage:
@@ -52,9 +51,11 @@ class ExplorerPage:
         self._bristle = _log_slider("bristle stiffness [N/m]", start.bristle_stiffness_N_per_m, 1.5)
         self._relaxation = _log_slider("relaxation time [s]", start.relaxation_time_s, 1.5)
         self._rate = _log_slider("rate limit of the force [N/s]", start.force_rate_max_N_per_s, 3.0)
-        self._knows = Checkbox(label="the design knows the change", active=True)
+        self._knows = Checkbox(label="Redesign for these values (untick: keep the scenario's design)", active=True)
         self._scores = Div(text="", sizing_mode="stretch_width")
-        self._sources = {c: ColumnDataSource(data={"time": [], "force": [], "output": [], "error": []}) for c in SHOWN}
+        self._sources = {
+            c.name: ColumnDataSource(data={"time": [], "force": [], "output": [], "error": []}) for c in SHOWN
+        }
         self._wanted = ColumnDataSource(data={"time": [], "tension": []})
         self._name = scenario.name
         self.update()
@@ -83,9 +84,9 @@ class ExplorerPage:
         self._waiting = True
         self._document.add_next_tick_callback(self.update)
 
-    def knobs(self) -> Knobs:
+    def parameters(self) -> ExploreParameters:
         """Where the sliders stand."""
-        return Knobs(
+        return ExploreParameters(
             mu=float(self._mu.value),
             total_angle_deg=float(self._angle.value),
             bristle_stiffness_N_per_m=10.0 ** float(self._bristle.value),
@@ -97,29 +98,31 @@ class ExplorerPage:
         """Compute with the sliders where they stand, and show it; what cannot be computed is said in words."""
         self._waiting = False
         try:
-            shown = self._explorer.at(self.knobs(), design_knows=bool(self._knows.active))
+            shown = self._explorer.at(self.parameters(), design_knows=bool(self._knows.active))
         except TendonffError as error:
             why = escape(str(error))
-            self._scores.text = f"<p role='alert'><b>Not possible:</b> {why}</p><p>The curves are the last ones.</p>"
+            self._scores.text = (
+                f"<p role='alert'><b>Infeasible:</b> {why}</p><p>Curves show the last feasible values.</p>"
+            )
             return
         lines = "".join(
-            f"<tr><td style='color:{COLOURS[c]}'>&#9632;</td><td>{escape(LABELS[c])}</td>"
-            f"<td style='text-align:right'>{escape(percent(curve.score))} %</td></tr>"
-            for c, curve in shown.curves.items()
+            f"<tr><td style='color:{c.style.color}'>&#9632;</td><td>{escape(c.label)}</td>"
+            f"<td style='text-align:right'>{escape(shown.courses[c.name].score.percent)} %</td></tr>"
+            for c in SHOWN
         )
         notes = "".join(f"<p>{escape(note)}</p>" for note in shown.notes)
-        self._scores.text = f"<table><caption>error, % of range rms</caption>{lines}</table>{notes}"
-        for compensator, curve in shown.curves.items():
-            self._sources[compensator].data = _columns(curve)
-        first = next(iter(shown.curves.values()))
+        self._scores.text = f"<table><caption>RMS error, % of reference range</caption>{lines}</table>{notes}"
+        for name, course in shown.courses.items():
+            self._sources[name].data = _columns(course)
+        first = next(iter(shown.courses.values()))
         self._wanted.data = {"time": first.time_s, "tension": first.output_N - first.error_N}
 
     def _figures(self) -> UIElement:
         """Loop, profile, output and error; the three over time share their axis."""
-        loop = figure(title="Loop: output over force", x_axis_label="force [N]", y_axis_label="output tension [N]")
+        loop = figure(title="Tendon hysteresis", x_axis_label="force [N]", y_axis_label="output tension [N]")
         force = figure(title="Force profile", x_axis_label="time [s]", y_axis_label="force [N]")
         output = figure(
-            title="Output tension (black: wanted)",
+            title="Output tension (black: reference)",
             x_axis_label="time [s]",
             y_axis_label="tension [N]",
             x_range=force.x_range,
@@ -135,9 +138,9 @@ class ExplorerPage:
                 panel.line(
                     x,
                     y,
-                    source=self._sources[compensator],
-                    color=COLOURS[compensator],
-                    line_dash=_DASHES[compensator],
+                    source=self._sources[compensator.name],
+                    color=compensator.style.color,
+                    line_dash=_DASHES[compensator.style.linestyle],
                     line_width=1.5,
                 )
         output.line("time", "tension", source=self._wanted, color="black", line_width=1)
@@ -145,8 +148,8 @@ class ExplorerPage:
         return gridplot(panels, sizing_mode="stretch_width", height=300, toolbar_location=None)
 
 
-def _columns(curve: Curve) -> dict[str, Any]:
-    return {"time": curve.time_s, "force": curve.force_N, "output": curve.output_N, "error": curve.error_N}
+def _columns(course: Course) -> dict[str, Any]:
+    return {"time": course.time_s, "force": course.force_N, "output": course.output_N, "error": course.error_N}
 
 
 def _slider(title: str, value: float, start: float, end: float, step: float, shown: str) -> Slider:

@@ -1,36 +1,26 @@
-"""What the interactive page computes: one scenario with a few parameters changed, designed and played.
-
-No page in here: `explore_page` draws it.
-"""
+"""What the interactive page computes: one scenario with a few parameters changed, designed and simulated."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.compensator.compensators.base import (
-    Compensator,
-    FloatArray,
-    Plant,
-    Score,
-    capstan_force,
-    exact_inverse,
-    play_and_score,
-)
-from tendonff.compensator.scenario.sampling import Reference, sample_reference
+from tendonff.compensator.compensators.base import Problem, ProfileStatus
+from tendonff.compensator.compensators.registry import COMPENSATORS
+from tendonff.compensator.compensators.score import SimulatedPlant, verify
+from tendonff.compensator.explore.result import Course, Exploration
+from tendonff.compensator.scenario.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
-from tendonff.ocp.inverse import InverseStatus
-from tendonff.ocp.tracking.limits import ForceLimits
 
-SHOWN = (Compensator.NONE, Compensator.CAPSTAN, Compensator.INVERSE)
+SHOWN = tuple(c for c in COMPENSATORS if c.is_fast)
 """Fast enough to follow a slider; the optimal profile takes seconds: `tendonff design`."""
 
 _MOST_POINTS = 1500
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Knobs:
+class ExploreParameters:
     """The parameters that the page lets one change.
 
     Parameters
@@ -54,8 +44,8 @@ class Knobs:
     force_rate_max_N_per_s: float
 
     @classmethod
-    def of(cls, transmission: Transmission, level: Level) -> "Knobs":
-        """Where the knobs stand for a transmission.
+    def of(cls, transmission: Transmission, level: Level) -> "ExploreParameters":
+        """The parameters of a transmission.
 
         Parameters
         ----------
@@ -107,41 +97,6 @@ def _in_proportion(value: float, old: float, new: float) -> float:
     return value * new / old if old > 0 else new
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Curve:
-    """One compensator at the present position of the knobs, thinned for the screen.
-
-    Parameters
-    ----------
-    time_s, force_N, output_N, error_N : ndarray, shape (n,)
-    score : Score
-        Of all rows.
-    """
-
-    time_s: FloatArray
-    force_N: FloatArray
-    output_N: FloatArray
-    error_N: FloatArray
-    score: Score
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Exploration:
-    """What the page shows.
-
-    Parameters
-    ----------
-    reference : Reference
-    curves : dict of Compensator to Curve
-    notes : tuple of str
-        What the reader should know, such as a slack tendon.
-    """
-
-    reference: Reference
-    curves: dict[Compensator, Curve]
-    notes: tuple[str, ...]
-
-
 class Explorer:
     """A scenario to be explored: its reference is sampled once.
 
@@ -152,16 +107,16 @@ class Explorer:
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
-        self.start = Knobs.of(scenario.transmission, scenario.run.level)
+        self.start = ExploreParameters.of(scenario.transmission, scenario.run.level)
 
-    def at(self, knobs: Knobs, *, design_knows: bool = True) -> Exploration:
-        """Design and play with the knobs at a position.
+    def at(self, parameters: ExploreParameters, *, design_knows: bool = True) -> Exploration:
+        """Design and simulate with changed parameters.
 
         Parameters
         ----------
-        knobs : Knobs
+        parameters : ExploreParameters
         design_knows : bool, optional
-            The design is made for the changed tendon; else it is made for the scenario's own and played on the changed
+            The design is made for the changed tendon; else it is made for the scenario's own and tried on the changed
             one, with the changed actuator.
 
         Raises
@@ -170,29 +125,28 @@ class Explorer:
             When the changed transmission cannot deliver the reference, or a value is out of bounds.
         """
         level = self._scenario.run.level
-        plant = knobs.apply(self._scenario.transmission, level)
+        plant = parameters.apply(self._scenario.transmission, level)
         model = plant if design_knows else replace(self._scenario.transmission, actuator=plant.actuator)
-        reference = sample_reference(replace(self._scenario, transmission=model))
-        inversion = exact_inverse(model, level, reference)
-        notes = [] if inversion.status is InverseStatus.EXACT else [f"inverse: {inversion.message}"]
-        forces = {
-            Compensator.NONE: reference.tension_N,
-            Compensator.CAPSTAN: capstan_force(model, reference),
-            Compensator.INVERSE: ForceLimits.of(plant.actuator).apply(
-                inversion.force_N, reference.step_s, reference.initial_tension_N
-            ),
-        }
+        problem = Problem(
+            transmission=model,
+            level=level,
+            reference=sample_reference(replace(self._scenario, transmission=model)),
+        )
+        reference = problem.reference
         rows = slice(None, None, max(1, len(reference.time_s) // _MOST_POINTS))
-        curves = {}
+        notes, slack, courses = [], [], {}
         for compensator in SHOWN:
-            played = play_and_score(plant, Plant(level=level), compensator, forces[compensator], reference)
-            if played.slack:
-                notes.append(f"{compensator}: {played.slack}")
-            curves[compensator] = Curve(
+            profile = compensator.profile(problem)
+            if profile.status is not ProfileStatus.GOOD:
+                notes.append(f"{compensator}: {profile.message}")
+            found = verify(plant, SimulatedPlant(level=level), compensator.name, profile.force_N, reference)
+            if found.slack:
+                slack.append(f"{compensator}: {found.slack}")
+            courses[compensator.name] = Course(
                 time_s=reference.time_s[rows],
-                force_N=forces[compensator][rows],
-                output_N=played.output_N[rows],
-                error_N=(played.output_N - reference.tension_N)[rows],
-                score=played.score,
+                force_N=profile.force_N[rows],
+                output_N=found.output_N[rows],
+                error_N=(found.output_N - reference.tension_N)[rows],
+                score=found.score,
             )
-        return Exploration(reference=reference, curves=curves, notes=tuple(notes))
+        return Exploration(reference=reference, courses=courses, notes=(*notes, *slack))

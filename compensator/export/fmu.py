@@ -2,25 +2,29 @@
 
 import hashlib
 import io
+import os
 import platform
 import re
 import sys
 import tempfile
 import zipfile
-from dataclasses import dataclass
-from importlib.metadata import version
+from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 
 import jinja2
-import numpy as np
 
-from tendonff.compensator.export.c_project import Exported, check_prefix, export_project
+from tendonff._version import __version__
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.export.c_text import c_modules, c_sources, check_prefix
 from tendonff.compensator.export.kinds import FmiVersion, Kind
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.files.writing import atomic_file
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
+from tendonff.ocp.adaptation.tuning import Sensor
 from tendonff.ocp.codegen.compiler import find_compiler, run_compiler
+from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import CodeError
 
 _TEMPLATES = jinja2.Environment(  # noqa: S701 - the one place with markup escapes what it inserts
@@ -41,6 +45,7 @@ class _Variable:
     text: str
     unit: str
     start: str
+    is_parameter: bool = field(default=False, repr=False)  # the token is made of the rest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,26 +54,46 @@ class Fmu:
 
     Parameters
     ----------
+    name : str
+        File name.
     content : bytes
         The archive.
     has_binary : bool
         Whether it holds a binary for this machine; the sources are always there.
     """
 
+    name: str
     content: bytes
     has_binary: bool
 
+    def write(self, folder: str | os.PathLike[str]) -> None:
+        """Write the unit under its name, whole or not at all.
+
+        Parameters
+        ----------
+        folder : str or path
+            Made where it is missing.
+        """
+        with atomic_file(Path(folder) / self.name) as partial:
+            partial.write_bytes(self.content)
+
 
 def build_fmu(
-    scenario: Scenario, kind: Kind, fmi: FmiVersion, *, prefix: str = "tff", level: Level | None = None
+    scenario: Scenario,
+    kind: Kind = Kind.INVERSE,
+    fmi: FmiVersion = FmiVersion.V2,
+    *,
+    prefix: str = "tff",
+    level: Level | None = None,
 ) -> Fmu:
     """Wrap the exported C of a scenario.
 
     Parameters
     ----------
     scenario : Scenario
-    kind : Kind
-    fmi : FmiVersion
+    kind : Kind, optional
+        What the unit computes.
+    fmi : FmiVersion, optional
     prefix : str, optional
         Prefix of the C names.
     level : Level, optional
@@ -80,19 +105,19 @@ def build_fmu(
         If the compiler refuses the sources.
     """
     check_prefix(prefix)
-    level = level or scenario.run.level
-    exported = export_project(scenario, prefix=prefix, level=level, profile_N=np.zeros(1))  # a unit plays no profile
+    if kind is Kind.ADAPTIVE and scenario.adaptation is None:
+        raise InputError(f"{scenario.source.name}: table [adaptation] is missing; --kind adaptive needs its sensor")
+    problem = Problem.of(scenario, level=level)
+    module = next(module for module in c_modules(scenario) if module.name == kind.value)
     identifier = f"{prefix}_{kind}"
     compiled = [f"{prefix}_limits.c", f"{prefix}_{kind}.c"]
     wrapper = "fmi2.c" if fmi is FmiVersion.V2 else "fmi3.c"
-    sources = {name: exported.files[name] for name in compiled}
-    for name in ("types", "limits", kind.value):
-        sources[f"{prefix}_{name}.h"] = exported.files[f"{prefix}_{name}.h"]
+    sources = c_sources(scenario, problem, (module,), Precision.DOUBLE, prefix)
     headers = files("tendonff.compensator.export").joinpath("templates", "fmu", "headers")
     for name in fmi.headers:
         sources[name] = headers.joinpath(name).read_text(encoding="utf-8")
     compiled.append(wrapper)
-    context = _context(scenario, exported, kind, level, prefix, identifier, compiled)
+    context = _context(scenario, problem, kind, prefix, identifier, compiled)
     context["token"] = _token(sources, context, fmi)
     sources["model.h"] = _render("model.h.j2", context)
     declared = sources[fmi.headers[1]]
@@ -105,7 +130,7 @@ def build_fmu(
     binary = _compile(sources, compiled)
     if binary is not None:
         members[f"binaries/{_platform(fmi)}/{identifier}.so"] = binary
-    return Fmu(content=_archive(members), has_binary=binary is not None)
+    return Fmu(name=f"{identifier}_fmi{fmi.value[0]}.fmu", content=_archive(members), has_binary=binary is not None)
 
 
 def stubs(header: str, implemented: set[str]) -> str:
@@ -139,14 +164,25 @@ def _named(argument: str, index: int) -> str:
 
 
 def _context(
-    scenario: Scenario, exported: Exported, kind: Kind, level: Level, prefix: str, identifier: str, compiled: list[str]
+    scenario: Scenario, problem: Problem, kind: Kind, prefix: str, identifier: str, compiled: list[str]
 ) -> dict[str, object]:
-    reference = exported.reference
-    rest = Chain.of(scenario.transmission, level).rest_state(reference.initial_tension_N)
+    reference, level = problem.reference, problem.level
+    rest = problem.chain.rest_state(reference.initial_tension_N)
     initial = repr(reference.initial_tension_N)
     tension = _Variable(name="tension", text="output tension", unit="N", start=initial)
     force = _Variable(name="force", text="force of the actuator, within its limits", unit="N", start=initial)
-    if kind is Kind.INVERSE:
+    extras: list[_Variable] = []
+    mu = repr(scenario.transmission.friction.mu_dynamic)
+    if kind is Kind.ADAPTIVE and scenario.adaptation is not None:
+        variable = _Variable(name="reference", text="wanted output tension", unit="N", start=initial)
+        outputs = [force, _Variable(name="mu", text="present estimate of mu_dynamic", unit="", start=mu)]
+        sensor = scenario.adaptation.sensor
+        first = initial if sensor is Sensor.OUTPUT_TENSION else "0.0"
+        words = f"last measurement: {sensor.words}"
+        extras.append(_Variable(name="measured", text=words, unit=sensor.unit, start=first))
+    elif kind is Kind.INVERSE:
+        if scenario.adaptation is not None:
+            extras.append(_Variable(name="mu", text="mu_dynamic", unit="", start=mu, is_parameter=True))
         variable = _Variable(name="reference", text="wanted output tension", unit="N", start=initial)
         outputs = [force]
     else:
@@ -157,7 +193,7 @@ def _context(
             _Variable(name="actuator_position", text="positive towards the actuator", unit="m", start=near),
             _Variable(name="load_position", text="positive towards the actuator", unit="m", start=far),
         ]
-    release = version("tendonff")
+    release = __version__
     name = " ".join(scenario.name.replace("*/", "* /").split())
     return {
         "prefix": prefix,
@@ -168,6 +204,7 @@ def _context(
         "version": release,
         "input": variable,
         "outputs": outputs,
+        "extras": extras,
         "initial": initial,
         "step": repr(scenario.run.step_s),
         "stop": repr(float(reference.time_s[-1])),
@@ -177,7 +214,11 @@ def _context(
 
 def _token(sources: dict[str, str], context: dict[str, object], fmi: FmiVersion) -> str:
     """Identifier that changes with anything that the unit holds."""
-    parts = [fmi.value, repr(sorted((k, str(v)) for k, v in context.items())), *(sources[k] for k in sorted(sources))]
+    parts = [
+        fmi.value,
+        repr(sorted((k, str(v)) for k, v in context.items() if k != "extras" or v)),
+        *(sources[k] for k in sorted(sources)),
+    ]
     digest = hashlib.sha256("\0".join(parts).encode()).hexdigest()
     return f"{{{digest[:8]}-{digest[8:12]}-{digest[12:16]}-{digest[16:20]}-{digest[20:32]}}}"
 

@@ -1,92 +1,118 @@
 """Golden vectors: what the exported C must answer, computed by the Python model."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.compensator.scenario.sampling import Reference
-from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.compensator.tables.table import FloatArray, Table, table_force
-from tendonff.models.capstan import CapstanLaw
-from tendonff.models.chain import Chain
+from tendonff.compensator.compensators.base import FloatArray, Problem
+from tendonff.compensator.compensators.lookup_table import LookupTable
+from tendonff.compensator.compensators.registry import COMPENSATORS
+from tendonff.compensator.compensators.table import CompensationTable
+from tendonff.compensator.export.table_index import rounded
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.inverse import invert
+from tendonff.ocp.inverse import InverseStatus, Inversion, invert
 from tendonff.ocp.simulate import simulate
-from tendonff.ocp.tracking.limits import ForceLimits
 
 _ROWS = 1000
 _REVERSAL_ROWS = 240
+_GENTLE_ROWS = 900
 _LEGS = tuple(0.6**k for k in (0, 3, 1, 4, 2, 6, 3, 8, 1, 5, 2, 7))  # of the range: reversals at many depths
+_JUMPS = (0.0, 1.0, 1.0, 0.0, 0.0, 0.5, 1.0, 0.2, 0.2, 0.9, 0.0, 0.0)  # places in the range, a sample each
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Course:
+    """Inputs and answers, one row per sample.
+
+    Parameters
+    ----------
+    reference_N, plant_force_N : ndarray, shape (rows,)
+        Inputs, exact in the real type of the export.
+    columns : dict of str to ndarray, shape (rows,)
+        Answers: inverse, capstan, table (force within limits) and plant (output tension) [N].
+    scale_N : float
+        Largest force that the course asks for before the limits: what rounding is relative to [N].
+    """
+
+    reference_N: FloatArray
+    plant_force_N: FloatArray
+    columns: dict[str, FloatArray]
+    scale_N: float
+
+    @property
+    def inputs_N(self) -> dict[str, FloatArray]:
+        """What each module with answers is given, by name [N]."""
+        return {name: self.plant_force_N if name == "plant" else self.reference_N for name in self.columns}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Golden:
-    """Inputs and answers, one row per sample.
+    """All courses of the self test.
 
     Parameters
     ----------
     stride : int
         Samples of the scenario's reference per row.
-    reference_N, plant_force_N : ndarray, shape (rows,)
-        Inputs, exact in the real type of the export.
-    columns : dict of str to ndarray, shape (rows,)
-        Answers: inverse, capstan, table (force within limits) and plant (output tension) [N].
+    course : Course
+        The scenario's reference, then reversals.
+    jumps : Course
+        Jumps over the range of the reference, in which forces and rates meet their limits.
     """
 
     stride: int
-    reference_N: FloatArray
-    plant_force_N: FloatArray
-    columns: dict[str, FloatArray]
-
-
-def rounded(values: FloatArray, precision: Precision) -> FloatArray:
-    """The nearest numbers of the real type.
-
-    Parameters
-    ----------
-    values : ndarray
-    precision : Precision
-    """
-    if precision is Precision.DOUBLE:
-        return values
-    return values.astype(np.float32).astype(np.float64)
+    course: Course
+    jumps: Course
 
 
 def answers(
-    scenario: Scenario, chain: Chain, table: Table, reference_N: FloatArray, precision: Precision
+    problem: Problem, table: LookupTable, reference_N: FloatArray, precision: Precision
 ) -> tuple[FloatArray, dict[str, FloatArray]]:
     """Force for the plant, and the answer of each module to a reference that starts at rest at its first row.
 
     Parameters
     ----------
-    scenario : Scenario
-    chain : Chain
-    table : Table
+    problem : Problem
+    table : LookupTable
+        The one that is exported.
     reference_N : ndarray, shape (rows,)
         Exact in the real type.
     precision : Precision
     """
-    step, start = scenario.run.step_s, float(reference_N[0])
-    limits = ForceLimits.of(scenario.transmission.actuator)
-    wanted = {
-        "inverse": invert(chain, reference_N, step).force_N,
-        "capstan": CapstanLaw.of(scenario.transmission).input_history_N(reference_N, start),
-        "table": table_force(table, reference_N, start),
-    }
-    columns = {name: limits.apply(force, step, start) for name, force in wanted.items()}
+    course = _course(problem, table, reference_N, precision, with_plant=True)
+    return course.plant_force_N, course.columns
+
+
+def _course(
+    problem: Problem, table: LookupTable, reference_N: FloatArray, precision: Precision, *, with_plant: bool
+) -> Course:
+    step, start = problem.reference.step_s, float(reference_N[0])
+    time = np.arange(len(reference_N), dtype=np.float64) * step
+    course = replace(problem.reference, time_s=time, tension_N=reference_N, initial_tension_N=start)
+    followed = replace(problem, reference=course)
+    columns = {}
+    for compensator in COMPENSATORS:
+        module = compensator.c_module
+        if module is not None and not module.plays_back:
+            exported = CompensationTable(table) if isinstance(compensator, CompensationTable) else compensator
+            columns[module.name] = exported.profile(followed).force_N
     force = rounded(columns["inverse"], precision)
-    columns["plant"] = simulate(chain, force, step, initial_tension_N=start).require().output_tension_N
-    return force, columns
+    if with_plant:
+        columns["plant"] = simulate(problem.chain, force, step, initial_tension_N=start).require().output_tension_N
+    scale = float(np.abs(followed.inversion.force_N).max())
+    return Course(reference_N=reference_N, plant_force_N=force, columns=columns, scale_N=scale)
 
 
-def reversals(course_N: FloatArray) -> FloatArray:
+def to_and_fro(course_N: FloatArray, *, step_N: float | None = None, rows: int = _REVERSAL_ROWS) -> FloatArray:
     """A way on from the end of a course that turns round at many depths of the transition, within the course's range.
 
     Parameters
     ----------
     course_N : ndarray, shape (n,)
         What comes before [N].
+    step_N : float, optional
+        Largest change from row to row; legs that would need more rows are shortened [N]. Default: what the rows need.
+    rows : int, optional
 
     Returns
     -------
@@ -96,12 +122,14 @@ def reversals(course_N: FloatArray) -> FloatArray:
     low, high = float(course_N.min()), float(course_N.max())
     if not high > low:
         return np.empty(0)
+    way = (high - low) * sum(_LEGS)
+    size = 1.0 if step_N is None else min(1.0, rows * step_N / way)
     turns, sign = [float(course_N[-1])], 1.0 if course_N[-1] < 0.5 * (low + high) else -1.0
     for leg in _LEGS:
-        turns.append(min(max(turns[-1] + sign * leg * (high - low), low), high))
+        turns.append(min(max(turns[-1] + sign * size * leg * (high - low), low), high))
         sign = -sign
     ways = np.abs(np.diff(turns))
-    step = float(ways.sum()) / _REVERSAL_ROWS
+    step = float(ways.sum()) / rows
     legs = [
         np.linspace(a, b, 1 + max(2, math.ceil(way / step)))[1:]
         for a, b, way in zip(turns[:-1], turns[1:], ways, strict=True)
@@ -110,21 +138,35 @@ def reversals(course_N: FloatArray) -> FloatArray:
     return np.concatenate(legs)
 
 
-def golden_vectors(
-    scenario: Scenario, chain: Chain, table: Table, reference: Reference, precision: Precision
-) -> Golden:
-    """Golden vectors along the scenario's own reference, thinned so that its whole course fits, then over reversals.
+def golden_vectors(problem: Problem, table: LookupTable, precision: Precision) -> Golden:
+    """Golden vectors along the scenario's own reference, then over reversals, then over jumps.
+
+    The reference is thinned so that its whole course fits, and the reversals are quick. Where the tendon cannot follow
+    that, the course is the beginning of the reference as it is, with reversals no faster than its own motion.
 
     Parameters
     ----------
-    scenario : Scenario
-    chain : Chain
-    table : Table
-    reference : Reference
+    problem : Problem
+    table : LookupTable
     precision : Precision
     """
-    stride = max(1, -(-len(reference.tension_N) // _ROWS))
-    course = reference.tension_N[::stride]
-    course = rounded(np.concatenate([course, reversals(course)]), precision)
-    force, columns = answers(scenario, chain, table, course, precision)
-    return Golden(stride=stride, reference_N=course, plant_force_N=force, columns=columns)
+    tension = problem.reference.tension_N
+    stride = max(1, -(-len(tension) // _ROWS))
+    reference = rounded(np.concatenate([tension[::stride], to_and_fro(tension[::stride])]), precision)
+    if _invert(problem, reference).status is not InverseStatus.EXACT:
+        stride, course = 1, tension[:_ROWS]
+        usual = float(np.abs(np.diff(tension)).max())
+        reversals = to_and_fro(course, step_N=usual, rows=_GENTLE_ROWS)
+        reference = rounded(np.concatenate([course, reversals]), precision)
+    low, high = float(reference.min()), float(reference.max())
+    jumps = rounded(low + np.array(_JUMPS) * (high - low), precision)
+    return Golden(
+        stride=stride,
+        course=_course(problem, table, reference, precision, with_plant=True),
+        jumps=_course(problem, table, jumps, precision, with_plant=False),
+    )
+
+
+def _invert(problem: Problem, reference_N: FloatArray) -> Inversion:
+    start = float(reference_N[0])
+    return invert(problem.chain, reference_N, problem.reference.step_s, initial_tension_N=start)

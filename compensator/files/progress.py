@@ -2,9 +2,51 @@
 
 from collections.abc import Callable
 
-Advance = Callable[[int, int], None]
+Progress = Callable[[int, int], None]
 """Told parts done and parts in all."""
 
 
 def silent(_done: int, _total: int) -> None:
     """Report to nobody."""
+
+
+class Parts:
+    """Progress of work that consists of parts, some of which report progress of their own.
+
+    Parameters
+    ----------
+    progress : callable
+        Of the whole work.
+    total : int
+        Parts in all.
+    """
+
+    _FINE = 100  # steps that a part is reported in
+
+    def __init__(self, progress: Progress, total: int) -> None:
+        self._progress, self._total, self._done = progress, total, 0
+
+    def done(self, parts: int = 1) -> None:
+        """So many more parts are done.
+
+        Parameters
+        ----------
+        parts : int, optional
+        """
+        self._done += parts
+        self._progress(self._FINE * self._done, self._FINE * self._total)
+
+    def inside(self, parts: int = 1) -> Progress:
+        """Progress of the next parts, which counts as that of the whole; `done` follows when they are.
+
+        Parameters
+        ----------
+        parts : int, optional
+            How many parts the piece makes up.
+        """
+
+        def report(done: int, total: int) -> None:
+            share = min(done / max(total, 1), 1.0)
+            self._progress(round(self._FINE * (self._done + parts * share)), self._FINE * self._total)
+
+        return report

@@ -106,12 +106,12 @@ def atomic_file(target: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def atomic_directory(target: Path) -> Iterator[Path]:
+def atomic_directory(target: str | os.PathLike[str]) -> Iterator[Path]:
     """Empty folder to fill; its contents become `target` when the block ends without an error, else it vanishes.
 
     Parameters
     ----------
-    target : Path
+    target : str or path
         Folder to write. Files of an earlier run with the same names are replaced, on success only; files that this
         run does not write stay, for they may be the user's.
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.identification.measured.reading import Array
-from tendonff.compensator.identification.result import Identification, PieceComparison
+from tendonff.compensator.identification.result import IdentificationData, PieceComparison
 from tendonff.compensator.identification.suggest import Excitation
 from tendonff.compensator.reporting.plots import (
     BLUE,
@@ -24,12 +24,12 @@ MOST_PANELS = 4
 MOST_POINTS = 4000
 
 
-def draw(found: Identification, folder: Path) -> list[Path]:
+def draw(found: IdentificationData, folder: Path) -> list[Path]:
     """Write every figure that the data has material for.
 
     Parameters
     ----------
-    found : Identification
+    found : IdentificationData
     folder : Path
 
     Returns
@@ -71,7 +71,7 @@ def _title(piece: PieceComparison) -> str:
     return f"{piece.name} ({'validation' if piece.role == 'validate' else 'fitted'})"
 
 
-def _over_time(found: Identification, comparisons: Sequence[PieceComparison], folder: Path) -> list[Path]:
+def _over_time(found: IdentificationData, comparisons: Sequence[PieceComparison], folder: Path) -> list[Path]:
     figure, axes = new_figure(len(comparisons), 1)
     name, other, scale, unit = CHANNELS[found.explain]
     for ax, piece in zip(axes[:, 0], comparisons, strict=True):
@@ -89,7 +89,7 @@ def _over_time(found: Identification, comparisons: Sequence[PieceComparison], fo
     return save_figure(figure, folder / "time")
 
 
-def _loops(found: Identification, comparisons: Sequence[PieceComparison], folder: Path) -> list[Path]:
+def _loops(found: IdentificationData, comparisons: Sequence[PieceComparison], folder: Path) -> list[Path]:
     columns = min(2, len(comparisons))
     rows = -(-len(comparisons) // columns)
     figure, axes = new_figure(rows, columns, height_in=2.8 * rows + 0.5)

@@ -50,24 +50,24 @@ def scenario_of_chain(scenario: Scenario, fit: DynamicFit, records: Sequence[Rec
     records : sequence of Record
         What it was fitted to.
     """
-    t, whole = scenario.transmission, fit.model.whole(fit.values)
+    t, number = scenario.transmission, fit.model.whole(fit.values).value
     friction = replace(
         t.friction,
-        mu_dynamic=whole.mu_dynamic_pull,
-        mu_static=whole.mu_static_pull,
-        mu_dynamic_release=whole.mu_dynamic_release,
-        mu_static_release=whole.mu_static_release,
-        stribeck_velocity_m_per_s=whole.stribeck_velocity_m_per_s,
-        viscous_N_s_per_m=whole.viscous_N_s_per_m,
-        soft_bristle_stiffness_N_per_m=whole.bristle_stiffness_N_per_m,
-        adhesion_N=whole.adhesion_N,
+        mu_dynamic=number("mu_dynamic_pull"),
+        mu_static=number("mu_static_pull"),
+        mu_dynamic_release=number("mu_dynamic_release"),
+        mu_static_release=number("mu_static_release"),
+        stribeck_velocity_m_per_s=number("stribeck_velocity_m_per_s"),
+        viscous_N_s_per_m=number("viscous_N_s_per_m"),
+        soft_bristle_stiffness_N_per_m=number("bristle_stiffness_N_per_m"),
+        adhesion_N=number("adhesion_N"),
     )
     tendon = replace(
         t.tendon,
-        stiffness_N_per_m=whole.stiffness_N_per_m,
-        relaxing_stiffness_N_per_m=whole.relaxing_stiffness_N_per_m,
-        relaxation_time_s=whole.relaxation_time_s,
-        damping_N_s_per_m=whole.damping_N_s_per_m,
+        stiffness_N_per_m=number("stiffness_N_per_m"),
+        relaxing_stiffness_N_per_m=number("relaxing_stiffness_N_per_m"),
+        relaxation_time_s=number("relaxation_time_s"),
+        damping_N_s_per_m=number("damping_N_s_per_m"),
     )
     changed = replace(scenario, transmission=replace(t, friction=friction, tendon=tendon))
     return _fitted(changed, fit.model.level, (fit.values[D.INPUT_BIAS], fit.values[D.OUTPUT_BIAS]), records)

@@ -80,11 +80,8 @@ def reason(
     tau = transmission.tendon.relaxation_time_s
     known = relative_error is not None and np.isfinite(relative_error)
     doubt = f"standard error {100 * float(relative_error or 0):.3g} %; " if known else ""
-    if now.proximal and name in (D.STIFFNESS, D.OUTPUT_BIAS, D.INPUT_BIAS):
-        return f"{doubt}nothing was measured at the far end; measure the output tension to tell {name}"
-    if name in (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME) and not now.positions and not now.proximal:
-        what = "tensions alone do not show elongation"
-        return f"no positions of both ends were measured: {name} is not identifiable ({what}); measure both positions"
+    if unmeasured := _unmeasured(name, now, doubt):
+        return unmeasured
     if name in (D.RELAXATION_TIME, D.RELAXING):
         if now.hold_s < 3 * tau:
             return (
@@ -117,3 +114,13 @@ def reason(
     if now.load_swing < 0.3:
         return f"{doubt}the output tension varies too little; repeat at several loads"
     return f"{doubt}repeat with full strokes in both directions at several loads"
+
+
+def _unmeasured(name: DynamicParameter, now: ExcitationSummary, doubt: str) -> str:
+    """Which sensor would tell a value; empty where it is not for want of one."""
+    if now.proximal and name in (D.STIFFNESS, D.OUTPUT_BIAS, D.INPUT_BIAS):
+        return f"{doubt}nothing was measured at the far end; measure the output tension to tell {name}"
+    if name in (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME) and not now.positions and not now.proximal:
+        what = "tensions alone do not show elongation"
+        return f"no positions of both ends were measured: {name} is not identifiable ({what}); measure both positions"
+    return ""

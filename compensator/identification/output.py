@@ -1,34 +1,37 @@
 """Writing what identification found: `fitted.toml`, `fit.json`, figures and the suggested excitation."""
 
-from collections.abc import Sequence
+import os
+from dataclasses import dataclass
 from pathlib import Path
 
 from tendonff.compensator.files.writing import atomic_directory, write_csv, write_json, write_text
 from tendonff.compensator.identification.figures import draw, draw_suggestion
 from tendonff.compensator.identification.report import identification_report
-from tendonff.compensator.identification.result import Identification
+from tendonff.compensator.identification.result import IdentificationData
 from tendonff.compensator.identification.suggest import Excitation, suggest
 from tendonff.compensator.reporting.page import write_report
 from tendonff.compensator.scenario.scenario import Scenario, scenario_to_toml
 
 
-def write_identification(found: Identification, folder: Path, inputs: Sequence[Path] = ()) -> None:
-    """Write every result, or nothing.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Identification(IdentificationData):
+    """An identification that can be written."""
 
-    Parameters
-    ----------
-    found : Identification
-    folder : Path
-    inputs : sequence of Path, optional
-        The measured files, which the report names with their hashes.
-    """
-    with atomic_directory(folder) as partial:
-        write_text(partial / "fitted.toml", scenario_to_toml(found.scenario, folder=folder))
-        write_json(partial / "fit.json", found.as_json())
-        draw(found, partial)
-        if found.comparable:
-            _write_excitation(suggest(found.scenario), partial)
-        write_report(partial / "report.html", identification_report(found, partial, inputs))
+    def write(self, folder: str | os.PathLike[str]) -> None:
+        """Write `fitted.toml`, `fit.json`, figures, the suggested excitation and `report.html`, all or nothing.
+
+        Parameters
+        ----------
+        folder : str or path
+            Made where it is missing.
+        """
+        with atomic_directory(folder) as partial:
+            write_text(partial / "fitted.toml", scenario_to_toml(self.scenario, folder=folder))
+            write_json(partial / "fit.json", self.as_json())
+            draw(self, partial)
+            if self.comparable:
+                _write_excitation(suggest(self.scenario), partial)
+            write_report(partial / "report.html", identification_report(self, partial))
 
 
 def write_suggestion(scenario: Scenario, folder: Path) -> Excitation:

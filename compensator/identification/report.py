@@ -1,11 +1,10 @@
 """The report of an identification."""
 
 import shlex
-from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 
-from tendonff.compensator.identification.result import Estimate, Identification
+from tendonff.compensator.identification.result import Estimate, IdentificationData
 from tendonff.compensator.reporting.page import Block, FileNote, PictureFile, Provenance, Report, Section, Table, Text
 from tendonff.compensator.scenario.measurement import Measurement
 
@@ -17,16 +16,14 @@ _CAPTIONS = {
 }
 
 
-def identification_report(found: Identification, folder: Path, inputs: Sequence[Path] = ()) -> Report:
+def identification_report(found: IdentificationData, folder: Path) -> Report:
     """The page of an identification.
 
     Parameters
     ----------
-    found : Identification
+    found : IdentificationData
     folder : Path
         Where its figures lie.
-    inputs : sequence of Path, optional
-        The measured files.
     """
     validated = found.validation_percent
     judged = "" if validated is None else f", and {validated:.2g} % on validation files"
@@ -97,7 +94,7 @@ def identification_report(found: Identification, folder: Path, inputs: Sequence[
         provenance=Provenance(
             scenario=found.scenario,
             command=f"tendonff identify {name}{data}{_options(found.scenario.measurement)} --out DIR",
-            inputs=inputs,
+            inputs=found.inputs,
         ),
         files=(
             FileNote(name="fitted.toml", content="the scenario with the estimates put in; the one printed below"),

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from tendonff.compensator.identification.between_files import ByFile
@@ -132,7 +133,7 @@ class PieceComparison:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Identification:
+class IdentificationData:
     """Everything that a set of measurements told about a scenario.
 
     Parameters
@@ -157,6 +158,8 @@ class Identification:
     sliding : tuple of SlidingRatio
     warnings : tuple of str
     comparisons : tuple of PieceComparison
+    inputs : tuple of Path
+        The measured files.
     by_file : tuple of ByFile
         What each of several files says alone.
     output_delay_s : float or None
@@ -180,6 +183,7 @@ class Identification:
     sliding: tuple[SlidingRatio, ...]
     warnings: tuple[str, ...]
     comparisons: tuple[PieceComparison, ...]
+    inputs: tuple[Path, ...]
     by_file: tuple[ByFile, ...] = ()
     output_delay_s: float | None = None
     comparable: bool = True
@@ -250,12 +254,12 @@ def _gross(ratio: SlidingRatio) -> Mapping[str, Any]:
     }
 
 
-def summary_lines(found: Identification) -> Sequence[str]:
+def summary_lines(found: IdentificationData) -> Sequence[str]:
     """The answer in a few lines of text.
 
     Parameters
     ----------
-    found : Identification
+    found : IdentificationData
     """
     against = "" if found.validation_percent is None else f", {found.validation_percent:.2f} % on validation files"
     lines = [f"law: {found.law}; error {found.fit_percent:.2f} % of range on fitted files{against}"]

@@ -1,5 +1,6 @@
 """`identify`: parameters of a transmission, with confidence intervals, from measured files."""
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import numpy as np
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.between_files import by_file
-from tendonff.compensator.identification.estimates import dynamic_estimates, static_estimates
+from tendonff.compensator.identification.estimates import Answer, dynamic_estimates, static_estimates
 from tendonff.compensator.identification.fitted import Fitted, replay, scenario_of_chain, scenario_of_static
 from tendonff.compensator.identification.fitting import dynamic, tendon
 from tendonff.compensator.identification.fitting.model_selection import (
@@ -24,7 +25,8 @@ from tendonff.compensator.identification.measured.reading import DataIssue, read
 from tendonff.compensator.identification.measured.units import magnitude_warning, unit_warnings
 from tendonff.compensator.identification.moments import moved_inside
 from tendonff.compensator.identification.outcome import Outcome, compared, outcome_of
-from tendonff.compensator.identification.result import POOR_PERCENT, FileResult, Identification
+from tendonff.compensator.identification.output import Identification
+from tendonff.compensator.identification.result import POOR_PERCENT, FileResult
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.ocp.errors import SolveError
@@ -44,8 +46,8 @@ SMALL_SHARE = 0.03
 
 def identify(
     scenario: Scenario,
-    data: Sequence[Path],
-    validate: Sequence[Path] = (),
+    data: Sequence[str | os.PathLike[str]],
+    validate: Sequence[str | os.PathLike[str]] = (),
     *,
     static_only: bool = False,
     conditions: Mapping[str, str] | None = None,
@@ -59,9 +61,9 @@ def identify(
     scenario : Scenario
         Path, masses and load are taken from it, and every value that is not identifiable from the data; its table
         [measurement] says how the files are to be read.
-    data : sequence of Path
+    data : sequence of str or path
         Files to fit.
-    validate : sequence of Path, optional
+    validate : sequence of str or path, optional
         Files that decide which law is chosen; without them the last third of each file of `data` does.
     static_only : bool, optional
         Stop after the static stage.
@@ -83,13 +85,14 @@ def identify(
         raise InputError(
             "total_angle_rad is 0: without a wrap angle friction has no coefficient; give the path's angle"
         )
-    if twice := sorted({p.name for p in data if p.resolve() in {v.resolve() for v in validate}}):
+    fit_files, judging = [Path(file) for file in data], [Path(file) for file in validate]
+    if twice := sorted({p.name for p in fit_files if p.resolve() in {v.resolve() for v in judging}}):
         raise InputError(f"{', '.join(twice)}: given with --data and with --validate; a file cannot judge its own fit")
     how = scenario.measurement
-    raw = [read_measurement(path, how) for path in (*data, *validate)]
+    raw = [read_measurement(path, how) for path in (*fit_files, *judging)]
     check_plan(raw, how, static_only=static_only, say=say, confirm=confirm)
     everything = [clean(one, how) for one in raw]
-    records, judges = everything[: len(data)], everything[len(data) :]
+    records, judges = everything[: len(fit_files)], everything[len(fit_files) :]
     warnings = [*unit_warnings(how, _positions_of(records)), *_issues_of(everything)]
     foreign = _foreign(scenario, records)
     warnings += [foreign] if foreign else []
@@ -115,23 +118,11 @@ def identify(
     failure = _failure(outcome)
     if failure:
         warnings.append(_no_law(outcome, failure, sliding, records))
-    excitation = summarise_excitation(records)
-    if chain is not None:
-        found = dynamic_estimates(scenario, chain, excitation, described=not failure)
-    elif stage is not None:
-        found = static_estimates(scenario, stage, excitation, described=not failure)
-    else:
-        raise InputError("no law could be fitted to these files")
-    estimates, names, correlation = found
+    estimates, names, correlation = _estimates(scenario, stage, chain, records, described=not failure)
     fitted, replayed = Fitted(scenario=scenario), None
     if not failure:
         say("replay of the fitted scenario")
-        if chain is not None:
-            fitted = scenario_of_chain(scenario, chain, records)
-        elif stage is not None:
-            fitted = scenario_of_static(scenario, stage, records, static_only=static_only)
-        errors = replay(fitted, None if stage is None else stage.fit, records, static_only=static_only)
-        replayed = pooled_percent(errors, records, explain)
+        fitted, replayed = _carried_on(scenario, stage, chain, records, static_only=static_only)
         warnings += _not_in_a_scenario(fitted, stage, chain, records)
     return Identification(
         scenario=fitted.scenario,
@@ -149,6 +140,7 @@ def identify(
         sliding=sliding,
         warnings=tuple(warnings),
         comparisons=outcome.comparisons,
+        inputs=(*fit_files, *judging),
         by_file=files,
         output_delay_s=None if chain is None or chain.delay is None else chain.delay.seconds,
         comparable=foreign is None,
@@ -211,6 +203,41 @@ def _fit(
     except SolveError as error:
         return stage, None, [f"the dynamic stage found no answer ({error}); the static law is reported"]
     return stage, chain, []
+
+
+def _estimates(
+    scenario: Scenario,
+    stage: StaticSelection | None,
+    chain: dynamic.DynamicFit | None,
+    records: Sequence[Record],
+    *,
+    described: bool,
+) -> Answer:
+    """Estimates of the law that won."""
+    excitation = summarise_excitation(records)
+    if chain is not None:
+        return dynamic_estimates(scenario, chain, excitation, described=described)
+    if stage is None:
+        raise InputError("no law could be fitted to these files")
+    return static_estimates(scenario, stage, excitation, described=described)
+
+
+def _carried_on(
+    scenario: Scenario,
+    stage: StaticSelection | None,
+    chain: dynamic.DynamicFit | None,
+    records: Sequence[Record],
+    *,
+    static_only: bool,
+) -> tuple[Fitted, float]:
+    """The scenario that goes on, and its own error in percent of range."""
+    fitted = Fitted(scenario=scenario)
+    if chain is not None:
+        fitted = scenario_of_chain(scenario, chain, records)
+    elif stage is not None:
+        fitted = scenario_of_static(scenario, stage, records, static_only=static_only)
+    errors = replay(fitted, None if stage is None else stage.fit, records, static_only=static_only)
+    return fitted, pooled_percent(errors, records, Explain.POSITION if stage is None else stage.fit.explain)
 
 
 def _delay(chain: dynamic.DynamicFit | None) -> list[str]:

@@ -1,4 +1,4 @@
-"""Bode and step plots of linear systems, in the style of all other figures."""
+"""Bode plots of linear systems, in the style of all other figures."""
 
 from collections.abc import Mapping
 
@@ -6,7 +6,7 @@ import control
 import numpy as np
 from matplotlib.figure import Figure
 
-from tendonff.compensator.compensators.base import FloatArray
+from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.reporting.plots import LINE_STYLES, figure_style, new_figure
 
 
@@ -31,28 +31,5 @@ def bode_figure(systems: Mapping[str, control.LTI], frequencies_Hz: FloatArray, 
             axes[1, 0].semilogx(frequencies_Hz, np.degrees(np.unwrap(np.angle(response))), style)
         axes[0, 0].set(ylabel=ylabel)
         axes[1, 0].set(ylabel="phase [deg]", xlabel="frequency [Hz]")
-        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
-    return figure
-
-
-def step_figure(systems: Mapping[str, control.LTI], time_s: FloatArray, *, ylabel: str) -> Figure:
-    """Response to a step of one unit at t = 0, one curve for each system.
-
-    Parameters
-    ----------
-    systems : mapping of str to control.LTI
-        By label; one input, one output each.
-    time_s : ndarray, shape (n,)
-        Evenly spaced from 0 [s].
-    ylabel : str
-        What the output is, with unit.
-    """
-    with figure_style():
-        figure, axes = new_figure(height_in=2.8)
-        for k, (label, system) in enumerate(systems.items()):
-            response = control.forced_response(system, time_s, np.ones_like(time_s))
-            output = np.asarray(response.outputs).ravel()
-            axes[0, 0].plot(time_s, output, LINE_STYLES[k % len(LINE_STYLES)], label=label)
-        axes[0, 0].set(ylabel=ylabel, xlabel="time [s]")
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return figure

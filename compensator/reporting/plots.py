@@ -4,7 +4,7 @@ Colours are Okabe and Ito's, which stay apart for colour-blind readers; curves t
 as well, so that they stay apart in a black-and-white print. Figures carry no date: equal results give equal files.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,23 +12,33 @@ from typing import TYPE_CHECKING, Any
 import matplotlib as mpl
 import matplotlib.style
 from cycler import cycler
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tendonff.compensator.files.writing import atomic_file
+from tendonff.compensator.reporting.colours import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, VERMILION
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-INK = "#000000"
-ORANGE = "#E69F00"
-SKY = "#56B4E9"
-GREEN = "#009E73"
-BLUE = "#0072B2"
-VERMILION = "#D55E00"
-PURPLE = "#CC79A7"
-GREY = "#7F7F7F"
+__all__ = [
+    "BLUE",
+    "GREEN",
+    "GREY",
+    "INK",
+    "LINE_STYLES",
+    "ORANGE",
+    "PAGE_WIDTH_IN",
+    "VERMILION",
+    "coinciding",
+    "figure_style",
+    "legend_below",
+    "new_figure",
+    "save_figure",
+    "thinned",
+]
 
 CYCLE = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, INK)
 LINE_STYLES = ("-", "--", "-.", ":")
@@ -65,6 +75,10 @@ _STYLE: dict[Any, Any] = {
 }
 
 
+_SAME = 0.004  # of the drawn range: about the width of a line
+_MOST_POINTS = 4000  # of a curve: more would not be seen
+
+
 @contextmanager
 def figure_style() -> Iterator[None]:
     """The look of our figures, for the block only."""
@@ -82,7 +96,6 @@ def new_figure(
     share_x: bool = False,
     share_y: bool = False,
     height_ratios: Sequence[float] | None = None,
-    projection: str | None = None,
 ) -> tuple[Figure, "NDArray[np.object_]"]:
     """An empty figure in our style, without touching matplotlib's global state or a display.
 
@@ -96,8 +109,6 @@ def new_figure(
         Panels of one column share the abscissa, panels of one row the ordinate.
     height_ratios : sequence of float, optional
         Relative heights of the rows.
-    projection : str, optional
-        "3d" for panels in space.
 
     Returns
     -------
@@ -114,9 +125,51 @@ def new_figure(
             sharex="col" if share_x else False,
             sharey="row" if share_y else False,
             gridspec_kw={} if height_ratios is None else {"height_ratios": list(height_ratios)},
-            subplot_kw={} if projection is None else {"projection": projection},
         )
     return figure, axes
+
+
+def thinned(rows: int, most: int = _MOST_POINTS) -> slice:
+    """Rows to draw: all of them, or an even selection where more would not be seen.
+
+    Parameters
+    ----------
+    rows : int
+    most : int, optional
+    """
+    return slice(None, None, max(1, rows // most))
+
+
+def coinciding(curves: "Mapping[str, NDArray[np.float64]]", span: float) -> dict[str, str]:
+    """Curves that would hide another one, each with the first that it lies on.
+
+    Parameters
+    ----------
+    curves : mapping of str to ndarray, shape (n,)
+        By name, in the order in which they are drawn.
+    span : float
+        Drawn range; what differs by less than 0.4 % of it looks the same.
+    """
+    found: dict[str, str] = {}
+    names = list(curves)
+    for k, name in enumerate(names):
+        for earlier in names[:k]:
+            if earlier not in found and float(abs(curves[name] - curves[earlier]).max()) < _SAME * span:
+                found[name] = earlier
+                break
+    return found
+
+
+def legend_below(figure: Figure, panel: Axes, columns: int = 5) -> None:
+    """The legend of a panel under the figure.
+
+    Parameters
+    ----------
+    figure : Figure
+    panel : Axes
+    columns : int, optional
+    """
+    figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=columns)
 
 
 def save_figure(figure: Figure, path: Path, formats: Sequence[str] = ("png", "pdf")) -> list[Path]:

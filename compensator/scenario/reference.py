@@ -1,4 +1,4 @@
-"""Table [reference]: the tension wanted at the far end, one class per kind."""
+"""Table [reference]: the desired tension at the far end, one class per kind."""
 
 import math
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ class Shape(StrEnum):
 
 
 def _require_tension(name: str, value: float) -> None:
-    require_number(name, value, above=0, hint="a tendon cannot push, so the wanted tension must stay above 0")
+    require_number(name, value, above=0, hint="a tendon cannot push, so the reference must stay above 0")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +63,7 @@ class SineReference:
             if not math.isfinite(amplitude):
                 raise ParameterError(f"amplitudes_N[{k}] must be a finite number, got {amplitude}; use 0 for none")
         for k, frequency in enumerate(self.frequencies_Hz):
-            require_number(f"frequencies_Hz[{k}]", frequency, above=0, hint="leave the sine out if it is not wanted")
+            require_number(f"frequencies_Hz[{k}]", frequency, above=0, hint="leave the sine out if it is not needed")
         require_number("duration_s", self.duration_s, above=0, hint="a few periods of the slowest sine")
         require_number("fade_in_s", self.fade_in_s, least=0, hint="use 0 for none")
 

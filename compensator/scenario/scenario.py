@@ -1,7 +1,7 @@
 """Scenario files: the one reader, and the writer that it reads back.
 
 A scenario is a TOML file (schema 1) with the tables [path], [tendon], [friction], [actuator], [load], [reference] and
-[run], and the optional tables [robust], [experiment] and [measurement].
+[run], and the optional tables [robust], [optimal], [experiment] and [measurement].
 """
 
 import hashlib
@@ -12,10 +12,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from tendonff.compensator.files.reading import InputError, read_text, suggestion
+from tendonff.compensator.scenario.adaptation import Adaptation
 from tendonff.compensator.scenario.experiment import Experiment
 from tendonff.compensator.scenario.measurement import Measurement
+from tendonff.compensator.scenario.optimal import OptimalSettings
 from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec, SineReference, WaypointReference
-from tendonff.compensator.scenario.robust import Robust
 from tendonff.compensator.scenario.run import Run
 from tendonff.compensator.scenario.tables import descriptions, read_table, show, toml_table, toml_value
 from tendonff.models.errors import ParameterError
@@ -27,6 +28,7 @@ from tendonff.models.parameters import (
     Transmission,
 )
 from tendonff.models.parameters import Path as TendonPath
+from tendonff.models.uncertainty import Uncertainty
 
 SCHEMA = 1
 
@@ -43,7 +45,15 @@ _TABLES: dict[str, type] = {
     "load": Load,
     "run": Run,
 }
-_OPTIONAL: dict[str, type] = {"robust": Robust, "experiment": Experiment, "measurement": Measurement}
+_OPTIONAL: dict[str, type] = {
+    "robust": Uncertainty,
+    "optimal": OptimalSettings,
+    "experiment": Experiment,
+    "measurement": Measurement,
+}
+_ON_REQUEST: dict[str, type] = {"adaptation": Adaptation}
+"""Tables whose absence means that there is none of it."""
+
 _REQUIRED_TABLES = ("path", "tendon", "friction", "actuator", "load", "reference", "run")
 
 
@@ -58,15 +68,19 @@ class Scenario:
     transmission : Transmission
         Path, tendon, friction, actuator and load.
     reference : ReferenceSpec
-        The tension wanted at the far end.
+        The desired tension at the far end.
     run : Run
         Time step and fidelity level.
-    robust : Robust
+    robust : Uncertainty
         Uncertainty of the parameters.
+    optimal : OptimalSettings
+        What the optimal profile is asked for.
     experiment : Experiment
         The two-motor test.
     measurement : Measurement
         How measured files are to be read.
+    adaptation : Adaptation or None
+        Self-tuning on the controller.
     source : Path
         The file it was read from, which a CSV reference is relative to.
     """
@@ -75,9 +89,11 @@ class Scenario:
     transmission: Transmission
     reference: ReferenceSpec
     run: Run
-    robust: Robust = field(default_factory=Robust)
+    robust: Uncertainty = field(default_factory=Uncertainty)
+    optimal: OptimalSettings = field(default_factory=OptimalSettings)
     experiment: Experiment = field(default_factory=Experiment)
     measurement: Measurement = field(default_factory=Measurement)
+    adaptation: Adaptation | None = None
     source: Path = Path("scenario.toml")
 
     def reference_file(self) -> Path | None:
@@ -87,12 +103,12 @@ class Scenario:
         return None
 
 
-def load_scenario(path: Path) -> Scenario:
+def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     """Read a scenario file.
 
     Parameters
     ----------
-    path : Path
+    path : str or path-like
         TOML file.
 
     Raises
@@ -104,16 +120,17 @@ def load_scenario(path: Path) -> Scenario:
     return parse_scenario(read_text(path), path)
 
 
-def parse_scenario(text: str, source: Path) -> Scenario:
+def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") -> Scenario:
     """Read a scenario from its text.
 
     Parameters
     ----------
     text : str
         TOML.
-    source : Path
+    source : str or path-like, optional
         File name for messages; a CSV reference is relative to its folder.
     """
+    source = Path(source)
     file = source.name
     try:
         raw = tomllib.loads(text)
@@ -137,6 +154,7 @@ def parse_scenario(text: str, source: Path) -> Scenario:
     parts = {key: table(cls, key) for key, cls in (_TABLES | _OPTIONAL).items()}
     run = parts.pop("run")
     optional = {key: parts.pop(key) for key in _OPTIONAL}
+    optional |= {key: table(cls, key) for key, cls in _ON_REQUEST.items() if key in raw}
     try:
         transmission = Transmission(**parts)  # type: ignore[arg-type]
     except ParameterError as error:
@@ -160,12 +178,12 @@ def _check_schema(raw: Mapping[str, object], file: str) -> None:
 
 
 def _check_names(raw: Mapping[str, object], file: str) -> None:
-    known = ["schema", "name", *_REQUIRED_TABLES, *_OPTIONAL]
+    known = ["schema", "name", *_REQUIRED_TABLES, *_OPTIONAL, *_ON_REQUEST]
     for key, value in raw.items():
         if key in known:
             continue
         if isinstance(value, Mapping):
-            near = suggestion(key, [*_REQUIRED_TABLES, *_OPTIONAL]).replace('"', "")
+            near = suggestion(key, [*_REQUIRED_TABLES, *_OPTIONAL, *_ON_REQUEST]).replace('"', "")
             raise InputError(f"{file}: unknown table [{key}]{near}")
         raise InputError(f'{file}: unknown key "{key}"{suggestion(key, known)}')
 
@@ -190,13 +208,13 @@ def _read_reference(raw: object, file: str) -> ReferenceSpec:
     return read_table(_KINDS[kind], raw, file=file, table="reference", extra_keys=("kind",))
 
 
-def scenario_to_toml(scenario: Scenario, *, folder: Path | None = None) -> str:
+def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | None = None) -> str:
     """Text of a scenario file that reads back as the same scenario; writes every key that is set.
 
     Parameters
     ----------
     scenario : Scenario
-    folder : Path, optional
+    folder : str or path-like, optional
         Folder that the text will be stored in: the file of a CSV reference is renamed to be found from there.
         Default: the folder the scenario came from.
     """
@@ -214,11 +232,15 @@ def scenario_to_toml(scenario: Scenario, *, folder: Path | None = None) -> str:
         "reference": reference,
         "run": scenario.run,
         "robust": scenario.robust,
+        "optimal": scenario.optimal,
         "experiment": scenario.experiment,
         "measurement": scenario.measurement,
+        "adaptation": scenario.adaptation,
     }
     parts = [f"schema = {SCHEMA}\nname = {toml_value(scenario.name)}\n"]
     for table, value in tables.items():
+        if value is None:
+            continue
         lines = f'kind = "{kind}"\n' if table == "reference" else ""
         lines += toml_table(value)
         if lines:
@@ -226,7 +248,7 @@ def scenario_to_toml(scenario: Scenario, *, folder: Path | None = None) -> str:
     return "".join(parts)
 
 
-def _relative(file: Path, folder: Path) -> str:
+def _relative(file: Path, folder: str | os.PathLike[str]) -> str:
     try:
         return Path(os.path.relpath(file, folder)).as_posix()
     except ValueError:  # another drive

@@ -1,22 +1,24 @@
-"""Play a force file on the chain: row by row into a file, in bounded memory."""
+"""Simulate the chain under a force file: row by row into a file, in bounded memory."""
 
 import math
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv
 from tendonff.compensator.files.writing import open_csv
 from tendonff.compensator.scenario.sampling import initial_tension
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.simulate.result import SimulatedForce
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
+from tendonff.models.layout import ChainInputs
 from tendonff.ocp.crosscheck import StepHalving
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.simulate import Simulator, describe_failure, force_inputs, tensions_of
+from tendonff.ocp.simulate import Simulator, describe_failure, tensions_of
 
 _CHUNK_VALUES = 200_000  # numbers in memory at a time
 
@@ -47,25 +49,6 @@ class ForceProfile:
         return force
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlayedForce:
-    """What became of a force that was played.
-
-    Parameters
-    ----------
-    rows : int
-        Rows written.
-    warnings : tuple of str
-        What the user should know.
-    check : str or None
-        Estimate of the discretisation error, and whether the run is reproducible, in words, when it was asked for.
-    """
-
-    rows: int
-    warnings: tuple[str, ...]
-    check: str | None
-
-
 def read_force(path: Path) -> ForceProfile:
     """Read a force file: columns time_s, force_N, first row at 0.
 
@@ -77,15 +60,15 @@ def read_force(path: Path) -> ForceProfile:
     return ForceProfile(time_s=columns["time_s"], force_N=columns["force_N"], name=path.name)
 
 
-def play_force(
+def simulate_force(
     scenario: Scenario,
     level: Level,
     profile: ForceProfile,
     out: Path,
     *,
     check: bool = False,
-    advance: Callable[[int, int], None] | None = None,
-) -> PlayedForce:
+    progress: Progress = silent,
+) -> SimulatedForce:
     """Simulate the chain under a force file, from rest at the scenario's initial tension, and write the rows.
 
     Parameters
@@ -97,7 +80,7 @@ def play_force(
         File to write: `time_s,force_N,tension_1_N,...,actuator_position_m,load_position_m`.
     check : bool
         Run with a half and a quarter of the step as well and state the error estimate.
-    advance : callable
+    progress : callable, optional
         Told rows done and rows in all.
 
     Raises
@@ -127,8 +110,7 @@ def play_force(
             rows = coming.result()
             coming = next(computed, None)
             stream.write(rows)
-            if advance is not None:
-                advance(round(rows[-1, 0] / step) + 1, total)
+            progress(round(rows[-1, 0] / step) + 1, total)
     warnings = []
     if (jump := abs(run.first_force - start_tension)) > 1e-6 * max(start_tension, 1.0):
         warnings.append(
@@ -142,11 +124,11 @@ def play_force(
             "the rows some link carries no tension: raise the force there"
         )
     found = run.halving.result().text if run.halving is not None else None
-    return PlayedForce(rows=total, warnings=tuple(warnings), check=found)
+    return SimulatedForce(rows=total, warnings=tuple(warnings), check=found)
 
 
 def _beyond(scenario: Scenario, profile: ForceProfile) -> list[str]:
-    """Forces that the scenario's actuator could not apply; they are played all the same."""
+    """Forces that the scenario's actuator could not apply; they are simulated all the same."""
     actuator, force = scenario.transmission.actuator, profile.force_N
     found = []
     if force.max() > actuator.force_max_N:
@@ -165,7 +147,7 @@ class _Run:
         self._chain, self._profile, self._step = chain, profile, step_s
         state = chain.rest_state(start_tension)
         self.first_force = float(profile.force_N[0])
-        start = force_inputs(np.array([self.first_force]))[0]
+        start = ChainInputs.of_force(np.array([self.first_force]))
         self._first = state.vector()
         self._simulator = Simulator(chain, step_s, state, start)
         self.halving = StepHalving(chain, step_s, state, self.first_force) if check else None
@@ -182,7 +164,7 @@ class _Run:
         """Rows first .. after - 1, which follow the last ones."""
         time = np.arange(first, after, dtype=np.float64) * self._step
         force = self._profile.at(time)
-        rows = self._simulator.advance(force_inputs(force))
+        rows = self._simulator.advance(ChainInputs.of_force(force))
         if (good := len(rows.tension_N)) < len(time):
             raise SolveError(describe_failure(self._chain, rows, float(time[good]), self._step))
         self._note_slack(rows.tension_N, time)

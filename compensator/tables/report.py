@@ -2,24 +2,22 @@
 
 from pathlib import Path
 
-from tendonff.compensator.reporting.page import FileNote, PictureFile, Provenance, Report, Section, Table, Text
-from tendonff.compensator.tables.run import FORMULA, ScenarioTables
+from tendonff.compensator.reporting.page import FileNote, PictureFile, Report, Section, Table, Text, provenance_of
+from tendonff.compensator.tables.result import FORMULA, TablesData
 from tendonff.models.capstan import Branch
 
 
-def table_report(tables: ScenarioTables, folder: Path, *, options: str = "") -> Report:
+def table_report(result: TablesData, picture: Path) -> Report:
     """The page of a table.
 
     Parameters
     ----------
-    tables : ScenarioTables
-    folder : Path
-        Where its figure `table.png` lies.
-    options : str, optional
-        Further options that the command was given.
+    result : TablesData
+    picture : Path
+        Its figure, written already.
     """
-    own = tables.scores[tables.level]
-    first = tables.runs[0].built
+    own = result.scores[result.level]
+    first = result.tables[0].built
     covered = first.table.reference_N
     sizes = Table(
         caption="Tables in table.csv",
@@ -27,46 +25,47 @@ def table_report(tables: ScenarioTables, folder: Path, *, options: str = "") -> 
             "wrap angle [rad]",
             "rate of the reference [N/s]",
             "references",
-            "places while pulling",
-            "places while releasing",
+            "nodes, pulling",
+            "nodes, releasing",
             "interpolation error [N]",
             "bound [N]",
         ),
         rows=[
             (
-                run.total_angle_rad,
-                run.built.rate_N_per_s,
-                len(run.built.table.reference_N),
-                len(run.built.table.branch(Branch.PULL).share),
-                len(run.built.table.branch(Branch.RELEASE).share),
-                run.built.error_N,
-                run.built.bound_N,
+                made.total_angle_rad,
+                made.built.rate_N_per_s,
+                len(made.built.table.reference_N),
+                len(made.built.table.branch(Branch.PULL).share),
+                len(made.built.table.branch(Branch.RELEASE).share),
+                made.built.error_N,
+                made.built.bound_N,
             )
-            for run in tables.runs
+            for made in result.tables
         ],
     )
     scores = Table(
         caption="The scenario's own table as a compensator, within the actuator's limits",
-        columns=("plant", "rms [% of range]", "rms [N]", "largest error [N]"),
+        columns=("plant", "RMS error [% of range]", "RMS error [N]", "largest error [N]"),
         rows=[
             (level.value, score.rmse_percent_of_range, score.rmse_N, score.peak_error_N)
-            for level, score in tables.scores.items()
+            for level, score in result.scores.items()
         ],
     )
     return Report(
-        title=f"Compensation table: {tables.scenario.name}",
+        title=f"Compensation table: {result.scenario.name}",
         summary=(
-            f"Looked up in a table of {first.table.nodes} values, the force leaves {own.rmse_percent_of_range:.2g} % "
-            f"of range on the {tables.level} level. The table covers {covered[0]:.4g} to {covered[-1]:.4g} N."
+            f"A table of {first.table.nodes} values has an RMS error of {own.rmse_percent_of_range:.2g} % of the "
+            f"reference range on the {result.level} level, with the scenario's own parameters. It covers "
+            f"{covered[0]:.4g} to {covered[-1]:.4g} N."
         ),
-        warnings=tables.reference.warnings,
+        warnings=result.reference.warnings,
         sections=(
             Section(
                 title="The table",
                 blocks=(
                     PictureFile(
-                        path=folder / "table.png",
-                        caption="Left: the force over the wanted tension, in slip and after reversals. Right: the way "
+                        path=picture,
+                        caption="Left: force over reference, in slip and after reversals. Right: the transition "
                         "from one branch to the other, over the tension since the reversal, with its nodes.",
                     ),
                     sizes,
@@ -78,16 +77,13 @@ def table_report(tables: ScenarioTables, folder: Path, *, options: str = "") -> 
                     *(Text(f"{part}.") for part in FORMULA.split("; ")),
                     Text(
                         "The table is quasi-static: made for slow reversals out of full slip, without masses. The "
-                        "exact inverse (tendonff export-c) knows more for a few more instructions."
+                        "exact inverse (tendonff export-c) is more accurate for slightly more computation."
                     ),
                 ),
             ),
-            Section(title="What it delivers", blocks=(scores,)),
+            Section(title="Accuracy", blocks=(scores,)),
         ),
-        provenance=Provenance(
-            scenario=tables.scenario,
-            command=f"tendonff table {tables.scenario.source.name} --out DIR {options}".strip(),
-        ),
+        provenance=provenance_of(result.scenario, "table", result.options),
         files=(
             FileNote(name="table.csv", content="one row for each node"),
             FileNote(name="table.json", content="formula, ranges, errors and nodes for other programs"),

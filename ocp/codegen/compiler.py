@@ -20,6 +20,10 @@ from tendonff.ocp.errors import CodeError
 _PACKAGED = ("-m", "ziglang", "cc")
 _FLAGS = ("-O3", "-std=c99", "-shared", "-fPIC", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=off")
 
+# GCC 12 forgets to leave wide registers clean before a call of exp where it knows what a function of the same file
+# does to registers; a call then takes ten times as long.
+_GCC_FLAGS = ("-fno-ipa-ra",)
+
 
 @functools.cache
 def _machine_flags() -> tuple[str, ...]:
@@ -142,8 +146,9 @@ def load_library(source: str) -> ctypes.CDLL:
 
 def _built(source: str, compiler: tuple[str, ...]) -> Path:
     """Shared library of C source, compiled unless the cache has it."""
-    flags = (*_FLAGS, *_machine_flags())
-    key = "\0".join([source, *compiler, _compiler_version(compiler), sys.platform, platform.machine(), *flags])
+    version = _compiler_version(compiler)
+    flags = (*_FLAGS, *_machine_flags(), *(() if "clang" in version else _GCC_FLAGS))
+    key = "\0".join([source, *compiler, version, sys.platform, platform.machine(), *flags])
     library = _cache_folder() / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.so"
     if not library.exists():
         with tempfile.TemporaryDirectory(dir=library.parent) as scratch:

@@ -5,12 +5,13 @@ import os
 from enum import StrEnum
 
 from tendonff.ocp.codegen.compiler import find_compiler
+from tendonff.ocp.errors import CodeError
 
 
 class Engine(StrEnum):
-    """What advances the chain; all take the same decisions and give the same results to 1e-9 N.
+    """What advances the chain; all give the same results to 1e-9 N on ordinary runs.
 
-    Where the tendon sticks and slips on stiff bristles, rounding decides what comes next, for any engine.
+    Where the tendon sticks and slips on stiff bristles, or a step must be split, they may part ways.
 
     Attributes
     ----------
@@ -27,7 +28,6 @@ class Engine(StrEnum):
     CASADI = "casadi"
 
 
-@functools.cache
 def resolve_engine(engine: Engine) -> Engine:
     """Turn AUTO into what works here.
 
@@ -39,9 +39,27 @@ def resolve_engine(engine: Engine) -> Engine:
     -------
     Engine
         COMPILED or CASADI.
+
+    Raises
+    ------
+    CodeError
+        If the environment variable names no engine.
     """
     if engine is not Engine.AUTO:
         return engine
     if wanted := os.environ.get("TENDONFF_ENGINE"):
-        return Engine(wanted)
-    return Engine.CASADI if find_compiler() is None else Engine.COMPILED
+        try:
+            chosen = Engine(wanted)
+        except ValueError:
+            names = ", ".join(engine.value for engine in Engine)
+            raise CodeError(
+                f"the environment variable TENDONFF_ENGINE must be one of {names}, got {wanted!r}"
+            ) from None
+        if chosen is not Engine.AUTO:
+            return chosen
+    return Engine.COMPILED if _has_compiler() else Engine.CASADI
+
+
+@functools.cache
+def _has_compiler() -> bool:
+    return find_compiler() is not None

@@ -1,52 +1,26 @@
 """Print laws with their parameters folded in: what a controller evaluates, and nothing else.
 
-A law as `elements` states it takes every parameter and the weight H of the scheme as arguments. On a controller these
-are known beforehand, so everything that depends on them alone is evaluated here, in double precision: a number that is
-the same for every weight H becomes a literal, one that differs becomes a field of a coefficient record with one value
-per weight. What remains depends on the state only.
+Where nothing is known, the law comes out whole: the host's code takes this road too. A law as `step.laws` states it
+takes every parameter and the weight H of the scheme as arguments. On a controller these are known beforehand, so
+everything that depends on them alone is evaluated here, in double precision: a number that is the same for every weight
+H becomes a literal, one that differs becomes a field of a coefficient record with one value per weight. What remains
+depends on the state only.
 
 Folding keeps the order of operations, so that double code gives the bits that the unfolded law gives. Where `reorder`
 allows it, constants are gathered and divisions by them become multiplications.
 """
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import casadi as ca
 
 from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.codegen.printer import literal
+from tendonff.ocp.codegen.printer import OPERATORS, SELECT, literal, operator, real_type
 from tendonff.ocp.errors import CodeError
 
 Values = tuple[float, ...]
-
-_COMPARISONS = {ca.OP_LT: "<", ca.OP_LE: "<=", ca.OP_EQ: "==", ca.OP_NE: "!="}
-_FUNCTIONS = {ca.OP_SQRT: "sqrt", ca.OP_EXP: "exp", ca.OP_LOG: "log", ca.OP_TANH: "tanh", ca.OP_FABS: "fabs"}
-_ARITHMETIC = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
-_EVALUATE: dict[int, Callable[..., float]] = {
-    ca.OP_ADD: lambda a, b: a + b,
-    ca.OP_SUB: lambda a, b: a - b,
-    ca.OP_MUL: lambda a, b: a * b,
-    ca.OP_DIV: lambda a, b: a / b,
-    ca.OP_LT: lambda a, b: float(a < b),
-    ca.OP_LE: lambda a, b: float(a <= b),
-    ca.OP_EQ: lambda a, b: float(a == b),
-    ca.OP_NE: lambda a, b: float(a != b),
-    ca.OP_FMIN: min,
-    ca.OP_FMAX: max,
-    ca.OP_IF_ELSE_ZERO: lambda a, b: b if a else 0.0,
-    ca.OP_NEG: lambda a: -a,
-    ca.OP_NOT: lambda a: float(not a),
-    ca.OP_SQRT: math.sqrt,
-    ca.OP_EXP: math.exp,
-    ca.OP_LOG: math.log,
-    ca.OP_TANH: math.tanh,
-    ca.OP_FABS: abs,
-    ca.OP_SIGN: lambda a: float((a > 0) - (a < 0)),
-}
-_SELECT = -1  # our own: condition ? a : b
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,13 +84,13 @@ class Specialiser:
     coefficients: dict[str, Values] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if len({len(values) for values in self.parameters.values()}) != 1:
+        if len({len(values) for values in self.parameters.values()}) > 1:
             raise CodeError("every parameter needs one value for each weight of the scheme")
 
     @property
     def weights(self) -> int:
         """Number of weights H."""
-        return len(next(iter(self.parameters.values())))
+        return len(next(iter(self.parameters.values()), (0.0,)))
 
     def fold(self, law: Law, name: str | None = None, fixed: Mapping[str, float] | None = None) -> SpecialisedLaw:
         """One law as C.
@@ -144,7 +118,9 @@ class Specialiser:
         return tuple(_constant_of(node, law.name) for node in _Tape(False).run(law, self.parameters, self.weights))
 
     def _print(self, law: Law, name: str, results: Sequence[_Node]) -> SpecialisedLaw:
-        real = "float" if self.precision is Precision.FLOAT else "double"
+        real = real_type(self.precision)
+        constants = {"zero": literal(0.0, self.precision), "one": literal(1.0, self.precision)}
+        suffix = "f" if self.precision is Precision.FLOAT else ""
         used: set[str] = set()
         lines: list[str] = []
         texts: dict[int, str] = {}
@@ -163,40 +139,24 @@ class Specialiser:
                 return node.argument
             if id(node) not in texts:
                 value = expression(node)
-                if node.op in _COMPARISONS or node.op == ca.OP_NOT:
-                    return f"({value})"  # conditions stay where they are used
+                if _is_condition(node):  # a value: 1 where it holds
+                    value = f"({value}) ? {constants['one']} : {constants['zero']}"
                 texts[id(node)] = f"t{len(texts)}"
                 lines.append(f"    const {real} {texts[id(node)]} = {value};")
             return texts[id(node)]
 
         def condition_of(node: _Node) -> str:
-            if node.op in _COMPARISONS or node.op == ca.OP_NOT:
-                return f"({expression(node)})"
-            return f"({text_of(node)} != {literal(0.0, self.precision)})"
+            if _is_condition(node):
+                return f"({expression(node)})"  # conditions stay where they are used
+            return f"({text_of(node)} != {constants['zero']})"
 
         def expression(node: _Node) -> str:
-            suffix = "f" if self.precision is Precision.FLOAT else ""
-            if node.op == _SELECT:
+            if node.op == SELECT:
                 which, yes, no = node.operands
                 return f"{condition_of(which)} ? {text_of(yes)} : {text_of(no)}"
-            if node.op == ca.OP_NOT:
-                return f"!{condition_of(node.operands[0])}"
-            operands = [text_of(operand) for operand in node.operands]
-            if node.op in _ARITHMETIC:
-                return f"{operands[0]} {_ARITHMETIC[node.op]} {operands[1]}"
-            if node.op in _COMPARISONS:
-                return f"{operands[0]} {_COMPARISONS[node.op]} {operands[1]}"
-            if node.op in (ca.OP_FMIN, ca.OP_FMAX):
-                mark = "<" if node.op == ca.OP_FMIN else ">"
-                return f"({operands[0]} {mark} {operands[1]}) ? {operands[0]} : {operands[1]}"
-            if node.op == ca.OP_NEG:
-                return f"-{operands[0]}"
-            if node.op == ca.OP_SIGN:
-                zero, one = literal(0.0, self.precision), literal(1.0, self.precision)
-                return f"({operands[0]} > {zero}) ? {one} : (({operands[0]} < {zero}) ? -{one} : {zero})"
-            if node.op in _FUNCTIONS:
-                return f"{_FUNCTIONS[node.op]}{suffix}({operands[0]})"
-            raise CodeError(f"{law.name}: CasADi operation {node.op} has no C spelling; add it to ocp.specialise")
+            known = operator(node.op or 0, law.name)
+            operands = [condition_of(o) if known.of_conditions else text_of(o) for o in node.operands]
+            return known.text.format(*operands, f=suffix, **constants)
 
         outputs = tuple(law.outputs)
         for output, node in zip(outputs, results, strict=True):
@@ -224,7 +184,11 @@ def _constant_of(node: _Node, law: str) -> Values:
     return node.constant
 
 
-_ONE_OPERAND = {ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE, ca.OP_INV, ca.OP_NOT, ca.OP_SIGN, *_FUNCTIONS}
+_SHORTHANDS = {ca.OP_SQ, ca.OP_TWICE, ca.OP_INV}
+
+
+def _is_condition(node: _Node) -> bool:
+    return node.op in OPERATORS and OPERATORS[node.op].condition
 
 
 class _Tape:
@@ -249,7 +213,8 @@ class _Tape:
         known : mapping of str to tuple of float
         weights : int
         """
-        tape = ca.Function(law.name, [ca.vertcat(*law.inputs)], [ca.vertcat(*law.outputs.values())], {"cse": True})
+        results_in = ca.densify(ca.vertcat(*law.outputs.values()))  # the tape numbers structural nonzeros
+        tape = ca.Function(law.name, [ca.vertcat(*law.inputs)], [results_in], {"cse": True})
         names = [symbol.name() for symbol in law.inputs]
         register: dict[int, _Node] = {}
         results: dict[int, _Node] = {}
@@ -266,8 +231,8 @@ class _Tape:
             elif op == ca.OP_OUTPUT:
                 results[outs[1]] = register[ins[0]]
             else:
-                operands = tuple(register[i] for i in ins[: 1 if op in _ONE_OPERAND else 2])
-                register[outs[0]] = self._simplify(op, operands)
+                count = 1 if op in _SHORTHANDS else operator(op, law.name).operands
+                register[outs[0]] = self._simplify(op, tuple(register[i] for i in ins[:count]))
         return [results[k] for k in range(len(law.outputs))]
 
     def _shared(self, node: _Node) -> _Node:
@@ -288,7 +253,7 @@ class _Tape:
             columns = [o.constant for o in operands if o.constant is not None]
             count = max(len(column) for column in columns)
             rows = zip(*(column if len(column) == count else column * count for column in columns), strict=True)
-            return _Node(None, constant=tuple(_EVALUATE[op](*row) for row in rows))
+            return _Node(None, constant=tuple(OPERATORS[op].evaluate(*row) for row in rows))
         if (moved := self._into_choice(op, operands)) is not None:
             return moved
         if self._reorder and (gathered := self._gathered(op, operands)) is not None:
@@ -343,29 +308,29 @@ class _Tape:
             if b.is_number(0):
                 return b
             zero = _constant(0.0, len(b.constant) if b.constant is not None else 1)
-            return self._shared(_Node(_SELECT, (a, b, zero)))
+            return self._shared(_Node(SELECT, (a, b, zero)))
         return None
 
     def _into_choice(self, op: int, operands: tuple[_Node, ...]) -> _Node | None:
         """f(c ? K1 : K2, K3) as c ? f(K1, K3) : f(K2, K3), so that f is evaluated here and not on the controller."""
         choices = [o for o in operands if _is_choice(o)]
-        if op not in _EVALUATE or not choices or any(o.constant is None and o is not choices[0] for o in operands):
+        if op not in OPERATORS or not choices or any(o.constant is None and o is not choices[0] for o in operands):
             return None
         yes, no = (self._simplify(op, tuple(o.operands[k] if o is choices[0] else o for o in operands)) for k in (1, 2))
         if yes.constant == no.constant:
             return yes
-        return self._shared(_Node(_SELECT, (choices[0].operands[0], yes, no)))
+        return self._shared(_Node(SELECT, (choices[0].operands[0], yes, no)))
 
     def _selection(self, first: _Node, second: _Node) -> _Node | None:
         """(c ? x : 0) + (!c ? y : 0), CasADi's if_else, as c ? x : y; x alone where both are the same."""
-        if first.op != _SELECT or second.op != _SELECT:
+        if first.op != SELECT or second.op != SELECT:
             return None
         (c, x, x_else), (not_c, y, y_else) = first.operands, second.operands
         if not (x_else.is_number(0) and y_else.is_number(0) and not_c.op == ca.OP_NOT and not_c.operands[0] is c):
             return None
         if x is y or (x.constant is not None and x.constant == y.constant):
             return x
-        return self._shared(_Node(_SELECT, (c, x, y)))
+        return self._shared(_Node(SELECT, (c, x, y)))
 
 
 def _constant(value: float, weights: int) -> _Node:
@@ -374,4 +339,4 @@ def _constant(value: float, weights: int) -> _Node:
 
 def _is_choice(node: _Node) -> bool:
     """A choice between two constants."""
-    return node.op == _SELECT and all(o.constant is not None for o in node.operands[1:])
+    return node.op == SELECT and all(o.constant is not None for o in node.operands[1:])

@@ -1,11 +1,12 @@
-"""Print CasADi expressions as straight-line C99.
+"""Print CasADi expressions as straight-line C99: the table of operators, and literals.
 
 CasADi's own generator passes arrays of pointers with a null check per entry and writes double literals and double
 maths whatever the real type. Element laws are called inside the innermost loop and must also run on controllers
 without double arithmetic, so they are printed here as `static` functions of plain values.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -13,34 +14,90 @@ import casadi as ca
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import CodeError
 
-_BINARY = {
-    ca.OP_ADD: "{0} + {1}",
-    ca.OP_SUB: "{0} - {1}",
-    ca.OP_MUL: "{0} * {1}",
-    ca.OP_DIV: "{0} / {1}",
-    ca.OP_LT: "({0} < {1}) ? {one} : {zero}",
-    ca.OP_LE: "({0} <= {1}) ? {one} : {zero}",
-    ca.OP_EQ: "({0} == {1}) ? {one} : {zero}",
-    ca.OP_NE: "({0} != {1}) ? {one} : {zero}",
-    ca.OP_FMIN: "({0} < {1}) ? {0} : {1}",
-    ca.OP_FMAX: "({0} > {1}) ? {0} : {1}",
-    ca.OP_IF_ELSE_ZERO: "({0} != {zero}) ? {1} : {zero}",
-    ca.OP_AND: "(({0} != {zero}) && ({1} != {zero})) ? {one} : {zero}",
-    ca.OP_OR: "(({0} != {zero}) || ({1} != {zero})) ? {one} : {zero}",
+
+@dataclass(frozen=True, slots=True)
+class Operator:
+    """One operation of a CasADi tape.
+
+    Parameters
+    ----------
+    text : str
+        C, with {0} and {1} for operands, {f} for the suffix of maths functions, {zero} and {one} for literals.
+    evaluate : callable
+        What it gives for numbers.
+    operands : int, optional
+        1 or 2.
+    condition : bool, optional
+        The text is a condition: true or false, which C code uses where it stands.
+    of_conditions : bool, optional
+        The operands are conditions too.
+    """
+
+    text: str
+    evaluate: Callable[..., float]
+    operands: int = 2
+    condition: bool = False
+    of_conditions: bool = False
+
+
+def _truth(text: str, evaluate: Callable[..., bool], *, operands: int = 2, of_conditions: bool = False) -> Operator:
+    return Operator(text, lambda *a: float(evaluate(*a)), operands, condition=True, of_conditions=of_conditions)
+
+
+def _function(name: str, evaluate: Callable[[float], float]) -> Operator:
+    return Operator(f"{name}{{f}}({{0}})", evaluate, 1)
+
+
+SELECT = -1
+"""Our own operation: condition ? a : b."""
+
+OPERATORS: dict[int, Operator] = {
+    ca.OP_ADD: Operator("{0} + {1}", lambda a, b: a + b),
+    ca.OP_SUB: Operator("{0} - {1}", lambda a, b: a - b),
+    ca.OP_MUL: Operator("{0} * {1}", lambda a, b: a * b),
+    ca.OP_DIV: Operator("{0} / {1}", lambda a, b: a / b),
+    ca.OP_POW: Operator("pow{f}({0}, {1})", math.pow),
+    ca.OP_CONSTPOW: Operator("pow{f}({0}, {1})", math.pow),
+    ca.OP_IF_ELSE_ZERO: Operator("({0} != {zero}) ? {1} : {zero}", lambda a, b: b if a else 0.0),
+    ca.OP_FMIN: Operator("({0} < {1}) ? {0} : {1}", min),
+    ca.OP_FMAX: Operator("({0} > {1}) ? {0} : {1}", max),
+    ca.OP_LT: _truth("{0} < {1}", lambda a, b: a < b),
+    ca.OP_LE: _truth("{0} <= {1}", lambda a, b: a <= b),
+    ca.OP_EQ: _truth("{0} == {1}", lambda a, b: a == b),
+    ca.OP_NE: _truth("{0} != {1}", lambda a, b: a != b),
+    ca.OP_AND: _truth("{0} && {1}", lambda a, b: bool(a) and bool(b), of_conditions=True),
+    ca.OP_OR: _truth("{0} || {1}", lambda a, b: bool(a) or bool(b), of_conditions=True),
+    ca.OP_NOT: _truth("!{0}", lambda a: not a, operands=1, of_conditions=True),
+    ca.OP_NEG: Operator("-{0}", lambda a: -a, 1),
+    ca.OP_SIGN: Operator(
+        "({0} > {zero}) ? {one} : (({0} < {zero}) ? -{one} : {zero})", lambda a: float((a > 0) - (a < 0)), 1
+    ),
+    ca.OP_SQRT: _function("sqrt", math.sqrt),
+    ca.OP_EXP: _function("exp", math.exp),
+    ca.OP_LOG: _function("log", math.log),
+    ca.OP_TANH: _function("tanh", math.tanh),
+    ca.OP_FABS: _function("fabs", abs),
 }
-_UNARY = {
-    ca.OP_NEG: "-{0}",
-    ca.OP_SQ: "{0} * {0}",
-    ca.OP_TWICE: "{0} + {0}",
-    ca.OP_INV: "{one} / {0}",
-    ca.OP_NOT: "({0} == {zero}) ? {one} : {zero}",
-    ca.OP_SIGN: "({0} > {zero}) ? {one} : (({0} < {zero}) ? -{one} : {zero})",
-    ca.OP_SQRT: "sqrt{f}({0})",
-    ca.OP_EXP: "exp{f}({0})",
-    ca.OP_LOG: "log{f}({0})",
-    ca.OP_TANH: "tanh{f}({0})",
-    ca.OP_FABS: "fabs{f}({0})",
-}
+"""Every operation that generated code may use; squares, doubles, inverses and choices are made of these."""
+
+
+def operator(op: int, law: str) -> Operator:
+    """What is known about an operation of a CasADi tape.
+
+    Parameters
+    ----------
+    op : int
+    law : str
+        For the message.
+
+    Raises
+    ------
+    CodeError
+        If it has no C spelling here.
+    """
+    if (known := OPERATORS.get(op)) is None:
+        raise CodeError(f"{law}: CasADi operation {op} has no C spelling; add it to tendonff.ocp.codegen.printer")
+    return known
 
 
 def literal(value: float, precision: Precision) -> str:
@@ -59,83 +116,11 @@ def literal(value: float, precision: Precision) -> str:
     return text + suffix
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CFunction:
-    """A scalar function in C: every input by value, every output through a pointer.
+def real_type(precision: Precision) -> str:
+    """The C type.
 
     Parameters
     ----------
-    name : str
-        C identifier.
-    inputs, outputs : tuple of str
-        Names, in order.
-    code : str
-        The whole definition.
-    """
-
-    name: str
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    code: str
-
-
-def c_function(
-    name: str, comment: str, inputs: Sequence[ca.SX], outputs: dict[str, ca.SX], precision: Precision, real: str
-) -> CFunction:
-    """Print scalar expressions as one static C function without branches that jump or loops.
-
-    Parameters
-    ----------
-    name : str
-        C identifier.
-    comment : str
-        What it computes, with units and source.
-    inputs : sequence of ca.SX
-        Scalar symbols; their names become the arguments.
-    outputs : dict of str to ca.SX
-        Scalar expressions by name.
     precision : Precision
-        Decides literals and the suffix of the maths functions.
-    real : str
-        Name of the real type in the surrounding file.
-
-    Raises
-    ------
-    CodeError
-        If an expression uses an operation that has no C spelling here.
     """
-    names = [symbol.name() for symbol in inputs]
-    # Dense, because the tape numbers the structural nonzeros of its output.
-    results = ca.densify(ca.vertcat(*outputs.values()))
-    tape = ca.Function(name, [ca.vertcat(*inputs)], [results], {"cse": True})
-    out_names = list(outputs)
-    constants = {"zero": literal(0.0, precision), "one": literal(1.0, precision)}
-    suffix = "f" if precision is Precision.FLOAT else ""
-    register: dict[int, str] = {}
-    lines: list[str] = []
-    used: set[str] = set()
-    for k in range(tape.n_instructions()):
-        op = tape.instruction_id(k)
-        ins, outs = tape.instruction_input(k), tape.instruction_output(k)
-        if op == ca.OP_CONST:
-            text = literal(tape.instruction_constant(k), precision)
-            register[outs[0]] = text if not text.startswith("-") else f"({text})"
-        elif op == ca.OP_INPUT:
-            register[outs[0]] = names[ins[1]]
-            used.add(names[ins[1]])
-        elif op == ca.OP_OUTPUT:
-            lines.append(f"    *{out_names[outs[1]]} = {register[ins[0]]};")
-        else:
-            pattern = _UNARY.get(op) or _BINARY.get(op)
-            if pattern is None:
-                raise CodeError(
-                    f"{name}: CasADi operation {op} has no C spelling; add it to tendonff.ocp.codegen.printer"
-                )
-            value = pattern.format(*(register[i] for i in ins), f=suffix, **constants)
-            variable = f"t{k}"
-            lines.append(f"    const {real} {variable} = {value};")
-            register[outs[0]] = variable
-    lines[:0] = [f"    (void){unused};" for unused in names if unused not in used]
-    arguments = [f"{real} {n}" for n in names] + [f"{real} *{n}" for n in out_names]
-    head = f"/* {comment} */\nstatic void {name}(\n    " + ",\n    ".join(arguments) + ")\n{\n"
-    return CFunction(name=name, inputs=tuple(names), outputs=tuple(out_names), code=head + "\n".join(lines) + "\n}\n")
+    return "float" if precision is Precision.FLOAT else "double"

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from tendonff.models.chain import Chain, End
+from tendonff.models.assembly import End
+from tendonff.models.chain import Chain
 from tendonff.models.elements import Whole, whole_of
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
@@ -151,13 +152,14 @@ class ChainModel:
     def values(self) -> dict[DynamicParameter, float]:
         """The scenario's own values of all parameters."""
         w = whole_of(self.transmission, self.level)
+        mu = w.value(Parameter.MU_DYNAMIC_PULL)
         return {
-            D.MU_PULL: w.mu_dynamic_pull,
-            D.MU_RELEASE: w.mu_dynamic_release,
-            D.STATIC_EXCESS: w.mu_static_pull / w.mu_dynamic_pull - 1 if w.mu_dynamic_pull > 0 else 0.0,
+            D.MU_PULL: mu,
+            D.MU_RELEASE: w.value(Parameter.MU_DYNAMIC_RELEASE),
+            D.STATIC_EXCESS: w.value(Parameter.MU_STATIC_PULL) / mu - 1 if mu > 0 else 0.0,
             D.INPUT_BIAS: 0.0,
             D.OUTPUT_BIAS: 0.0,
-            **{k: float(getattr(w, name.value)) for k, name in _DIRECT.items()},
+            **{k: w.value(name) for k, name in _DIRECT.items()},
         }
 
     def whole(self, values: Mapping[DynamicParameter, float]) -> Whole:
@@ -171,14 +173,9 @@ class ChainModel:
         mu_pull = values[D.MU_PULL]
         mu_release = mu_pull if self.symmetric else values[D.MU_RELEASE]
         excess = 1 + values[D.STATIC_EXCESS]
-        return replace(
-            whole_of(self.transmission, self.level),
-            mu_dynamic_pull=mu_pull,
-            mu_static_pull=excess * mu_pull,
-            mu_dynamic_release=mu_release,
-            mu_static_release=excess * mu_release,
-            **{name.value: values[k] for k, name in _DIRECT.items()},
-        )
+        mus = zip(_MUS, (mu_pull, excess * mu_pull, mu_release, excess * mu_release), strict=True)
+        direct = {name.value: values[k] for k, name in _DIRECT.items()}
+        return whole_of(self.transmission, self.level).changed({name.value: mu for name, mu in mus} | direct)
 
     def chain(self, whole: Whole) -> Chain:
         """The chain with a massless near end."""
@@ -293,7 +290,7 @@ class ChainModel:
                     slopes[:, :, k] = 0.0 if self.symmetric else release
                 else:
                     slopes[:, :, k] = (
-                        whole.mu_dynamic_pull * column[Parameter.MU_STATIC_PULL]
-                        + whole.mu_dynamic_release * column[Parameter.MU_STATIC_RELEASE]
+                        whole.value(Parameter.MU_DYNAMIC_PULL) * column[Parameter.MU_STATIC_PULL]
+                        + whole.value(Parameter.MU_DYNAMIC_RELEASE) * column[Parameter.MU_STATIC_RELEASE]
                     )
         return run.tension_N[:, -1], run.ends_m[:, 0], run.ends_m[:, 1], slopes

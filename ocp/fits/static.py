@@ -20,8 +20,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.models.capstan import play
-from tendonff.models.friction import BristleParameters, implicit_bristle
+from tendonff.models.bounds import play
+from tendonff.models.friction import LuGreBristle
 
 Array = NDArray[np.float64]
 
@@ -164,16 +164,17 @@ def _bristle_step() -> _Step:
     far = out - at[StaticParameter.OUTPUT_BIAS]
     # Without speed dependence the law knows no time: with a unit step the velocity is the travel of the sample.
     pull, release = (ca.tanh(at[k] / 2) for k in (StaticParameter.PULL, StaticParameter.RELEASE))
-    bristle = BristleParameters(
+    bristle = LuGreBristle(
         bristle_stiffness_N_per_m=at[StaticParameter.BRISTLE],
         mu_dynamic_pull=pull,
         mu_static_pull=pull,
         mu_dynamic_release=release,
         mu_static_release=release,
         stribeck_velocity_m_per_s=1.0,
+        viscous_N_s_per_m=0.0,
     )
     far_sum = ca.fmax(2 * (far + at[StaticParameter.ADHESION]), LIFTED_FLOOR_N)
-    after = implicit_bristle(q - q_before, f_s, ca.SX(1), bristle).bristle_force_from_far_side(far_sum)
+    (after,) = bristle.implicit_from_far_side(q - q_before, (f_s,), ca.SX(1), far_sum)
     beside = at[StaticParameter.INPUT_BIAS] + at[StaticParameter.GUIDE] * q
     return _with_slopes(f_s, signals, parameters, first - beside - far, after, far + after + beside)
 

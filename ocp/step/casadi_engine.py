@@ -1,34 +1,24 @@
-"""Engine CASADI: the step of `templates/stepper.c.j2` without a C compiler.
+"""Engine CASADI: the same scheme without a C compiler, and a reference for the C code that shares no step with it.
 
-The ordinary step converges in a few full Newton moves. These are laid out as one CasADi function and accumulated over
-many steps inside CasADi; all of them are taken, so that the answer is as close as that of the C code, which keeps one
-matrix for an easy step. A step for which the line search would act, or that must be split, is taken by itself, with the
-decisions of the C code one by one: where a step is hard, another line search finds another time to split, and two
-engines would part ways.
+The balances are written here in vectors from the models' own laws, and CasADi's own Newton iteration solves them. Only
+the scheme is the same: second-order backward differences, implicit Euler at the start and in the pieces of a step that
+must be split.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
+from tendonff.models.assembly import end_force, near_tension, normal_force, path_force
 from tendonff.models.chain import Chain
-from tendonff.ocp.step.laws import (
-    end_mass,
-    link_force,
-    link_gain,
-    link_start,
-    link_states,
-    path_mass,
-)
-from tendonff.ocp.step.protocol import Array, Rows, StepperMemory
+from tendonff.models.friction import from_far_side
+from tendonff.models.layout import INPUT_NAMES, ChainInputs
+from tendonff.models.link import tendon_force
+from tendonff.ocp.step.protocol import Array, InverseRows, Rows, StepperMemory
 from tendonff.ocp.step.scheme import (
     BDF2_CARRY,
     BDF2_WEIGHT,
-    EASY_CONTRACTION,
-    EASY_GOAL,
-    EASY_MOVES,
-    MAX_HALVINGS,
     MAX_ITERATIONS,
     MAX_PIECES,
     MAX_SPLITS,
@@ -36,34 +26,11 @@ from tendonff.ocp.step.scheme import (
     RESIDUAL_TOLERANCE_N,
 )
 
-_CHUNKS = (256, 16)
-"""Numbers of steps that CasADi takes at once: the small one where hard steps are frequent, for it is taken again."""
+_CHUNK = 64
+"""Steps that CasADi takes at once; where one of them is hard it is taken by itself and the rest again."""
 
-_FULL_MOVES = 3
-"""Newton moves of an ordinary step; most steps need one or two."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Outcome:
-    """One implicit step that was tried.
-
-    Parameters
-    ----------
-    solved : bool
-    x : ndarray, shape (4 N + 6,)
-        State at its end.
-    tension_N : ndarray, shape (N + 1,)
-    residual_N : float
-    worst_mass : int
-    iterations : int
-    """
-
-    solved: bool
-    x: Array
-    tension_N: Array
-    residual_N: float
-    worst_mass: int
-    iterations: int
+_SLACK = 20.0
+"""CasADi's iteration stops at its own tolerance; what counts as solved is this much wider than the C code's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,11 +41,9 @@ class StepExpressions:
     ----------
     v, base, u, H : ca.SX
         Velocities at the end of the step, base of the scheme, inputs, weight of the rates.
-    balance, move : ca.SX, shape (N + 2, 1)
-        Force balance of every mass [N], and Newton's move of the velocities.
-    rest, move_of_rest : ca.SX, shape (N + 2, 1)
-        Any balances [N], and the move that the matrix of v makes of them.
-    end : ca.SX, shape (4 N + 6, 1)
+    balance : ca.SX, shape (N + 2, 1)
+        Force balance of every mass [N].
+    end : ca.SX, shape (size, 1)
         State at the end of the step.
     force : ca.SX, shape (N + 1, 1)
         Tensions [N].
@@ -91,9 +56,6 @@ class StepExpressions:
     u: ca.SX
     H: ca.SX
     balance: ca.SX
-    move: ca.SX
-    rest: ca.SX
-    move_of_rest: ca.SX
     end: ca.SX
     force: ca.SX
     tolerance: ca.SX
@@ -106,109 +68,53 @@ def step_expressions(chain: Chain) -> StepExpressions:
     ----------
     chain : Chain
     """
-    n, elements, ends = chain.count, chain.elements, (chain.near, chain.far)
-    link = (
-        elements.stiffness_N_per_m,
-        elements.relaxing_stiffness_N_per_m,
-        elements.relaxation_time_s,
-        elements.damping_N_s_per_m,
+    n, layout, piece, near, far = chain.count, chain.layout, chain.elements.piece, chain.near, chain.far
+    v, base, u, H = (
+        ca.SX.sym("v", n + 2),
+        ca.SX.sym("base", layout.size),
+        ca.SX.sym("u", len(INPUT_NAMES)),
+        ca.SX.sym("H"),
     )
-    path = (
-        elements.mass_kg,
-        elements.viscous_N_s_per_m,
-        elements.adhesion_N,
-        elements.bristle_stiffness_N_per_m,
-        elements.mu_dynamic_pull,
-        elements.mu_static_pull,
-        elements.mu_dynamic_release,
-        elements.mu_static_release,
-        elements.stribeck_velocity_m_per_s,
-    )
-    near, far = ((end.mass_kg, end.damping_N_s_per_m, end.stiffness_N_per_m) for end in ends)
-    gain_of, start_of, force_of = link_gain().function(), link_start().function(), link_force().function()
-    states_of, mass_of, end_of = link_states().function(), path_mass().function(), end_mass().function()
-
-    v, base, u, H = ca.SX.sym("v", n + 2), ca.SX.sym("base", 4 * n + 6), ca.SX.sym("u", 4), ca.SX.sym("H")
-    base_v, base_e, base_z, base_s, base_q = ca.vertsplit(base, [0, n + 2, 2 * n + 3, 3 * n + 4, 4 * n + 4, 4 * n + 6])
+    v_base, e_base, *own, q_a, q_l = ca.vertsplit(base, layout.cuts)
+    links, masses = own[: len(layout.link_states)], own[len(layout.link_states) :]
     f_c1, x_c1, f_c2, x_c2 = ca.vertsplit(u)
-    gain = gain_of(H, *link)
-    start = [start_of(base_e[i], base_z[i], H, *link) for i in range(n + 1)]
-    force, slope = zip(*(force_of(v[i] - v[i + 1], start[i], gain) for i in range(n + 1)), strict=True)
 
-    first, by_v, by_f = end_of(v[0], force[0], base_v[0], base_q[0], H, -1, f_c1, x_c1, *near)
-    residual, lower, diag, upper = [first], [ca.SX(0)], [by_v + by_f * slope[0]], [-by_f * slope[0]]
-    bristle = []
-    for i in range(1, n + 1):
-        balance, by_v, by_near, by_far, f_s = mass_of(v[i], force[i - 1], force[i], base_v[i], base_s[i - 1], H, *path)
-        residual.append(balance)
-        lower.append(by_near * slope[i - 1])
-        diag.append(by_v - by_near * slope[i - 1] + by_far * slope[i])
-        upper.append(-by_far * slope[i])
-        bristle.append(f_s)
-    last, by_v, by_f = end_of(v[n + 1], force[n], base_v[n + 1], base_q[1], H, 1, f_c2, x_c2, *far)
-    residual.append(last)
-    lower.append(by_f * slope[n])
-    diag.append(by_v - by_f * slope[n])
-
-    mass = ca.vertcat(near[0], *[elements.mass_kg] * n, far[0])
-    largest = ca.norm_inf(ca.vertcat(*start, mass * base_v / H))
-    links = [states_of(v[i] - v[i + 1], base_e[i], base_z[i], H, *link) for i in range(n + 1)]
-    end = ca.vertcat(
-        v,
-        *[e for e, _ in links],
-        *[z for _, z in links],
-        *bristle,
-        base_q[0] + H * v[0],
-        base_q[1] + H * v[n + 1],
+    rate, on_path = v[:-1] - v[1:], v[1:-1]
+    e = e_base + H * rate
+    links = chain.link.implicit(e, tuple(links), H)
+    force = tendon_force(chain.link.unclipped_force(e, rate, links))
+    f_n = normal_force(force[:-1], force[1:], piece.adhesion_N)
+    masses = chain.friction.implicit(on_path, tuple(masses), H, f_n)
+    f_f = chain.friction.state_force(masses) + chain.friction.viscous_force(on_path)
+    q_a, q_l = q_a + H * v[0], q_l + H * v[n + 1]
+    sums = ca.vertcat(
+        end_force(v[0], q_a, force[0], -1, f_c1, x_c1, near),
+        path_force(force[:-1], force[1:], f_f),
+        end_force(v[n + 1], q_l, force[n], 1, f_c2, x_c2, far),
     )
-    rest = ca.SX.sym("rest", n + 2)
+    mass = ca.vertcat(near.mass_kg, piece.mass_kg * ca.DM.ones(n), far.mass_kg)
+    start = ca.substitute(chain.link.unclipped_force(e, rate, links), v, ca.SX.zeros(n + 2))
+    largest = ca.norm_inf(ca.vertcat(start, mass * v_base / H))
     return StepExpressions(
         v=v,
         base=base,
         u=u,
         H=H,
-        balance=ca.vertcat(*residual),
-        move=_tridiagonal_move(residual, lower, diag, upper),
-        rest=rest,
-        move_of_rest=_tridiagonal_move(ca.vertsplit(rest), lower, diag, upper),
-        end=end,
-        force=ca.vertcat(*force),
+        balance=mass / H * (v - v_base) - sums,
+        end=ca.vertcat(v, e, *links, *masses, q_a, q_l),
+        force=force,
         tolerance=RESIDUAL_TOLERANCE_N + RESIDUAL_ROUNDING * largest,
     )
 
 
-class _StepFunctions:
-    """The parts of one implicit step as CasADi functions, all of its weight H.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Outcome:
+    """One implicit step that was tried: whether it is solved, its end, its tensions, its balances."""
 
-    Parameters
-    ----------
-    chain : Chain
-    """
-
-    def __init__(self, chain: Chain) -> None:
-        step, options = step_expressions(chain), {"cse": True}
-        unknowns = [step.v, step.base, step.u, step.H]
-        self.tolerance = ca.Function("tolerance", [step.base, step.H], [step.tolerance], options)
-        self.balance = ca.Function("balance", unknowns, [step.balance], options)
-        self.newton = ca.Function("newton", unknowns, [step.balance, step.move], options)
-        self.move_of_rest = ca.Function("move_of_rest", [*unknowns, step.rest], [step.move_of_rest], options)
-        self.finish = ca.Function("finish", unknowns, [step.end, step.force], options)
-
-
-def _tridiagonal_move(residual: list[ca.SX], lower: list[ca.SX], diag: list[ca.SX], upper: list[ca.SX]) -> ca.SX:
-    """Newton's move: minus the tridiagonal matrix's inverse times the residual, by elimination."""
-    ratio: list[ca.SX] = []
-    rest: list[ca.SX] = []
-    pivot = diag[0]
-    for i in range(len(diag)):
-        rest.append((residual[i] - (lower[i] * rest[i - 1] if i else 0)) / pivot)
-        if i + 1 < len(diag):
-            ratio.append(upper[i] / pivot)
-            pivot = diag[i + 1] - lower[i + 1] * ratio[i]
-    move = [-rest[-1]]
-    for i in range(len(diag) - 2, -1, -1):
-        move.append(-rest[i] - ratio[i] * move[-1])
-    return ca.vertcat(*move[::-1])
+    solved: bool
+    x: Array
+    tension_N: Array
+    balance_N: Array
 
 
 class CasadiStepper:
@@ -222,162 +128,185 @@ class CasadiStepper:
     """
 
     def __init__(self, chain: Chain, step_s: float) -> None:
-        self._step_s, self._count = step_s, chain.count
-        self._functions = _StepFunctions(chain)
-        step = self._ordinary_step()
-        self._chunks = {size: step.mapaccum(f"chunk_{size}", size) for size in _CHUNKS}
+        self._chain, self._step_s = chain, step_s
+        s, n, size = step_expressions(chain), chain.count, chain.layout.size
+        known = ca.vertcat(s.base, s.u, s.H)
+        options = {
+            "line_search": True,
+            "linear_solver": "tridiag",
+            "abstol": RESIDUAL_TOLERANCE_N / 100,
+            "abstolStep": 1e-15,
+            "max_iter": MAX_ITERATIONS,
+            "error_on_fail": False,
+        }
+        solve = ca.rootfinder("solve", "newton", {"x": s.v, "p": known, "g": s.balance}, options)
+        finish = ca.Function("finish", [s.v, known], [s.end, s.force, s.balance, s.tolerance], {"cse": True})
+        guess, known = ca.MX.sym("guess", n + 2), ca.MX.sym("known", known.numel())
+        end, force, balance, tolerance = finish(solve(guess, known), known)
+        good = ca.norm_inf(balance) <= _SLACK * tolerance
+        solved = ca.logic_and(good, ca.sumsqr(balance) >= 0)  # the norm overlooks what is not a number
+        self._try = ca.Function("try", [guess, known], [end, force, balance, solved])
+        pair, u = ca.MX.sym("pair", 2 * size), ca.MX.sym("u", s.u.numel())
+        x, change = pair[:size], pair[:size] - pair[size:]
+        base = ca.vertcat(x + BDF2_CARRY * change, u, BDF2_WEIGHT * step_s)
+        end, force, balance, solved = self._try((x + change)[: n + 2], base)
+        step = ca.Function("step", [pair, u], [ca.vertcat(end, x), force, solved])
+        self._chunk = step.mapaccum("chunk", _CHUNK)
 
-    def _ordinary_step(self) -> ca.Function:
-        """(x, x_old), inputs -> (x, x_old), tensions, whether full Newton moves with falling balance solve it."""
-        n, parts, weight = self._count, self._functions, BDF2_WEIGHT * self._step_s
-        pair, u = ca.MX.sym("pair", 2 * (4 * n + 6)), ca.MX.sym("u", 4)
-        x, x_old = pair[: 4 * n + 6], pair[4 * n + 6 :]
-        base = x + BDF2_CARRY * (x - x_old)
-        tolerance = parts.tolerance(base, weight)
-        v = 2 * x[: n + 2] - x_old[: n + 2]
-        answer, norm, falling = v, ca.inf, ca.MX(1)
-        for k in range(_FULL_MOVES + 1):
-            if k < _FULL_MOVES:
-                residual, move = parts.newton(v, base, u, weight)
-            else:
-                residual, move = parts.balance(v, base, u, weight), 0
-            size = ca.norm_inf(residual)
-            falling = ca.logic_and(falling, size < norm)
-            answer, norm = ca.if_else(falling, v, answer), ca.if_else(falling, size, norm)
-            v = v + move
-        solved = norm <= tolerance
-        x_next, force = parts.finish(answer, base, u, weight)
-        return ca.Function("step", [pair, u], [ca.vertcat(x_next, x), force, solved])
-
-    def advance(self, memory: StepperMemory, inputs: Array, record: bool) -> Rows:
-        """See `stepping.Stepper`."""
-        n = self._count
-        states, tensions = np.empty((len(inputs), 4 * n + 6)), np.empty((len(inputs), n + 1))
-        splits, row, iterations, easy = 0, 0, 0, True
-        last = _Outcome(solved=True, x=memory.x, tension_N=np.zeros(n + 1), residual_N=0.0, worst_mass=0, iterations=0)
-        while row < len(inputs):
-            size = _CHUNKS[0] if easy and len(inputs) - row >= _CHUNKS[0] else _CHUNKS[1]
-            if not memory.fresh and len(inputs) - row >= size:
-                good = self._advance_chunk(memory, inputs[row : row + size], states[row:], tensions[row:])
-                row, easy = row + good, good == size
-                iterations += good  # at least; CasADi does not count
-                if good == size:
-                    continue
-            last, split = self._advance_one(memory, inputs[row])
-            iterations, splits = iterations + last.iterations, splits + split
-            if not last.solved:
+    def advance(self, memory: StepperMemory, inputs: ChainInputs, record: bool) -> Rows:
+        """See `protocol.Stepper`."""
+        table, size, n = inputs.table(), self._chain.layout.size, self._chain.count
+        states, tensions = np.empty((len(table), size)), np.empty((len(table), n + 1))
+        splits, row, last = 0, 0, np.zeros(n + 2)
+        while row < len(table):
+            if not memory.fresh and len(table) - row >= _CHUNK:
+                row += self._advance_chunk(memory, table[row : row + _CHUNK], states[row:], tensions[row:])
+                if row == len(table):
+                    break
+            old = memory.inputs.table()[0] if row == 0 else table[row - 1]
+            end, split = self._advance_one(memory, old, table[row])
+            splits, last = splits + split, end.balance_N
+            if not end.solved:
                 break
-            states[row], tensions[row] = last.x, last.tension_N
+            states[row], tensions[row] = end.x, end.tension_N
             row += 1
+        if row:
+            memory.inputs = inputs[row - 1 : row]
+        sizes = np.abs(last)
+        worst = int(np.argmax(sizes))  # to numpy too, NaN is largest
         return Rows(
             tension_N=tensions[:row],
             ends_m=states[:row, -2:].copy(),
             states=states[:row] if record else None,
-            iterations=iterations,
+            iterations=row,  # at least; CasADi does not count
             splits=splits,
-            residual_N=last.residual_N,
-            worst_mass=last.worst_mass,
+            residual_N=float(sizes[worst]),
+            worst_mass=worst,
         )
 
-    def _advance_chunk(self, memory: StepperMemory, inputs: Array, states: Array, tensions: Array) -> int:
+    def _advance_chunk(self, memory: StepperMemory, table: Array, states: Array, tensions: Array) -> int:
         """Advance a whole chunk; return the number of leading steps that are solved."""
         size = len(memory.x)
-        pairs, f, solved = (
-            np.asarray(m) for m in self._chunks[len(inputs)](np.concatenate([memory.x, memory.x_old]), inputs.T)
-        )
+        pairs, f, solved = (np.asarray(m) for m in self._chunk(np.concatenate([memory.x, memory.x_old]), table.T))
         unsolved = np.flatnonzero(solved.ravel() != 1)
-        good = int(unsolved[0]) if unsolved.size else len(inputs)
+        good = int(unsolved[0]) if unsolved.size else len(table)
         if good:
-            states[:good] = pairs[:size, :good].T
-            tensions[:good] = f[:, :good].T
-            memory.x_old = pairs[size:, good - 1].copy()
-            memory.x = pairs[:size, good - 1].copy()
-            memory.inputs = inputs[good - 1].copy()
+            states[:good], tensions[:good] = pairs[:size, :good].T, f[:, :good].T
+            memory.x, memory.x_old = pairs[:size, good - 1].copy(), pairs[size:, good - 1].copy()
         return good
 
-    def _advance_one(self, memory: StepperMemory, inputs: Array) -> tuple[_Outcome, int]:
+    def _advance_one(self, memory: StepperMemory, old: Array, now: Array) -> tuple[_Outcome, int]:
         """One step, split into implicit Euler pieces where it does not converge, and whether it was split."""
-        x, n = memory.x, self._count
+        x = memory.x
         change = np.zeros_like(x) if memory.fresh else x - memory.x_old
-        base = x + BDF2_CARRY * change
         weight = self._step_s * (1.0 if memory.fresh else BDF2_WEIGHT)
+        split = 0
         for guess in (x + change, np.zeros_like(x), x):  # extrapolated, then at rest, then as before
-            end = self._solve(guess[: n + 2], base, inputs, weight)
+            end = self._solve(guess, x + BDF2_CARRY * change, now, weight)
             if end.solved:
                 break
-        split = int(not end.solved)
-        if split:  # pieces of h/2, h/4 ...: halved until one converges, doubled as soon as the time reached allows
-            level, left, now = 1, 2, x
-            pieces = 0
-            while left > 0 and level <= MAX_SPLITS and pieces < MAX_PIECES:
-                pieces += 1
-                u = memory.inputs + (inputs - memory.inputs) * (1 - (left - 1) * 0.5**level)
-                end = self._solve(now[: n + 2], now, u, self._step_s * 0.5**level)
-                if end.solved:
-                    now, left = end.x, left - 1
-                    if level > 1 and left % 2 == 0:
-                        level, left = level - 1, left // 2
-                else:
-                    level, left = level + 1, 2 * left
-            end = replace(end, solved=left == 0)  # not solved where the pieces ran out either
+        else:
+            end, split = self._pieces(x, old, now), 1
         if end.solved:
-            memory.x, memory.x_old, memory.inputs, memory.fresh = end.x.copy(), x.copy(), inputs.copy(), False
+            memory.x, memory.x_old, memory.fresh = end.x.copy(), x.copy(), False
         return end, split
 
-    def _easy(
-        self, guess: Array, base: Array, inputs: Array, weight: float, residual: Array, goal: float
-    ) -> tuple[Array, float, int]:
-        """Newton's moves with the matrix of the guess: velocities, largest balance and number of moves."""
-        v, now, moves = guess, _largest(residual)[0], 0
-        while True:
-            before = now
-            v = v + np.asarray(self._functions.move_of_rest(guess, base, inputs, weight, residual)).ravel()
-            residual = np.asarray(self._functions.balance(v, base, inputs, weight)).ravel()
-            now, moves = _largest(residual)[0], moves + 1
-            if moves >= EASY_MOVES or now <= goal or not now < EASY_CONTRACTION * before:
-                return v, now, moves
+    def _pieces(self, x: Array, old: Array, now: Array) -> _Outcome:
+        """A step in pieces: halved until one converges, doubled again as soon as the time reached allows."""
+        level, left = 1, 2  # pieces of h/2^level until the end of the step
+        for _ in range(MAX_PIECES):
+            u = old + (now - old) * (1 - (left - 1) * 0.5**level)
+            end = self._solve(x, x, u, self._step_s * 0.5**level)
+            if end.solved:
+                x, left = end.x, left - 1
+                if left == 0:
+                    return end
+                if level > 1 and left % 2 == 0:
+                    level, left = level - 1, left // 2
+            else:
+                level, left = level + 1, 2 * left
+                if level > MAX_SPLITS:
+                    break
+        return _Outcome(solved=False, x=end.x, tension_N=end.tension_N, balance_N=end.balance_N)
 
     def _solve(self, guess: Array, base: Array, inputs: Array, weight: float) -> _Outcome:
-        """One implicit step by Newton's method: with the matrix of the guess, else with backtracking."""
-        parts, v, iterations = self._functions, guess, 0
-        tolerance = float(parts.tolerance(base, weight))
-        residual, move = (np.asarray(m).ravel() for m in parts.newton(v, base, inputs, weight))
-        norm, worst = _largest(residual)
-        if not norm <= tolerance:
-            easy, size, iterations = self._easy(guess, base, inputs, weight, residual, EASY_GOAL * tolerance)
-            if size <= tolerance:
-                v, norm = easy, size
-        spent = iterations
-        while iterations - spent < MAX_ITERATIONS and not norm <= tolerance:
-            iterations += 1
-            t = 1.0
-            for _ in range(MAX_HALVINGS):
-                trial = v + t * move
-                residual, next_move = (np.asarray(m).ravel() for m in parts.newton(trial, base, inputs, weight))
-                size, next_worst = _largest(residual)
-                if size < norm:
-                    break
-                t /= 2
-            else:
-                break  # no descent: the caller splits the step
-            v, move, norm, worst = trial, next_move, size, next_worst
-        if iterations > spent and EASY_GOAL * tolerance < norm <= tolerance:  # one move more: little is left to add up
-            size, _ = _largest(np.asarray(parts.balance(v + move, base, inputs, weight)).ravel())
-            if size < norm:
-                v, norm = v + move, size
-        x, force = (np.asarray(m).ravel() for m in parts.finish(v, base, inputs, weight))
-        return _Outcome(
-            solved=norm <= tolerance,
-            x=x,
-            tension_N=force,
-            residual_N=norm,
-            worst_mass=worst,
-            iterations=iterations,
+        v, known = guess[: self._chain.count + 2], np.concatenate([base, inputs, [weight]])
+        x, force, balance, solved = (np.asarray(m).ravel() for m in self._try(v, known))
+        return _Outcome(solved=bool(solved[0] == 1), x=x, tension_N=force, balance_N=balance)
+
+
+class CasadiInverse:
+    """The exact inverse as a mapped CasADi function.
+
+    Parameters
+    ----------
+    chain : Chain
+    step_s : float
+        h [s].
+    """
+
+    def __init__(self, chain: Chain, step_s: float) -> None:
+        self._chain = chain
+        self._first = self._make(step_s, carry=0.0)
+        self._next = self._make(BDF2_WEIGHT * step_s, carry=BDF2_CARRY)
+
+    def _make(self, H: float, carry: float) -> ca.Function:
+        """Function (pair (x, x_old), reference) -> (pair, force, least tension)."""
+        chain, n, layout = self._chain, self._chain.count, self._chain.layout
+        link, friction, piece = chain.link, chain.friction, chain.elements.piece
+        pair, reference = ca.SX.sym("pair", 2 * layout.size), ca.SX.sym("reference")
+        x, x_old = pair[: layout.size], pair[layout.size :]
+        v_base, e_base, *own, q_a, q_l = ca.vertsplit(x + carry * (x - x_old), layout.cuts)
+        border = len(layout.link_states)
+        f, least, unknown = reference, reference, ca.SX.sym("unknown")
+
+        def root(expression: ca.SX) -> ca.SX:
+            """Where an expression that is affine in the unknown is zero."""
+            return -ca.substitute(expression, unknown, 0) / ca.jacobian(expression, unknown)
+
+        far, near = chain.far, chain.near
+        balance = far.mass_kg / H * (unknown - v_base[n + 1])
+        v = root(balance - end_force(unknown, q_l + H * unknown, f, 1, 0, 0, far))
+        q_l = q_l + H * v
+        speeds, stretches = [v], []
+        link_ends: list[tuple[ca.SX, ...]] = []
+        mass_ends: list[tuple[ca.SX, ...]] = []
+        for i in range(n, -1, -1):
+            base = tuple(part[i] for part in own[:border])
+            e = e_base[i] + H * unknown
+            rate = root(link.unclipped_force(e, unknown, link.implicit(e, base, H)) - f)
+            stretches.append(e_base[i] + H * rate)
+            link_ends.append(link.implicit(stretches[-1], base, H))
+            v = v + rate
+            speeds.append(v)
+            if i > 0:
+                inertia = piece.mass_kg / H * (v - v_base[i])
+                without = near_tension(f, friction.viscous_force(v), inertia)
+                base = tuple(part[i - 1] for part in own[border:])
+                states = from_far_side(friction, v, base, H, f + without + 2 * piece.adhesion_N)
+                mass_ends.append(states)
+                f = tendon_force(without + friction.state_force(states))
+                least = ca.fmin(least, f)
+        q_a = q_a + H * v
+        balance = near.mass_kg / H * (v - v_base[0])
+        force = root(balance - end_force(v, q_a, f, -1, unknown, 0, near))
+        blocks = [speeds, stretches, *zip(*link_ends, strict=True), *zip(*mass_ends, strict=True)]
+        end = ca.vertcat(*(s for block in blocks for s in block[::-1]), q_a, q_l)
+        return ca.Function("invert", [pair, reference], [ca.vertcat(end, x), force, least], {"cse": True})
+
+    def invert(self, x: Array, reference: Array, record: bool) -> InverseRows:
+        """See `protocol.Inverse`."""
+        if not len(reference):
+            return InverseRows(force_N=np.empty(0), least_tension_N=np.empty(0), states=None)
+        pair, force, least = self._first(np.concatenate([x, x]), reference[0])
+        pairs, forces, leasts = [pair], [force], [least]
+        if len(reference) > 1:
+            rest = self._next.mapaccum("invert_run", len(reference) - 1)(pair, reference[1:])
+            for whole, part in zip((pairs, forces, leasts), rest, strict=True):
+                whole.append(part)
+        states = np.hstack([np.asarray(p) for p in pairs])[: len(x)].T
+        return InverseRows(
+            force_N=np.hstack([np.asarray(f).ravel() for f in forces]),
+            least_tension_N=np.hstack([np.asarray(f).ravel() for f in leasts]),
+            states=states if record else None,
         )
-
-
-def _largest(residual: Array) -> tuple[float, int]:
-    """Largest balance and its mass; the first NaN where there is one."""
-    sizes = np.abs(residual)
-    worst = int(np.argmax(sizes))  # to numpy too, NaN is largest
-    return float(sizes[worst]), worst

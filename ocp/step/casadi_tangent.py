@@ -5,6 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.models.chain import Chain
+from tendonff.models.layout import ChainInputs
 from tendonff.ocp.step.casadi_engine import CasadiStepper, step_expressions
 from tendonff.ocp.step.protocol import Array, Rows, StepperMemory
 from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT
@@ -44,17 +45,17 @@ class CasadiTangent:
         self._values = values
 
     def run(
-        self, x: Array, inputs: Array, start: Array, numbers: Array, drive: Array, forgotten: NDArray[np.int_]
+        self, x: Array, inputs: ChainInputs, start: Array, numbers: Array, drive: Array, forgotten: NDArray[np.int_]
     ) -> tuple[Rows, Array, Array]:
         """Simulate and differentiate.
 
         Parameters
         ----------
-        x : ndarray, shape (4 N + 6,)
+        x : ndarray, shape (size,)
             State before the first step.
-        inputs : ndarray, shape (rows + 1, 4)
-            Inputs at that state, then at the ends of the steps.
-        start : ndarray, shape (4 N + 6, d)
+        inputs : ChainInputs, rows + 1 of them
+            At that state, then at the ends of the steps.
+        start : ndarray, shape (size, d)
             Change of the first state in each direction.
         numbers : ndarray, shape (p, d)
             Change of the numbers in each direction.
@@ -70,7 +71,7 @@ class CasadiTangent:
         tension_slopes : ndarray, shape (rows, N + 1, d)
         ends_slopes : ndarray, shape (rows, 2, d)
         """
-        memory = StepperMemory(x=x.copy(), x_old=x.copy(), inputs=inputs[0].copy(), fresh=True)
+        memory = StepperMemory(x=x.copy(), x_old=x.copy(), inputs=inputs[:1], fresh=True)
         rows = self._stepper.advance(memory, inputs[1:], record=True)
         if rows.states is None:
             raise AssertionError("the stepper was asked to record its states")
@@ -82,7 +83,7 @@ class CasadiTangent:
         now, old = start, start
         for first in range(0, done, _CHUNK):
             part = slice(first, min(first + _CHUNK, done))
-            blocks = self._evaluate(rows.states[part, : n + 2], bases[part], inputs[1:][part], weights[part])
+            blocks = self._evaluate(rows.states[part, : n + 2], bases[part], inputs.table()[1:][part], weights[part])
             for k, row in enumerate(range(part.start, part.stop)):
                 (r_v, r_base, r_u, r_p), (x_v, x_base, _, x_p), (f_v, f_base, _, f_p) = (
                     [block[k] for block in group] for group in blocks

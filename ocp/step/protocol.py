@@ -1,10 +1,12 @@
-"""What an engine that advances the chain takes and gives; see `compiled_stepper` and `casadi_stepper`."""
+"""What an engine that advances the chain takes and gives; see `c_engine` and `casadi_engine`."""
 
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+from tendonff.models.layout import ChainInputs
 
 Array = NDArray[np.float64]
 
@@ -15,17 +17,17 @@ class StepperMemory:
 
     Parameters
     ----------
-    x, x_old : ndarray, shape (4 N + 6,)
-        State now and one step earlier, in the order of `ChainState.vector`.
-    inputs : ndarray, shape (4,)
-        Inputs at the present state: f_c1 [N], x_c1 [m], f_c2 [N], x_c2 [m].
+    x, x_old : ndarray, shape (size,)
+        State now and one step earlier, in the order of `StateLayout`.
+    inputs : ChainInputs
+        Those at the present state: one row.
     fresh : bool
         There is no earlier state; the next step is implicit Euler.
     """
 
     x: Array
     x_old: Array
-    inputs: Array
+    inputs: ChainInputs
     fresh: bool
 
 
@@ -38,7 +40,7 @@ class Rows:
     tension_N : ndarray, shape (rows, N + 1)
     ends_m : ndarray, shape (rows, 2)
         Positions q_a, q_l.
-    states : ndarray, shape (rows, 4 N + 6), or None
+    states : ndarray, shape (rows, size), or None
         Recorded on request.
     iterations, splits : int
         Linear solves, and steps that had to be split.
@@ -65,7 +67,7 @@ class InverseRows:
     ----------
     force_N, least_tension_N : ndarray, shape (rows,)
         Motor force, and smallest tension along the path.
-    states : ndarray, shape (rows, 4 N + 6), or None
+    states : ndarray, shape (rows, size), or None
         Recorded on request.
     """
 
@@ -77,6 +79,14 @@ class InverseRows:
 class Stepper(Protocol):
     """One engine, made for one chain and step."""
 
-    def advance(self, memory: StepperMemory, inputs: Array, record: bool) -> Rows:
-        """Advance `memory` over `inputs`, shape (rows, 4); fewer rows come back where a step fails for good."""
+    def advance(self, memory: StepperMemory, inputs: ChainInputs, record: bool) -> Rows:
+        """Advance `memory` over `inputs`; fewer rows come back where a step fails for good."""
+        ...
+
+
+class Inverse(Protocol):
+    """One engine's exact inverse, made for one chain and step."""
+
+    def invert(self, x: Array, reference: Array, record: bool) -> InverseRows:
+        """Force, least tension and states for tensions [N] at the ends of the steps that follow the state x."""
         ...

@@ -1,16 +1,14 @@
-"""The time step in C: templates filled in, and how they call the laws."""
+"""The time step in C: templates filled in, for the host and for a controller alike, and how they call the laws."""
 
-import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import jinja2
 
-from tendonff.ocp.codegen.law import Law
+from tendonff.models.layout import INPUT_NAMES, StateLayout
+from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.codegen.printer import c_function, literal
-from tendonff.ocp.step.laws import inverse_laws, simulation_laws
+from tendonff.ocp.codegen.printer import literal, real_type
 from tendonff.ocp.step.scheme import (
     BDF2_CARRY,
     BDF2_WEIGHT,
@@ -33,32 +31,14 @@ _TEMPLATES = jinja2.Environment(  # noqa: S701 - C, not HTML
 )
 
 
-class LawCalls(Protocol):
-    """How generated code calls a law."""
-
-    def __call__(self, law: str, arguments: Mapping[str, str], end: str = "") -> str:
-        """C text of a call.
-
-        Parameters
-        ----------
-        law : str
-            Name of a law in `elements`.
-        arguments : mapping of str to str
-            C text of each input that belongs to the state, and of each output, by the law's own names.
-        end : str, optional
-            "near" or "far" for the laws of an end mass.
-        """
-        ...
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
     """Bounds of the loops of a generated step, and the balance that counts as solved.
 
     Parameters
     ----------
-    iterations, halvings, splits : int
-        Newton iterations, halvings of one, and halvings of the step.
+    iterations, halvings, splits, pieces : int
+        Newton iterations, halvings of one, halvings of the step, and pieces of a step that was split.
     rounding : float
         Relative addition to the tolerance: rounding of the largest link force [-].
     tolerance_N : float
@@ -68,111 +48,157 @@ class Limits:
     iterations: int = MAX_ITERATIONS
     halvings: int = MAX_HALVINGS
     splits: int = MAX_SPLITS
+    pieces: int = MAX_PIECES
     rounding: float = RESIDUAL_ROUNDING
     tolerance_N: float = RESIDUAL_TOLERANCE_N
 
 
-@functools.cache
-def _law_table() -> dict[str, Law]:
-    return {law.name: law for law in (*simulation_laws(), *inverse_laws())}
-
-
-def struct_calls(prefix: str) -> LawCalls:
-    """Calls of laws whose parameters are fields of `<prefix>_chain *s`, with the weight in `H`.
+def law_calls(prefix: str, laws: Mapping[str, SpecialisedLaw]) -> Callable[..., str]:
+    """How generated code calls its laws: arguments by name, parameters from the record `c`.
 
     Parameters
     ----------
     prefix : str
+        Prefix of every C name.
+    laws : mapping of str to SpecialisedLaw
+        By their names; those of an end mass that differ between the ends with "_near" or "_far" behind.
+
+    Returns
+    -------
+    callable
+        (law, *arguments, end) -> C text. `arguments` hold the text of inputs that are no parameters and of outputs;
+        `end` is "near" or "far" for the laws of an end mass.
     """
 
-    def call(law: str, arguments: Mapping[str, str], end: str = "") -> str:
-        known = _law_table()[law]
-
-        def argument(name: str) -> str:
-            if name in arguments:
-                return arguments[name]
-            return "H" if name == "H" else f"s->{end}{'_' if end else ''}{name}"
-
-        inputs = [argument(symbol.name()) for symbol in known.inputs]
-        return f"{prefix}_{law}({', '.join([*inputs, *(arguments[name] for name in known.outputs)])})"
+    def call(law: str, *parts: Mapping[str, str], end: str = "") -> str:
+        arguments = {name: text for part in parts for name, text in part.items()}
+        known = laws.get(f"{law}_{end}") or laws[law]
+        parameters = (arguments.get(name) or f"c->{name.replace('end_', f'{end}_', 1)}" for name in known.inputs)
+        passed = [*(["c"] if known.weighted else []), *parameters, *(arguments[name] for name in known.outputs)]
+        return f"{prefix}_{known.name}({', '.join(passed)})"
 
     return call
 
 
-def render_template(
-    name: str,
-    prefix: str,
-    precision: Precision,
-    *,
-    calls: LawCalls | None = None,
-    limits: Limits | None = None,
-    compliances: tuple[float, float] | None = None,
-    masses_kg: tuple[float, float, float] | None = None,
-) -> str:
-    """One of the C templates with its real type, prefix and literals filled in.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepCode:
+    """What the templates need to know.
 
     Parameters
     ----------
-    name : str
-        File name in `ocp/templates`.
     prefix : str
         Prefix of every C name.
     precision : Precision
-    calls : LawCalls, optional
-        How laws are called where their parameters are folded in (`specialise`); default: parameters in a record.
+    layout : StateLayout
+        Its count does not matter.
+    laws : mapping of str to SpecialisedLaw
+    count, size : str
+        C text of the number of masses, in functions and where arrays are declared.
+    solve : str
+        Template of one implicit step.
+    numbers : mapping of str to str
+        C text of each of the chain's numbers where it stands alone.
+    host : bool, optional
+        Help the host's compiler: arrays do not overlap, and the numbers do not change.
     limits : Limits, optional
-        Bounds of the loops; default: those of the scheme.
-    compliances : tuple of float, optional
-        Compliance of the load's spring and lasting compliance of a link [m/N], for an inverse that keeps the load's
-        position and the elongations relative to them.
-    masses_kg : tuple of float, optional
-        Near end, one mass on the path, far end, where they are folded in.
+    compliances : mapping of str to float or C text, optional
+        For an inverse that keeps states relative to what the tension alone would cause: by state, [m/N].
     """
 
-    def number(value: float) -> str:
-        return literal(value, precision)
+    prefix: str
+    precision: Precision
+    layout: StateLayout
+    laws: Mapping[str, SpecialisedLaw]
+    count: str
+    size: str
+    solve: str
+    numbers: Mapping[str, str]
+    host: bool = False
+    limits: Limits = Limits()
+    compliances: Mapping[str, float | str] | None = None
 
-    single, exported = precision is Precision.FLOAT, calls is not None
-    limits = limits or Limits()
-    return _TEMPLATES.get_template(name).render(
-        prefix=prefix,
-        exported=exported,
-        call=calls or struct_calls(prefix),
-        H="c->H" if exported else "H",
-        masses=("s->near_mass", "s->mass", "s->far_mass") if masses_kg is None else tuple(map(number, masses_kg)),
-        shifted=compliances is not None,
-        load_compliance="" if compliances is None else number(compliances[0]),
-        link_compliance="" if compliances is None else number(compliances[1]),
-        real="float" if single else "double",
-        fabs="fabsf" if single else "fabs",
-        zero=number(0.0),
-        half=number(0.5),
-        one=number(1.0),
-        minus_one=number(-1.0),
-        bdf2_carry=number(BDF2_CARRY),
-        bdf2_weight=number(BDF2_WEIGHT),
-        tolerance=number(limits.tolerance_N) if exported else "s->tolerance_N",
-        rounding=number(limits.rounding),
-        max_iterations=limits.iterations,
-        max_halvings=limits.halvings,
-        max_splits=limits.splits,
-        easy=number(EASY_CONTRACTION),
-        easy_moves=EASY_MOVES,
-        goal=number(EASY_GOAL),
-        max_pieces=MAX_PIECES,
-    )
+    def work(self) -> tuple[tuple[str, str], ...]:
+        """Arrays of the work area of one step, with their sizes in C."""
+        n = self.size
+        links = ((name, f"{n} + 1") for name in ("start", "force", "slope"))
+        own = ((f"new_{name}", n) for name in self.layout.friction_states)
+        masses = ("v", "trial", "residual", "lower", "diag", "upper", "move")
+        return (("base", _text(*self.layout.offset("end"), n)), *links, *own, *((name, f"{n} + 2") for name in masses))
+
+    def render(self, template: str) -> str:
+        """One of the templates in `ocp/step/templates`, filled in.
+
+        Parameters
+        ----------
+        template : str
+            File name.
+        """
+        limits, precision, states = self.limits, self.precision, self.layout
+        target = f"const {self.prefix}_weights *const c = given;\n    (void)c;"
+
+        def number(value: float) -> str:
+            return literal(value, precision)
+
+        def indexed(names: Sequence[str], array: str, at: str) -> dict[str, str]:
+            return {f"{s}_base": f"{array}[{_text(*states.offset(s), 'n')} + {_inner(at)}]" for s in names}
+
+        return _TEMPLATES.get_template(template).render(
+            prefix=self.prefix,
+            upper=self.prefix.upper(),
+            real=real_type(precision),
+            fabs="fabsf" if precision is Precision.FLOAT else "fabs",
+            restrict="restrict " if self.host else "",
+            # On the host a copy that nothing can change lets the compiler keep the numbers in registers.
+            enter=f"const {self.prefix}_weights own = *given, *const c = &own;" if self.host else target,
+            count=self.count,
+            solve=self.solve,
+            call=law_calls(self.prefix, self.laws),
+            at=lambda name: _text(*states.offset(name), "n"),
+            bases=indexed,
+            ends=lambda names, prefix, at: {s: f"&{prefix}{s}[{at}]" for s in names},
+            based=lambda names: {f"{s}_base": f"{s}_base" for s in names},
+            same=lambda names: {s: s for s in names},
+            number=lambda name: self.numbers[name],
+            numbers=tuple(self.numbers),
+            parameters=lambda prefix: [name for name in self.numbers if name.startswith(prefix)],
+            index=list(self.numbers).index,
+            outputs={name: law.outputs for name, law in self.laws.items()},
+            addresses=lambda law: {name: f"&{name}" for name in self.laws[law].outputs},
+            work=self.work(),
+            state_text=", ".join(name for name, _, _ in states.blocks),
+            link_states=states.link_states,
+            friction_states=states.friction_states,
+            input_names=INPUT_NAMES,
+            shifted=self.compliances is not None,
+            compliances={
+                name: value if isinstance(value, str) else number(value)
+                for name, value in (self.compliances or {}).items()
+            },
+            zero=number(0.0),
+            half=number(0.5),
+            one=number(1.0),
+            minus_one=number(-1.0),
+            bdf2_carry=number(BDF2_CARRY),
+            bdf2_weight=number(BDF2_WEIGHT),
+            limits={
+                "iterations": limits.iterations,
+                "halvings": limits.halvings,
+                "splits": limits.splits,
+                "pieces": limits.pieces,
+                "rounding": number(limits.rounding),
+                "tolerance": number(limits.tolerance_N),
+            },
+            easy={"contraction": number(EASY_CONTRACTION), "moves": EASY_MOVES, "goal": number(EASY_GOAL)},
+        )
 
 
-def print_laws(laws: tuple[Law, ...], prefix: str, precision: Precision) -> str:
-    """The laws as static C functions named `<prefix>_<law>`.
+def _text(per_mass: int, more: int, n: str) -> str:
+    """C text of a N + b."""
+    if per_mass == 0:
+        return str(more)
+    product = n if per_mass == 1 else f"({per_mass} * {n})"
+    return product if more == 0 else f"({product} + {more})"
 
-    Parameters
-    ----------
-    laws : tuple of Law
-    prefix : str
-    precision : Precision
-    """
-    real = "float" if precision is Precision.FLOAT else "double"
-    return "\n".join(
-        c_function(f"{prefix}_{law.name}", law.comment, law.inputs, law.outputs, precision, real).code for law in laws
-    )
+
+def _inner(at: str) -> str:
+    return at if at.isidentifier() else f"({at})"

@@ -82,11 +82,11 @@ def law_of(chain: Chain) -> CapstanLaw:
     ----------
     chain : Chain
     """
-    e = chain.elements
+    pull, release = chain.friction.slip_coefficients
     return CapstanLaw(
-        pull_exponent=2 * e.count * math.atanh(e.mu_dynamic_pull),
-        release_exponent=2 * e.count * math.atanh(e.mu_dynamic_release),
-        adhesion_N=e.adhesion_N,
+        pull_exponent=2 * chain.count * math.atanh(pull),
+        release_exponent=2 * chain.count * math.atanh(release),
+        adhesion_N=chain.elements.piece.adhesion_N,
     )
 
 

@@ -1,8 +1,8 @@
-"""From coarse to fine: where the knots of a force profile go, and the profile a descent starts from.
+"""From coarse to fine: where the knots of a force profile go (grid refinement), and where the search starts.
 
-Coarse knots first: they see over a dead zone, and cost little. Then twice as many, then more where the profile meets
-or leaves a limit. Where limits bind, the profile is straightened between knots before each descent, so that a ramp may
-begin and end at a knot; elsewhere it keeps its fine structure.
+First a grid that is coarse in time: it sees over a dead zone, and costs little. Then all rows, with more knots where
+the profile meets or leaves a limit. Where limits bind, the profile is straightened between knots before each search,
+so that a ramp may begin and end at a knot; elsewhere it keeps its fine structure.
 """
 
 from collections.abc import Callable
@@ -11,9 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.ocp.step.protocol import Array
-from tendonff.ocp.tracking.cost import Goal, Judgement, LocalModel, Plant, Rows, judge
+from tendonff.ocp.tracking.cost import Evaluation, GaussNewtonModel, Knots, evaluate, knot_shape
 from tendonff.ocp.tracking.limits import ForceLimits
-from tendonff.ocp.tracking.sqp import Descent, Ending, Rules, best_change, descend, knot_shape, room_for_change
+from tendonff.ocp.tracking.problem import TrackingProblem, every
+from tendonff.ocp.tracking.qp import solve_qp, step_bounds
+from tendonff.ocp.tracking.sqp import SqpResult, SqpSettings, SqpStatus, solve_sqp
 
 KNOTS_PER_SWING = 12
 """Coarse knots between two reversals of the reference."""
@@ -23,41 +25,41 @@ _NEIGHBOURS = 2  # intervals on either side of a limit's end that are refined to
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Improvement:
-    """What the descents on all grids made of a profile.
+class GridRefinement:
+    """What the search on all grids made of a profile.
 
     Parameters
     ----------
     force_N : ndarray, shape (n,)
-    judgement : Judgement
-    descents : tuple of Descent
-        One per grid.
-    knots : int
-        On the last grid.
+    evaluation : Evaluation
+    searches : tuple of SqpResult
+        Of all grids, each of the start that won there.
+    improved : bool
+        Better than the clipped inverse.
     """
 
     force_N: Array
-    judgement: Judgement
-    descents: tuple[Descent, ...]
-    knots: int
+    evaluation: Evaluation
+    searches: tuple[SqpResult, ...]
+    improved: bool
 
     @property
     def iterations(self) -> int:
-        """Quadratic programs in all."""
-        return sum(d.iterations for d in self.descents)
+        """Quadratic programs of the search that won."""
+        return sum(s.iterations for s in self.searches)
 
     @property
     def converged(self) -> bool:
-        """The last descent was not cut short by the iteration limit."""
-        return self.descents[-1].ending is not Ending.ITERATIONS
+        """The last search was not cut short by the iteration limit."""
+        return self.searches[-1].status is not SqpStatus.ITERATIONS
 
     @property
-    def promise(self) -> float:
-        """Relative decrease of the merit that the last quadratic program promised [-]."""
-        return self.descents[-1].promise
+    def gain(self) -> float:
+        """Relative decrease of the merit that the last iteration brought [-]."""
+        return self.searches[-1].gain
 
 
-def even_knots(rows: int, spacing: int) -> Rows:
+def even_knots(rows: int, spacing: int) -> Knots:
     """Knots every `spacing` rows, and at the last row.
 
     Parameters
@@ -68,7 +70,7 @@ def even_knots(rows: int, spacing: int) -> Rows:
 
 
 def coarse_spacing(reference_N: Array) -> int:
-    """Rows between coarse knots: a share of the time between two reversals of the reference.
+    """Knots between coarse knots: a share of the time between two reversals of the reference.
 
     Parameters
     ----------
@@ -100,23 +102,23 @@ def limited_rows(force_N: Array, step_s: float, limits: ForceLimits) -> np.typin
     )
 
 
-def refined_knots(knots: Rows, limited: np.typing.NDArray[np.bool_]) -> Rows:
-    """Halve the intervals around the rows where a limit begins or ceases to bind.
+def local_knots(limited: np.typing.NDArray[np.bool_], base: Knots, reach: int, spacing: int) -> Knots:
+    """Knots closer together where a limit begins or ceases to bind.
 
     Parameters
     ----------
-    knots : ndarray of int, shape (k,)
     limited : ndarray of bool, shape (n - 1,)
+    base : ndarray of int, shape (k,)
+        Knots everywhere.
+    reach, spacing : int
+        Rows on either side of such an edge, and between the knots there.
     """
     edges = np.flatnonzero(limited[1:] != limited[:-1]) + 1
-    interval = np.clip(np.searchsorted(knots, edges, side="right") - 1, 0, len(knots) - 2)
-    near = np.unique(np.add.outer(interval, np.arange(-_NEIGHBOURS, _NEIGHBOURS + 1)))
-    near = near[(near >= 0) & (near < len(knots) - 1)]
-    middles = (knots[near] + knots[near + 1]) // 2
-    return np.unique(np.concatenate([knots, middles]))
+    near = np.add.outer(edges, np.arange(-reach, reach + 1, spacing)).ravel()
+    return np.unique(np.concatenate([base, near[(near > 0) & (near < base[-1])]]))
 
 
-def straightened(force_N: Array, knots: Rows, limited: np.typing.NDArray[np.bool_]) -> Array:
+def straightened(force_N: Array, knots: Knots, limited: np.typing.NDArray[np.bool_]) -> Array:
     """The profile made linear between knots in and next to the intervals where a limit binds.
 
     Parameters
@@ -134,82 +136,102 @@ def straightened(force_N: Array, knots: Rows, limited: np.typing.NDArray[np.bool
     return np.where(inside, np.interp(rows, knots, force_N[knots]), force_N)
 
 
-def nearest_profile(
-    wanted_N: Array, force_N: Array, step_s: float, limits: ForceLimits, knots: Rows, penalty_N: float
-) -> Array:
+def nearest_profile(problem: TrackingProblem, wanted_N: Array, knots: Knots) -> Array:
     """The profile within the limits that comes closest to a wanted force: ramps lie astride its jumps.
 
     Parameters
     ----------
+    problem : TrackingProblem
     wanted_N : ndarray, shape (n,)
-    force_N : ndarray, shape (n,)
-        Any profile within the limits; its first row stays.
-    step_s : float
-    limits : ForceLimits
     knots : ndarray of int, shape (k,)
-    penalty_N : float
     """
-    shape = knot_shape(knots)
-    model = LocalModel(
-        hessian=shape.T @ shape,
-        gradient=shape.T @ (force_N - wanted_N),
+    clipped, limits, shape = problem.clipped(wanted_N), problem.limits, knot_shape(knots)
+    model = GaussNewtonModel(
+        hessian=(shape.T @ shape).toarray(),
+        gradient=shape.T @ (clipped - wanted_N),
         rows=np.empty((0, len(knots))),
         low=np.empty(0),
         high=np.empty(0),
     )
-    room = room_for_change(force_N, step_s, limits, knots, shape)
-    move = best_change(model, room, 2 * (limits.maximum_N - limits.minimum_N), penalty_N)
-    return force_N if move is None else limits.apply(force_N + shape @ move, step_s, float(force_N[0]))
+    room = step_bounds(problem, clipped, knots)
+    move = solve_qp(model, room, 2 * (limits.maximum_N - limits.minimum_N), problem.goal.penalty_N)
+    return clipped if move is None else problem.clipped(clipped + shape @ move)
 
 
-def _taut_start(plants: tuple[Plant, ...], goal: Goal, clipped_N: Array) -> tuple[Judgement, Array]:
+def _taut_start(problem: TrackingProblem, clipped_N: Array) -> tuple[Evaluation, Array]:
     """The clipped profile, or the largest share of its changes that breaks no tension bound."""
-    first = (judge(plants, goal, clipped_N), clipped_N)
+    first = (evaluate(problem, clipped_N), clipped_N)
     if first[0].beyond_N == 0:
         return first
     for share in (0.95, 0.8, 0.6, 0.4, 0.2, 0.0):
         mixed = clipped_N[0] + share * (clipped_N - clipped_N[0])
-        judgement = judge(plants, goal, mixed)
-        if judgement.beyond_N == 0:
-            return judgement, mixed
+        evaluation = evaluate(problem, mixed)
+        if evaluation.beyond_N == 0:
+            return evaluation, mixed
     return first
 
 
 def _as_far_as_taut(
-    plants: tuple[Plant, ...], goal: Goal, best: tuple[Judgement, Array], force_N: Array
-) -> tuple[Judgement, Array]:
+    problem: TrackingProblem, best: tuple[Evaluation, Array], force_N: Array
+) -> tuple[Evaluation, Array]:
     """The profile, or as much of its difference from the best one as breaks no bound that the best one keeps."""
     for share in (1.0, 0.7, 0.4, 0.1):
         mixed = best[1] + share * (force_N - best[1])
-        judgement = judge(plants, goal, mixed)
-        if np.isfinite(judgement.merit) and judgement.beyond_N <= best[0].beyond_N:
-            return judgement, mixed
+        evaluation = evaluate(problem, mixed)
+        if np.isfinite(evaluation.merit) and evaluation.beyond_N <= best[0].beyond_N:
+            return evaluation, mixed
     return best
 
 
-def improve(
-    plants: tuple[Plant, ...],
-    goal: Goal,
-    limits: ForceLimits,
-    clipped_N: Array,
-    wanted_N: Array,
-    rules: Rules,
-    spacing: int,
-    tell: Callable[[], None] | None = None,
-) -> Improvement:
-    """Descend on three grids, from the profile closest to the wanted force.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Stage:
+    """One grid.
 
     Parameters
     ----------
-    plants : tuple of Plant
-    goal : Goal
-    limits : ForceLimits
-    clipped_N : ndarray, shape (n,)
-        The wanted force as the actuator would give it: what to beat.
-    wanted_N : ndarray, shape (n,)
-        Exact inverse.
-    rules : Rules
-        The iteration limit is for all grids together.
+    rows : int
+        Rows of time to a coarse spacing of knots; 0 for all there are.
+    base : int
+        Knots everywhere: so many to a coarse spacing.
+    edge : int
+        Knots near the edges of limits: so many to a coarse spacing; 0 for none more.
+    iterations : int
+        At most so many.
+    """
+
+    rows: int
+    base: int
+    edge: int
+    iterations: int
+
+
+_LOCAL_KNOTS = 240  # at most so many near the edges of limits
+
+_STAGES = (
+    _Stage(rows=8, base=2, edge=0, iterations=12),
+    _Stage(rows=0, base=2, edge=4, iterations=16),
+)
+
+
+def refine(
+    problem: TrackingProblem,
+    starts_N: tuple[Array, ...],
+    settings: SqpSettings,
+    spacing: int,
+    tell: Callable[[], None] | None = None,
+) -> GridRefinement:
+    """Search from coarse to fine: on the first grid from every start, on the others from the best of them.
+
+    The first grids are coarse in time too, which costs little and hardly moves the optimum; what counts is decided on
+    all rows.
+
+    Parameters
+    ----------
+    problem : TrackingProblem
+    starts_N : tuple of ndarray, shape (n,)
+        Forces to start from, whatever the limits. The first is the exact inverse: as the actuator would give it, it is
+        what to beat, and its fine structure is kept where the search follows it.
+    settings : SqpSettings
     spacing : int
         Rows between coarse knots.
     tell : callable, optional
@@ -217,29 +239,53 @@ def improve(
 
     Returns
     -------
-    Improvement
-        Never worse than the clipped force.
+    GridRefinement
+        Never worse than the clipped inverse.
     """
-    n, h = len(clipped_N), goal.step_s
-    best, force = _taut_start(plants, goal, clipped_N), clipped_N
-    start = nearest_profile(wanted_N, clipped_N, h, limits, even_knots(n, max(spacing // 4, 1)), goal.penalty_N)
-    descents: list[Descent] = []
-    left = rules.iterations
-    knots = even_knots(n, spacing)
-    for stage in range(3):
-        if stage == 1:
-            knots = even_knots(n, max(spacing // 2, 1))
-        elif stage == 2:
-            knots = refined_knots(knots, limited_rows(best[1], h, limits))
-        force = start if stage == 0 else best[1]
-        force = straightened(force, knots, limited_rows(force, h, limits))
-        judgement, force = _as_far_as_taut(plants, goal, best, force)
-        found = descend(
-            plants, goal, limits, force, judgement, knots, replace(rules, iterations=max(left // (3 - stage), 1)), tell
-        )
-        left -= found.iterations
-        descents.append(found)
-        if found.judgement.merit < best[0].merit:
-            best = (found.judgement, found.force_N)
-    force = limits.apply(best[1], h, float(clipped_N[0]))  # what rounding of the quadratic programs left
-    return Improvement(force_N=force, judgement=best[0], descents=tuple(descents), knots=len(knots))
+    n, inverse = len(starts_N[0]), starts_N[0]
+    best = _taut_start(problem, problem.clipped(inverse))
+    near = even_knots(n, max(spacing // 4, 1))
+    forces = [nearest_profile(problem, start, near) for start in starts_N]
+    searches: list[SqpResult] = []
+    first, spent = best[0], 0
+    for stage in _STAGES:
+        factor = max(spacing // stage.rows, 1) if stage.rows else 1
+        grid = problem.coarsened(factor)
+        left = settings.iterations - spent
+        rules = replace(settings, iterations=max(min(left // len(forces), stage.iterations), 1))
+        tried = []
+        for force in forces:
+            knots, start = _knots_and_start(grid, every(force, factor), stage, max(spacing // factor, 1))
+            evaluation = evaluate(grid, start)
+            if factor == 1:
+                evaluation, start = _as_far_as_taut(problem, best, start)
+            tried.append(solve_sqp(grid, start, evaluation, knots, rules, tell))
+        spent += sum(result.iterations for result in tried)
+        found = min(tried, key=lambda result: result.evaluation.merit)
+        searches.append(found)
+        if factor == 1 and found.evaluation.merit < best[0].merit:
+            best = (found.evaluation, found.force_N)
+        forces = [_on_rows(found.force_N, factor, inverse, problem)]
+    force = problem.clipped(best[1])  # what rounding of the quadratic programs left
+    return GridRefinement(force_N=force, evaluation=best[0], searches=tuple(searches), improved=best[0] is not first)
+
+
+def _knots_and_start(grid: TrackingProblem, force_N: Array, stage: _Stage, spacing: int) -> tuple[Knots, Array]:
+    """Knots of a stage, and the profile straightened between them where limits bind."""
+    limited = limited_rows(force_N, grid.step_s, grid.limits)
+    knots = even_knots(len(force_N), max(spacing // stage.base, 1))
+    if stage.edge:
+        edges = int(np.count_nonzero(limited[1:] != limited[:-1])) + 1
+        apart = max(spacing // stage.edge, 1, 2 * spacing * edges // _LOCAL_KNOTS)
+        knots = local_knots(limited, knots, spacing, apart)
+    return knots, straightened(force_N, knots, limited)
+
+
+def _on_rows(coarse_N: Array, factor: int, inverse_N: Array, problem: TrackingProblem) -> Array:
+    """A profile of a coarse grid on all rows, with the fine structure of the inverse where it follows that."""
+    if factor == 1:
+        return coarse_N
+    rows, at = np.arange(len(inverse_N)), np.arange(len(coarse_N)) * factor
+    detail = inverse_N - np.interp(rows, at, every(inverse_N, factor))
+    fine = np.abs(detail) < 1e-3 * float(np.ptp(problem.goal.reference_N))
+    return problem.clipped(np.interp(rows, at, coarse_N) + np.where(fine, detail, 0.0))

@@ -1,7 +1,18 @@
-"""Long horizons in pieces that overlap: cost grows with the length, not with its cube."""
+"""Receding horizon: a long problem in pieces that overlap, so that cost grows with the length, not with its cube."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+
+import numpy as np
+
+from tendonff.models.layout import ChainInputs
+from tendonff.ocp.simulate import Simulator
+from tendonff.ocp.step.protocol import Array
+from tendonff.ocp.tracking.grids import GridRefinement, coarse_spacing, refine
+from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
+from tendonff.ocp.tracking.sqp import SqpSettings
+
+Progress = Callable[[int, int], None]
 
 KNOTS_PER_WINDOW = 110
 """Coarse knots that one piece keeps."""
@@ -43,3 +54,67 @@ def windows(rows: int, length: int, overlap: int) -> Iterator[Window]:
         keep = rows - 1 if start + length + overlap >= rows - 1 else start + length
         yield Window(start=start, keep=keep, end=min(keep + overlap, rows - 1))
         start = keep
+
+
+def solve(
+    problem: TrackingProblem, starts_N: tuple[Array, ...], options: TrackOptions, progress: Progress | None = None
+) -> tuple[Array, tuple[GridRefinement, ...]]:
+    """Solve window by window; the plants keep moving on the profile that was kept.
+
+    Parameters
+    ----------
+    problem : TrackingProblem
+    starts_N : tuple of ndarray, shape (n,)
+        Where the search starts; the first is the exact inverse.
+    options : TrackOptions
+    progress : callable, optional
+        Callback(completed, total), in iterations.
+
+    Returns
+    -------
+    tuple of ndarray, shape (n,), and of tuple of GridRefinement
+        The profile, and the search in each window.
+    """
+    spacing, step_s = coarse_spacing(problem.goal.reference_N), problem.step_s
+    length, overlap = KNOTS_PER_WINDOW * spacing, KNOTS_OF_OVERLAP * spacing
+    if options.window_s is not None:
+        length = max(round(options.window_s / step_s), 2)
+        overlap = max(min(overlap, length), 1)
+    pieces = list(windows(len(starts_N[0]), length, overlap))
+    start = ChainInputs.of_force(np.array([problem.start_N]))
+    simulators = [Simulator(p.chain, step_s, p.state, start) for p in problem.plants]
+    force, refinements = np.array([problem.start_N]), []
+    settings = SqpSettings(
+        iterations=options.max_iterations,
+        tolerance=options.tolerance,
+        trust_N=0.1 * float(np.ptp(problem.goal.reference_N)) + 1e-6,
+    )
+    counter = _Counter(progress, options.max_iterations * len(pieces))
+    for piece in pieces:
+        here = slice(piece.start, piece.end + 1)
+        part = problem.piece(here, tuple(s.state for s in simulators), float(force[-1]))
+        found = refine(part, tuple(start[here] for start in starts_N), settings, spacing, counter.tick)
+        refinements.append(found)
+        kept = found.force_N[1 : piece.keep - piece.start + 1]
+        force = np.concatenate([force, kept])
+        if piece.end > piece.keep:
+            for simulator in simulators:
+                simulator.advance(ChainInputs.of_force(kept))
+    counter.finish()
+    return force, tuple(refinements)
+
+
+class _Counter:
+    """Turns iterations into progress."""
+
+    def __init__(self, progress: Progress | None, total: int) -> None:
+        self._progress, self._total, self._done = progress, total, 0
+
+    def tick(self) -> None:
+        self._done += 1
+        if self._progress is not None:
+            self._progress(self._done, self._total)
+
+    def finish(self) -> None:
+        if self._progress is not None:
+            self._progress(self._total, self._total)

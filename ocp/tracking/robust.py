@@ -1,72 +1,24 @@
 """One profile for a tendon that is not known exactly, and what uncertainty does to any profile."""
 
 from dataclasses import dataclass, replace
-from enum import StrEnum
 
 import numpy as np
 from scipy.stats import qmc
 
 from tendonff.models.chain import Chain
-from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
+from tendonff.models.uncertainty import Objective, Uncertainty
+from tendonff.ocp.inverse import Inversion, invert
 from tendonff.ocp.simulate import Outcome, simulate
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.limits import ForceLimits
-from tendonff.ocp.tracking.result import Tracking, TrackOptions
-from tendonff.ocp.tracking.track import Progress, track_plants
+from tendonff.ocp.tracking.problem import WORST_POWER, TrackingProblem, TrackOptions
+from tendonff.ocp.tracking.receding_horizon import Progress
+from tendonff.ocp.tracking.result import Tracking
+from tendonff.ocp.tracking.track import solve_tracking
 
-
-class Objective(StrEnum):
-    """Which error over the samples a robust profile makes small.
-
-    Attributes
-    ----------
-    WORST
-        The largest.
-    MEAN
-        The root of the mean square.
-    """
-
-    WORST = "worst"
-    MEAN = "mean"
-
-
-_POWER = {Objective.WORST: 8.0, Objective.MEAN: 1.0}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Uncertainty:
-    """How well the parameters are known: relative half-widths.
-
-    Parameters
-    ----------
-    mu, stiffness, bristle_stiffness : float
-        Of all friction coefficients, of k1 and k2, of both bristle stiffnesses [-], >= 0 and < 1.
-    samples : int
-        Transmissions to sample, the nominal one among them, >= 1.
-    seed : int
-    """
-
-    mu: float = 0.0
-    stiffness: float = 0.0
-    bristle_stiffness: float = 0.0
-    samples: int = 8
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        for name in ("mu", "stiffness", "bristle_stiffness"):
-            if not 0 <= getattr(self, name) < 1:
-                raise ParameterError(
-                    f"{name} must be >= 0 and < 1, got {getattr(self, name)}; 0.2 means within 20 % either way"
-                )
-        if not self.samples >= 1:
-            raise ParameterError(f"samples must be >= 1, got {self.samples}; 8 is a good start")
-
-    @property
-    def is_certain(self) -> bool:
-        """No parameter is uncertain."""
-        return self.mu == self.stiffness == self.bristle_stiffness == 0
+_POWER = {Objective.WORST: WORST_POWER, Objective.MEAN: 1.0}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -233,6 +185,7 @@ def track_robust(
     *,
     segments: int | None = None,
     initial_tension_N: float | None = None,
+    inversion: Inversion | None = None,
     progress: Progress | None = None,
 ) -> Tracking:
     """One profile that is best in the worst case or on average over the samples; see `track`.
@@ -249,6 +202,8 @@ def track_robust(
     options : TrackOptions, optional
     segments : int, optional
     initial_tension_N : float, optional
+    inversion : Inversion, optional
+        Of the nominal transmission, where the caller has it already.
     progress : callable, optional
 
     Returns
@@ -259,4 +214,15 @@ def track_robust(
     chains = tuple(Chain.of(sample.transmission, level, segments) for sample in samples)
     reference = np.asarray(reference_N, dtype=np.float64)
     start = float(reference[0]) if initial_tension_N is None else initial_tension_N
-    return track_plants(chains, chains[0], reference, step_s, limits, options, _POWER[objective], start, progress)
+    inverse = invert(chains[0], reference, step_s, initial_tension_N=start) if inversion is None else inversion
+    problem = TrackingProblem.of(
+        chains,
+        reference,
+        step_s,
+        limits,
+        options,
+        initial_tension_N=start,
+        inverse_N=inverse.force_N,
+        power=_POWER[objective],
+    )
+    return solve_tracking(problem, inverse, options, progress)

@@ -1,11 +1,13 @@
 import math
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tendonff.models.bounds import play
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Transmission
@@ -107,3 +109,20 @@ def test_a_straight_path_passes_everything_on() -> None:
 def test_a_bad_exponent_is_refused_by_name_and_value(name: str, bad: float) -> None:
     with pytest.raises(ParameterError, match=f"{name} must be a finite number >= 0, got {bad}"):
         replace(LAW, **{name: bad})
+
+
+@given(
+    inputs=st.lists(st.floats(0.0, 1e3), min_size=1, max_size=70),
+    start=st.floats(0.0, 1e3),
+    exponents=st.tuples(st.floats(0.0, 2.0), st.floats(0.0, 2.0)),
+)
+def test_a_history_is_the_play_operator_taken_one_instant_after_the_other(
+    inputs: list[float], start: float, exponents: tuple[float, float]
+) -> None:
+    """To the bit: the symbolic operator that identification fits, and the composed clips of the capstan law."""
+    law = CapstanLaw(pull_exponent=exponents[0], release_exponent=exponents[1], adhesion_N=0.7)
+    memory, expected = start, list[float]()
+    for low, high in zip(*law.output_bounds_N(inputs), strict=True):
+        memory = float(ca.evalf(play(ca.SX(memory), ca.SX(low), ca.SX(high))))
+        expected.append(max(memory, 0.0))
+    assert law.output_history_N(inputs, start).tolist() == expected

@@ -6,16 +6,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tendonff.models.elements import equivalent_coefficient
-from tendonff.models.friction import BristleParameters, bristle_rate, implicit_bristle, stribeck_coefficient
+from tendonff.models.friction import LuGreBristle, equivalent_coefficient
 
-BRISTLE = BristleParameters(
+BRISTLE = LuGreBristle(
     bristle_stiffness_N_per_m=2e5,
     mu_dynamic_pull=0.06,
     mu_static_pull=0.09,
     mu_dynamic_release=0.04,
     mu_static_release=0.07,
     stribeck_velocity_m_per_s=5e-3,
+    viscous_N_s_per_m=1.0,
 )
 speeds = st.floats(1e-6, 1.0)
 forces = st.floats(-30.0, 30.0)
@@ -25,12 +25,12 @@ def number(expression: ca.SX) -> float:
     return float(ca.evalf(expression))
 
 
-def mu(v: float, bristle: BristleParameters = BRISTLE) -> float:
-    return number(stribeck_coefficient(ca.SX(v), bristle))
+def mu(v: float, bristle: LuGreBristle = BRISTLE) -> float:
+    return number(bristle.coefficient(ca.SX(v)))
 
 
 def rate(v: float, f_s: float, f_n: float) -> float:
-    return number(bristle_rate(ca.SX(v), ca.SX(f_s), ca.SX(f_n), BRISTLE))
+    return number(BRISTLE.rate(ca.SX(v), (ca.SX(f_s),), ca.SX(f_n))[0])
 
 
 @given(v=speeds)
@@ -63,7 +63,7 @@ def test_sliding_saturates_at_the_coefficient_times_the_normal_force(v: float, f
 @given(v=st.floats(-0.5, 0.5), base=forces, f_n=st.floats(0.01, 100.0), step=st.floats(1e-5, 1e-2))
 def test_the_implicit_bristle_satisfies_its_own_rule(v: float, base: float, f_n: float, step: float) -> None:
     """f_s = base + H df_s/dt at the end of the step."""
-    f_s = number(implicit_bristle(ca.SX(v), ca.SX(base), ca.SX(step), BRISTLE).force(ca.SX(f_n)))
+    f_s = number(BRISTLE.implicit(ca.SX(v), (ca.SX(base),), ca.SX(step), ca.SX(f_n))[0])
     scale = abs(base) + step * 2e5 * abs(v) * (1 + abs(f_s) / (f_n * 0.04))
     assert f_s == pytest.approx(base + step * rate(v, f_s, f_n), abs=1e-12 * scale + 1e-15)
 
@@ -73,15 +73,17 @@ def test_the_two_directions_of_the_implicit_bristle_are_inverse(
     v: float, base: float, far_sum: float, step: float
 ) -> None:
     """f_n = A + f_s, taken from the load's side, gives the f_s that f_n gives from the other."""
-    rule = implicit_bristle(ca.SX(v), ca.SX(base), ca.SX(step), BRISTLE)
-    f_s = number(rule.bristle_force_from_far_side(ca.SX(far_sum)))
+    at = ca.SX(v), (ca.SX(base),), ca.SX(step)
+    f_s = number(BRISTLE.implicit_from_far_side(*at, ca.SX(far_sum))[0])
     f_n = far_sum + f_s
     if f_n > 1e-3:
         scale = abs(base) + step * 2e5 * abs(v) + far_sum
-        assert number(rule.force(ca.SX(f_n))) == pytest.approx(f_s, abs=1e-11 * scale * (1 + far_sum / f_n))
+        assert number(BRISTLE.implicit(*at, ca.SX(f_n))[0]) == pytest.approx(
+            f_s, abs=1e-11 * scale * (1 + far_sum / f_n)
+        )
 
 
 def test_a_frictionless_path_runs_through_the_same_expression() -> None:
     flat = replace(BRISTLE, mu_dynamic_pull=0.0, mu_static_pull=0.0, mu_dynamic_release=0.0, mu_static_release=0.0)
-    f_s = number(implicit_bristle(ca.SX(0.1), ca.SX(3.0), ca.SX(1e-3), flat).force(ca.SX(20.0)))
+    f_s = number(flat.implicit(ca.SX(0.1), (ca.SX(3.0),), ca.SX(1e-3), ca.SX(20.0))[0])
     assert abs(f_s) < 1e-9

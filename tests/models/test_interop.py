@@ -8,8 +8,8 @@ import pytest
 
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
-from tendonff.models.interop import as_iosystem, linear_system, link_impedance, output_names, state_names
-from tendonff.models.link import LinkParameters
+from tendonff.models.interop import as_iosystem, linear_system, link_impedance, output_names
+from tendonff.models.link import ZenerLink
 from tendonff.models.parameters import (
     Actuator,
     Friction,
@@ -86,7 +86,7 @@ def test_the_linear_system_is_the_slope_of_the_nonlinear_one(level):
     force = START_N + 200 * np.arange(0, 0.1, 1e-3)
     state = simulate(chain, force, 1e-3).final
     linear, whole = linear_system(chain, state), as_iosystem(chain)
-    x, names = state.vector(), state_names(chain)
+    x, names = state.vector(), chain.layout.names
     direction = np.zeros(len(x))
     direction[names.index("v_1")] = 1e-6 * abs(x[names.index("v_1")])
     slope = (whole.dynamics(0, x + direction, [0.0]) - whole.dynamics(0, x - direction, [0.0])) / 2
@@ -97,7 +97,7 @@ def test_the_linear_system_is_the_slope_of_the_nonlinear_one(level):
 def test_a_sticking_tendon_is_a_row_of_springs():
     """Gain at rest, frequency zero: springs k1 (N+1) between bristles sigma0/N, against the load's spring."""
     elements = CHAIN.elements
-    k, sigma, n = elements.stiffness_N_per_m, elements.bristle_stiffness_N_per_m, CHAIN.count
+    k, sigma, n = elements.link.stiffness_N_per_m, elements.friction.bristle_stiffness_N_per_m, CHAIN.count
     stiffness = np.diag([k, *[2 * k + sigma] * n, k + FINGER.load.stiffness_N_per_m])
     stiffness -= k * (np.eye(n + 2, k=1) + np.eye(n + 2, k=-1))
     positions = np.linalg.solve(stiffness, np.eye(n + 2)[0])  # one newton at the actuator
@@ -120,7 +120,7 @@ def test_the_linear_system_is_stable_and_small_steps_agree_with_the_simulator():
 @pytest.mark.parametrize("damping", [0.0, 3.0])
 def test_a_link_answers_a_steady_stretch_with_its_springs(damping):
     """F/V at s = j w against k1/(j w) + k2 tau/(1 + j w tau) + c: springs and dampers side by side, eq. (7)."""
-    link = LinkParameters(
+    link = ZenerLink(
         stiffness_N_per_m=2e4, relaxing_stiffness_N_per_m=6e3, relaxation_time_s=0.4, damping_N_s_per_m=damping
     )
     s = 1j * np.array([0.1, 2.0, 50.0])

@@ -5,18 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tendonff.models.link import LinkParameters, implicit_link, relaxation_rate, tendon_force, transfer_function
-from tendonff.models.link import unclipped_force as link_force
+from tendonff.models.link import ZenerLink, tendon_force, transfer_function
 
-LINK = LinkParameters(
-    stiffness_N_per_m=2e4, relaxing_stiffness_N_per_m=6e3, relaxation_time_s=0.4, damping_N_s_per_m=30.0
-)
+LINK = ZenerLink(stiffness_N_per_m=2e4, relaxing_stiffness_N_per_m=6e3, relaxation_time_s=0.4, damping_N_s_per_m=30.0)
 
 
 def response(elongation: np.ndarray, rate: np.ndarray, step_s: float) -> np.ndarray:
     """Force of the link under a given motion from rest, by the law's own differential equation."""
     e, e_rate, z, h = (ca.SX.sym(name) for name in ("e", "e_rate", "z", "h"))
-    slope = ca.Function("slope", [z, e], [relaxation_rate(e, z, LINK)])
+    slope = ca.Function("slope", [z, e], [LINK.rate(e, (z,))[0]])
     e_mid, e_end = ca.SX.sym("e_mid"), ca.SX.sym("e_end")
     k1 = slope(z, e)
     k2 = slope(z + h / 2 * k1, e_mid)
@@ -27,7 +24,7 @@ def response(elongation: np.ndarray, rate: np.ndarray, step_s: float) -> np.ndar
     )
     run = step.mapaccum(len(elongation) // 2)
     ends = np.asarray(run(0.0, elongation[:-2:2], elongation[1:-1:2], elongation[2::2])).ravel()
-    force = ca.Function("force", [e, e_rate, z], [link_force(e, e_rate, z, LINK)])
+    force = ca.Function("force", [e, e_rate, z], [LINK.unclipped_force(e, e_rate, (z,))])
     return np.asarray(force(elongation[2::2][None, :], rate[2::2][None, :], ends[None, :])).ravel()
 
 
@@ -51,7 +48,7 @@ def test_the_step_response_is_that_of_the_transfer_function() -> None:
 
 def test_without_damping_the_transfer_function_is_the_printed_one() -> None:
     """b_k = k2 tau; both polynomials times k2."""
-    plain = LinkParameters(
+    plain = ZenerLink(
         stiffness_N_per_m=2e4, relaxing_stiffness_N_per_m=6e3, relaxation_time_s=0.4, damping_N_s_per_m=0.0
     )
     numerator, denominator = transfer_function(plain)
@@ -69,9 +66,9 @@ def test_a_tendon_cannot_push(f: float) -> None:
     e_base=st.floats(-0.01, 0.01), z_base=st.floats(-0.01, 0.01), rate=st.floats(-1.0, 1.0), step=st.floats(1e-5, 1e-1)
 )
 def test_the_implicit_link_satisfies_its_own_rule(e_base: float, z_base: float, rate: float, step: float) -> None:
-    """e = base + H de/dt, z = base + H (e - z)/tau, and the force is that of the law there."""
-    end = implicit_link(ca.SX(rate), ca.SX(e_base), ca.SX(z_base), ca.SX(step), LINK)
-    e, z, force = (float(ca.evalf(x)) for x in (end.e, end.z, end.unclipped_N))
-    assert e == pytest.approx(e_base + step * rate, abs=1e-15)
+    """z = base + H (e - z)/tau at the elongation of the end, and the force is that of the law there."""
+    e = e_base + step * rate
+    (end,) = LINK.implicit(ca.SX(e), (ca.SX(z_base),), ca.SX(step))
+    z, force = (float(ca.evalf(x)) for x in (end, LINK.unclipped_force(ca.SX(e), ca.SX(rate), (end,))))
     assert z == pytest.approx(z_base + step * (e - z) / 0.4, abs=1e-14)
     assert force == pytest.approx(2e4 * e + 6e3 * (e - z) + 30.0 * rate, abs=1e-9)

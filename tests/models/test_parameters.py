@@ -5,10 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tendonff.models.chain import Chain, ChainState, chain_equations
+from tendonff.models.chain import Chain, chain_equations
 from tendonff.models.elements import elements_of, whole_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
+from tendonff.models.layout import ChainInputs, ChainState, StateLayout
 from tendonff.models.parameters import Transmission
 
 PARTS = ("path", "tendon", "friction", "actuator", "load")
@@ -73,29 +74,29 @@ def test_left_out_release_coefficients_follow_pulling(generic: Transmission) -> 
 def test_the_parts_add_up_to_the_whole(generic: Transmission, n: int) -> None:
     """Masses, bristles and viscous friction in parallel, links in series."""
     e = elements_of(generic, Level.VISCOELASTIC, n)
-    assert n * e.mass_kg == pytest.approx(0.002)
-    assert n * e.viscous_N_s_per_m == pytest.approx(1.0)
-    assert n * e.bristle_stiffness_N_per_m == pytest.approx(1e6)
-    assert e.stiffness_N_per_m / (n + 1) == pytest.approx(2e4)
-    assert e.relaxing_stiffness_N_per_m / (n + 1) == pytest.approx(6e3)
-    assert e.damping_N_s_per_m / (n + 1) == pytest.approx(2.0)
-    assert n * e.element_angle_rad == pytest.approx(3.1)
+    friction, link = e.friction, e.link
+    assert n * e.piece.mass_kg == pytest.approx(0.002)
+    assert n * friction.viscous_N_s_per_m == pytest.approx(1.0)
+    assert n * friction.bristle_stiffness_N_per_m == pytest.approx(1e6)
+    assert link.stiffness_N_per_m / (n + 1) == pytest.approx(2e4)
+    assert link.relaxing_stiffness_N_per_m / (n + 1) == pytest.approx(6e3)
+    assert link.damping_N_s_per_m / (n + 1) == pytest.approx(2.0)
     pairs = [
-        (e.mu_dynamic_pull, 0.2),
-        (e.mu_static_pull, 0.23),
-        (e.mu_dynamic_release, 0.15),
-        (e.mu_static_release, 0.18),
+        (friction.mu_dynamic_pull, 0.2),
+        (friction.mu_static_pull, 0.23),
+        (friction.mu_dynamic_release, 0.15),
+        (friction.mu_static_release, 0.18),
     ]
     for equivalent, mu in pairs:
         assert equivalent == pytest.approx(math.tanh(mu * 3.1 / n / 2))
-    assert (e.adhesion_N, e.relaxation_time_s, e.stribeck_velocity_m_per_s) == (0.5, 0.4, 0.005)
+    assert (e.piece.adhesion_N, link.relaxation_time_s, friction.stribeck_velocity_m_per_s) == (0.5, 0.4, 0.005)
 
 
 def test_a_level_chooses_link_and_bristle(generic: Transmission) -> None:
     elastic, viscoelastic, presliding = (whole_of(generic, level) for level in Level)
-    assert (elastic.relaxing_stiffness_N_per_m, elastic.bristle_stiffness_N_per_m) == (0.0, 1e6)
-    assert viscoelastic == replace(elastic, relaxing_stiffness_N_per_m=6e3)
-    assert presliding == replace(viscoelastic, bristle_stiffness_N_per_m=2e4)
+    assert (elastic.link.relaxing_stiffness_N_per_m, elastic.friction.bristle_stiffness_N_per_m) == (0.0, 1e6)
+    assert viscoelastic == elastic.changed({"relaxing_stiffness_N_per_m": 6e3})
+    assert presliding == viscoelastic.changed({"bristle_stiffness_N_per_m": 2e4})
 
 
 @pytest.mark.parametrize("n", [1, 5])
@@ -114,8 +115,31 @@ def test_the_start_is_an_equilibrium(generic: Transmission, n: int) -> None:
 
 def test_a_state_survives_its_vector() -> None:
     x = np.arange(4 * 3 + 6, dtype=np.float64)
-    assert ChainState.from_vector(x).vector() == pytest.approx(x)
-    assert ChainState.from_vector(x).bristle_N == pytest.approx([13.0, 14.0, 15.0])
+    state = ChainState.from_vector(x, StateLayout(count=3, link_states=("z",), friction_states=("f_s",)))
+    assert state.vector() == pytest.approx(x)
+    assert state.bristle_N == pytest.approx([13.0, 14.0, 15.0])
+
+
+def test_a_layout_gives_every_state_of_every_law_its_place() -> None:
+    """Two states a link, three a mass: blocks follow one another, as offsets, slices and names."""
+    layout = StateLayout(count=2, link_states=("z", "y"), friction_states=("f_s", "a", "b"))
+    assert layout.size == (2 + 2) + 3 * (2 + 1) + 3 * 2 + 2 == len(layout.names)
+    assert layout.cuts == (0, 4, 7, 10, 13, 15, 17, 19, 20, 21)
+    for name, first in (("v", "v_a"), ("e", "e_1"), ("y", "y_1"), ("f_s", "f_s_1"), ("b", "b_1"), ("q_l", "q_l")):
+        per_mass, more = layout.offset(name)
+        assert layout.names[2 * per_mass + more] == first
+        assert layout.part(name).start == 2 * per_mass + more
+    state = ChainState.from_vector(np.arange(21.0), layout)
+    assert state.link.tolist() == [[7, 8, 9], [10, 11, 12]]
+    assert state.friction.tolist() == [[13, 14], [15, 16], [17, 18]]
+    assert state.vector().tolist() == list(range(21))
+
+
+def test_inputs_are_named_sliced_and_joined() -> None:
+    inputs = ChainInputs.of(3, near_force_N=np.arange(3.0), far_rest_m=7.0)
+    assert inputs[1:].then(inputs[:1]).table().tolist() == [[1, 0, 0, 7], [2, 0, 0, 7], [0, 0, 0, 7]]
+    with pytest.raises(TypeError, match="ChainInputs has no field speed"):
+        ChainInputs.of(3, speed=1.0)
 
 
 def test_a_chain_is_symmetric_in_its_ends(generic: Transmission) -> None:
@@ -123,12 +147,12 @@ def test_a_chain_is_symmetric_in_its_ends(generic: Transmission) -> None:
     import casadi as ca
 
     def mirrored(x: np.ndarray, n: int) -> np.ndarray:
-        s = ChainState.from_vector(x)
+        s = ChainState.from_vector(x, chain.layout)
         return ChainState(
             velocity_m_per_s=-s.velocity_m_per_s[::-1],
             elongation_m=s.elongation_m[::-1],
-            relaxed_m=s.relaxed_m[::-1],
-            bristle_N=-s.bristle_N[::-1],
+            link=s.link[:, ::-1],
+            friction=-s.friction[:, ::-1],
             near_position_m=-s.far_position_m,
             far_position_m=-s.near_position_m,
         ).vector()

@@ -71,11 +71,11 @@ def test_parameter_sensitivity_is_the_slope_of_central_differences(generic: Tran
     chain = Chain.of(generic, Level.PRESLIDING, 3)
     found = parameter_sensitivity(whole, chain, force(), STEP, (parameter,), initial_tension_N=30.0, links=Links.ALL)
     assert found.ends_slopes is not None
-    value = getattr(whole, parameter.value)
+    value = whole.value(parameter.value)
     delta = 1e-6 * value
     runs = []
     for sign in (1, -1):
-        moved = replace(whole, **{parameter.value: value + sign * delta}).divided(3)
+        moved = whole.changed({parameter.value: value + sign * delta}).divided(3)
         runs.append(simulate(replace(chain, elements=moved), force(), STEP, initial_tension_N=30.0).require())
     slope = (runs[0].tension_N - runs[1].tension_N) / (2 * delta)
     error = np.abs(found.tension_slopes[..., 0] - slope) / np.abs(slope).max()

@@ -11,11 +11,12 @@ from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
+from tendonff.models.layout import ChainInputs, ChainState
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.codegen.compiler import load_library
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.simulate import Outcome, Simulator, chunks, force_inputs, simulate
+from tendonff.ocp.simulate import Outcome, Simulator, chunks, simulate
 from tendonff.ocp.step import c_engine
 
 Array = NDArray[np.float64]
@@ -52,10 +53,9 @@ def test_one_way_slip_has_the_capstan_ratio_for_any_number_of_masses(
     chain = Chain.of(rig, Level.VISCOELASTIC, n).with_end_stiffness(1e4, 0.0)
     start = chain.rest_state(40.0)
     anchor = start.near_position_m + 40.0 / 1e4  # the near end hangs on a spring whose far side moves steadily
-    inputs = np.zeros((4000, 4))
-    inputs[:, 1] = anchor + direction * 0.5 * STEP * np.arange(1, 4001)
-    inputs[:, 2] = 40.0
-    rows = Simulator(chain, STEP, start, np.array([0.0, anchor, 40.0, 0.0])).advance(inputs)
+    moving = anchor + direction * 0.5 * STEP * np.arange(4001)
+    inputs = ChainInputs.of(4001, near_rest_m=moving, far_force_N=40.0)
+    rows = Simulator(chain, STEP, start, inputs[:1]).advance(inputs[1:])
     tension = rows.tension_N[-1] + 0.5
     exponent = 3.1 * (0.2 if direction > 0 else -0.15)
     assert tension[0] / tension[-1] == pytest.approx(math.exp(exponent), rel=1e-9)
@@ -87,7 +87,7 @@ def test_friction_takes_energy_in_random_motions(generic: Transmission, level: L
     velocity, bristle = states[:, 1:5], states[:, 18:22]
     # Of each step the end counts, as in implicit Euler, for which the bound is exact.
     work = np.cumsum(bristle[1:] * velocity[1:] * 2e-4, axis=0)
-    stored = bristle[1:] ** 2 / (2 * chain.elements.bristle_stiffness_N_per_m)
+    stored = bristle[1:] ** 2 / (2 * chain.friction.bristle_stiffness_N_per_m)
     assert (work - stored).min() > -1e-3 * work[-1].max()
     assert work[-1].max() > 10 * stored.max()
 
@@ -127,9 +127,8 @@ def test_only_the_viscoelastic_link_relaxes_in_a_hold(generic: Transmission) -> 
         chain = Chain.of(without_stribeck(generic), level).with_end_stiffness(1e7, 1e7)
         start = chain.rest_state(30.0)
         anchor = start.near_position_m + 30.0 / 1e7
-        inputs = np.zeros((6000, 4))
-        inputs[:, 1] = anchor + np.minimum(np.arange(1, 6001) / 100, 1.0) * 2e-3
-        rows = Simulator(chain, STEP, start, np.array([0.0, anchor, 0.0, 0.0])).advance(inputs)
+        inputs = ChainInputs.of(6001, near_rest_m=anchor + np.minimum(np.arange(6001) / 100, 1.0) * 2e-3)
+        rows = Simulator(chain, STEP, start, inputs[:1]).advance(inputs[1:])
         held = rows.tension_N[119:, 0]
         final[level] = held[-1]
         if level is Level.ELASTIC:
@@ -265,9 +264,8 @@ def test_a_failed_step_is_reported_with_time_mass_and_balance(generic: Transmiss
 
 def test_a_number_that_is_not_finite_stops_the_run_at_its_end_mass(generic: Transmission) -> None:
     chain = Chain.of(generic, Level.PRESLIDING)
-    inputs = force_inputs(np.full(10, 30.0))
-    inputs[4, 2] = math.nan
-    simulator = Simulator(chain, STEP, chain.rest_state(30.0), inputs[0])
+    inputs = ChainInputs.of(10, near_force_N=30.0, far_force_N=np.where(np.arange(10) == 4, math.nan, 0.0))
+    simulator = Simulator(chain, STEP, chain.rest_state(30.0), inputs[:1])
     rows = simulator.advance(inputs)
     assert len(rows.tension_N) == 4
     assert rows.worst_mass == 7
@@ -302,12 +300,12 @@ def test_chunks_join_without_a_seam_and_a_run_can_be_taken_up(
     chain = Chain.of(generic, Level.PRESLIDING)
     force = wave(np.arange(0.0, 1.0, STEP))
     whole = simulate(chain, force, STEP, record=True, engine=engine)
-    inputs = force_inputs(force)
-    simulator = Simulator(chain, STEP, chain.rest_state(30.0), inputs[0], engine)
+    inputs = ChainInputs.of_force(force)
+    simulator = Simulator(chain, STEP, chain.rest_state(30.0), inputs[:1], engine)
     parts = [simulator.advance(inputs[1:][piece]).tension_N for piece in chunks(len(force) - 1, 137)]
     assert np.abs(np.vstack(parts) - whole.tension_N[1:]).max() <= apart_N
     # From a state alone the earlier state is gone, so the first step is of first order.
-    again = simulate(chain, force[500:], STEP, state=type(whole.final).from_vector(whole.states[500]))  # type: ignore[index]
+    again = simulate(chain, force[500:], STEP, state=ChainState.from_vector(whole.states[500], chain.layout))
     assert again.output_tension_N == pytest.approx(whole.output_tension_N[500:], abs=5e-3)
 
 
@@ -324,7 +322,7 @@ def test_an_ordinary_run_costs_little_more_than_two_back_substitutions_a_step(
 def test_an_ordinary_run_makes_one_matrix_a_step(generic: Transmission, monkeypatch: pytest.MonkeyPatch) -> None:
     """Counted where the generated code factorises: what makes a step cheap is that only a hard one needs more."""
     head = "static void tff_factorise(tff_work *w, int n)\n{"
-    source = c_engine._source(stribeck=True)
+    source = c_engine._step_source(Chain.of(generic, Level.PRESLIDING, 6))
     assert source.count(head) == 1
     counted = source.replace(head, f"static long made;\nlong tff_made(void) {{ return made; }}\n{head}\n    made++;")
     library = load_library(counted)

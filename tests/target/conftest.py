@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tendonff.compensator.export.c_project import export_project, write_project
+from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.scenario.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 from tendonff.models.chain import Chain
@@ -102,7 +102,7 @@ def exported(tmp_path_factory: pytest.TempPathFactory, examples: Path) -> Callab
                 path = replace(scenario.transmission.path, segments=segments)
                 scenario = replace(scenario, transmission=replace(scenario.transmission, path=path))
             made[key] = tmp_path_factory.mktemp(f"{example}_{precision}")
-            write_project(export_project(scenario, precision=precision, profile_N=_profile(scenario)), made[key])
+            export_project(scenario, precision=precision, profile_N=_profile(scenario)).write(made[key])
         return made[key]
 
     return folder
@@ -175,7 +175,7 @@ def answers(text: str, precision: Precision, kinds: tuple[str, ...] = KINDS) -> 
 
 
 def on_host(source: Path, folder: Path, precision: Precision, kinds: tuple[str, ...] = KINDS) -> Answers:
-    """Run bench.c (bench_table.c for the table alone) on this machine."""
+    """Run bench.c (bench_<kind>.c for one module alone) on this machine."""
     need("gcc")
     bench, files = _sources(source, kinds)
     run("gcc", *HOST_FLAGS, "-DHOST", "-I", folder, "-I", source, bench, *files, "-lm", "-o", folder / "host")
@@ -184,11 +184,13 @@ def on_host(source: Path, folder: Path, precision: Precision, kinds: tuple[str, 
 
 def _sources(source: Path, kinds: tuple[str, ...]) -> tuple[Path, list[Path]]:
     modules = MODULES if kinds == KINDS else ("limits", *kinds)
-    return HERE / ("bench.c" if kinds == KINDS else "bench_table.c"), [source / f"tff_{name}.c" for name in modules]
+    return HERE / ("bench.c" if kinds == KINDS else f"bench_{kinds[0]}.c"), [
+        source / f"tff_{name}.c" for name in modules
+    ]
 
 
 def on_board(board: Board, source: Path, folder: Path, kinds: tuple[str, ...] = KINDS) -> tuple[Answers, Path]:
-    """Run bench.c (bench_table.c for the table alone) on an emulated controller; returns the image too."""
+    """Run bench.c (bench_<kind>.c for one module alone) on an emulated controller; returns the image too."""
     need("arm-none-eabi-gcc", "qemu-system-arm", "gcc")
     image, counter = folder / "bench.elf", folder / "libcount.so"
     bench, files = _sources(source, kinds)

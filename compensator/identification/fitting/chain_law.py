@@ -226,7 +226,7 @@ def choose_law(
     candidates = tuple(replace(law, chosen=law.name == search.name) for law in search.candidates)
     solution = fit_free(chosen, chosen.fixed, span_N, 20, 1e-4)
     for _ in range(2):
-        poor = [
+        poor: list[DynamicParameter] = [
             n
             for n in chosen.free
             if n not in (*CORE, *CONSTANTS, D.STRIBECK_VELOCITY)

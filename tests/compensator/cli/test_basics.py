@@ -1,5 +1,3 @@
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -71,14 +69,3 @@ def test_what_goes_wrong_becomes_a_message_and_an_exit_code(
     monkeypatch.setattr("tendonff.compensator.files.writing.write_text", fail)
     assert run(["new", str(tmp_path / "x.toml")]) == code
     assert message in stderr_of(capsys)
-
-
-def test_help_loads_no_heavy_package() -> None:
-    """What makes a command line feel slow: CasADi, SciPy, pandas and Matplotlib wait for a command that needs them."""
-    code = (
-        "import sys; from tendonff.compensator.cli import run; run(['--help']); "
-        "heavy = {'casadi', 'scipy', 'pandas', 'matplotlib', 'control', 'numpy'}; "
-        "print(sorted(heavy & set(sys.modules)), file=sys.stderr)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stderr.strip() == "[]"

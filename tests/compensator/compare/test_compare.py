@@ -12,8 +12,12 @@ import pytest
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.compare.levels import level_traits, parameters_of
-from tendonff.compensator.compare.run import CAPSTAN_PLANT, Entry, compare, lag, plants, recommend
-from tendonff.compensator.compensators.base import Compensator, Plant, capstan_force, exact_inverse, play
+from tendonff.compensator.compare.recommendation import recommend
+from tendonff.compensator.compare.result import CAPSTAN_PLANT, Entry, plants
+from tendonff.compensator.compare.run import compare, lag
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
+from tendonff.compensator.compensators.score import SimulatedPlant, simulate_profile
 from tendonff.compensator.scenario.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
 from tendonff.models.capstan import Branch, CapstanLaw
@@ -52,43 +56,39 @@ def folder(finger, tmp_path_factory):
 
 def test_every_design_meets_every_plant(result):
     cells = [(e.compensator, e.design_level, e.plant_level) for e in result.entries]
-    assert cells == [(c, level, plant) for c in Compensator for level in Level for plant in plants()]
+    assert cells == [(c.name, level, plant) for c in COMPENSATORS for level in Level for plant in plants()]
 
 
 def test_each_inverse_is_best_on_its_own_level(result):
     for plant in Level:
-        errors = {design: result.entry(Compensator.INVERSE, design, plant).rmse_percent_of_range for design in Level}
-        spread = max(result.entry(Compensator.INVERSE, design, plant).spread_percent_of_range for design in Level)
+        errors = {design: result.entry("inverse", design, plant).rmse_percent_of_range for design in Level}
+        spread = max(result.entry("inverse", design, plant).spread_percent_of_range for design in Level)
         assert errors[plant] <= min(errors.values()) + spread
         assert errors[plant] < 0.2
 
 
 def test_the_static_inverse_is_exact_on_the_static_law_and_nowhere_else(result):
-    own = result.entry(Compensator.CAPSTAN, Level.ELASTIC, CAPSTAN_PLANT)
+    own = result.entry("capstan", Level.ELASTIC, CAPSTAN_PLANT)
     assert own.rmse_percent_of_range < 1e-9
     assert own.spread_percent_of_range == 0
-    assert result.entry(Compensator.CAPSTAN, Level.ELASTIC, Level.PRESLIDING).rmse_percent_of_range > 5
+    assert result.entry("capstan", Level.ELASTIC, Level.PRESLIDING).rmse_percent_of_range > 5
 
 
 def test_the_spread_covers_what_a_finer_step_changes(finger, result):
     """A third of the step is none of those that the spread was made of."""
-    for compensator, design in ((Compensator.INVERSE, Level.ELASTIC), (Compensator.CAPSTAN, Level.ELASTIC)):
+    for name, design in (("inverse", Level.ELASTIC), ("capstan", Level.ELASTIC)):
         reference = result.reference
-        force = (
-            capstan_force(finger.transmission, reference)
-            if compensator is Compensator.CAPSTAN
-            else exact_inverse(finger.transmission, design, reference).force_N
-        )
-        plant = Plant(level=Level.ELASTIC, refinement=3)
-        other = play(finger.transmission, plant, force, reference).output_tension_N[::3]
-        shown = result.outputs_N[compensator, design, Level.ELASTIC.value]
+        force = compensator(name).profile(Problem.of(finger, level=design)).force_N
+        plant = SimulatedPlant(level=Level.ELASTIC, refinement=3)
+        other = simulate_profile(finger.transmission, plant, force, reference).output_tension_N[::3]
+        shown = result.outputs_N[name, design, Level.ELASTIC.value]
         difference = 100 * float(np.sqrt(np.mean((other - shown) ** 2))) / reference.range_N
-        assert 0 < difference <= result.entry(compensator, design, Level.ELASTIC).spread_percent_of_range
+        assert 0 < difference <= result.entry(name, design, Level.ELASTIC).spread_percent_of_range
 
 
 def test_stick_slip_shows_as_spread_and_is_warned_of(examples):
     result = compare(short(load_scenario(examples / "finger_stribeck.toml")))
-    stiff = result.entry(Compensator.INVERSE, Level.PRESLIDING, Level.ELASTIC)
+    stiff = result.entry("inverse", Level.PRESLIDING, Level.ELASTIC)
     assert stiff.spread_percent_of_range > 0.5
     assert any("depends on the time step" in warning for warning in result.warnings)
 
@@ -131,11 +131,11 @@ def test_a_level_asks_for_the_parameters_that_it_uses():
 
 def entries(**errors):
     """Matrix column of the presliding plant: errors of none, capstan and the three designs."""
-    values = {Compensator.NONE: [errors["none"]] * 3, Compensator.CAPSTAN: [errors["capstan"]] * 3}
-    values[Compensator.INVERSE] = values[Compensator.OPTIMAL] = [errors[level.value] for level in Level]
+    values = {"none": [errors["none"]] * 3, "capstan": [errors["capstan"]] * 3}
+    values["inverse"] = values["optimal"] = [errors[level.value] for level in Level]
     return tuple(
         Entry(
-            compensator=compensator,
+            compensator=name,
             design_level=level,
             plant_level="presliding",
             rmse_percent_of_range=error,
@@ -143,7 +143,7 @@ def entries(**errors):
             lag_s=0.0,
             spread_percent_of_range=errors.get("spread", 0.0),
         )
-        for compensator, column in values.items()
+        for name, column in values.items()
         for level, error in zip(Level, column, strict=True)
     )
 
@@ -153,15 +153,15 @@ def entries(**errors):
     [
         (
             {"none": 20, "capstan": 8, "elastic": 0.2, "viscoelastic": 0.2, "presliding": 0.1},
-            "The elastic level is enough here: its design leaves 0.2 % of range on the presliding plant",
+            "The elastic level is enough here: RMS error 0.2 % of range on the presliding plant; the best",
         ),
         (
             {"none": 20, "capstan": 8, "elastic": 3.0, "viscoelastic": 0.4, "presliding": 0.1},
-            "The viscoelastic level is enough here: its design leaves 0.4 %",
+            "The viscoelastic level is enough here: RMS error 0.4 %",
         ),
         (
             {"none": 20, "capstan": 8, "elastic": 4.0, "viscoelastic": 4.1, "presliding": 0.1},
-            "Design on the presliding level: on the presliding plant its design leaves 0.1 % of range, against",
+            "Design on the presliding level: RMS error 0.1 % of range on the presliding plant, against",
         ),
         (
             {"none": 20, "capstan": 0.3, "elastic": 0.2, "viscoelastic": 0.2, "presliding": 0.1},
@@ -188,7 +188,7 @@ def test_the_files_say_the_same_as_the_result(result, folder):
     text = (folder / "matrix.csv").read_text(encoding="utf-8")
     assert text.splitlines()[0] == COLUMNS
     rows = list(csv.DictReader(text.splitlines()))
-    assert len(rows) == len(result.entries) == 48
+    assert len(rows) == len(result.entries) == 72
     assert float(rows[5]["lag_s"]) == result.entries[5].lag_s
     assert all(value != "" for row in rows for value in row.values())
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
-from tendonff.compensator.experiment import figures as experiment_figures
+from tendonff.compensator.experiment import output as experiment_output
 from tendonff.compensator.experiment.figures import tensions_figure
 from tendonff.compensator.experiment.machine import plan_experiment
 from tendonff.compensator.experiment.numbers import (
@@ -21,9 +21,10 @@ from tendonff.compensator.experiment.numbers import (
     transient,
     warnings_of,
 )
-from tendonff.compensator.experiment.output import experiment, write_experiment, write_run
+from tendonff.compensator.experiment.output import write_run
+from tendonff.compensator.experiment.result import ExperimentRun
 from tendonff.compensator.experiment.rig import Rig
-from tendonff.compensator.experiment.run import ExperimentResult, ExperimentRun, play_schedule, run_machine
+from tendonff.compensator.experiment.run import ExperimentResult, experiment, follow_schedule, run_machine
 from tendonff.compensator.files.reading import read_csv
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 from tendonff.models.fidelity import Level
@@ -183,7 +184,7 @@ def test_all_levels_receive_the_same_forces_at_the_ends_of_ramps(result: Experim
 def test_played_again_on_its_own_level_the_schedule_gives_the_machines_run(finger: Scenario) -> None:
     plan = plan_experiment(finger)
     schedule, run = run_machine(plan, Level.VISCOELASTIC)
-    again = play_schedule(plan, schedule, Level.VISCOELASTIC)
+    again = follow_schedule(plan, schedule, Level.VISCOELASTIC)
     np.testing.assert_allclose(again.link_tension_N, run.link_tension_N, atol=1e-6)
 
 
@@ -229,9 +230,9 @@ def test_nothing_is_left_where_a_figure_fails(
     def broken(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(experiment_figures, "experiment_figures", broken)
+    monkeypatch.setattr(experiment_output, "experiment_figures", broken)
     with pytest.raises(KeyboardInterrupt):
-        write_experiment(result, tmp_path / "out", finger)
+        result.write(tmp_path / "out")
     assert list(tmp_path.iterdir()) == []
 
 

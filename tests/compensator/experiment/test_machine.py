@@ -10,9 +10,8 @@ import pytest
 
 from tendonff.compensator.experiment.machine import Machine, plan_experiment
 from tendonff.compensator.experiment.numbers import holds, reversals, sliding_direction, warnings_of
-from tendonff.compensator.experiment.output import experiment
 from tendonff.compensator.experiment.rig import Modes, Rig
-from tendonff.compensator.experiment.run import run_machine
+from tendonff.compensator.experiment.run import experiment, run_machine
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.experiment import EndTension, Experiment, ExperimentState, MotorMode
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario, parse_scenario, scenario_to_toml

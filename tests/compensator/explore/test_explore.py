@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
-from tendonff.compensator.compensators.base import Compensator
-from tendonff.compensator.explore.run import Explorer, Knobs
+from tendonff.compensator.explore.run import ExploreParameters, Explorer
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.errors import TendonffError
 from tendonff.models.fidelity import Level
@@ -21,19 +20,19 @@ def scenario(examples):
     return load_scenario(examples / "finger.toml")
 
 
-def test_the_knobs_start_at_the_scenario(scenario):
+def test_the_parameters_start_at_the_scenario(scenario):
     for level in Level:
-        knobs = Knobs.of(scenario.transmission, level)
-        moved = knobs.apply(scenario.transmission, level)
-        assert Knobs.of(moved, level) == knobs
+        parameters = ExploreParameters.of(scenario.transmission, level)
+        moved = parameters.apply(scenario.transmission, level)
+        assert ExploreParameters.of(moved, level) == parameters
         assert moved.path.total_angle_rad == pytest.approx(scenario.transmission.path.total_angle_rad, rel=1e-15)
 
 
 def test_every_friction_coefficient_follows_mu(scenario):
     friction = replace(scenario.transmission.friction, mu_dynamic=0.2, mu_static=0.3, mu_dynamic_release=0.1)
     transmission = replace(scenario.transmission, friction=friction)
-    knobs = replace(Knobs.of(transmission, Level.ELASTIC), mu=0.4)
-    moved = knobs.apply(transmission, Level.ELASTIC).friction
+    parameters = replace(ExploreParameters.of(transmission, Level.ELASTIC), mu=0.4)
+    moved = parameters.apply(transmission, Level.ELASTIC).friction
     assert [moved.mu_dynamic, moved.mu_static, moved.release_dynamic, moved.release_static] == pytest.approx(
         [0.4, 0.6, 0.2, 2 * friction.release_static]
     )
@@ -42,18 +41,16 @@ def test_every_friction_coefficient_follows_mu(scenario):
 def test_the_inverse_that_knows_the_change_stays_exact_and_the_other_does_not(scenario):
     explorer = Explorer(scenario)
     changed = replace(explorer.start, mu=0.25)
-    knowing, blind = (explorer.at(changed, design_knows=knows).curves for knows in (True, False))
-    assert knowing[Compensator.INVERSE].score.rmse_percent_of_range < 1e-6
-    assert blind[Compensator.INVERSE].score.rmse_percent_of_range > 1
-    assert np.abs(blind[Compensator.INVERSE].error_N).max() == pytest.approx(
-        blind[Compensator.INVERSE].score.peak_error_N, rel=0.05
-    )
+    knowing, blind = (explorer.at(changed, design_knows=knows).courses for knows in (True, False))
+    assert knowing["inverse"].score.rmse_percent_of_range < 1e-6
+    assert blind["inverse"].score.rmse_percent_of_range > 1
+    assert np.abs(blind["inverse"].error_N).max() == pytest.approx(blind["inverse"].score.peak_error_N, rel=0.05)
 
 
 def test_a_slower_actuator_costs_accuracy(scenario):
     explorer = Explorer(scenario)
     errors = [
-        explorer.at(replace(explorer.start, force_rate_max_N_per_s=rate)).curves[Compensator.INVERSE].score.rmse_N
+        explorer.at(replace(explorer.start, force_rate_max_N_per_s=rate)).courses["inverse"].score.rmse_N
         for rate in (1e5, 300.0, 100.0)
     ]
     assert errors == sorted(errors)

@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
-from tendonff.compensator.export.c_project import check_prefix, export_project, write_project
-from tendonff.compensator.export.golden import answers, rounded
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.export.c_project import export_project
+from tendonff.compensator.export.c_text import check_prefix
+from tendonff.compensator.export.golden import answers
+from tendonff.compensator.export.table_index import rounded
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 
@@ -47,8 +49,8 @@ def library(examples, tmp_path_factory):
         if key not in made:
             folder = tmp_path_factory.mktemp(f"{example}_{precision}")
             scenario = load_scenario(examples / f"{example}.toml")
-            exported = export_project(scenario, precision=precision, profile_N=np.full(3, 30.0))
-            write_project(exported, folder)
+            exported = export_project(scenario, precision=precision, profile_N=np.full(3, 30.0), force_export=True)
+            exported.write(folder)
             includes = "".join(f'#include "tff_{kind}.h"\n' for kind in KINDS)
             (folder / "driver.c").write_text(includes + "".join(DRIVER.format(kind=k, first=first) for k in KINDS))
             sources = [*sorted(folder.glob("tff_*.c")), folder / "driver.c"]
@@ -92,8 +94,7 @@ def test_c_equals_python_over_a_minute(library, example, precision, record_prope
     """1e-9 N in double, 0.02 N in float; bowden holds its reference, which is where a float would drift."""
     code, scenario, exported = library(example, precision)
     reference = rounded(a_minute(scenario), precision)
-    chain = Chain.of(scenario.transmission, scenario.run.level)
-    force, expected = answers(scenario, chain, exported.built.table, reference, precision)
+    force, expected = answers(Problem.of(scenario), exported.built.table, reference, precision)
     worst = {}
     for kind in KINDS:
         given = force if kind == "plant" else reference
@@ -116,7 +117,7 @@ def test_every_level_exports_and_passes_its_own_test(examples, tmp_path, level):
     if shutil.which("make") is None or shutil.which("cc") is None:
         pytest.skip("make or cc is not installed")
     scenario = load_scenario(examples / "finger_fast.toml")
-    write_project(export_project(scenario, level=level, profile_N=np.full(3, 30.0), prefix="rig_2"), tmp_path)
+    export_project(scenario, level=level, profile_N=np.full(3, 30.0), prefix="rig_2").write(tmp_path)
     said = subprocess.run(["make", "test"], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert "self test passed" in said.stdout, said.stdout + said.stderr
 
@@ -138,7 +139,7 @@ def test_odd_transmissions_export_and_pass_their_own_test(examples, tmp_path, ca
     path, friction = ODD[case]
     whole = scenario.transmission
     whole = replace(whole, path=replace(whole.path, **path), friction=replace(whole.friction, **friction))
-    write_project(export_project(replace(scenario, transmission=whole), profile_N=np.full(3, 30.0)), tmp_path)
+    export_project(replace(scenario, transmission=whole), profile_N=np.full(3, 30.0)).write(tmp_path)
     said = subprocess.run(["make", "test"], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert "self test passed" in said.stdout, said.stdout + said.stderr
 

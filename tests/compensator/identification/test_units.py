@@ -7,7 +7,6 @@ from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.measured.units import magnitude_warning, unit_warnings
-from tendonff.compensator.identification.output import write_identification
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.compensator.scenario.scenario import load_scenario
@@ -61,7 +60,7 @@ def test_the_report_repeats_the_options_that_read_the_files(examples, strokes, t
     )
     scenario = replace(load_scenario(examples / "finger.toml"), measurement=other)
     found = identify(scenario, [strokes], static_only=True)
-    write_identification(found, tmp_path / "out", [strokes])
+    found.write(tmp_path / "out")
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "--data a.csv --scale input=2 --scale output=2 --skip 0.5 --explain output --out DIR" in page
 

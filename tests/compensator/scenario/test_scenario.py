@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_text
 from tendonff.compensator.scenario.reference import CsvReference, SineReference
-from tendonff.compensator.scenario.robust import Robust, RobustObjective
 from tendonff.compensator.scenario.run import Run
 from tendonff.compensator.scenario.scenario import (
     Scenario,
@@ -22,6 +21,7 @@ from tendonff.compensator.scenario.scenario import (
 from tendonff.compensator.scenario.tables import descriptions
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Friction
+from tendonff.models.uncertainty import Objective, Uncertainty
 
 ROOT = Path(__file__).resolve().parents[3]
 EXAMPLES = sorted((ROOT / "examples").glob("*.toml"))
@@ -71,11 +71,11 @@ def test_whole_numbers_are_accepted_where_numbers_are_wanted() -> None:
 
 def test_optional_tables_and_keys_default_to_nothing_special() -> None:
     scenario = parse(TEXT)
-    assert scenario.robust == Robust()
+    assert scenario.robust == Uncertainty()
     assert scenario.robust.is_certain
     assert scenario.transmission.friction.release_dynamic == scenario.transmission.friction.mu_dynamic
     robust = parse(f'{TEXT}\n[robust]\nmu = 0.2\nobjective = "mean"\n').robust
-    assert robust == Robust(mu=0.2, objective=RobustObjective.MEAN)
+    assert robust == Uncertainty(mu=0.2, objective=Objective.MEAN)
 
 
 @pytest.mark.parametrize(
@@ -188,7 +188,7 @@ def test_a_scenario_written_elsewhere_still_finds_its_reference_file(tmp_path: P
 def test_the_hash_sees_values_and_reference_samples_but_not_comments(tmp_path: Path) -> None:
     scenario = parse(TEXT)
     assert scenario_hash(parse(TEXT.replace("# tau", "# time"))) == scenario_hash(scenario)
-    assert scenario_hash(replace(scenario, robust=Robust(seed=1))) != scenario_hash(scenario)
+    assert scenario_hash(replace(scenario, robust=Uncertainty(seed=1))) != scenario_hash(scenario)
     csv = replace(scenario, source=tmp_path / "x.toml", reference=CsvReference(file="w.csv"))
     write_text(tmp_path / "w.csv", "time_s,tension_N\n0,1\n1,2\n")
     before = scenario_hash(csv)

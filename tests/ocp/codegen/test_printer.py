@@ -10,28 +10,35 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.models.chain import Chain
+from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen import compiler
 from tendonff.ocp.codegen.law import Law
+from tendonff.ocp.codegen.partial_evaluation import Specialiser
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.codegen.printer import c_function, literal
+from tendonff.ocp.codegen.printer import literal, real_type
 from tendonff.ocp.errors import CodeError
-from tendonff.ocp.step.laws import inverse_laws, simulation_laws, tangent_laws
+from tendonff.ocp.step.laws import ElementLaws
 
 pytestmark = pytest.mark.compiler
 
-LAWS = (*simulation_laws(), *inverse_laws(), *tangent_laws())
+FINGER = load_scenario(Path(__file__).parents[3] / "examples" / "finger.toml").transmission
+ELEMENTS = ElementLaws.of(Chain.of(FINGER, Level.PRESLIDING))
+LAWS = (*ELEMENTS.simulation(), *ELEMENTS.inverse(), ELEMENTS.path_mass_inverse(drop=True), *ELEMENTS.tangent())
+MUS = [f"friction_mu_{kind}_{way}" for kind in ("dynamic", "static") for way in ("pull", "release")]
 RANGES = {
     **dict.fromkeys(("f_near", "f_far", "f", "f_c", "force", "start"), (1.0, 80.0)),
     **dict.fromkeys(("v", "v_base", "rate"), (-0.2, 0.2)),
     **dict.fromkeys(("e_base", "z_base", "q_base", "x_c"), (-0.01, 0.01)),
-    **dict.fromkeys(("s_base",), (-10.0, 10.0)),
-    **dict.fromkeys(("k1", "k2", "stiffness"), (1e3, 1e5)),
-    **dict.fromkeys(("mu_dp", "mu_sp", "mu_dr", "mu_sr"), (0.01, 0.2)),
+    **dict.fromkeys(("f_s_base",), (-10.0, 10.0)),
+    **dict.fromkeys(("link_stiffness_N_per_m", "link_relaxing_stiffness_N_per_m", "end_stiffness_N_per_m"), (1e3, 1e5)),
+    **dict.fromkeys(MUS, (0.01, 0.2)),
     **dict.fromkeys(("pull",), (-1.0, 1.0)),
     "gain": (1.0, 100.0),
-    "sigma0": (1e3, 1e7),
+    "friction_bristle_stiffness_N_per_m": (1e3, 1e7),
     "H": (1e-4, 1e-2),
-    "omega": (1e-3, 1e-1),
+    "friction_stribeck_velocity_m_per_s": (1e-3, 1e-1),
 }
 
 
@@ -51,11 +58,12 @@ def test_float_literals_read_back_as_the_same_float(value: float) -> None:
 
 def wrapped(law: Law, precision: Precision) -> str:
     """The law in C with a visible entry that takes arrays."""
-    real = precision.value
-    code = c_function(law.name, law.comment, law.inputs, law.outputs, precision, real).code
-    inputs = ", ".join(f"in[{k}]" for k in range(len(law.inputs)))
-    outputs = ", ".join(f"&out[{k}]" for k in range(len(law.outputs)))
-    return f"{code}void call_{law.name}(const {real} *in, {real} *out) {{ {law.name}({inputs}, {outputs}); }}\n"
+    real = real_type(precision)
+    printed = Specialiser(prefix="c", precision=precision, parameters={}).fold(law)
+    place = {symbol.name(): k for k, symbol in enumerate(law.inputs)}
+    arguments = [f"in[{place[name]}]" for name in printed.inputs] + [f"&out[{k}]" for k in range(len(law.outputs))]
+    entry = f"void call_{law.name}(const {real} *in, {real} *out) {{ c_{law.name}({', '.join(arguments)}); }}\n"
+    return printed.code + entry
 
 
 def samples(law: Law, count: int = 200) -> np.ndarray:
@@ -107,7 +115,7 @@ def test_printed_c_compiles_without_warnings(tmp_path: Path, precision: Precisio
 def test_an_operation_without_a_spelling_is_refused_by_name() -> None:
     x = ca.SX.sym("x")
     with pytest.raises(CodeError, match=r"odd: CasADi operation \d+ has no C spelling"):
-        c_function("odd", "none", (x,), {"y": ca.erf(x)}, Precision.DOUBLE, "double")
+        wrapped(Law(name="odd", comment="none", inputs=(x,), outputs={"y": ca.erf(x)}), Precision.DOUBLE)
 
 
 def test_every_operation_that_is_spelled_computes() -> None:

@@ -51,4 +51,4 @@ def test_a_symmetric_model_has_one_coefficient(model):
 
     one = replace(model, symmetric=True)
     values = {**one.values(), D.MU_RELEASE: 0.9}
-    assert one.whole(values).mu_dynamic_release == values[D.MU_PULL]
+    assert one.whole(values).value("mu_dynamic_release") == values[D.MU_PULL]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tendonff.models.chain import Chain, chain_equations
 from tendonff.models.fidelity import Level
+from tendonff.models.layout import ChainInputs
 from tendonff.models.parameters import (
     Actuator,
     Friction,
@@ -62,20 +63,18 @@ def test_engines_agree_where_the_compiled_law_is_printed_without_the_stribeck_ef
 
 
 def test_engines_agree_where_steps_are_split_and_the_tendon_goes_slack(generic: Transmission) -> None:
-    """They split the same steps, for both take the same decisions."""
+    """Each by its own Newton iteration, and so in its own pieces: the answers stay within the error of the step."""
     friction = replace(generic.friction, mu_static=0.2, mu_static_release=0.15, bristle_stiffness_N_per_m=1e9)
     chain = Chain.of(replace(generic, friction=friction), Level.VISCOELASTIC, 3)
     force = swing(29.9, 0.005)
     runs = [simulate(chain, force, 0.005, engine=engine) for engine in (Engine.COMPILED, Engine.CASADI)]
-    assert runs[0].splits == runs[1].splits
-    assert runs[0].splits > 0
+    assert all(run.splits > 0 for run in runs)
     assert runs[0].outcome is runs[1].outcome is Outcome.SLACK
-    assert runs[0].message == runs[1].message
-    assert np.abs(runs[0].tension_N - runs[1].tension_N).max() < 1e-9
+    assert np.sqrt(np.mean((runs[0].tension_N - runs[1].tension_N) ** 2)) < 1e-3 * np.ptp(force)
 
 
-def test_engines_agree_where_only_the_matrix_of_the_guess_solves_a_step(generic: Transmission) -> None:
-    """A line search fails from that guess, so an engine that tried it alone would split the step."""
+def test_engines_stay_close_where_a_line_search_fails_from_the_guess(generic: Transmission) -> None:
+    """Sticking and slipping on a stiff bristle: each engine splits its own steps, few of them."""
     rig = replace(
         generic,
         tendon=replace(generic.tendon, damping_N_s_per_m=0.0, mass_kg=1.265e-4, stiffness_N_per_m=11848.4),
@@ -95,8 +94,8 @@ def test_engines_agree_where_only_the_matrix_of_the_guess_solves_a_step(generic:
     force = 30 + 29 * np.sin(2 * np.pi * 4 * time) * (1 - np.exp(-20 * time**2))
     chain = Chain.of(rig, Level.ELASTIC, 1)
     runs = [simulate(chain, force, 1e-3, engine=engine) for engine in (Engine.COMPILED, Engine.CASADI)]
-    assert runs[0].splits == runs[1].splits
-    assert np.abs(runs[0].tension_N - runs[1].tension_N).max() < 1e-9
+    assert all(run.splits < len(force) / 50 for run in runs)
+    assert np.sqrt(np.mean((runs[0].tension_N - runs[1].tension_N) ** 2)) < 0.01 * np.ptp(runs[0].tension_N)
 
 
 def test_engines_agree_on_how_a_run_fails(generic: Transmission) -> None:
@@ -115,8 +114,8 @@ def test_one_balance_that_is_not_a_number_is_not_overlooked(generic: Transmissio
     chain = Chain.of(generic, Level.PRESLIDING, 4)
     state = chain.rest_state(30.0)
     state.bristle_N[1] = np.nan
-    inputs = np.array([[30.0, 0.0, 0.0, 0.0]] * 3)
-    rows = Simulator(chain, 1e-3, state, inputs[0], engine).advance(inputs)
+    inputs = ChainInputs.of(3, near_force_N=30.0)
+    rows = Simulator(chain, 1e-3, state, inputs[:1], engine).advance(inputs)
     assert len(rows.tension_N) == 0
     assert rows.worst_mass == 2
     assert np.isnan(rows.residual_N)
@@ -125,11 +124,14 @@ def test_one_balance_that_is_not_a_number_is_not_overlooked(generic: Transmissio
 def test_engines_agree_with_motors_at_both_ends(generic: Transmission) -> None:
     chain = Chain.of(generic, Level.PRESLIDING, 4).with_end_stiffness(700.0, 900.0)
     time = np.arange(1, 500) * 1e-3
-    inputs = np.column_stack(
-        [30 + 5 * np.sin(9 * time), 2e-3 * np.sin(5 * time), 8 * np.sin(7 * time), 1e-3 * np.cos(4 * time)]
+    inputs = ChainInputs(
+        near_force_N=30 + 5 * np.sin(9 * time),
+        near_rest_m=2e-3 * np.sin(5 * time),
+        far_force_N=8 * np.sin(7 * time),
+        far_rest_m=1e-3 * np.cos(4 * time),
     )
     rows = [
-        Simulator(chain, 1e-3, chain.rest_state(30.0), inputs[0], engine).advance(inputs)
+        Simulator(chain, 1e-3, chain.rest_state(30.0), inputs[:1], engine).advance(inputs)
         for engine in (Engine.COMPILED, Engine.CASADI)
     ]
     assert np.abs(rows[0].tension_N - rows[1].tension_N).max() < 1e-9
@@ -149,7 +151,7 @@ def test_the_inverses_of_both_engines_agree(generic: Transmission, level: Level)
 
 def test_without_a_compiler_the_casadi_engine_takes_over(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("TENDONFF_ENGINE", raising=False)
-    engine.resolve_engine.cache_clear()
+    engine._has_compiler.cache_clear()
     for module in (compiler, engine):
         monkeypatch.setattr(module, "find_compiler", lambda: None)
     try:
@@ -157,7 +159,7 @@ def test_without_a_compiler_the_casadi_engine_takes_over(monkeypatch: pytest.Mon
         with pytest.raises(CodeError, match="no C compiler found"):
             compiler.load_library("int a;\n")
     finally:
-        engine.resolve_engine.cache_clear()
+        engine._has_compiler.cache_clear()
 
 
 def fake_compiler(folder: FilePath, name: str = "cc") -> FilePath:
@@ -214,13 +216,12 @@ def test_cc_is_a_path_with_blanks_or_a_command_of_several_words_or_a_clear_error
 
 
 def test_the_environment_chooses_the_engine(monkeypatch: pytest.MonkeyPatch) -> None:
-    engine.resolve_engine.cache_clear()
     monkeypatch.setenv("TENDONFF_ENGINE", "casadi")
-    try:
-        assert engine.resolve_engine(Engine.AUTO) is Engine.CASADI
-        assert engine.resolve_engine(Engine.COMPILED) is Engine.COMPILED
-    finally:
-        engine.resolve_engine.cache_clear()
+    assert engine.resolve_engine(Engine.AUTO) is Engine.CASADI
+    assert engine.resolve_engine(Engine.COMPILED) is Engine.COMPILED
+    monkeypatch.setenv("TENDONFF_ENGINE", "foo")
+    with pytest.raises(CodeError, match="TENDONFF_ENGINE must be one of auto, compiled, casadi, got 'foo'"):
+        engine.resolve_engine(Engine.AUTO)
 
 
 def random_rig(rng: np.random.Generator) -> tuple[Chain, Array, float]:
@@ -284,7 +285,7 @@ def random_rig(rng: np.random.Generator) -> tuple[Chain, Array, float]:
 def unbalanced_rows(chain: Chain, run: Simulation, step_s: float) -> Array:
     """Rows at which the recorded states do not satisfy `chain_equations` under the BDF2 difference quotient."""
     assert run.states is not None
-    n, e, x = chain.count, chain.elements, run.states
+    n, piece, friction, link, x = chain.count, chain.elements.piece, chain.friction, chain.link, run.states
     equations = chain_equations(chain)
     rate_of = ca.Function("rate", [equations.state, equations.inputs], [equations.rate, equations.tension_N])
     inputs = np.zeros((4, len(x)))
@@ -295,18 +296,18 @@ def unbalanced_rows(chain: Chain, run: Simulation, step_s: float) -> Array:
     weight = 2 * step_s / 3
     defect = np.abs(x[2:] - (4 * x[1:-1] - x[:-2]) / 3 - weight * rate[2:])
     now, v = x[2:], np.abs(x[2:, : n + 2])
-    mass = np.concatenate([[chain.near.mass_kg], np.full(n, e.mass_kg), [chain.far.mass_kg]])
+    mass = np.concatenate([[chain.near.mass_kg], np.full(n, piece.mass_kg), [chain.far.mass_kg]])
     stretch = np.abs(x[2:, n + 2 : 2 * n + 3]).max(axis=1, keepdims=True)  # also of slack links, which round as much
-    largest = np.maximum(e.stiffness_N_per_m * stretch, np.abs(run.force_N[2:, None])) + 1.0
+    largest = np.maximum(link.stiffness_N_per_m * stretch, np.abs(run.force_N[2:, None])) + 1.0
     momentum = mass * np.maximum(v, np.abs(x[1:-1, : n + 2])).max(axis=1, keepdims=True) / weight
     bound = np.empty_like(defect)
     bound[:, : n + 2] = (largest + momentum) * weight / mass
     speed = v.max(axis=1, keepdims=True)
     bound[:, n + 2 : 3 * n + 4] = np.abs(now[:, n + 2 : 3 * n + 4]) + weight * speed + 1e-6
-    normal = np.maximum(tension[2:, :-1] + tension[2:, 1:] + 2 * e.adhesion_N, 1e-9)
-    mu = max(min(e.mu_dynamic_pull, e.mu_dynamic_release), 1e-12)
+    normal = np.maximum(tension[2:, :-1] + tension[2:, 1:] + 2 * piece.adhesion_N, 1e-9)
+    mu = max(min(friction.slip_coefficients), 1e-12)
     f_s = np.abs(now[:, 3 * n + 4 : 4 * n + 4])
-    swept = weight * e.bristle_stiffness_N_per_m * v[:, 1:-1]
+    swept = weight * friction.bristle_stiffness_N_per_m * v[:, 1:-1]
     bound[:, 3 * n + 4 : 4 * n + 4] = largest + f_s + swept * (1 + f_s / (normal * mu))
     bound[:, 4 * n + 4 :] = np.abs(now[:, -2:]) + weight * speed + 1e-6
     return np.flatnonzero((defect > 1e-9 * bound).any(axis=1))
@@ -321,8 +322,8 @@ def test_engines_agree_where_a_step_is_split_deeply(seed: int) -> None:
         simulate(chain, force, step, initial_tension_N=start, engine=engine)
         for engine in (Engine.COMPILED, Engine.CASADI)
     ]
-    assert runs[0].splits == runs[1].splits > 0
-    assert np.abs(runs[0].tension_N - runs[1].tension_N).max() < 1e-9
+    assert runs[0].splits > 0
+    assert np.sqrt(np.mean((runs[0].tension_N - runs[1].tension_N) ** 2)) < 0.01 * runs[0].tension_N.max()
     rows = np.arange(10 * (len(force) - 1) + 1) / 10
     fine = simulate(chain, np.interp(rows, np.arange(len(force)), force), step / 10, initial_tension_N=start)
     error = runs[0].output_tension_N - fine.output_tension_N[::10]

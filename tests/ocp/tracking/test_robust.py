@@ -7,9 +7,10 @@ from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
+from tendonff.models.uncertainty import Objective, Uncertainty
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.tracking.limits import ForceLimits
-from tendonff.ocp.tracking.robust import Objective, Uncertainty, error_band, sample_transmissions, track_robust
+from tendonff.ocp.tracking.robust import error_band, sample_transmissions, track_robust
 
 STEP = 2e-3
 TIME = np.arange(0, 1 + STEP / 2, STEP)
@@ -70,5 +71,5 @@ def test_the_robust_profile_is_better_in_the_case_it_is_made_for(generic: Transm
 
 
 def test_a_half_width_of_one_is_refused() -> None:
-    with pytest.raises(ParameterError, match="mu must be >= 0 and < 1, got 1"):
+    with pytest.raises(ParameterError, match="mu must be a finite number >= 0 and < 1, got 1"):
         Uncertainty(mu=1.0)

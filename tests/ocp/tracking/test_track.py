@@ -17,7 +17,8 @@ from tendonff.ocp.simulate import simulate
 from tendonff.ocp.tracking.diagnosis import law_of
 from tendonff.ocp.tracking.grids import even_knots, nearest_profile
 from tendonff.ocp.tracking.limits import ForceLimits
-from tendonff.ocp.tracking.track import TrackOptions, TrackStatus, track
+from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
+from tendonff.ocp.tracking.track import TrackStatus, track
 
 Array = NDArray[np.float64]
 STEP = 1e-3
@@ -183,6 +184,9 @@ def test_the_descent_gains_on_the_profile_that_is_merely_closest_in_force(generi
     chain, bounds = Chain.of(steady(generic), Level.VISCOELASTIC), limits(500.0)
     wanted = invert(chain, reference(), STEP).force_N
     knots = even_knots(len(wanted), 10)
-    near = nearest_profile(wanted, bounds.apply(wanted, STEP, 30.0), STEP, bounds, knots, 1.0)
+    problem = TrackingProblem.of(
+        (chain,), reference(), STEP, bounds, TrackOptions(), initial_tension_N=30.0, inverse_N=wanted
+    )
+    near = nearest_profile(problem, wanted, knots)
     start = rms(simulate(chain, near, STEP, initial_tension_N=30.0).output_tension_N - reference())
     assert track(chain, reference(), STEP, bounds).rms_error_N < 0.5 * start

@@ -14,13 +14,13 @@
 int main(void)
 {
     /* all state is the caller's: here on the stack, on a controller usually static */
-    tff_inverse inverse;
+    tff_inverse controller;
     tff_plant plant;
     const tff_real rest = 30.0;
     const tff_real amplitude = 7.5;
     int k;
 
-    tff_inverse_init(&inverse, rest);
+    tff_inverse_init(&controller, rest);
     tff_plant_init(&plant, rest);
     printf("time_s,reference_N,force_N,tension_N,status\n");
     for (k = 0; k <= 2000; k++) {
@@ -28,11 +28,11 @@ int main(void)
         /* up and down once a second, starting gently */
         const double wave = sin(6.283185307179586 * t) * ((t < 0.5) ? (2.0 * t) : 1.0);
         const tff_real reference = rest + (amplitude * (tff_real)wave);
-        const tff_real force = tff_inverse_step(&inverse, reference); /* this is all that runs in the loop */
+        const tff_real force = tff_inverse_step(&controller, reference); /* this is all that runs in the loop */
         const tff_real tension = tff_plant_step(&plant, force);       /* RIG */
         if ((k % 20) == 0) {
             printf("%.3f,%.4f,%.4f,%.4f,%lu\n", t, (double)reference, (double)force, (double)tension, /* RIG */
-                   (unsigned long)inverse.output.status);
+                   (unsigned long)controller.output.status);
         }
     }
     return 0;

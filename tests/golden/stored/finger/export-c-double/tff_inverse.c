@@ -23,15 +23,21 @@ typedef struct {
     double path_mass_inverse_1;
 } tff_inverse_weights;
 
-static const tff_inverse_weights *tff_inverse_weights_of(int row)
+<<<<<<< HEAD
+static const tff_inverse_weights tff_inverse_rows[2] = {
+    { 0.001, 0.0, 0.001, 1.0024999999999999, 195.89526184538653, 20.0, 31.0, 150.0, 0.33333333333333331 },
+    { 0.00066666666666666664, 0.33333333333333331, 0.00066666666666666664, 1.0016666666666667, 135.28674431503049, 30.0, 40.0, 225.0, 0.5 },
+};
+=======
+static const tff_inverse_weights *tff_inverse_rows(void)
 {
     static const tff_inverse_weights rows[2] = {
         { 0.001, 0.0, 0.001, 1.0024999999999999, 195.89526184538653, 20.0, 31.0, 150.0, 0.33333333333333331 },
         { 0.00066666666666666664, 0.33333333333333331, 0.00066666666666666664, 1.0016666666666667, 135.28674431503049, 30.0, 40.0, 225.0, 0.5 },
     };
-
-    return &rows[row];
+    return rows;
 }
+>>>>>>> house
 
 /* A link's force at zero rate of elongation, before slack [N], eqs. (6), (7). */
 static void tff_inverse_link_start(
@@ -58,7 +64,7 @@ static void tff_inverse_link_rate(
     *rate = t2;
 }
 
-/* Elongation and relaxed elongation of a link at the end of the step [m]. */
+/* Elongation of a link and its own states at the end of the step. */
 static void tff_inverse_link_states(
     const tff_inverse_weights *w, double rate, double e_base, double z_base, double *e, double *z)
 {
@@ -99,9 +105,9 @@ static void tff_inverse_near_force(
     *f_c = t7;
 }
 
-/* Tension on the actuator's side [N], at least zero, and its bristle force [N], eqs. (4), (5). */
+/* Near tension of a mass [N], and its states. */
 static void tff_inverse_path_mass_inverse(
-    const tff_inverse_weights *w, double v, double f_far, double v_base, double s_base, double *f_near, double *f_s)
+    const tff_inverse_weights *w, double v, double f_far, double v_base, double f_s_base, double *f_near, double *f_s)
 {
     const double t0 = 0.16666666666666666 * v;
     const double t1 = f_far + t0;
@@ -116,7 +122,7 @@ static void tff_inverse_path_mass_inverse(
     const double t10 = t5 + t9;
     const double t11 = 8333.3333333333339 * v;
     const double t12 = w->link_start_1 * t11;
-    const double t13 = s_base + t12;
+    const double t13 = f_s_base + t12;
     const double t14 = t10 - t13;
     const double t15 = t14 / 2.0;
     const double t16 = t5 * t13;
@@ -140,18 +146,16 @@ static void tff_inverse_path_mass_inverse(
 /* One step of the scheme, backwards along the chain; x and x_old are the state now and one step earlier, `least`
  * receives the smallest tension on the path. */
 static double tff_inverse_invert_step(
-    double reference, int fresh, double *x, double *x_old, double *least)
+    const tff_inverse_weights *rows, double reference, int fresh, double *x, double *x_old, double *least)
 {
-    const tff_inverse_weights *const c = tff_inverse_weights_of((fresh != 0) ? 0 : 1);
+    const tff_inverse_weights *const c = &rows[(fresh != 0) ? 0 : 1];
     const int n = TFF_INVERSE_COUNT;
     const double carry = c->carry;
-    const double H = c->H;
     double start;
     double rate;
     double v;
     double f;
     double near_f;
-    double f_s;
     double f_c;
     int i;
     int j;
@@ -163,26 +167,39 @@ static double tff_inverse_invert_step(
     }
     f = reference;
     *least = f;
-    tff_inverse_far_velocity(c, f, x[n + 1], x[(4 * n) + 5], &v);
-    x[(4 * n) + 5] += H * v;
+    tff_inverse_far_velocity(c, f, x[n + 1], x[((4 * n) + 5)], &v);
+    x[((4 * n) + 5)] += c->H * v;
     x[n + 1] = v;
     for (i = n; i >= 0; i--) { /* link i between mass i and mass i + 1 */
-        const double base_e = x[n + 2 + i];
-        const double base_z = x[(2 * n) + 3 + i];
-        tff_inverse_link_start(c, base_e, base_z, &start);
+        double *const e = &x[(n + 2) + i];
+        double *const z = &x[((2 * n) + 3) + i];
+<<<<<<< HEAD
+        tff_inverse_link_start(c, *e, *z, &start);
         tff_inverse_link_rate(c, f, start, &rate);
-        tff_inverse_link_states(c, rate, base_e, base_z, &x[n + 2 + i], &x[(2 * n) + 3 + i]);
+        tff_inverse_link_states(c, rate, *e, *z, e, z);
         v += rate;
         if (i > 0) {
-            tff_inverse_path_mass_inverse(c, v, f, x[i], x[(3 * n) + 3 + i], &near_f, &f_s);
-            x[(3 * n) + 3 + i] = f_s;
+            double *const f_s = &x[((3 * n) + 4) + (i - 1)];
+            tff_inverse_path_mass_inverse(c, v, f, x[i], *f_s, &near_f, f_s);
+=======
+        const double e_base = *e;
+        const double z_base = *z;
+        tff_inverse_link_start(c, e_base, z_base, &start);
+        tff_inverse_link_rate(c, f, start, &rate);
+        tff_inverse_link_states(c, rate, e_base, z_base, e, z);
+        v += rate;
+        if (i > 0) {
+            double *const f_s = &x[((3 * n) + 4) + (i - 1)];
+            const double f_s_base = *f_s;
+            tff_inverse_path_mass_inverse(c, v, f, x[i], f_s_base, &near_f, f_s);
+>>>>>>> house
             x[i] = v;
             f = near_f;
             *least = (f < *least) ? f : *least;
         }
     }
     tff_inverse_near_force(c, v, f, x[0], &f_c);
-    x[(4 * n) + 4] += H * v;
+    x[((4 * n) + 4)] += c->H * v;
     x[0] = v;
     return f_c;
 }
@@ -230,7 +247,11 @@ tff_real tff_inverse_step(tff_inverse *self, tff_real reference)
         force = tff_output_set(&self->output, self->output.force);
     } else {
         const tff_real exact = tff_inverse_invert_step(
-            reference, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &self->least);
+<<<<<<< HEAD
+            tff_inverse_rows, reference, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &self->least);
+=======
+            tff_inverse_rows(), reference, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &self->least);
+>>>>>>> house
         self->fresh = 0;
         force = tff_output_set(&self->output, exact);
         if (self->least <= 0.0) {

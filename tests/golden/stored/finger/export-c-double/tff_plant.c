@@ -16,16 +16,14 @@
 /* Time step of the tendon chain: two end masses, N masses on the path, N + 1 links.
  *
  * Positive is towards the actuator (pulling); tensions are positive. SI units throughout.
- * State x, 4 N + 6 reals: velocity (N + 2), elongation (N + 1), relaxed elongation (N + 1), bristle force (N),
- * position of the near end, position of the far end.
+ * State x: v, e, z, f_s, q_a, q_l.
  */
 
-
 typedef struct {
-    double f_c1; /* motor force and rest position at each end: N, m */
-    double x_c1;
-    double f_c2;
-    double x_c2;
+    double near_force_N;
+    double near_rest_m;
+    double far_force_N;
+    double far_rest_m;
 } tff_chain_input;
 
 typedef struct {
@@ -34,6 +32,23 @@ typedef struct {
     long iterations;          /* linear solves, accumulated */
     long splits;              /* steps that were split, accumulated */
 } tff_chain_report;
+/* Work area of one step, on the stack. */
+typedef struct {
+    double base[((4 * TFF_CHAIN_COUNT) + 6)];
+    double start[TFF_CHAIN_COUNT + 1];
+    double force[TFF_CHAIN_COUNT + 1];
+    double slope[TFF_CHAIN_COUNT + 1];
+    double new_f_s[TFF_CHAIN_COUNT];
+    double v[TFF_CHAIN_COUNT + 2];
+    double trial[TFF_CHAIN_COUNT + 2];
+    double residual[TFF_CHAIN_COUNT + 2];
+    double lower[TFF_CHAIN_COUNT + 2];
+    double diag[TFF_CHAIN_COUNT + 2];
+    double upper[TFF_CHAIN_COUNT + 2];
+    double move[TFF_CHAIN_COUNT + 2];
+    double middle; /* reciprocal pivot where both ends meet */
+} tff_chain_work;
+
 
 /* What depends on the weight H [s] of the scheme: one row for the first step (implicit Euler), one for every
  * later step (second-order backward differences; `carry` is the share of the last change in the base), and
@@ -52,7 +67,16 @@ typedef struct {
     double end_mass_far_2;
 } tff_chain_weights;
 
-static const tff_chain_weights *tff_chain_weights_of(int row)
+<<<<<<< HEAD
+static const tff_chain_weights tff_chain_rows[5] = {
+    { 0.001, 0.0, 0.001, 1.0024999999999999, 195.89526184538653, 0.33333333333333331, 8.3333333333333339, 150.0, 155.0, 20.0, 31.0 },
+    { 0.00066666666666666664, 0.33333333333333331, 0.00066666666666666664, 1.0016666666666667, 135.28674431503049, 0.5, 5.5555555555555554, 225.0, 230.0, 30.0, 40.0 },
+    { 0.00050000000000000001, 0.0, 0.00050000000000000001, 1.00125, 104.97378277153558, 0.66666666666666663, 4.166666666666667, 300.0, 305.0, 40.0, 49.5 },
+    { 0.00025000000000000001, 0.0, 0.00025000000000000001, 1.0006250000000001, 59.493441599000626, 1.3333333333333333, 2.0833333333333335, 600.0, 605.0, 80.0, 88.75 },
+    { 0.000125, 0.0, 0.000125, 1.0003124999999999, 36.748359887535145, 2.6666666666666665, 1.0416666666666667, 1200.0, 1205.0, 160.0, 168.375 },
+};
+=======
+static const tff_chain_weights *tff_chain_rows(void)
 {
     static const tff_chain_weights rows[5] = {
         { 0.001, 0.0, 0.001, 1.0024999999999999, 195.89526184538653, 0.33333333333333331, 8.3333333333333339, 150.0, 155.0, 20.0, 31.0 },
@@ -61,9 +85,9 @@ static const tff_chain_weights *tff_chain_weights_of(int row)
         { 0.00025000000000000001, 0.0, 0.00025000000000000001, 1.0006250000000001, 59.493441599000626, 1.3333333333333333, 2.0833333333333335, 600.0, 605.0, 80.0, 88.75 },
         { 0.000125, 0.0, 0.000125, 1.0003124999999999, 36.748359887535145, 2.6666666666666665, 1.0416666666666667, 1200.0, 1205.0, 160.0, 168.375 },
     };
-
-    return &rows[row];
+    return rows;
 }
+>>>>>>> house
 
 /* A link's force at zero rate of elongation, before slack [N], eqs. (6), (7). */
 static void tff_chain_link_start(
@@ -92,7 +116,7 @@ static void tff_chain_link_force(
     *slope = t3;
 }
 
-/* Elongation and relaxed elongation of a link at the end of the step [m]. */
+/* Elongation of a link and its own states at the end of the step. */
 static void tff_chain_link_states(
     const tff_chain_weights *w, double rate, double e_base, double z_base, double *e, double *z)
 {
@@ -106,16 +130,16 @@ static void tff_chain_link_states(
     *z = t5;
 }
 
-/* Balance of a mass on the path [N], its slopes, and its bristle force [N], eqs. (4), (5). */
+/* Balance of a mass on the path [N], its slopes, and the states of its friction, eqs. (4), (5). */
 static void tff_chain_path_mass(
-    const tff_chain_weights *w, double v, double f_near, double f_far, double v_base, double s_base, double *residual, double *by_v, double *by_near, double *by_far, double *f_s)
+    const tff_chain_weights *w, double v, double f_near, double f_far, double v_base, double f_s_base, double *residual, double *by_v, double *by_near, double *by_far, double *f_s)
 {
     const double t0 = v - v_base;
     const double t1 = w->path_mass_1 * t0;
     const double t2 = f_near - f_far;
     const double t3 = 8333.3333333333339 * v;
     const double t4 = w->link_start_1 * t3;
-    const double t5 = s_base + t4;
+    const double t5 = f_s_base + t4;
     const double t6 = f_near + f_far;
     const double t7 = (1.0000000000000001e-09 < t6) ? t6 : 1.0000000000000001e-09;
     const double t8 = t5 * t7;
@@ -194,103 +218,101 @@ static void tff_chain_end_mass_far(
 #define TFF_CHAIN_MAX_ITERATIONS 20
 #define TFF_CHAIN_MAX_HALVINGS 10
 #define TFF_CHAIN_MAX_SPLITS 3
-
-/* Work area of one step, on the stack. */
-typedef struct {
-    double base[TFF_CHAIN_REALS];
-    double start[TFF_CHAIN_COUNT + 1]; /* link forces at zero rate */
-    double force[TFF_CHAIN_COUNT + 1]; /* tensions */
-    double slope[TFF_CHAIN_COUNT + 1];
-    double f_s[TFF_CHAIN_COUNT];
-    double v[TFF_CHAIN_COUNT + 2];     /* velocities; trial ones below */
-    double trial[TFF_CHAIN_COUNT + 2];
-    double residual[TFF_CHAIN_COUNT + 2];
-    double lower[TFF_CHAIN_COUNT + 2];
-    double diag[TFF_CHAIN_COUNT + 2];
-    double upper[TFF_CHAIN_COUNT + 2];
-    double move[TFF_CHAIN_COUNT + 2];
-    double middle;                                /* reciprocal pivot where both ends meet */
-} tff_chain_work;
+#define TFF_CHAIN_MAX_PIECES 20000
 
 /* Link forces at zero rate of elongation. */
-static void tff_chain_link_starts(
-    const tff_chain_weights *c, int n, const double *base_e, const double *base_z, double *start)
+static void tff_chain_link_starts(const tff_chain_weights *given, int n, const double *base, double *start)
 {
     int i;
+    const tff_chain_weights *const c = given;
     (void)c;
-    (void)base_z; /* an elastic link has no use for it */
     for (i = 0; i <= n; i++) {
-        tff_chain_link_start(c, base_e[i], base_z[i], &start[i]);
+        tff_chain_link_start(c, base[(n + 2) + i], base[((2 * n) + 3) + i], &start[i]);
     }
 }
 
-/* Elongations and relaxed elongations at the end of a step whose velocities are known. */
+/* Elongations and the links' own states at the end of a step whose velocities are known. */
 static void tff_chain_link_ends(
-    const tff_chain_weights *c, int n, const double *v, const double *base_e, const double *base_z,
-    double *e, double *z)
+    const tff_chain_weights *given, int n, const double *v, const double *base, double *e,
+    double *z)
 {
     int i;
+    const tff_chain_weights *const c = given;
     (void)c;
     for (i = 0; i <= n; i++) {
-        tff_chain_link_states(c, v[i] - v[i + 1], base_e[i], base_z[i], &e[i], &z[i]);
+        tff_chain_link_states(c, v[i] - v[i + 1], base[(n + 2) + i], base[((2 * n) + 3) + i], &e[i], &z[i]);
     }
 }
 
-/* Balances, slopes and bristle forces of the masses on the path. */
+/* Balances, slopes and the frictions' own states of the masses on the path. */
 static void tff_chain_path_slopes(
-    const tff_chain_weights *c, int n, const double *v, const double *base_v, const double *base_s,
+    const tff_chain_weights *given, int n, const double *v, const double *base,
     const double *force, const double *slope, double *residual, double *lower,
-    double *diag, double *upper, double *f_s)
+    double *diag, double *upper, double *new_f_s)
 {
     int i;
+    const tff_chain_weights *const c = given;
     (void)c;
     for (i = 1; i <= n; i++) {
         double by_v;
         double by_near;
         double by_far;
-        tff_chain_path_mass(c, v[i], force[i - 1], force[i], base_v[i], base_s[i - 1], &residual[i], &by_v, &by_near, &by_far, &f_s[i - 1]);
+        tff_chain_path_mass(c, v[i], force[i - 1], force[i], base[i], base[((3 * n) + 4) + (i - 1)], &residual[i], &by_v, &by_near, &by_far, &new_f_s[i - 1]);
         lower[i] = by_near * slope[i - 1];
         diag[i] = (by_v - (by_near * slope[i - 1])) + (by_far * slope[i]);
         upper[i] = -by_far * slope[i];
     }
 }
 
-/* Balances, tensions and bristle forces for velocities v with the tridiagonal matrix of slopes;
- * returns the largest balance. */
-static double tff_chain_evaluate(
-    const tff_chain_weights *c, const tff_chain_input *u, const double *v, tff_chain_work *w)
+/* Tensions of the links and their slopes, for velocities v. */
+static void tff_chain_tensions(const tff_chain_weights *given, int n, const double *v, tff_chain_work *w)
 {
-    const int n = TFF_CHAIN_COUNT;
-    const double *base_v = &w->base[0];
-    const double *base_s = &w->base[(3 * n) + 4];
-    const double *base_q = &w->base[(4 * n) + 4];
-    double near_by_v;
-    double near_by_f;
-    double far_by_v;
-    double far_by_f;
-    double largest;
-    int bad = -1;
     int i;
-
+    const tff_chain_weights *const c = given;
+    (void)c;
     for (i = 0; i <= n; i++) {
         tff_chain_link_force(c, v[i] - v[i + 1], w->start[i], &w->force[i], &w->slope[i]);
     }
-    tff_chain_end_mass_near(c, v[0], w->force[0], base_v[0], u->f_c1, &w->residual[0], &near_by_v, &near_by_f);
-    tff_chain_end_mass_far(c, v[n + 1], w->force[n], base_v[n + 1], base_q[1], &w->residual[n + 1], &far_by_v, &far_by_f);
-    {
-        tff_chain_path_slopes(c, n, v, base_v, base_s, w->force, w->slope, w->residual, w->lower, w->diag, w->upper, w->f_s);
-        w->diag[0] = near_by_v + (near_by_f * w->slope[0]);
-        w->upper[0] = -near_by_f * w->slope[0];
-        w->lower[n + 1] = far_by_f * w->slope[n];
-        w->diag[n + 1] = far_by_v - (far_by_f * w->slope[n]);
-    }
-    largest = 0.0;
+}
+
+/* Balances of the end masses; `by` receives their slopes over velocity and tension, near and far. */
+static void tff_chain_end_balances(
+    const tff_chain_weights *c, const tff_chain_input *u, int n, const double *v, tff_chain_work *w, double *by)
+{
+    (void)c;
+    tff_chain_end_mass_near(c, v[0], w->force[0], w->base[0], u->near_force_N, &w->residual[0], &by[0], &by[1]);
+    tff_chain_end_mass_far(c, v[n + 1], w->force[n], w->base[n + 1], w->base[((4 * n) + 5)], &w->residual[n + 1], &by[2], &by[3]);
+}
+
+/* Largest of the balances; the first that is not a number where there is one. */
+static double tff_chain_largest(const tff_chain_work *w, int n)
+{
+    double largest = 0.0;
+    int bad = -1;
+    int i;
     for (i = 0; i <= (n + 1); i++) {
         const double size = fabs(w->residual[i]);
         largest = (size > largest) ? size : largest;
         bad = ((size >= 0.0) || (bad >= 0)) ? bad : i;
     }
-    return (bad < 0) ? largest : w->residual[bad]; /* NaN counts as largest */
+    return (bad < 0) ? largest : w->residual[bad];
+}
+
+/* Balances, tensions and the frictions' own states for velocities v, with the tridiagonal matrix of slopes; returns the
+ * largest balance. */
+static double tff_chain_evaluate(const tff_chain_weights *c, const tff_chain_input *u, const double *v, tff_chain_work *w)
+{
+    const int n = TFF_CHAIN_COUNT;
+    double by[4];
+
+    tff_chain_tensions(c, n, v, w);
+    tff_chain_end_balances(c, u, n, v, w, by);
+    tff_chain_path_slopes(c, n, v, w->base, w->force, w->slope, w->residual, w->lower, w->diag, w->upper, w->new_f_s);
+    w->diag[0] = by[0] + (by[1] * w->slope[0]);
+    w->upper[0] = -by[1] * w->slope[0];
+    w->lower[n + 1] = by[3] * w->slope[n];
+    w->diag[n + 1] = by[2] - (by[3] * w->slope[n]);
+    return tff_chain_largest(w, n);
 }
 
 /* Factorise the matrix from both ends towards the middle: two chains of divisions that do not wait for each other.
@@ -382,22 +404,20 @@ static double tff_chain_tolerance(const tff_chain_weights *c, const tff_chain_wo
     return 4.9999999999999997e-12 + (largest * 5.0000000000000002e-14);
 }
 
-/* One implicit step of weight H from w->base; w->v holds the guess and receives the velocities. */
-static void tff_chain_solve(const tff_chain_weights *c, const tff_chain_input *u, tff_chain_work *w, tff_chain_report *report)
+/* Newton's method with a line search, from the velocities in w->v that were evaluated with the balance `norm`; returns
+ * the balance that it reached, and `moves` counts its moves. */
+static double tff_chain_newton(
+    const tff_chain_weights *c, const tff_chain_input *u, double norm, double tolerance, tff_chain_work *w, tff_chain_report *report, int *moves)
 {
     const int n = TFF_CHAIN_COUNT;
-    double norm;
-    double tolerance;
+    double now = norm;
     int i;
     int k;
     int halving;
 
-    tff_chain_link_starts(c, n, &w->base[n + 2], &w->base[(2 * n) + 3], w->start);
-    tolerance = tff_chain_tolerance(c, w);
-    norm = tff_chain_evaluate(c, u, w->v, w);
-    for (k = 0; (k < TFF_CHAIN_MAX_ITERATIONS) && !(norm <= tolerance); k++) {
+    for (k = 0; (k < TFF_CHAIN_MAX_ITERATIONS) && !(now <= tolerance); k++) {
         double t = 1.0;
-        double next = norm;
+        double next = now;
         tff_chain_factorise(w, n);
         tff_chain_newton_move(w, n);
         report->iterations++;
@@ -406,37 +426,56 @@ static void tff_chain_solve(const tff_chain_weights *c, const tff_chain_input *u
                 w->trial[i] = w->v[i] + (t * w->move[i]);
             }
             next = tff_chain_evaluate(c, u, w->trial, w);
-            if (next < norm) {
+            if (next < now) {
                 break;
             }
             t *= 0.5;
         }
-        if (!(next < norm)) {
+        if (!(next < now)) {
             break; /* no descent: the caller splits the step */
         }
-        norm = next;
+        now = next;
         for (i = 0; i <= (n + 1); i++) {
             w->v[i] = w->trial[i];
         }
     }
+    *moves = k;
+    return now;
+}
+
+/* One implicit step from w->base; w->v holds the guess and receives the velocities. */
+static void tff_chain_solve(const tff_chain_weights *c, const tff_chain_input *u, tff_chain_work *w, tff_chain_report *report)
+{
+    double norm;
+    double tolerance;
+    int moves;
+
+    tff_chain_link_starts(c, TFF_CHAIN_COUNT, w->base, w->start);
+    tolerance = tff_chain_tolerance(c, w);
+    norm = tff_chain_evaluate(c, u, w->v, w);
+    norm = tff_chain_newton(c, u, norm, tolerance, w, report, &moves);
+<<<<<<< HEAD
+    report->converged = (norm <= tolerance) ? 1 : 0;
+=======
     report->converged = 0;
     if (norm <= tolerance) {
         report->converged = 1;
     }
+>>>>>>> house
     report->residual_N = norm;
 }
 
-/* Write the end of a solved step of weight H into x. */
+/* Write the end of a solved step into x. */
 static void tff_chain_finish(const tff_chain_weights *c, const tff_chain_work *w, double *x)
 {
     const int n = TFF_CHAIN_COUNT;
     int i;
-    tff_chain_link_ends(c, n, w->v, &w->base[n + 2], &w->base[(2 * n) + 3], &x[n + 2], &x[(2 * n) + 3]);
+    tff_chain_link_ends(c, n, w->v, w->base, &x[(n + 2)], &x[((2 * n) + 3)]);
     for (i = 0; i < n; i++) {
-        x[(3 * n) + 4 + i] = w->f_s[i];
+        x[((3 * n) + 4) + i] = w->new_f_s[i];
     }
-    x[(4 * n) + 4] = w->base[(4 * n) + 4] + (c->H * w->v[0]);
-    x[(4 * n) + 5] = w->base[(4 * n) + 5] + (c->H * w->v[n + 1]);
+    x[((4 * n) + 4)] = w->base[((4 * n) + 4)] + (c->H * w->v[0]);
+    x[((4 * n) + 5)] = w->base[((4 * n) + 5)] + (c->H * w->v[n + 1]);
     for (i = 0; i <= (n + 1); i++) {
         x[i] = w->v[i];
     }
@@ -446,24 +485,23 @@ static void tff_chain_finish(const tff_chain_weights *c, const tff_chain_work *w
 static tff_chain_input tff_chain_between(const tff_chain_input *a, const tff_chain_input *b, double t)
 {
     tff_chain_input u;
-    u.f_c1 = a->f_c1 + (t * (b->f_c1 - a->f_c1));
-    u.x_c1 = a->x_c1 + (t * (b->x_c1 - a->x_c1));
-    u.f_c2 = a->f_c2 + (t * (b->f_c2 - a->f_c2));
-    u.x_c2 = a->x_c2 + (t * (b->x_c2 - a->x_c2));
+    u.near_force_N = a->near_force_N + (t * (b->near_force_N - a->near_force_N));
+    u.near_rest_m = a->near_rest_m + (t * (b->near_rest_m - a->near_rest_m));
+    u.far_force_N = a->far_force_N + (t * (b->far_force_N - a->far_force_N));
+    u.far_rest_m = a->far_rest_m + (t * (b->far_rest_m - a->far_rest_m));
     return u;
 }
 
 /* Advance x by one step; x_old holds the state one step earlier and becomes the state before this step.
- * Second-order backward differences (BDF2); implicit Euler where there is no earlier state (fresh) and in the pieces
- * of a step that had to be split. */
+ * Second-order backward differences (BDF2, the second row of weights); implicit Euler where there is no earlier state
+ * (fresh, the first row) and in the pieces of a step that had to be split (the rows behind). */
 static void tff_chain_step(
-    const tff_chain_input *u_old, const tff_chain_input *u, int fresh,
+    const tff_chain_weights *rows, const tff_chain_input *u_old, const tff_chain_input *u, int fresh,
     double *x, double *x_old, tff_chain_work *w, tff_chain_report *report)
 {
-    const tff_chain_weights *c = tff_chain_weights_of((fresh != 0) ? 0 : 1);
+    const tff_chain_weights *c = &rows[(fresh != 0) ? 0 : 1];
     const int n = TFF_CHAIN_COUNT;
-    const double carry = c->carry;
-    const int size = (4 * n) + 6;
+    const int size = ((4 * n) + 6);
     int guess;
     int j;
 
@@ -471,7 +509,7 @@ static void tff_chain_step(
         w->v[j] = x[j] + ((fresh != 0) ? 0.0 : (x[j] - x_old[j]));
     }
     for (j = 0; j < size; j++) {
-        w->base[j] = x[j] + (carry * (x[j] - x_old[j]));
+        w->base[j] = x[j] + (c->carry * (x[j] - x_old[j]));
         x_old[j] = x[j];
     }
     report->converged = 0;
@@ -484,24 +522,21 @@ static void tff_chain_step(
     if (report->converged != 0) {
         tff_chain_finish(c, w, x);
     } else {
-        tff_chain_input u_part;
         double length = 0.5;
         long left = 2; /* pieces of the present length until the end of the step */
         int split = 1;
+        int k;
         /* Pieces of h/2, h/4 ...: halved until one converges, doubled again as soon as the time reached allows. */
         report->splits++;
-        for (j = 0; j < size; j++) {
-            x[j] = x_old[j];
-        }
-        while ((left > 0) && (split <= TFF_CHAIN_MAX_SPLITS)) {
+        for (k = 0; (left > 0) && (split <= TFF_CHAIN_MAX_SPLITS) && (k < TFF_CHAIN_MAX_PIECES); k++) {
+            const tff_chain_input u_part = tff_chain_between(u_old, u, 1.0 - (((double)left - 1.0) * length));
             for (j = 0; j < size; j++) {
                 w->base[j] = x[j];
             }
             for (j = 0; j <= (n + 1); j++) {
                 w->v[j] = x[j];
             }
-            u_part = tff_chain_between(u_old, u, 1.0 - (((double)left - 1.0) * length));
-            c = tff_chain_weights_of(1 + split);
+            c = &rows[1 + split];
             tff_chain_solve(c, &u_part, w, report);
             if (report->converged != 0) {
                 tff_chain_finish(c, w, x);
@@ -517,6 +552,14 @@ static void tff_chain_step(
                 length *= 0.5;
             }
         }
+<<<<<<< HEAD
+        report->converged = (left == 0) ? 1 : 0; /* also where the pieces ran out */
+=======
+        report->converged = 0; /* also where the pieces ran out */
+        if (left == 0) {
+            report->converged = 1;
+        }
+>>>>>>> house
     }
 }
 
@@ -565,7 +608,11 @@ tff_real tff_plant_step(tff_plant *self, tff_real force)
         const tff_chain_input before = { self->force, 0.0, 0.0, 0.0 };
         const tff_chain_input now = { force, 0.0, 0.0, 0.0 };
 
-        tff_chain_step(&before, &now, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &work, &report);
+<<<<<<< HEAD
+        tff_chain_step(tff_chain_rows, &before, &now, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &work, &report);
+=======
+        tff_chain_step(tff_chain_rows(), &before, &now, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &work, &report);
+>>>>>>> house
         self->solves = (int32_t)report.iterations;
         if (report.converged != 0) {
             self->fresh = 0;

@@ -1,0 +1,262 @@
+"""Count the mutants of the exported C that the shipped self test kills.
+
+Run: python benchmarks/mutants.py examples/finger.toml [--precision float] [--count 90]
+
+Safety mutants (limits, rate, clamps, guards, status bits, data) are listed below and must all die. Random mutants
+change one operator or constant of a module; one that survives counts as observable where its answers to a random course
+of references, jumps, holds and bad inputs differ from the original's by more than rounding.
+"""
+
+import argparse
+import random
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import tendonff as tf
+
+FLAGS = ("-std=c99", "-O1", "-w", "-ffp-contract=off", "-fno-math-errno")
+DRIVER = Path(__file__).with_name("mutants.c")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mutant:
+    """One change of one file."""
+
+    file: str
+    what: str
+    text: str
+
+
+SWAPS = (  # file, what, old, new
+    ("types.h", "force_min lowered", "#define TFF_FORCE_MIN_N ", "#define TFF_FORCE_MIN_N -10.0 + "),
+    ("limits.c", "upper rate branch removed", "force > high", "force > TFF_LARGEST_N"),
+    ("limits.c", "lower rate branch removed", "force < low", "force < -TFF_LARGEST_N"),
+    ("limits.c", "upper clamp removed", "force = TFF_FORCE_MAX_N;", "force = wanted;"),
+    ("limits.c", "lower clamp removed", "force = TFF_FORCE_MIN_N;", "force = wanted;"),
+    ("limits.c", "start not clamped below", "start < TFF_FORCE_MIN_N", "start < -TFF_LARGEST_N"),
+    ("limits.c", "start not clamped above", "start > TFF_FORCE_MAX_N", "start > TFF_LARGEST_N"),
+    ("limits.c", "infinity passes", "wanted <= TFF_LARGEST_N", "wanted > TFF_FORCE_MAX_N"),
+    ("limits.c", "minus infinity passes", "wanted >= -TFF_LARGEST_N", "wanted < TFF_FORCE_MIN_N"),
+    ("limits.c", "not a number passes", "/* not a number, or minus infinity */", "force = wanted;"),
+    ("limits.c", "failure not flagged", "uint32_t status = TFF_FAILED;", "uint32_t status = TFF_OK;"),
+    ("limits.c", "hold gives zero", "return self->force;", "return 0;"),
+    ("limits.c", "hold not flagged", "self->status = why;", "self->status = TFF_OK;"),
+    ("limits.c", "hold not gathered", "self->seen |= why;", ""),
+    ("limits.c", "bits not gathered", "self->seen |= status;", ""),
+    ("limits.c", "output not kept", "self->force = force;\n    self->status", "self->status"),
+    ("limits.h", "every value is within", "((value >= low) && (value <= high)) ? 1 : 0", "1"),
+    ("limits.h", "no lower end", "(value >= low) && ", ""),
+    ("limits.h", "no upper end", " && (value <= high)", ""),
+    ("inverse.c", "inverse: limits bypassed", "force = tff_output_set(&self->output, exact)", "force = exact"),
+    (
+        "capstan.c",
+        "capstan: limits bypassed",
+        "force = tff_output_set(&self->output, self->wanted)",
+        "force = self->wanted",
+    ),
+    (
+        "table.c",
+        "table: limits bypassed",
+        "force = tff_output_set(&self->output, self->wanted)",
+        "force = self->wanted",
+    ),
+    ("inverse.c", "inverse: bad input taken", "(tff_is_within(reference", "(1 + tff_is_within(reference"),
+    ("capstan.c", "capstan: bad input taken", "(tff_is_within(reference", "(1 + tff_is_within(reference"),
+    ("table.c", "table: bad input taken", "(tff_is_within(reference", "(1 + tff_is_within(reference"),
+    ("inverse.c", "WOULD_PUSH not set", "output.status |= TFF_WOULD_PUSH;", "output.status |= 0u;"),
+    ("inverse.c", "WOULD_PUSH not gathered", "output.seen |= TFF_WOULD_PUSH;", "output.seen |= 0u;"),
+    ("plant.c", "plant: failure not flagged", "self->status = TFF_FAILED;", ""),
+    ("plant.c", "plant: slack not flagged", "self->status = TFF_WOULD_PUSH;", ""),
+    ("profile.c", "profile runs over its end", "? index :", "? index : 0u *"),
+    ("profile.c", "end not flagged", "self->output.status = TFF_ENDED;", "self->output.status = TFF_OK;"),
+)
+FACTORS = (
+    ("FORCE_MAX_N", 10),
+    ("FORCE_MAX_N", 0.5),
+    ("CHANGE_MAX_N", 10),
+    ("CHANGE_MAX_N", 0.5),
+    ("REFERENCE_MAX_N", 10),
+    ("REFERENCE_MAX_N", 0.5),
+    ("REFERENCE_MIN_N", 0.1),
+    ("STEP_S", 10),
+)
+ARRAYS = ("pull_ratio", "release_ratio", "pull_share", "release_share", "pull_cell")
+NUMBER = re.compile(r"-?\d[\d.e+-]*[fu]?")
+
+
+def safety(files: dict[str, str]) -> Iterator[Mutant]:
+    """Mutants that can hurt a person or break the rig."""
+    for end, what, old, new in SWAPS:
+        text = files[f"tff_{end}"]
+        if old not in text:
+            raise SystemExit(f"{what}: tff_{end} does not hold {old!r}; bring the list up to date")
+        yield Mutant(file=f"tff_{end}", what=what, text=text.replace(old, new, 1))
+    for name, factor in FACTORS:
+        pattern = rf"(#define TFF_{name} )(\S+)"
+        text, found = re.subn(pattern, rf"\g<1>((tff_real){factor} * \g<2>)", files["tff_types.h"], count=1)
+        if not found:
+            raise SystemExit(f"tff_types.h does not define TFF_{name}; bring the list up to date")
+        yield Mutant(file="tff_types.h", what=f"{name} times {factor:g}", text=text)
+    text = files["tff_limits.c"]
+    for found in re.finditer("TFF_(FORCE|RATE)_LIMITED", text):
+        changed = text[: found.start()] + "TFF_OK" + text[found.end() :]
+        yield Mutant(file="tff_limits.c", what=f"{found[0]} at {found.start()} not set", text=changed)
+    yield from _torn_data(files)
+
+
+def _torn_data(files: dict[str, str]) -> Iterator[Mutant]:
+    """Samples and table entries that are not what was designed."""
+    text = files["tff_profile.c"]
+    start, end = text.index("= {") + 3, text.index("};")
+    numbers = list(NUMBER.finditer(text, start, end))
+    for k in (0, len(numbers) // 2, len(numbers) - 1):
+        found = numbers[k]
+        changed = f"{text[: found.start()]}(tff_real)0.5 * {found[0]}{text[found.end() :]}"
+        yield Mutant(file="tff_profile.c", what=f"profile sample {k} halved", text=changed)
+    halved = NUMBER.sub(lambda found: f"(tff_real)0.5 * {found[0]}", text[start:end])
+    yield Mutant(file="tff_profile.c", what="every profile sample halved", text=text[:start] + halved + text[end:])
+    text = files["tff_table_data.h"]
+    for array in ARRAYS:
+        start = text.index("{", text.index(f"tff_table_{array}["))
+        found = list(NUMBER.finditer(text, start, text.index("}", start)))[3]
+        changed = f"{text[: found.start()]}1 + {text[found.start() :]}"
+        yield Mutant(file="tff_table_data.h", what=f"one entry of {array}", text=changed)
+
+
+OPERATORS = {
+    " + ": " - ", " - ": " + ", " * ": " / ", " / ": " * ", " < ": " <= ", " <= ": " < ", " > ": " >= ", " >= ": " > ",
+    " && ": " || ", " || ": " && ", " == ": " != ", " != ": " == ",
+}  # fmt: skip
+
+
+def random_mutants(files: dict[str, str], count: int, seed: int) -> Iterator[Mutant]:
+    """Single changes of operators and constants in the code of the modules, comments apart."""
+    chosen = random.Random(seed)  # noqa: S311 - nothing secret
+    places = []
+    for name, text in files.items():
+        if not (name.startswith("tff_") and name.endswith(".c")) or name == "tff_profile.c":
+            continue
+        bare = re.sub(r"/\*.*?\*/|#include[^\n]*", lambda m: " " * len(m[0]), text, flags=re.DOTALL)
+        for operator in OPERATORS:
+            places += [(name, m.start(), operator) for m in re.finditer(re.escape(operator), bare)]
+        places += [(name, m.start(), m[0]) for m in re.finditer(r"(?<![\w.\[])\d+\.\d[\d.e+-]*f?", bare)]
+    for name, place, old in chosen.sample(places, min(count, len(places))):
+        text = files[name]
+        new = OPERATORS.get(old) or f"(tff_real)1.01 * {old}" if float_of(old) != 0 else "(tff_real)0.01"
+        line = text[:place].count("\n") + 1
+        yield Mutant(
+            file=name,
+            what=f"{name}:{line} {old.strip()} -> {new.strip()}",
+            text=text[:place] + new + text[place + len(old) :],
+        )
+
+
+def float_of(text: str) -> float:
+    """The number, or 1 for an operator."""
+    try:
+        return float(text.rstrip("f"))
+    except ValueError:
+        return 1.0
+
+
+def build(folder: Path, main: str, target: str, defines: tuple[str, ...] = ()) -> Path | None:
+    """Compile; None where the compiler refuses."""
+    sources = sorted(str(p) for p in folder.glob("tff_*.c"))
+    done = subprocess.run(
+        ["cc", *FLAGS, *defines, "-I", str(folder), str(folder / main), *sources, "-lm", "-o", str(folder / target)],
+        capture_output=True,
+        check=False,
+    )
+    return folder / target if done.returncode == 0 else None
+
+
+def passes(program: Path) -> bool:
+    """Whether the self test passes."""
+    try:
+        return subprocess.run([str(program)], capture_output=True, timeout=20, check=False).returncode == 0
+    except subprocess.TimeoutExpired:
+        return False
+
+
+def answers(program: Path) -> list[list[float]]:
+    """What the driver prints."""
+    try:
+        said = subprocess.run([str(program)], capture_output=True, text=True, timeout=20, check=False).stdout
+    except subprocess.TimeoutExpired:
+        return []
+    return [[float(word) for word in line.split()] for line in said.splitlines()]
+
+
+def differ(one: list[list[float]], two: list[list[float]], relative: float) -> bool:
+    """Whether two courses of answers differ by more than rounding."""
+    if len(one) != len(two):
+        return True
+    return any(
+        not abs(a - b) <= relative * (1 + abs(a))
+        for x, y in zip(one, two, strict=True)
+        for a, b in zip(x, y, strict=True)
+    )
+
+
+def main() -> int:
+    """Report the survivors; exit status 1 where a safety mutant lives."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("scenario")
+    parser.add_argument("--precision", choices=("double", "float"), default="double")
+    parser.add_argument("--count", type=int, default=90)
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    scenario = tf.load_scenario(options.scenario)
+    exported = tf.export_c(scenario, precision=tf.Precision(options.precision), force_export=True)
+    tension = tf.sample_reference(scenario).tension_N
+    span = (float(tension.min()), float(tension.max()), float(tension[0]))
+    defines = tuple(f"-D{n}={v!r}" for n, v in zip(("LOW", "HIGH", "START"), span, strict=True))
+    relative = 1e-4 if options.precision == "float" else 1e-8
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch) / "code"
+        exported.write(folder)
+        shutil.copyfile(DRIVER, folder / "driver.c")
+        original = build(folder, "self_test.c", "self_test")
+        if original is None or not passes(original):
+            raise SystemExit("the original does not pass its own self test")
+        expected = answers(build(folder, "driver.c", "driver", defines))
+
+        def survives(mutant: Mutant) -> bool:
+            (folder / mutant.file).write_text(mutant.text)
+            program = build(folder, "self_test.c", "self_test")
+            return program is not None and passes(program)
+
+        alive = []
+        listed = list(safety(exported.files))
+        for mutant in listed:
+            if survives(mutant):
+                alive.append(mutant.what)
+            (folder / mutant.file).write_text(exported.files[mutant.file])
+        print(f"safety mutants: {len(listed) - len(alive)} of {len(listed)} die; alive: {alive or 'none'}")
+        killed, equal, seen = 0, 0, []
+        for mutant in random_mutants(exported.files, options.count, options.seed):
+            if survives(mutant):
+                program = build(folder, "driver.c", "driver", defines)
+                if program is not None and differ(expected, answers(program), relative):
+                    seen.append(mutant.what)
+                else:
+                    equal += 1
+            else:
+                killed += 1
+            (folder / mutant.file).write_text(exported.files[mutant.file])
+        print(
+            f"random mutants: {killed} die, {len(seen)} observable ones live, {equal} cannot be told from the original"
+        )
+        for what in seen:
+            print(f"  alive: {what}")
+    return 1 if alive else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

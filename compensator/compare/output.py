@@ -1,0 +1,81 @@
+"""The files of a comparison: the matrix as CSV, the summary, figures and the report."""
+
+import csv
+import math
+import os
+from dataclasses import asdict, astuple, dataclass, fields
+from pathlib import Path
+
+from tendonff.compensator.compare.figures import compare_figures
+from tendonff.compensator.compare.report import compare_report
+from tendonff.compensator.compare.result import ENOUGH_PERCENT, ComparisonData, Entry
+from tendonff.compensator.files.writing import atomic_directory, atomic_file
+from tendonff.compensator.reporting.folder import summary_head, write_pages
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison(ComparisonData):
+    """A comparison that can be written."""
+
+    def write(self, folder: str | os.PathLike[str]) -> None:
+        """Write `matrix.csv`, `summary.json`, figures and `report.html`, all or nothing.
+
+        Parameters
+        ----------
+        folder : str or path
+            Made where it is missing.
+        """
+        figures = compare_figures(self)
+        with atomic_directory(folder) as partial:
+            write_matrix(self, partial / "matrix.csv")
+            write_pages(partial, summary(self), figures, compare_report(self, figures))
+
+
+def write_matrix(result: ComparisonData, path: Path) -> None:
+    """Write `matrix.csv`: compensator, design level, plant level, rms error, peak error, lag and spread.
+
+    Parameters
+    ----------
+    result : ComparisonData
+    path : Path
+    """
+    with atomic_file(path) as partial, partial.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow([field.name for field in fields(Entry)])
+        for entry in result.entries:
+            writer.writerow(astuple(entry))
+
+
+def summary(result: ComparisonData) -> dict[str, object]:
+    """The contents of `summary.json`.
+
+    Parameters
+    ----------
+    result : ComparisonData
+    """
+    return {
+        **summary_head(result.scenario),
+        "reference_range_N": result.reference.range_N,
+        "recommendation": result.recommendation,
+        "uncertainty": result.doubt.widths,
+        "uncertainty_is_assumed": result.doubt.is_assumed,
+        "worst_percent_of_range": [
+            {"compensator": name, "design_level": level.value, "worst": worst if math.isfinite(worst) else None}
+            for (name, level), worst in result.worst_percent.items()
+        ],
+        "enough_percent_of_range": ENOUGH_PERCENT,
+        "matrix": [asdict(entry) for entry in result.entries],
+        "levels": {
+            name: {
+                "relaxation_percent": traits.relaxation_percent,
+                "loop_area_percent": traits.loop_area_percent,
+                "dead_zone_N": traits.dead_zone_N,
+                "reversal_width_N": traits.reversal_width_N,
+                "time_per_simulated_second_s": result.costs[name].time_per_simulated_second_s,
+                "states": result.costs[name].states,
+                "parameters_to_identify": list(result.costs[name].parameters),
+            }
+            for name, traits in result.traits.items()
+        },
+        "warnings": list(result.warnings),
+    }

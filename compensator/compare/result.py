@@ -1,0 +1,104 @@
+"""What a comparison holds."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from tendonff.compensator.compare.levels import LevelCost, LevelTraits
+from tendonff.compensator.compensators.base import Compensator, FloatArray
+from tendonff.compensator.compensators.uncertain import Doubt
+from tendonff.compensator.scenario.sampling import Reference
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.fidelity import Level
+
+CAPSTAN_PLANT: Literal["capstan"] = "capstan"
+"""Name of the static law as a plant."""
+
+ENOUGH_PERCENT = 0.5
+"""A simpler level is enough if its design costs no more than this on the most detailed plant [% of range]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """One compensator, designed on one level, simulated on one plant.
+
+    Parameters
+    ----------
+    compensator : str
+        Its name.
+    design_level : Level
+        Repeats for a compensator that does not depend on it.
+    plant_level : str
+        A `Level`, or "capstan" for the static law.
+    rmse_percent_of_range, peak_error_N : float
+        Of a simulation with a quarter of the step.
+    lag_s : float
+        Delay of the output against the reference [s]; negative when it leads.
+    spread_percent_of_range : float
+        Largest RMS difference to simulations with half the step, the whole step, and a force that differs in the ninth
+        digit, which stands for a solver's tolerance [% of range]. Errors that differ by less are equal.
+    """
+
+    compensator: str
+    design_level: Level
+    plant_level: str
+    rmse_percent_of_range: float
+    peak_error_N: float
+    lag_s: float
+    spread_percent_of_range: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ComparisonData:
+    """All compensators on all levels.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    reference : Reference
+    compensators : tuple of Compensator
+        In the order in which they are shown.
+    entries : tuple of Entry
+        Compensator by compensator, design level by design level, plant by plant.
+    outputs_N : dict of (str, Level, str) to ndarray, shape (n,)
+        Delivered tension by name of the compensator, design level and plant, at the rows of the reference [N].
+    traits : dict of str to LevelTraits
+        What each level and the static law do differently.
+    costs : dict of str to LevelCost
+    doubt : Doubt
+        What may be the real transmission.
+    worst_percent : dict of (str, Level) to float
+        Largest RMS error of a design over what may be the real transmission, on the most detailed level [% of range].
+    recommendation : str
+        One sentence.
+    warnings : tuple of str
+    """
+
+    scenario: Scenario
+    reference: Reference
+    compensators: tuple[Compensator, ...]
+    entries: tuple[Entry, ...]
+    outputs_N: dict[tuple[str, Level, str], FloatArray]
+    traits: dict[str, LevelTraits]
+    costs: dict[str, LevelCost]
+    doubt: Doubt
+    worst_percent: dict[tuple[str, Level], float]
+    recommendation: str
+    warnings: tuple[str, ...]
+
+    def entry(self, name: str, design_level: Level, plant_level: str) -> Entry:
+        """One cell of the matrix.
+
+        Parameters
+        ----------
+        name : str
+            Of the compensator.
+        design_level : Level
+        plant_level : str
+        """
+        wanted = (name, design_level, plant_level)
+        return next(e for e in self.entries if (e.compensator, e.design_level, e.plant_level) == wanted)
+
+
+def plants() -> tuple[str, ...]:
+    """Names of the plants: the levels, then the static law."""
+    return (*(level.value for level in Level), CAPSTAN_PLANT)

@@ -1,0 +1,264 @@
+"""The compensation table: force over reference tension, branch and tension travelled since a reversal.
+
+The reference alone decides. While it rises the tendon is pulled, while it falls it is released; after a reversal the
+force goes over from one branch to the other along the tension that the reference has travelled since::
+
+    force |        pull  ______...          share = (travelled tension)/(T + p): what a reversal looks like in this
+          |      ___/                       measure hardly depends on where it happens, so few nodes do.
+          |    _/
+          |___/  <- a reversal out of full slip starts at share 0; one out of an unfinished transition starts at the
+          |         share where the force goes on without a jump
+          +---------------- tension travelled since the reversal
+
+What is interpolated is the ratio (force + p)/(T + p), which hardly depends on T either. The C of the export does the
+same operations in the same order.
+"""
+
+import math
+from bisect import bisect_right
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonff.models.capstan import Branch
+from tendonff.models.errors import ParameterError
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BranchTable:
+    """Forces of one branch.
+
+    Parameters
+    ----------
+    share : ndarray, shape (m,)
+        Nodes of (tension since the reversal)/(T + p) [-], from 0 up; beyond the last the transition is over.
+    force_N : ndarray, shape (k, m)
+        Force at each reference node and share [N].
+    """
+
+    share: FloatArray
+    force_N: FloatArray
+
+    def __post_init__(self) -> None:
+        if not (self.share.size >= 2 and self.share[0] == 0 and np.all(np.diff(self.share) > 0)):
+            raise ParameterError(f"share must rise from 0 over at least two nodes, got {self.share}")
+        if not np.all(np.isfinite(self.force_N)):
+            raise ParameterError("force_N must be finite in every node of the table")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LookupTable:
+    """Feedforward force over reference, branch and share of the transition.
+
+    Parameters
+    ----------
+    reference_N : ndarray, shape (k,)
+        Nodes of the reference tension T [N], rising in equal steps.
+    adhesion_N : float
+        p [N].
+    pull, release : BranchTable
+    """
+
+    reference_N: FloatArray
+    adhesion_N: float
+    pull: BranchTable
+    release: BranchTable
+
+    def __post_init__(self) -> None:
+        if not (self.reference_N.size >= 2 and np.all(np.diff(self.reference_N) > 0)):
+            raise ParameterError(f"reference_N must rise over at least two nodes, got {self.reference_N}")
+        steps = np.diff(self.reference_N)
+        if not np.allclose(steps, steps.mean(), rtol=1e-9, atol=0):
+            raise ParameterError("reference_N must rise in equal steps: the cell is found by one multiplication")
+        for name in Branch:
+            branch = self.branch(name)
+            if branch.force_N.shape != (self.reference_N.size, branch.share.size):
+                raise ParameterError(f"{name}: force_N must have one row per reference node and one column per share")
+
+    def branch(self, branch: Branch) -> BranchTable:
+        """Forces of a branch.
+
+        Parameters
+        ----------
+        branch : Branch
+        """
+        return self.pull if branch is Branch.PULL else self.release
+
+    @property
+    def cells_per_N(self) -> float:
+        """Cells of the reference axis per newton [1/N]."""
+        return float((self.reference_N.size - 1) / (self.reference_N[-1] - self.reference_N[0]))
+
+    @property
+    def nodes(self) -> int:
+        """Number of forces stored."""
+        return self.pull.force_N.size + self.release.force_N.size
+
+    def ratio(self, branch: Branch) -> FloatArray:
+        """(force + p)/(T + p) at the nodes of a branch, shape (k, m) [-].
+
+        Parameters
+        ----------
+        branch : Branch
+        """
+        p = self.adhesion_N
+        result: FloatArray = (self.branch(branch).force_N + p) / (self.reference_N[:, None] + p)
+        return result
+
+    def force_N(self, reference_N: FloatArray, branch: Branch, share: FloatArray) -> FloatArray:
+        """Force by bilinear interpolation of the ratio, for many points at once [N].
+
+        Parameters
+        ----------
+        reference_N, share : ndarray, shape (n,)
+            Inside the table's range; a share beyond the last node means that the transition is over.
+        branch : Branch
+        """
+        table = self.branch(branch)
+        row, a = _locate(self.reference_N, reference_N)
+        column, b = _locate(table.share, share)
+        f = self.ratio(branch)
+        near, far = ((1 - a) * f[row, c] + a * f[row + 1, c] for c in (column, column + 1))
+        result: FloatArray = (near + b * (far - near)) * (reference_N + self.adhesion_N) - self.adhesion_N
+        return result
+
+
+def _locate(nodes: FloatArray, values: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+    """Cell of each value and its place in the cell, 0 to 1."""
+    cell = np.clip(np.searchsorted(nodes, values, side="right") - 1, 0, len(nodes) - 2)
+    return cell, np.clip((values - nodes[cell]) / (nodes[cell + 1] - nodes[cell]), 0.0, 1.0)
+
+
+class TableLookup:
+    """The table at work: feed it the reference sample by sample.
+
+    Parameters
+    ----------
+    table : LookupTable
+    initial_tension_N : float
+        Uniform tension at rest before the start [N]; the force before the first change.
+
+    Raises
+    ------
+    ParameterError
+        If a reference lies outside the table.
+    """
+
+    def __init__(self, table: LookupTable, initial_tension_N: float) -> None:
+        self._low, self._high = float(table.reference_N[0]), float(table.reference_N[-1])
+        self._cells_per_N, self._last_row = table.cells_per_N, table.reference_N.size - 2
+        self._branches = {b: (table.branch(b).share.tolist(), table.ratio(b).tolist()) for b in Branch}
+        self._adhesion = table.adhesion_N
+        self._branch: Branch | None = None
+        self._last = self._force = initial_tension_N
+        self._ratio = 1.0
+        self._turn = initial_tension_N  # where the reference turned, or would have to have turned
+
+    def step(self, reference_N: float) -> float:
+        """Force for the next sample [N].
+
+        Parameters
+        ----------
+        reference_N : float
+            Wanted tension [N].
+        """
+        if not self._low <= reference_N <= self._high:
+            raise ParameterError(
+                f"the reference must stay from {self._low:.6g} to {self._high:.6g} N, got {reference_N}"
+            )
+        if reference_N == self._last:
+            return self._force
+        branch = Branch.PULL if reference_N > self._last else Branch.RELEASE
+        sign = 1.0 if branch is Branch.PULL else -1.0
+        shares, ratios = self._branches[branch]
+        row, a = self._row(reference_N)
+        if branch is not self._branch:
+            share = self._share_of(shares, ratios[row], ratios[row + 1], a, sign)
+            self._turn = self._last - sign * (share * (self._last + self._adhesion))
+            self._branch = branch
+        share = sign * (reference_N - self._turn) / (reference_N + self._adhesion)
+        share = min(share, shares[-1])  # beyond it the transition is over
+        column = min(bisect_right(shares, share) - 1, len(shares) - 2)
+        b = (share - shares[column]) / (shares[column + 1] - shares[column])
+        near, far = (_between(ratios[row][c], ratios[row + 1][c], a) for c in (column, column + 1))
+        self._last, self._ratio = reference_N, near + b * (far - near)
+        self._force = self._ratio * (reference_N + self._adhesion) - self._adhesion
+        return self._force
+
+    def _row(self, reference_N: float) -> tuple[int, float]:
+        """Cell of a reference and its place in the cell, 0 to 1."""
+        cells = (reference_N - self._low) * self._cells_per_N
+        row = min(int(cells), self._last_row)
+        return row, cells - row
+
+    def _share_of(self, shares: list[float], below: list[float], above: list[float], a: float, sign: float) -> float:
+        """Share at which a branch has the present ratio at this reference: bisection over its nodes."""
+        low = 0
+        for half in halves(len(shares)):
+            if sign * (self._ratio - _between(below[low + half], above[low + half], a)) >= 0:
+                low += half
+        near, far = (_between(below[c], above[c], a) for c in (low, low + 1))
+        way, swing = sign * (self._ratio - near), sign * (far - near)
+        if way >= swing:
+            return shares[low + 1]
+        if way > 0:
+            return shares[low] + (way / swing) * (shares[low + 1] - shares[low])
+        return shares[low]
+
+
+def _between(near: float, far: float, place: float) -> float:
+    return near + place * (far - near)
+
+
+@cache
+def halves(nodes: int) -> tuple[int, ...]:
+    """Steps of a bisection over the cells between nodes: each is taken or not, and none leads beyond the last cell.
+
+    Parameters
+    ----------
+    nodes : int
+        Number of nodes, >= 2.
+    """
+    cells, steps = nodes - 1, []
+    while cells > 1:
+        steps.append(cells // 2)
+        cells -= cells // 2
+    return tuple(steps)
+
+
+def table_force(table: LookupTable, reference_N: FloatArray, initial_tension_N: float | None = None) -> FloatArray:
+    """Force of the table for a reference course, before actuator limits, shape (n,) [N].
+
+    Parameters
+    ----------
+    table : LookupTable
+    reference_N : ndarray, shape (n,)
+        Wanted tension at successive samples [N].
+    initial_tension_N : float, optional
+        Uniform tension at rest before the start [N]; default: the first reference.
+    """
+    start = float(reference_N[0]) if initial_tension_N is None else initial_tension_N
+    lookup = TableLookup(table, start)
+    return np.array([lookup.step(float(t)) for t in reference_N])
+
+
+def table_range_N(reference_N: FloatArray, largest_N: float, margin: float = 0.05) -> tuple[float, float]:
+    """Range of reference tension that a table should cover: the reference's own and a margin [N].
+
+    Parameters
+    ----------
+    reference_N : ndarray, shape (n,)
+    largest_N : float
+        Largest deliverable tension [N]; the range does not exceed it where the reference does not.
+    margin : float, optional
+        Share of the range that is added at each end [-].
+    """
+    low, high = float(np.min(reference_N)), float(np.max(reference_N))
+    spread = max(high - low, 0.1 * high)
+    return max(low - margin * spread, 0.5 * low), max(
+        min(high + margin * spread, largest_N), math.nextafter(high, math.inf)
+    )

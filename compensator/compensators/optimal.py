@@ -1,0 +1,98 @@
+"""The optimal profile: the force within the limits whose output comes closest to the reference.
+
+Here, and nowhere else, it is decided whether the profile is made for the nominal transmission or for all that the
+scenario's uncertainty admits.
+"""
+
+from tendonff.compensator.compensators.base import CModule, Compensator, Problem, Profile, ProfileStatus, Style
+from tendonff.compensator.files.progress import Progress, silent
+from tendonff.compensator.reporting.colours import VERMILION
+from tendonff.ocp.tracking.result import Tracking, TrackStatus
+from tendonff.ocp.tracking.robust import track_robust
+from tendonff.ocp.tracking.track import track
+
+_STATUS = {
+    TrackStatus.EXACT: ProfileStatus.GOOD,
+    TrackStatus.OPTIMAL: ProfileStatus.GOOD,
+    TrackStatus.INFEASIBLE: ProfileStatus.FAILED,
+    TrackStatus.FAILED: ProfileStatus.FAILED,
+}
+
+
+class Optimal(Compensator):
+    """The answer of the optimal-control problem."""
+
+    name = "optimal"
+    label = "optimal profile"
+    style = Style(color=VERMILION, linestyle="--")
+    is_fast = False
+    c_module = CModule(name="profile", content="optimal profile", plays_back=True)
+
+    def profile(self, problem: Problem, *, progress: Progress = silent) -> Profile:
+        """Answer by optimal control; see `Compensator.profile`."""
+        tracking = solve(problem, progress=progress)
+        status = _STATUS.get(tracking.status, ProfileStatus.DOUBTFUL)
+        return Profile(
+            force_N=tracking.force_N,
+            status=status,
+            message="" if status is ProfileStatus.GOOD else tracking.message,
+            warnings=tracking_warnings(tracking),
+            tracking=tracking,
+        )
+
+
+def solve(problem: Problem, *, progress: Progress = silent) -> Tracking:
+    """Solve the optimal-control problem, for the nominal transmission or for all samples.
+
+    Parameters
+    ----------
+    problem : Problem
+    progress : callable, optional
+        Told iterations done and iterations at most.
+    """
+    reference = problem.reference
+    wanted, step, start = reference.tension_N, reference.step_s, reference.initial_tension_N
+    if not problem.samples:
+        return track(
+            problem.chain,
+            wanted,
+            step,
+            problem.limits,
+            problem.options,
+            initial_tension_N=start,
+            inversion=problem.inversion,
+            progress=progress,
+        )
+    return track_robust(
+        problem.samples,
+        problem.level,
+        wanted,
+        step,
+        problem.limits,
+        problem.objective,
+        problem.options,
+        initial_tension_N=start,
+        inversion=problem.inversion,
+        progress=progress,
+    )
+
+
+def tracking_warnings(tracking: Tracking) -> tuple[str, ...]:
+    """What limits the optimal profile, in the user's terms.
+
+    Parameters
+    ----------
+    tracking : Tracking
+    """
+    if tracking.status is TrackStatus.EXACT:
+        return ()
+    found = [] if tracking.status is TrackStatus.OPTIMAL else [f"optimal: {tracking.message}"]
+    found += [f"optimal: {caution}" for caution in tracking.cautions]
+    found += tracking.reasons
+    if tracking.departures:
+        worst = max(tracking.departures, key=lambda departure: abs(departure.peak_error_N))
+        found.append(
+            f"optimal: error above 1 % of range in {len(tracking.departures)} "
+            f"{'interval' if len(tracking.departures) == 1 else 'intervals'}; worst {worst}"
+        )
+    return tuple(found)

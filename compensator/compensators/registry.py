@@ -1,0 +1,39 @@
+"""All compensators, in the order in which they are shown."""
+
+from tendonff.compensator.compensators.base import Compensator
+from tendonff.compensator.compensators.capstan import Capstan
+from tendonff.compensator.compensators.inverse import Inverse
+from tendonff.compensator.compensators.optimal import Optimal
+from tendonff.compensator.compensators.smoothed import Smoothed
+from tendonff.compensator.compensators.table import CompensationTable
+from tendonff.compensator.compensators.uncompensated import Uncompensated
+from tendonff.compensator.files.reading import InputError, suggestion
+
+COMPENSATORS: tuple[Compensator, ...] = (
+    Uncompensated(),
+    Capstan(),
+    Smoothed(),
+    Inverse(),
+    Optimal(),
+    CompensationTable(),
+)
+"""Everything that `design` and `compare` try; a further compensator is one more line here."""
+
+
+def compensator(name: str) -> Compensator:
+    """The compensator of a name.
+
+    Parameters
+    ----------
+    name : str
+        As in the files: "none", "capstan", "smoothed", "inverse", "optimal", "table".
+
+    Raises
+    ------
+    InputError
+        If there is none of that name.
+    """
+    for each in COMPENSATORS:
+        if each.name == name:
+            return each
+    raise InputError(f'there is no compensator "{name}"{suggestion(name, [c.name for c in COMPENSATORS])}')

@@ -1,0 +1,183 @@
+"""How well a force delivers the wanted tension: simulate it on a chain, and score what arrives."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tendonff.compensator.compensators.base import FloatArray
+from tendonff.compensator.scenario.sampling import Reference
+from tendonff.models.chain import Chain
+from tendonff.models.fidelity import Level
+from tendonff.models.parameters import Transmission
+from tendonff.ocp.simulate import Outcome, Simulation, simulate
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Score:
+    """How far the delivered tension is from the wanted one.
+
+    Parameters
+    ----------
+    rmse_N : float
+        Root mean square error [N].
+    rmse_percent_of_range : float
+        The same over the range of the reference [%].
+    peak_error_N : float
+        Largest absolute error [N].
+    """
+
+    rmse_N: float
+    rmse_percent_of_range: float
+    peak_error_N: float
+
+    @property
+    def percent(self) -> str:
+        """Error in % of range with three digits; what is below 0.001 % is rounding and said to be so."""
+        value = self.rmse_percent_of_range
+        return f"{value:.3g}" if value >= 1e-3 else "< 0.001"
+
+
+def scale_N(reference_N: FloatArray) -> float:
+    """What percentages of a reference refer to: its range, or the height of a constant one [N].
+
+    Parameters
+    ----------
+    reference_N : ndarray, shape (n,)
+    """
+    span = float(np.ptp(reference_N))
+    return span if span > 0 else float(np.max(np.abs(reference_N)))
+
+
+def score(reference_N: FloatArray, output_N: FloatArray) -> Score:
+    """Compare a delivered tension with the wanted one.
+
+    Parameters
+    ----------
+    reference_N, output_N : ndarray, shape (n,)
+        Rows at the same times [N].
+    """
+    error = output_N - reference_N
+    rmse = float(np.sqrt(np.mean(error**2)))
+    return Score(
+        rmse_N=rmse,
+        rmse_percent_of_range=100 * rmse / scale_N(reference_N),
+        peak_error_N=float(np.max(np.abs(error))),
+    )
+
+
+def is_worse(score: Score, uncompensated: Score, reference_N: FloatArray) -> bool:
+    """Whether a compensator does harm: its error is above that of the reference itself as force, by more than 1 %.
+
+    Parameters
+    ----------
+    score, uncompensated : Score
+        On the same plant and reference.
+    reference_N : ndarray, shape (n,)
+        The reference; a millionth of its range is rounding [N].
+    """
+    return score.rmse_N > 1.01 * uncompensated.rmse_N + 1e-6 * scale_N(reference_N)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedPlant:
+    """The chain that a force is tried on.
+
+    Parameters
+    ----------
+    level : Level
+    segments : int, optional
+        Masses; default: the path's own.
+    refinement : int, optional
+        Steps per row of the profile; the force is linear in between.
+    """
+
+    level: Level
+    segments: int | None = None
+    refinement: int = 1
+
+
+def simulate_profile(
+    transmission: Transmission, plant: SimulatedPlant, force_N: FloatArray, reference: Reference
+) -> Simulation:
+    """Simulate a plant under a force profile, from rest at the reference's initial tension.
+
+    Parameters
+    ----------
+    transmission : Transmission
+    plant : SimulatedPlant
+    force_N : ndarray, shape (n,)
+        Rows of the reference's grid [N].
+    reference : Reference
+
+    Returns
+    -------
+    Simulation
+        On the plant's own grid, every `refinement`-th row of which is a row of the reference.
+    """
+    fine = force_N
+    if plant.refinement > 1:
+        rows = (len(force_N) - 1) * plant.refinement + 1
+        fine = np.interp(np.arange(rows) / plant.refinement, np.arange(len(force_N)), force_N)
+    return simulate(
+        Chain.of(transmission, plant.level, plant.segments),
+        fine,
+        reference.step_s / plant.refinement,
+        initial_tension_N=reference.initial_tension_N,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verified:
+    """One compensator's force on one plant.
+
+    Parameters
+    ----------
+    compensator : str
+        Name of the compensator.
+    plant : SimulatedPlant
+    output_N : ndarray, shape (n,)
+        Delivered tension at the rows of the reference [N].
+    travel_m : ndarray, shape (n,)
+        Travel of the actuator's end from rest [m].
+    score : Score
+    slack : str
+        Where the tendon went slack; empty where it stayed taut.
+    """
+
+    compensator: str
+    plant: SimulatedPlant
+    output_N: FloatArray
+    travel_m: FloatArray
+    score: Score
+    slack: str
+
+
+def verify(
+    transmission: Transmission, plant: SimulatedPlant, compensator: str, force_N: FloatArray, reference: Reference
+) -> Verified:
+    """Simulate a plant under a force profile and score what arrives.
+
+    Parameters
+    ----------
+    transmission : Transmission
+    plant : SimulatedPlant
+    compensator : str
+        Name for the result.
+    force_N : ndarray, shape (n,)
+    reference : Reference
+
+    Raises
+    ------
+    SolveError
+        If the simulation fails.
+    """
+    run = simulate_profile(transmission, plant, force_N, reference).require()
+    output = run.output_tension_N[:: plant.refinement]
+    return Verified(
+        compensator=compensator,
+        plant=plant,
+        output_N=output,
+        travel_m=run.near_position_m[:: plant.refinement] - run.near_position_m[0],
+        score=score(reference.tension_N, output),
+        slack=run.message if run.outcome is Outcome.SLACK else "",
+    )

@@ -1,0 +1,84 @@
+"""The compensation table as a compensator: looked up sample by sample, within the actuator's limits."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tendonff.compensator.compensators.base import CModule, Compensator, Problem, Profile, Style
+from tendonff.compensator.compensators.lookup_table import LookupTable, table_force, table_range_N
+from tendonff.compensator.compensators.table_build import BuiltTable, build_table, usual_rate
+from tendonff.compensator.files.progress import Progress, silent
+from tendonff.compensator.reporting.colours import GREEN
+from tendonff.compensator.scenario.sampling import largest_tension
+
+BOUND_SHARE = 0.005
+"""Interpolation error that a table may have unless told otherwise, as a share of the reference's range."""
+
+
+@dataclass(frozen=True)  # without slots: the class holds what all tables share
+class CompensationTable(Compensator):
+    """The compensation table.
+
+    Parameters
+    ----------
+    table : LookupTable, optional
+        One that exists already; default: made for the problem.
+    """
+
+    name = "table"
+    label = "compensation table"
+    style = Style(color=GREEN, linestyle=":")
+    is_fast = False
+    c_module = CModule(name="table", content="compensation table", headers=("table_data",))
+
+    table: LookupTable | None = None
+
+    def profile(self, problem: Problem, *, progress: Progress = silent) -> Profile:  # noqa: ARG002
+        """Answer by looking up; see `Compensator.profile`."""
+        table = self.table or table_of(problem).table
+        reference = problem.reference
+        return Profile(force_N=problem.limited(table_force(table, reference.tension_N, reference.initial_tension_N)))
+
+    __str__ = Compensator.__str__
+
+
+def table_range(problem: Problem) -> tuple[float, float]:
+    """Range of reference tension that a table for a problem covers [N].
+
+    Parameters
+    ----------
+    problem : Problem
+    """
+    reference = problem.reference
+    wanted = np.append(reference.tension_N, reference.initial_tension_N)
+    return table_range_N(wanted, largest_tension(problem.transmission))
+
+
+def table_of(
+    problem: Problem,
+    *,
+    bound_N: float | None = None,
+    rate_N_per_s: float | None = None,
+    range_N: tuple[float, float] | None = None,
+) -> BuiltTable:
+    """The table for a problem.
+
+    Parameters
+    ----------
+    problem : Problem
+    bound_N : float, optional
+        Largest interpolation error [N]; default: 0.5 % of the reference's range.
+    rate_N_per_s : float, optional
+        Rate of the reference that the table is for [N/s]; default: the median rate of the problem's.
+    range_N : tuple of float, optional
+        Range of reference tension that it covers [N]; default: the problem's.
+    """
+    reference = problem.reference
+    span = reference.range_N or 0.1 * float(reference.tension_N[0])
+    return build_table(
+        problem.chain,
+        range_N or table_range(problem),
+        bound_N=BOUND_SHARE * span if bound_N is None else bound_N,
+        rate_N_per_s=usual_rate(reference.tension_N, reference.step_s) if rate_N_per_s is None else rate_N_per_s,
+        step_s=reference.step_s,
+    )

@@ -1,0 +1,102 @@
+"""The files of a design: profile, summary, figures and report."""
+
+import math
+import os
+from dataclasses import asdict, dataclass
+
+from tendonff.compensator.compensators.base import FloatArray
+from tendonff.compensator.compensators.score import Verified
+from tendonff.compensator.design.figures import design_figures
+from tendonff.compensator.design.report import design_report
+from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS, DesignData
+from tendonff.compensator.design.robustness import robustness_summary
+from tendonff.compensator.files.writing import atomic_directory, write_csv
+from tendonff.compensator.reporting.folder import summary_head, write_pages
+from tendonff.ocp.tracking.result import Tracking
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Design(DesignData):
+    """A design that can be written."""
+
+    def write(self, folder: str | os.PathLike[str]) -> None:
+        """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing.
+
+        Parameters
+        ----------
+        folder : str or path
+            Made where it is missing.
+        """
+        figures = design_figures(self)
+        with atomic_directory(folder) as partial:
+            write_csv(partial / "profile.csv", profile_columns(self))
+            write_pages(partial, summary(self), figures, design_report(self, figures))
+
+
+def profile_columns(result: DesignData) -> dict[str, FloatArray]:
+    """The columns of `profile.csv`.
+
+    Parameters
+    ----------
+    result : DesignData
+    """
+    forces = {f"force_{name}_N": force for name, force in result.forces_N.items()}
+    return {"time_s": result.reference.time_s, "reference_N": result.reference.tension_N, **forces}
+
+
+def summary(result: DesignData) -> dict[str, object]:
+    """The contents of `summary.json`.
+
+    Parameters
+    ----------
+    result : DesignData
+    """
+
+    def scores(verified: tuple[Verified, ...]) -> dict[str, dict[str, object]]:
+        found: dict[str, dict[str, object]] = {}
+        for one in verified:
+            found.setdefault(one.compensator, {})[one.plant.level.value] = asdict(one.score)
+        return found
+
+    error = result.foresight.expected_error_N
+    return {
+        **summary_head(result.scenario),
+        "design_level": result.level.value,
+        "reference_range_N": result.reference.range_N,
+        "compensators": scores(result.verified),
+        "proof": {
+            "segments": FINE_SEGMENTS,
+            "step_s": result.reference.step_s / FINE_REFINEMENT,
+            "compensators": scores(result.proof),
+        },
+        "ocp": None if result.tracking is None else _tracking_summary(result.tracking),
+        "expectation": {
+            "uncertainty": result.expectation.doubt.widths,
+            "is_assumed": result.expectation.doubt.is_assumed,
+            "recommended": result.expectation.recommended,
+            "worst_percent_of_range": {
+                name: value if math.isfinite(value) else None
+                for name, value in result.expectation.worst_percent.items()
+            },
+        },
+        "foresight": {
+            "unstable_share": result.foresight.unstable_share,
+            "largest_growth_per_s": result.foresight.largest_growth_per_s,
+            "expected_error_N": error if math.isfinite(error) else None,
+            "stretches": [asdict(stretch) for stretch in result.foresight.stretches],
+        },
+        "robust": None if result.robustness is None else robustness_summary(result.robustness),
+        "warnings": list(result.warnings),
+    }
+
+
+def _tracking_summary(tracking: Tracking) -> dict[str, object]:
+    return {
+        "status": tracking.status.value,
+        "message": tracking.message,
+        "reasons": list(tracking.reasons),
+        "departures": [asdict(departure) for departure in tracking.departures],
+        "iterations": tracking.iterations,
+        "build_s": tracking.build_s,
+        "solve_s": tracking.solve_s,
+    }

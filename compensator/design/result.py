@@ -1,0 +1,102 @@
+"""What a design holds."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from tendonff.compensator.compensators.base import Compensator, FloatArray, Profile, ProfileStatus
+from tendonff.compensator.compensators.score import Verified
+from tendonff.compensator.design.expectation import Expectation
+from tendonff.compensator.design.robustness import Robustness
+from tendonff.compensator.scenario.sampling import Reference
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.fidelity import Level
+from tendonff.ocp.stability import Foresight
+from tendonff.ocp.tracking.result import Tracking
+
+FINE_SEGMENTS = 40
+FINE_REFINEMENT = 10
+"""The plant of the verification: so many masses, and so many steps to a row of the profile."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DesignData:
+    """Force profiles for one scenario and what each delivers.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    reference : Reference
+    compensators : tuple of Compensator
+        In the order in which they are shown.
+    profiles : mapping of str to Profile
+        By name of the compensator.
+    verified : tuple of Verified
+        Every compensator on every level.
+    proof : tuple of Verified
+        Every compensator on the design level with more masses and a smaller step.
+    foresight : Foresight
+        Where friction that weakens with speed makes feedforward fail.
+    robustness : Robustness or None
+        Error bands under the scenario's uncertainty; None where all is certain.
+    expectation : Expectation
+        What to expect on a rig, and the profile that does best there.
+    warnings : tuple of str
+        What the user should know.
+    """
+
+    scenario: Scenario
+    reference: Reference
+    compensators: tuple[Compensator, ...]
+    profiles: Mapping[str, Profile]
+    verified: tuple[Verified, ...]
+    proof: tuple[Verified, ...]
+    foresight: Foresight
+    robustness: Robustness | None
+    expectation: Expectation
+    warnings: tuple[str, ...]
+
+    @property
+    def level(self) -> Level:
+        """Fidelity level of the design model."""
+        return self.scenario.run.level
+
+    @property
+    def forces_N(self) -> dict[str, FloatArray]:
+        """Force of each compensator, by name [N]."""
+        return {name: profile.force_N for name, profile in self.profiles.items()}
+
+    @property
+    def tracking(self) -> Tracking | None:
+        """How the optimal-control problem ended; None where none was solved."""
+        return next((p.tracking for p in self.profiles.values() if p.tracking is not None), None)
+
+    @property
+    def recommended(self) -> Compensator:
+        """The compensator whose worst error over the uncertainty is least."""
+        return next(c for c in self.compensators if c.name == self.expectation.recommended)
+
+    @property
+    def is_usable(self) -> bool:
+        """No compensator failed."""
+        return all(profile.status is not ProfileStatus.FAILED for profile in self.profiles.values())
+
+    def on_level(self, name: str, level: Level) -> Verified:
+        """What a compensator delivers on a level.
+
+        Parameters
+        ----------
+        name : str
+            Of the compensator.
+        level : Level
+        """
+        return next(v for v in self.verified if v.compensator == name and v.plant.level is level)
+
+    def on_proof(self, name: str) -> Verified:
+        """What a compensator delivers on the finer chain.
+
+        Parameters
+        ----------
+        name : str
+            Of the compensator.
+        """
+        return next(v for v in self.proof if v.compensator == name)

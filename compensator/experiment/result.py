@@ -1,0 +1,111 @@
+"""What a two-motor test holds."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tendonff.compensator.experiment.machine import Plan, StatePass
+from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.fidelity import Level
+from tendonff.models.parameters import Transmission
+
+SECTIONS = 7
+"""Places along the path at which tensions are reported: 0, theta/6 ... theta."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExperimentRun:
+    """The test on one model, rows at 0, h, 2 h ...
+
+    Parameters
+    ----------
+    level : Level
+    transmission : Transmission
+        What it ran on.
+    passes : tuple of StatePass
+        States and their rows; a state starts with the row in which the one before it ended.
+    time_s : ndarray, shape (n,)
+    link_tension_N : ndarray, shape (n, N + 1)
+        f_1 .. f_{N+1} of the chain.
+    position_m, force_N : ndarray, shape (n, 2)
+        Of motors 1 and 2; forces are each motor's pull on its end of the tendon.
+    velocity_m_per_s : ndarray, shape (n, N + 2)
+        v_a, v_1 .. v_N, v_l.
+    force_jump_N : ndarray, shape (number of states, 2)
+        Jump of each motor's pull as a state begins.
+    """
+
+    level: Level
+    transmission: Transmission
+    passes: tuple[StatePass, ...]
+    time_s: FloatArray
+    link_tension_N: FloatArray
+    position_m: FloatArray
+    force_N: FloatArray
+    velocity_m_per_s: FloatArray
+    force_jump_N: FloatArray
+
+    @property
+    def tension_N(self) -> FloatArray:
+        """Tensions at the seven sections of the path, shape (n, 7) [N].
+
+        Link i of N masses stands at the angle i theta/N; between links ln T is taken as linear, which it is in slip.
+        """
+        links = self.link_tension_N.shape[1]
+        if links == SECTIONS:
+            return self.link_tension_N
+        places = np.linspace(0, links - 1, SECTIONS)
+        left = np.minimum(places.astype(int), max(links - 2, 0))
+        share = places - left
+        log = np.log(np.maximum(self.link_tension_N, 1e-12))
+        sections: FloatArray = np.exp((1 - share) * log[:, left] + share * log[:, left + 1])
+        return sections
+
+    @property
+    def elongation_m(self) -> FloatArray:
+        """Elongation of the tendon since the start, q_a - q_l, shape (n,) [m]."""
+        length = self.position_m[:, 0] - self.position_m[:, 1]
+        change: FloatArray = length - length[0]
+        return change
+
+    @property
+    def range_N(self) -> float:
+        """Largest minus smallest tension of the run [N]: what percentages refer to."""
+        return float(np.ptp(self.link_tension_N))
+
+    def state_names(self) -> list[str]:
+        """Name of the state in each row; a row in which one state ends and the next begins counts to the first."""
+        names = [self.passes[0].state.name]
+        for done in self.passes:
+            names += [done.state.name] * (done.last_row - done.first_row)
+        return names
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExperimentData:
+    """The test on all models.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    plan : Plan
+    lead : Level
+        Level on which the machine ran.
+    runs : dict of Level to ExperimentRun
+        All three levels, on the path's own number of masses.
+    fine : ExperimentRun
+        The leading level with more masses.
+    quasi_static : ExperimentRun
+        The elastic level with a stiffer bristle, no viscous friction and no Stribeck effect: nearest to the static law.
+    quasi_static_factor : float
+        By how much its bristle is stiffer.
+    """
+
+    scenario: Scenario
+    plan: Plan
+    lead: Level
+    runs: dict[Level, ExperimentRun]
+    fine: ExperimentRun
+    quasi_static: ExperimentRun
+    quasi_static_factor: float

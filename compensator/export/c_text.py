@@ -1,0 +1,332 @@
+"""The text of exported C: templates, what they are told, and the modules rendered from them."""
+
+import json
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
+from importlib.resources import files
+from types import MappingProxyType
+
+import jinja2
+import numpy as np
+
+from tendonff._version import __version__
+from tendonff.compensator.compensators.base import CModule, Problem
+from tendonff.compensator.compensators.lookup_table import LookupTable
+from tendonff.compensator.compensators.registry import COMPENSATORS
+from tendonff.compensator.compensators.table import table_range
+from tendonff.compensator.compensators.table_build import BuiltTable
+from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_code, tunable_inverse
+from tendonff.compensator.export.table_index import share_index
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.scenario.sampling import largest_tension
+from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
+from tendonff.models.capstan import Branch, CapstanLaw
+from tendonff.models.fidelity import Level
+from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.codegen.printer import literal
+from tendonff.ocp.step.target import controller_limits, inverse_code, plant_code
+
+PLANT = CModule(name="plant", content="the chain itself")
+"""What is exported beside the compensators, for tests."""
+
+_FOLDER_FILES = ("self_test.c", "example_main.c", "Makefile", "CMakeLists.txt", "README.md")
+_KEYWORDS = frozenset(
+    re.findall(
+        r"\w+",
+        """
+        auto break case char const continue default do double else enum extern float for goto if inline int
+        long register restrict return short signed sizeof static struct switch typedef union unsigned void
+        volatile while main nan class new delete this template public private try catch throw bool true false
+        """,
+    )
+)
+_TEMPLATES = jinja2.Environment(  # noqa: S701 - C has no markup to escape
+    loader=jinja2.PackageLoader("tendonff.compensator.export", "templates/c"),
+    undefined=jinja2.StrictUndefined,
+    keep_trailing_newline=True,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+
+
+def check_prefix(prefix: str) -> str:
+    """A prefix that every C and C++ compiler takes, or an error that says what is wrong.
+
+    Parameters
+    ----------
+    prefix : str
+    """
+    good = prefix.isascii() and prefix.isidentifier() and not prefix.startswith("_") and len(prefix) <= 24
+    if not good or prefix.endswith("_") or "__" in prefix or prefix.lower() in _KEYWORDS:
+        raise InputError(
+            f'--prefix must be a C identifier of at most 24 letters, digits and single underscores, got "{prefix}"; '
+            'the default is "tff"'
+        )
+    return prefix
+
+
+def c_modules(scenario: Scenario) -> tuple[CModule, ...]:
+    """Modules of the compensators that can be exported, in the order of the registry, of the plant, and of the tuner.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    """
+    more = () if scenario.adaptation is None else ADAPTIVE_MODULES
+    return (*(c.c_module for c in COMPENSATORS if c.c_module is not None), PLANT, *more)
+
+
+def c_sources(
+    scenario: Scenario,
+    problem: Problem,
+    modules: Sequence[CModule],
+    precision: Precision,
+    prefix: str,
+    further: Mapping[str, object] = MappingProxyType({}),
+) -> dict[str, str]:
+    """Sources and headers of some modules and of what they share, by file name.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    problem : Problem
+    modules : sequence of CModule
+    precision : Precision
+    prefix : str
+    further : mapping, optional
+        What the templates of these modules need beyond scenario and level: table, profile.
+    """
+    chain, step = problem.chain, problem.reference.step_s
+    context = _context(scenario, problem, modules, precision, prefix) | dict(further)
+    names = [module.name for module in modules]
+    code: dict[str, dict[str, object]] = {}
+    if scenario.adaptation is not None and {m.name for m in ADAPTIVE_MODULES} & set(names):
+        code |= dict.fromkeys(
+            (m.name for m in ADAPTIVE_MODULES), adaptive_code(problem, scenario.adaptation, precision, prefix)
+        )
+    if "inverse" in names and scenario.adaptation is not None:
+        code["inverse"] = tunable_inverse(problem, precision, prefix)
+    elif "inverse" in names:
+        code["inverse"] = asdict(inverse_code(chain, step, f"{prefix}_inverse", precision))
+    if "plant" in names:
+        code["plant"] = asdict(plant_code(chain, step, f"{prefix}_chain", precision))
+    headers = ("types", "limits", *(header for module in modules for header in (*module.headers, module.name)))
+    texts = {f"{prefix}_{name}.h": _render(f"{name}.h.j2", context | code.get(name, {})) for name in headers}
+    for name in ("limits", *names):
+        texts[f"{prefix}_{name}.c"] = _render(f"{name}.c.j2", context | code.get(name, {}))
+    return texts
+
+
+def folder_files(
+    scenario: Scenario,
+    problem: Problem,
+    modules: Sequence[CModule],
+    precision: Precision,
+    prefix: str,
+    further: Mapping[str, object],
+) -> dict[str, str]:
+    """What an exported folder holds beside the sources of its modules, by file name.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    problem : Problem
+    modules : sequence of CModule
+    precision : Precision
+    prefix : str
+    further : mapping
+        What the templates need beyond scenario and level.
+    """
+    context = _context(scenario, problem, modules, precision, prefix) | dict(further)
+    return {name: _render(f"{name}.j2", context) for name in _FOLDER_FILES}
+
+
+def table_header(scenario: Scenario, built: BuiltTable, level: Level, prefix: str = "tff") -> str:
+    """The C header of a table alone, in double.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    built : BuiltTable
+    level : Level
+    prefix : str, optional
+    """
+    context = _naming(scenario, level, Precision.DOUBLE, prefix) | table_context(built, Precision.DOUBLE)
+    return _render("table_data.h.j2", context)
+
+
+def _render(template: str, context: dict[str, object]) -> str:
+    return _TEMPLATES.get_template(template).render(context)
+
+
+def _naming(scenario: Scenario, level: Level, precision: Precision, prefix: str) -> dict[str, object]:
+    def number(value: float) -> str:
+        return literal(max(-1e30, min(float(value), 1e30)), precision)
+
+    def rows(table: Iterable[Iterable[float]]) -> str:
+        return ",\n".join(_wrapped([number(v) for v in row]) for row in table)
+
+    def exact_rows(values: Iterable[float]) -> str:
+        return _wrapped([literal(float(v), Precision.DOUBLE) for v in values])
+
+    def integers(values: Iterable[int]) -> str:
+        return _wrapped([f"{v}u" for v in values])
+
+    def exact(value: float) -> str:
+        return literal(max(-1e30, min(float(value), 1e30)), Precision.DOUBLE)
+
+    def exact_real(value: float) -> str:
+        if math.isfinite(value):
+            return literal(float(value), precision)
+        return f"({prefix}_real)NAN" if math.isnan(value) else f"{'-' if value < 0 else ''}({prefix}_real)INFINITY"
+
+    name = " ".join(scenario.name.replace("*/", "* /").split())
+    lines = (
+        f'Scenario "{name}", hash {scenario_hash(scenario)}, level {level}.',
+        f"Written by tendonff {__version__} export-c --precision {precision} --prefix {prefix}.",
+    )
+    return {
+        "prefix": prefix,
+        "guard": prefix.upper(),
+        "real": "float" if precision is Precision.FLOAT else "double",
+        "num": number,
+        "exact": exact,
+        "exact_real": exact_real,
+        "rows": rows,
+        "exact_rows": exact_rows,
+        "integers": integers,
+        "provenance": "\n".join(f" * {line}" for line in lines),
+        "level": level,
+        "version": __version__,
+        "scenario_name": name,
+        "scenario_hash": scenario_hash(scenario),
+    }
+
+
+def _wrapped(items: list[str]) -> str:
+    """Comma-separated numbers in lines of at most 116 characters."""
+    lines, line = [], ""
+    for item in items:
+        if line and len(line) + len(item) + 2 > 112:
+            lines.append(line)
+            line = ""
+        line += ("" if not line else ", ") + item
+    return ",\n".join(f"    {text}" for text in [*lines, line])
+
+
+def table_context(built: BuiltTable, precision: Precision) -> dict[str, object]:
+    """What the templates of a table need.
+
+    Parameters
+    ----------
+    built : BuiltTable
+    precision : Precision
+    """
+    table = built.table
+    notes = (
+        f"Interpolation error at most {built.error_N:.3g} N (bound {built.bound_N:.3g} N); made for a reference that",
+        f"moves at {built.rate_N_per_s:.4g} N/s. Bilinear in the reference and in the share.",
+    )
+    return {
+        "table": table,
+        "pull_ratios": table.ratio(Branch.PULL),
+        "release_ratios": table.ratio(Branch.RELEASE),
+        "pull_index": share_index(table.pull.share, precision),
+        "release_index": share_index(table.release.share, precision),
+        "table_notes": "\n".join(f" * {note}" for note in notes),
+    }
+
+
+def accepted_range(problem: Problem) -> tuple[float, float]:
+    """References that the exported modules accept [N].
+
+    Parameters
+    ----------
+    problem : Problem
+    """
+    tension = problem.reference.tension_N
+    low, _ = table_range(problem)
+    high = max(largest_tension(problem.transmission), float(np.max(tension)))
+    return min(low, 0.01 * float(np.min(tension))), high
+
+
+def _context(
+    scenario: Scenario, problem: Problem, modules: Sequence[CModule], precision: Precision, prefix: str
+) -> dict[str, object]:
+    """What every template may use."""
+    transmission, reference, step = problem.transmission, problem.reference, problem.reference.step_s
+    actuator, law = transmission.actuator, CapstanLaw.of(transmission)
+    chain = problem.chain
+    count, reals, size = chain.count, chain.layout.size, 4 if precision is Precision.FLOAT else 8
+    accepted = accepted_range(problem)
+    names = [module.name for module in modules]
+    followers = [m for m in modules if not m.plays_back and m not in (PLANT, *ADAPTIVE_MODULES)]  # of a reference
+    output = max(size, 4) + 8
+    past = 2 * count + 2 if precision is Precision.FLOAT else 0
+    state = {
+        "inverse": _padded(output + (2 * reals + 2 + past) * size + 4, size),
+        "capstan": output + 2 * size,
+        "table": _padded(output + 4 * size + 4, size),
+        "plant": _padded((2 * reals + 2) * size + 16, size),
+        "profile": _padded(output + 4, size),
+    }
+    return _naming(scenario, problem.level, precision, prefix) | {
+        "title": f"{prefix}: feedforward force for a tendon",
+        "count": count,
+        "reals": reals,
+        "step": step,
+        "step_s": repr(step),
+        "reference_min": accepted[0],
+        "reference_max": accepted[1],
+        "force_min": actuator.force_min_N,
+        "force_max": actuator.force_max_N,
+        "change_max": actuator.force_rate_max_N_per_s * step,
+        "pull_ratio": math.exp(law.pull_exponent),
+        "release_ratio": math.exp(-law.release_exponent),
+        "adhesion": law.adhesion_N,
+        "modules": modules,
+        "names": names,
+        "followers": followers,
+        "adaptive": None,
+        "tunable": None,
+        "follower": "inverse" if "inverse" in names else next(iter(m.name for m in followers), ""),
+        "initial": reference.initial_tension_N,
+        "amplitude": 0.25 * min(reference.initial_tension_N, max(reference.range_N, 1e-3)),
+        "example_rows": max(20, min(4000, round(2.0 / step))),
+        "limits": controller_limits(precision),
+        "state_bytes": state,
+    }
+
+
+def _padded(size: int, alignment: int) -> int:
+    return -(-size // alignment) * alignment
+
+
+def table_bytes(table: LookupTable, precision: Precision) -> int:
+    """Constant data of a table: forces, shares and the index of the shares [bytes].
+
+    Parameters
+    ----------
+    table : LookupTable
+    precision : Precision
+    """
+    size, total = 4 if precision is Precision.FLOAT else 8, 0
+    for branch in Branch:
+        share = table.branch(branch).share
+        index = len(share_index(share, precision).cell) * (1 if len(share) <= 256 else 2)
+        total += size * (table.branch(branch).force_N.size + len(share)) + index
+    return total
+
+
+def measured(precision: Precision) -> dict[str, object]:
+    """Instructions, code and stack of the example, as `tests/target` measured them.
+
+    Parameters
+    ----------
+    precision : Precision
+    """
+    text = files("tendonff.compensator.export").joinpath("measured.json").read_text(encoding="utf-8")
+    content: dict[str, dict[str, object]] = json.loads(text)
+    return content[precision]

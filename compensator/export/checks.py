@@ -1,0 +1,143 @@
+"""What the shipped self test knows of its own: limits, status bits and checksums, computed apart from the C."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import IntFlag
+
+import numpy as np
+
+from tendonff.compensator.compensators.base import FloatArray
+from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.codegen.printer import literal
+
+_FNV_START, _FNV_PRIME, _MASK = 2166136261, 16777619, 0xFFFFFFFF
+
+
+class Status(IntFlag):
+    """Status bits of the exported modules."""
+
+    OK = 0
+    INPUT_HELD = 1
+    FORCE_LIMITED = 2
+    RATE_LIMITED = 4
+    WOULD_PUSH = 8
+    FAILED = 16
+    ENDED = 32
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LimitCase:
+    """One call of the limiter.
+
+    Parameters
+    ----------
+    before_N, wanted_N : float
+        Last output, and the force that is asked for [N].
+    force_N : float
+        What must come out [N].
+    status : Status
+    """
+
+    before_N: float
+    wanted_N: float
+    force_N: float
+    status: Status
+
+
+def limit_cases(low_N: float, high_N: float, change_N: float, precision: Precision) -> list[LimitCase]:
+    """Calls of the limiter that reach each of its branches, with the right answers.
+
+    The last output is set by hand, so that the rate binds also where no course of forces could make it.
+
+    Parameters
+    ----------
+    low_N, high_N : float
+        Range of the force [N].
+    change_N : float
+        Largest change per sample [N].
+    precision : Precision
+    """
+    real = np.float32 if precision is Precision.FLOAT else np.float64
+    low, high, change = (real(np.clip(v, -1e30, 1e30)) for v in (low_N, high_N, change_N))
+    span = high - low
+    middle = low + real(0.5) * span
+    small = real(0.25) * min(change, span)
+    far = [low - real(8) * change, high + real(8) * change]
+    wanted = [middle, middle + small, middle - small, low, high, low - small, high + small, real(1e29), real(-1e29)]
+    wanted += [real(v) for v in (np.nan, np.inf, -np.inf, 3e30, -3e30)]
+    cases = []
+    for before in (middle, low, high, *far):
+        if not abs(before) < real(1e29):
+            continue
+        for want in wanted:
+            force, status = _limited(before, want, low, high, change)
+            if abs(force - before) < change * real(0.999) or status & (Status.RATE_LIMITED | Status.FAILED):
+                cases.append(
+                    LimitCase(before_N=float(before), wanted_N=float(want), force_N=float(force), status=status)
+                )
+    return cases
+
+
+def _limited(
+    before: np.floating, wanted: np.floating, low: np.floating, high: np.floating, change: np.floating
+) -> tuple[np.floating, Status]:
+    """The rules of the limiter, stated apart from the template that prints them."""
+    if not abs(wanted) <= 1e30:
+        force, status = before, Status.FAILED
+    else:
+        force = min(max(wanted, low), high)
+        status = Status.OK if force == wanted else Status.FORCE_LIMITED
+    within = min(max(force, before - change), before + change)
+    return within, status if within == force else status | Status.RATE_LIMITED
+
+
+def checksum(values: Iterable[float], precision: Precision) -> int:
+    """FNV-1a over the bytes of numbers as C reads their literals, least significant byte first.
+
+    Parameters
+    ----------
+    values : iterable of float
+    precision : Precision
+    """
+    kind = "<f4" if precision is Precision.FLOAT else "<f8"
+    read = [float(literal(float(value), precision).rstrip("f")) for value in values]
+    return _fnv(np.asarray(read, dtype=kind).tobytes())
+
+
+def integer_checksum(values: Iterable[int]) -> int:
+    """FNV-1a over integers as two bytes each, least significant first.
+
+    Parameters
+    ----------
+    values : iterable of int
+        Below 65536.
+    """
+    return _fnv(np.asarray(list(values), dtype="<u2").tobytes())
+
+
+def _fnv(data: bytes) -> int:
+    value = _FNV_START
+    for byte in data:
+        value = ((value ^ byte) * _FNV_PRIME) & _MASK
+    return value
+
+
+def seen(force_N: FloatArray, limited_N: FloatArray, low_N: float, high_N: float) -> Status:
+    """Bits that a course must have set: those beyond doubt, a hundredth of the range past the bound.
+
+    Parameters
+    ----------
+    force_N : ndarray, shape (n,)
+        Before the limits [N].
+    limited_N : ndarray, shape (n,)
+        After them [N].
+    low_N, high_N : float
+        Range of the force [N].
+    """
+    margin = 0.01 * min(high_N - low_N, 1e6)
+    found = Status.OK
+    if np.any((force_N > high_N + margin) | (force_N < low_N - margin)):
+        found |= Status.FORCE_LIMITED
+    if np.any(np.abs(np.clip(force_N, low_N, high_N) - limited_N) > margin):
+        found |= Status.RATE_LIMITED
+    return found

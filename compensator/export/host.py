@@ -1,0 +1,71 @@
+"""Exported code run on this machine: what single precision really loses is measured, not estimated."""
+
+import ctypes
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from tendonff.compensator.compensators.base import FloatArray
+from tendonff.ocp.codegen.compiler import find_compiler, run_compiler
+from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.errors import CodeError
+
+_FLAGS = ("-std=c99", "-O1", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno")
+_DRIVER = """
+void run_{module}(long n, const {prefix}_real *given, {prefix}_real *answer)
+{{
+    {prefix}_{module} self;
+    long k;
+    {prefix}_{module}_init(&self, given[0]);
+    for (k = 0; k < n; k++) {{
+        answer[k] = {prefix}_{module}_step(&self, given[k]);
+    }}
+}}
+"""
+
+
+def run_on_host(
+    sources: Mapping[str, str], prefix: str, precision: Precision, runs: Sequence[Mapping[str, FloatArray]]
+) -> list[dict[str, FloatArray]] | None:
+    """Answer of each module to each of its inputs, from rest at the first sample; None where there is no C compiler.
+
+    Parameters
+    ----------
+    sources : mapping of str to str
+        Texts by file name.
+    prefix : str
+    precision : Precision
+    runs : sequence of mapping of str to ndarray, shape (n,)
+        Inputs by name of the module, one mapping per run [N].
+
+    Raises
+    ------
+    CodeError
+        If the compiler refuses the sources.
+    """
+    compiler = find_compiler()
+    if compiler is None:
+        return None
+    modules = sorted({module for inputs in runs for module in inputs})
+    driver = "".join(f'#include "{prefix}_{module}.h"\n' for module in modules)
+    driver += "".join(_DRIVER.format(module=module, prefix=prefix) for module in modules)
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as scratch:
+        folder = Path(scratch)
+        for name, text in {**sources, "driver.c": driver}.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        compiled = [name for name in sources if name.endswith(".c")]
+        if complaint := run_compiler(compiler, [*_FLAGS, "-o", "code.so", "driver.c", *compiled, "-lm"], folder):
+            raise CodeError(f"the exported sources: {complaint}")
+        code = ctypes.CDLL(str(folder / "code.so"))
+    real = np.float32 if precision is Precision.FLOAT else np.float64
+
+    def answer(module: str, values: FloatArray) -> FloatArray:
+        given = np.ascontiguousarray(values, dtype=real)
+        answered = np.empty_like(given)
+        pointers = (ctypes.c_void_p(array.ctypes.data) for array in (given, answered))
+        getattr(code, f"run_{module}")(ctypes.c_long(len(given)), *pointers)
+        return answered.astype(np.float64)
+
+    return [{module: answer(module, values) for module, values in inputs.items()} for inputs in runs]

@@ -1,0 +1,92 @@
+"""What the exported modules are worth: each on the scenario's own reference and plant, against no compensation."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+
+from tendonff.compensator.compensators.base import FloatArray, Problem
+from tendonff.compensator.compensators.registry import compensator
+from tendonff.compensator.compensators.score import Score, SimulatedPlant, is_worse, verify
+from tendonff.ocp.errors import SolveError
+
+UNCOMPENSATED = "none"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judged:
+    """One module on the chain of the export's level.
+
+    Parameters
+    ----------
+    module : str
+        Name of the module; "none" for the reference itself as force.
+    score : Score or None
+        Against the reference; None where the plant could not be simulated under this force.
+    fault : str
+        Why the module should not run on the rig; empty where nothing speaks against it.
+    """
+
+    module: str
+    score: Score | None
+    fault: str
+
+    def as_dict(self) -> dict[str, object]:
+        """The entry of `design.json`."""
+        return {**(asdict(self.score) if self.score is not None else {}), "fault": self.fault}
+
+
+def judge(problem: Problem, forces_N: Mapping[str, FloatArray]) -> tuple[Judged, ...]:
+    """Simulate each module's force on the chain of the problem's level.
+
+    Parameters
+    ----------
+    problem : Problem
+    forces_N : mapping of str to ndarray, shape (n,)
+        Force of each module at the samples of the reference, within the limits [N].
+
+    Returns
+    -------
+    tuple of Judged
+        "none" first, then the modules in the order given.
+    """
+    nothing = _score(problem, compensator(UNCOMPENSATED).profile(problem).force_N)
+    if nothing is None:
+        raise SolveError(
+            "the reference itself as force cannot be simulated on this chain, so no module can be judged; "
+            "check the parameters with tendonff simulate"
+        )
+    judged = [Judged(module=UNCOMPENSATED, score=nothing, fault="")]
+    for module, force in forces_N.items():
+        score = _score(problem, force)
+        fault = ""
+        if score is None:
+            fault = "the chain cannot be simulated under its force"
+        elif is_worse(score, nothing, problem.reference.tension_N):
+            fault = (
+                f"RMS error {score.percent} % of range, worse than no compensation ({nothing.percent} %) "
+                "on the scenario's reference"
+            )
+        judged.append(Judged(module=module, score=score, fault=fault))
+    return tuple(judged)
+
+
+def score_lines(judged: Sequence[Judged]) -> list[str]:
+    """The judgement as a table for the terminal.
+
+    Parameters
+    ----------
+    judged : sequence of Judged
+    """
+    lines = [f"{'module':<10} {'RMS error, % of range':>22} {'largest error [N]':>18}"]
+    for each in judged:
+        score = each.score
+        figures = ("-", "-") if score is None else (score.percent, f"{score.peak_error_N:.3g}")
+        lines.append(f"{each.module:<10} {figures[0]:>22} {figures[1]:>18}{'  unfit' if each.fault else ''}")
+    return lines
+
+
+def _score(problem: Problem, force_N: FloatArray) -> Score | None:
+    plant = SimulatedPlant(level=problem.level)
+    try:
+        return verify(problem.transmission, plant, "", force_N, problem.reference).score
+    except SolveError:
+        return None

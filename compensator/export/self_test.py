@@ -1,0 +1,167 @@
+"""What the shipped self test is told: courses with their answers, tolerances, bounds and checksums."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tendonff.compensator.compensators.base import FloatArray, Problem
+from tendonff.compensator.compensators.lookup_table import LookupTable
+from tendonff.compensator.compensators.score import scale_N
+from tendonff.compensator.export.checks import Status, checksum, integer_checksum, limit_cases, seen
+from tendonff.compensator.export.golden import Course, Golden
+from tendonff.compensator.export.table_index import share_index
+from tendonff.models.capstan import Branch
+from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.inverse import invert
+from tendonff.ocp.simulate import simulate
+
+_DOUBLE = 1e-9
+_UNMEASURED_FLOAT = 1e-3
+_FLOAT_ROUNDING = 2e-6
+_MARGIN = 3.0  # compilers that contract products and sums round otherwise
+_SLACK_ROWS = 200
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FloatLoss:
+    """What single precision costs a module along the golden course.
+
+    Parameters
+    ----------
+    module : str
+    rms_N, peak_N : float
+        Difference from the model in double precision [N].
+    percent_of_range : float
+        The root mean square over the range of the course [%].
+    """
+
+    module: str
+    rms_N: float
+    peak_N: float
+    percent_of_range: float
+
+
+def float_losses(course: Course, found_N: Mapping[str, FloatArray]) -> tuple[FloatLoss, ...]:
+    """What single precision costs each module.
+
+    Parameters
+    ----------
+    course : Course
+    found_N : mapping of str to ndarray, shape (rows,)
+        Answers of the exported code to the course [N].
+    """
+    losses = []
+    for module, found in found_N.items():
+        error = found - course.columns[module]
+        rms = float(np.sqrt(np.mean(error**2)))
+        losses.append(
+            FloatLoss(
+                module=module,
+                rms_N=rms,
+                peak_N=float(np.abs(error).max()),
+                percent_of_range=100 * rms / scale_N(course.reference_N),
+            )
+        )
+    return tuple(losses)
+
+
+def loss_warnings(losses: Sequence[FloatLoss]) -> tuple[str, ...]:
+    """Losses above 0.1 % of range, with the way out.
+
+    Parameters
+    ----------
+    losses : sequence of FloatLoss
+    """
+    return tuple(
+        f"{loss.module} in float departs from the model by {loss.rms_N:.2g} N rms ({loss.percent_of_range:.2g} % of "
+        f"range), {loss.peak_N:.2g} N at most: use --precision double, or a larger step_s or fewer segments"
+        for loss in losses
+        if not loss.percent_of_range <= 0.1
+    )
+
+
+def self_test_context(
+    problem: Problem,
+    table: LookupTable,
+    profile_N: FloatArray,
+    golden: Golden,
+    precision: Precision,
+    found_N: Sequence[Mapping[str, FloatArray]] | None,
+    *,
+    accepted_N: tuple[float, float],
+) -> dict[str, object]:
+    """What the template of the self test needs.
+
+    Parameters
+    ----------
+    problem : Problem
+    table : LookupTable
+    profile_N : ndarray, shape (n,)
+    golden : Golden
+    precision : Precision
+    found_N : sequence of mapping, or None
+        Answers of the exported code to the course and to the jumps [N]; None where they were not measured.
+    accepted_N : tuple of float
+        References that the modules accept [N].
+    """
+    actuator, step = problem.transmission.actuator, problem.reference.step_s
+    course, jumps = golden.course, golden.jumps
+    start = float(course.reference_N[0])
+    ends = simulate(problem.chain, course.plant_force_N, step, initial_tension_N=start).require()
+    pushed = simulate(problem.chain, np.append(start, np.full(_SLACK_ROWS, -start)), step, initial_tension_N=start)
+    slack = len(pushed.tension_N) > _SLACK_ROWS and float(pushed.output_tension_N[-1]) <= 0
+    stiffness = min(problem.transmission.load.stiffness_N_per_m, problem.transmission.tendon.stiffness_N_per_m)
+    tolerances = _tolerances(course, precision, None if found_N is None else found_N[0])
+    bits = {}
+    least, most = actuator.force_min_N, actuator.force_max_N
+    exact = invert(problem.chain, jumps.reference_N, step, initial_tension_N=float(jumps.reference_N[0]))
+    high, low_end = float(course.reference_N.max()), 1.02 * accepted_N[0]
+    dropped = (np.array([high, drop, drop]) for drop in (low_end, 2 * low_end))  # the second: beyond doubt
+    pushes = all(
+        (invert(problem.chain, fall, step, initial_tension_N=high).least_tension_N <= 0).any() for fall in dropped
+    )
+    for name, limited in jumps.columns.items():
+        bits[name] = Status.OK
+        if name == "inverse":
+            bits[name] = seen(exact.force_N, limited, least, most)
+    return {
+        "golden": golden,
+        "limit_cases": limit_cases(least, most, actuator.force_rate_max_N_per_s * step, precision),
+        "checksums": {
+            "profile": checksum(profile_N, precision),
+            **{b.value: checksum(_numbers(table, b), precision) for b in Branch},
+            **{f"{b}_cell": integer_checksum(share_index(table.branch(b).share, precision).cell) for b in Branch},
+        },
+        "tolerances": {
+            "course": tolerances,
+            "jumps": _tolerances(jumps, precision, None if found_N is None else found_N[1]),
+            "position": tolerances["plant"] / stiffness,
+        },
+        "jump_bits": {name: int(value) for name, value in bits.items()},
+        "plant_ends": (float(ends.near_position_m[-1]), float(ends.far_position_m[-1])),
+        "push_N": (high, low_end) if pushes else None,
+        "slack_rows": _SLACK_ROWS if slack else 0,
+    }
+
+
+def _numbers(table: LookupTable, branch: Branch) -> list[float]:
+    """Shares and ratios of a branch in the order of the C arrays."""
+    return [*table.branch(branch).share.tolist(), *table.ratio(branch).ravel().tolist()]
+
+
+def _tolerances(course: Course, precision: Precision, found_N: Mapping[str, FloatArray] | None) -> dict[str, float]:
+    """Largest difference from the model that passes, by module [N]."""
+    tolerances = {}
+    for name, expected in course.columns.items():
+        scale = max(float(np.abs(expected).max()), 1.0)
+        if name in ("inverse", "plant"):  # where the force before the limits rounds
+            scale = max(scale, course.scale_N)
+        if precision is Precision.DOUBLE:
+            allowed = _DOUBLE * scale
+        elif found_N is None:
+            allowed = _UNMEASURED_FLOAT * scale
+        else:
+            allowed = _MARGIN * float(np.abs(found_N[name] - expected).max()) + _FLOAT_ROUNDING * scale
+        tolerances[name] = float(f"{allowed:.2g}")
+    return tolerances

@@ -1,0 +1,100 @@
+"""The files of compensation tables: for spreadsheets, programs and controllers, and the report."""
+
+import os
+from dataclasses import asdict, dataclass
+
+from tendonff._version import __version__
+from tendonff.compensator.export.c_text import table_header
+from tendonff.compensator.files.writing import atomic_directory, write_json, write_text
+from tendonff.compensator.reporting.page import write_report
+from tendonff.compensator.reporting.plots import save_figure
+from tendonff.compensator.scenario.scenario import scenario_hash
+from tendonff.compensator.tables.figures import table_figure
+from tendonff.compensator.tables.report import table_report
+from tendonff.compensator.tables.result import FORMULA, AngleTable, TablesData
+from tendonff.models.capstan import Branch
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tables(TablesData):
+    """Tables that can be written."""
+
+    def write(self, folder: str | os.PathLike[str]) -> None:
+        """Write `table.csv`, `table.json`, `table.h`, a figure and `report.html`, all or nothing.
+
+        Parameters
+        ----------
+        folder : str or path
+            Made where it is missing.
+        """
+        with atomic_directory(folder) as partial:
+            write_text(partial / "table.csv", table_csv(self))
+            write_json(partial / "table.json", summary(self))
+            write_text(partial / "table.h", table_header(self.scenario, self.tables[0].built, self.level))
+            save_figure(table_figure(self), partial / "table")
+            write_report(partial / "report.html", table_report(self, partial / "table.png"))
+
+
+def table_csv(result: TablesData) -> str:
+    """Text of `table.csv`: one row per node.
+
+    Parameters
+    ----------
+    result : TablesData
+    """
+    lines = [",".join(["reference_N", "branch", "tension_since_reversal_N", "force_N", *result.axes])]
+    for made in result.tables:
+        further = {"total_angle_rad": made.total_angle_rad, "rate_N_per_s": made.built.rate_N_per_s}
+        suffix = "".join(f",{further[axis]!r}" for axis in result.axes)
+        table = made.built.table
+        for branch in Branch:
+            nodes = table.branch(branch)
+            for reference, forces in zip(table.reference_N.tolist(), nodes.force_N.tolist(), strict=True):
+                travelled = (nodes.share * (reference + table.adhesion_N)).tolist()
+                lines += [
+                    f"{reference!r},{branch},{since!r},{force!r}{suffix}"
+                    for since, force in zip(travelled, forces, strict=True)
+                ]
+    return "\n".join([*lines, ""])
+
+
+def summary(result: TablesData) -> dict[str, object]:
+    """The contents of `table.json`: formula, model, parameters, ranges, errors, and the nodes.
+
+    Parameters
+    ----------
+    result : TablesData
+    """
+    scenario = result.scenario
+
+    def one(item: AngleTable) -> dict[str, object]:
+        built, table = item.built, item.built.table
+        return {
+            "total_angle_rad": item.total_angle_rad,
+            "rate_N_per_s": built.rate_N_per_s,
+            "bound_N": built.bound_N,
+            "interpolation_error_N": built.error_N,
+            "resolution_N": built.resolution_N,
+            "checked_points": built.checked,
+            "nodes": table.nodes,
+            "reference_N": table.reference_N,
+            "share": {b: table.branch(b).share for b in Branch},
+            "force_N": {b: table.branch(b).force_N for b in Branch},
+        }
+
+    first = result.tables[0].built.table
+    return {
+        "schema": 1,
+        "formula": FORMULA,
+        "model": "tendon chain, quasi-static reversals out of full slip through the exact inverse, without masses",
+        "level": result.level,
+        "segments": scenario.transmission.path.segments,
+        "scenario": scenario.name,
+        "scenario_hash": scenario_hash(scenario),
+        "tendonff": __version__,
+        "parameters": asdict(scenario.transmission),
+        "valid_reference_N": [float(first.reference_N[0]), float(first.reference_N[-1])],
+        "adhesion_N": first.adhesion_N,
+        "expected_error": {level: asdict(score) for level, score in result.scores.items()},
+        "tables": [one(item) for item in result.tables],
+    }

@@ -1,0 +1,60 @@
+"""What the tables of a scenario hold."""
+
+from dataclasses import dataclass
+
+from tendonff.compensator.compensators.score import Score
+from tendonff.compensator.compensators.table_build import BuiltTable
+from tendonff.compensator.scenario.sampling import Reference
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.fidelity import Level
+
+FORMULA = (
+    "(force_N + adhesion_N)/(reference_N + adhesion_N) = bilinear(reference_N, share); "
+    "share = tension_since_reversal_N/(reference_N + adhesion_N); "
+    "tension_since_reversal_N = abs(reference_N - turn_N); "
+    "branch = pull while the reference rises, release while it falls; "
+    "at a reversal turn_N is set so that the force goes on without a jump (out of full slip: the reference there); "
+    "beyond the last share the force of the last share holds"
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AngleTable:
+    """A table for one wrap angle and rate.
+
+    Parameters
+    ----------
+    built : BuiltTable
+    total_angle_rad : float
+        Wrap angle [rad].
+    """
+
+    built: BuiltTable
+    total_angle_rad: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TablesData:
+    """Tables of a scenario: the first for its own wrap angle and rate, or for the axes that were asked for.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    level : Level
+    reference : Reference
+    tables : tuple of AngleTable
+    axes : tuple of str
+        Further columns of the file.
+    scores : dict of Level to Score
+        What the scenario's own table delivers on each level, within the actuator's limits.
+    options : str
+        Options of the command that would make the same, for the report.
+    """
+
+    scenario: Scenario
+    level: Level
+    reference: Reference
+    tables: tuple[AngleTable, ...]
+    axes: tuple[str, ...]
+    scores: dict[Level, Score]
+    options: str

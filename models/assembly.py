@@ -1,0 +1,95 @@
+r"""Balances of the masses, each stated once: simulation, inverse and continuous chain put their laws together here.
+
+::
+
+        f_i <-----[ mass i ]-----> f_{i+1}        m dv_i/dt = f_i - f_{i+1} - f_f,i
+                      |--> f_f,i                  positive is towards the actuator (pulling)
+
+Equation numbers are those of Palli, Borghesan, Melchiorri (ICRA 2010).
+"""
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from tendonff.models.bounds import at_least
+
+NORMAL_FORCE_FLOOR_N = 1e-9
+"""Least normal force in a friction law [N]: the bristle's rate has no limit as a tendon goes slack."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Piece:
+    """A mass on the path, apart from its friction; numbers or CasADi scalars.
+
+    Parameters
+    ----------
+    mass_kg : float or ca.SX
+        m/N [kg].
+    adhesion_N : float or ca.SX
+        Load-independent tension p [N].
+    """
+
+    mass_kg: ca.SX
+    adhesion_N: ca.SX
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class End:
+    """One end of the chain: a mass with a damper, what drives it and what it leans on.
+
+    Parameters
+    ----------
+    mass_kg : float
+        Moving mass [kg], > 0.
+    damping_N_s_per_m : float
+        Viscous damping [N s/m].
+    stiffness_N_per_m : float
+        k_c [N/m]; 0 for an actuator.
+    """
+
+    mass_kg: float
+    damping_N_s_per_m: float
+    stiffness_N_per_m: float
+
+
+def normal_force(f_near: ca.SX, f_far: ca.SX, adhesion_N: ca.SX) -> ca.SX:
+    """Normal force of an element, f_n = f_i + f_{i+1} + 2 p [N], eq. (4) with adhesion p; at least the floor.
+
+    Parameters
+    ----------
+    f_near, f_far : ca.SX
+        Tensions on the actuator's and the load's side [N].
+    adhesion_N : ca.SX
+        p [N].
+    """
+    return at_least(f_near + f_far + 2 * adhesion_N, NORMAL_FORCE_FLOOR_N)
+
+
+def path_force(f_near: ca.SX, f_far: ca.SX, f_f: ca.SX) -> ca.SX:
+    """Sum of the forces on a mass on the path, f_i - f_{i+1} - f_f [N]."""
+    return f_near - f_far - f_f
+
+
+def near_tension(f_far: ca.SX, f_f: ca.SX, inertia: ca.SX) -> ca.SX:
+    """The same balance solved for the tension on the actuator's side, f_i = f_{i+1} + f_f + m dv/dt [N]."""
+    return f_far + f_f + inertia
+
+
+def end_force(v: ca.SX, q: ca.SX, tension: ca.SX, pull: ca.SX, f_c: ca.SX, x_c: ca.SX, end: End) -> ca.SX:
+    """Sum of the forces on an end mass, positive towards the actuator [N].
+
+    Parameters
+    ----------
+    v, q : ca.SX
+        Velocity [m/s], position [m].
+    tension : ca.SX
+        Tension of the adjacent link [N].
+    pull : ca.SX
+        Direction in which the tension pulls the mass: -1 at the near end, +1 at the far end.
+    f_c, x_c : ca.SX
+        Motor force away from the tendon [N], rest position of the end's spring [m].
+    end : End
+        Numbers or CasADi scalars.
+    """
+    return pull * (tension - f_c) - end.damping_N_s_per_m * v - end.stiffness_N_per_m * (q - x_c)

@@ -1,0 +1,224 @@
+"""Where everything stands in the chain's state and inputs: the one place that knows.
+
+Python takes slices and names from `StateLayout`, generated C its offsets; a law with states of its own changes both.
+"""
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StateLayout:
+    """Order of the states: v, e, the links' own, the friction's own, q_a, q_l.
+
+    Parameters
+    ----------
+    count : int
+        Number N of masses on the path.
+    link_states, friction_states : tuple of str
+        Names of the states that each link and each mass brings along, such as ("z",) and ("f_s",).
+    """
+
+    count: int
+    link_states: tuple[str, ...]
+    friction_states: tuple[str, ...]
+
+    @property
+    def blocks(self) -> tuple[tuple[str, int, int], ...]:
+        """Name of each block and its length as (a, b): a N + b."""
+        return (
+            ("v", 1, 2),
+            ("e", 1, 1),
+            *((name, 1, 1) for name in self.link_states),
+            *((name, 1, 0) for name in self.friction_states),
+            ("q_a", 0, 1),
+            ("q_l", 0, 1),
+        )
+
+    def offset(self, name: str) -> tuple[int, int]:
+        """Where a block begins, as (a, b): a N + b; the total length for the name "end".
+
+        Parameters
+        ----------
+        name : str
+        """
+        a = b = 0
+        for block, per_mass, more in self.blocks:
+            if block == name:
+                return a, b
+            a, b = a + per_mass, b + more
+        if name != "end":
+            raise KeyError(name)
+        return a, b
+
+    @property
+    def size(self) -> int:
+        """Number of states; 4 N + 6 with the paper's laws."""
+        a, b = self.offset("end")
+        return a * self.count + b
+
+    def part(self, name: str) -> slice:
+        """Slice of a block.
+
+        Parameters
+        ----------
+        name : str
+        """
+        a, b = self.offset(name)
+        length = next(k * self.count + more for block, k, more in self.blocks if block == name)
+        return slice(a * self.count + b, a * self.count + b + length)
+
+    @property
+    def cuts(self) -> tuple[int, ...]:
+        """Borders of all blocks, 0 and the size included: what `ca.vertsplit` takes."""
+        return (*(self.part(name).start for name, _, _ in self.blocks), self.size)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of every state."""
+        n = self.count
+        v = ("v_a", *(f"v_{k}" for k in range(1, n + 1)), "v_l")
+        links = (f"{name}_{k}" for name in ("e", *self.link_states) for k in range(1, n + 2))
+        masses = (f"{name}_{k}" for name in self.friction_states for k in range(1, n + 1))
+        return (*v, *links, *masses, "q_a", "q_l")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChainState:
+    """State of the chain at one instant.
+
+    Parameters
+    ----------
+    velocity_m_per_s : ndarray, shape (N + 2,)
+        v_a, v_1 .. v_N, v_l: sliding speeds.
+    elongation_m : ndarray, shape (N + 1,)
+        e of each link.
+    link : ndarray, shape (states, N + 1)
+        The links' own states; the relaxed elongation z [m] with the paper's law.
+    friction : ndarray, shape (states, N)
+        The friction's own states; the bristle force f_s [N] with the paper's law.
+    near_position_m, far_position_m : float
+        q_a, q_l. The positions between them follow from the elongations, whose differences keep full precision.
+    """
+
+    velocity_m_per_s: Array
+    elongation_m: Array
+    link: Array
+    friction: Array
+    near_position_m: float
+    far_position_m: float
+
+    @property
+    def bristle_N(self) -> Array:
+        """f_s of each mass, shape (N,): the first state of the friction law."""
+        first: Array = self.friction[0]
+        return first
+
+    def vector(self) -> Array:
+        """All states in one array, in the order of `StateLayout`."""
+        ends = [self.near_position_m, self.far_position_m]
+        parts = (self.velocity_m_per_s, self.elongation_m, self.link.ravel(), self.friction.ravel(), ends)
+        return np.concatenate(parts)
+
+    @classmethod
+    def from_vector(cls, x: Array, layout: StateLayout) -> "ChainState":
+        """Inverse of `vector`.
+
+        Parameters
+        ----------
+        x : ndarray, shape (size,)
+        layout : StateLayout
+        """
+        n, x = layout.count, np.array(x, dtype=np.float64)
+        middle = x[layout.part("e").stop : -2]
+        border = len(layout.link_states) * (n + 1)
+        return cls(
+            velocity_m_per_s=x[layout.part("v")],
+            elongation_m=x[layout.part("e")],
+            link=middle[:border].reshape(-1, n + 1),
+            friction=middle[border:].reshape(-1, n),
+            near_position_m=float(x[-2]),
+            far_position_m=float(x[-1]),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChainInputs:
+    """What acts on the chain from outside at successive instants, each array of shape (rows,).
+
+    Parameters
+    ----------
+    near_force_N, far_force_N : ndarray
+        f_c1, f_c2: motor forces away from the tendon.
+    near_rest_m, far_rest_m : ndarray
+        x_c1, x_c2: rest positions of the ends' springs.
+    """
+
+    near_force_N: Array
+    near_rest_m: Array
+    far_force_N: Array
+    far_rest_m: Array
+
+    def __len__(self) -> int:
+        return len(self.near_force_N)
+
+    def __getitem__(self, rows: slice) -> "ChainInputs":
+        return ChainInputs(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+
+    @classmethod
+    def of(cls, rows: int, **values: "Array | float") -> "ChainInputs":
+        """Inputs of which only some differ from zero.
+
+        Parameters
+        ----------
+        rows : int
+            Number of instants.
+        **values : ndarray of shape (rows,), or float
+            By name of the field.
+        """
+        filled = {f.name: np.broadcast_to(np.asarray(values.pop(f.name, 0.0), float), (rows,)) for f in fields(cls)}
+        if values:
+            raise TypeError(f"ChainInputs has no field {', '.join(values)}")
+        return cls(**filled)
+
+    @classmethod
+    def of_force(cls, force_N: Array) -> "ChainInputs":
+        """The actuator's force alone: x_c1 = f_c2 = x_c2 = 0.
+
+        Parameters
+        ----------
+        force_N : ndarray, shape (rows,)
+        """
+        force = np.asarray(force_N, dtype=np.float64)
+        return cls.of(len(force), near_force_N=force)
+
+    def then(self, others: "ChainInputs") -> "ChainInputs":
+        """These instants, then others."""
+        return ChainInputs(
+            **{f.name: np.concatenate([getattr(self, f.name), getattr(others, f.name)]) for f in fields(self)}
+        )
+
+    def table(self) -> Array:
+        """All of it in one array, a row an instant, a column a field."""
+        return np.column_stack([getattr(self, f.name) for f in fields(self)])
+
+
+INPUT_NAMES: tuple[str, ...] = tuple(f.name for f in fields(ChainInputs))
+"""Columns of `ChainInputs.table`: f_c1, x_c1, f_c2, x_c2."""
+
+
+def fields_of(record: Any, prefix: str = "") -> dict[str, Any]:
+    """Fields of a record by name, with a prefix.
+
+    Parameters
+    ----------
+    record : dataclass instance
+    prefix : str, optional
+        Such as "link_".
+    """
+    return {f"{prefix}{f.name}": getattr(record, f.name) for f in fields(record)}

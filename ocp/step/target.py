@@ -1,0 +1,240 @@
+"""The chain in C for a controller: element laws with the parameters folded in, and the scheme around them."""
+
+from dataclasses import dataclass
+
+from tendonff.models.chain import Chain
+from tendonff.models.layout import fields_of
+from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
+from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.codegen.printer import literal, real_type
+from tendonff.ocp.step.laws import ElementLaws, end_mass, far_velocity, near_force
+from tendonff.ocp.step.protocol import Array
+from tendonff.ocp.step.render import Limits, StepCode
+from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT, RESIDUAL_ROUNDING, RESIDUAL_TOLERANCE_N
+
+Weights = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChainCode:
+    """Parts of a C file about the chain.
+
+    Parameters
+    ----------
+    header : str
+        Types of the stepper; empty for the inverse.
+    record : str
+        The coefficient record and its values, one row per weight of the scheme.
+    laws : str
+        Element laws as static functions.
+    body : str
+        The scheme around them.
+    rest : str
+        Statements that fill `self->x` with the state at rest under `tension`.
+    """
+
+    header: str
+    record: str
+    laws: str
+    body: str
+    rest: str
+
+
+def controller_limits(precision: Precision) -> Limits:
+    """Loop bounds of an exported plant, and the balance that its real type can reach.
+
+    Parameters
+    ----------
+    precision : Precision
+    """
+    single = precision is Precision.FLOAT
+    return Limits(
+        iterations=20,
+        halvings=10,
+        splits=3,
+        rounding=2e-6 if single else RESIDUAL_ROUNDING,
+        tolerance_N=1e-5 if single else RESIDUAL_TOLERANCE_N,
+    )
+
+
+def inverse_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -> ChainCode:
+    """The exact inverse.
+
+    Parameters
+    ----------
+    chain : Chain
+    step_s : float
+        h [s].
+    prefix : str
+        Prefix of every C name in the file.
+    precision : Precision
+    """
+    weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY))
+    folder, laws = _specialiser(chain, weights, prefix, precision), ElementLaws.of(chain)
+    compliances = None if precision is Precision.DOUBLE else _compliances(chain)
+    far, rate = {"f_c": 0.0, "x_c": 0.0, "pull": 1.0}, {}
+    if compliances is not None:  # the laws depend on tension and position through their balance only
+        far["f"], rate["force"] = 0.0, 0.0
+    folded = (
+        folder.fold(laws.link_start()),
+        folder.fold(laws.link_rate(), fixed=rate),
+        folder.fold(laws.link_states()),
+        folder.fold(far_velocity(), fixed=_end(chain, "far") | far),
+        folder.fold(near_force(), fixed=_end(chain, "near") | {"x_c": 0.0, "pull": -1.0}),
+        folder.fold(laws.path_mass_inverse(drop=compliances is not None)),
+    )
+    code = _code(chain, folder, folded, compliances=compliances)
+    return ChainCode(
+        header="",
+        record=_record(folder, weights),
+        laws="\n".join(law.code for law in folded),
+        body=code.render("inverse.c.j2"),
+        rest=_rest(chain, precision, relative=compliances is not None),
+    )
+
+
+def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -> ChainCode:
+    """The time step.
+
+    Parameters
+    ----------
+    chain : Chain
+    step_s : float
+        h [s].
+    prefix : str
+        Prefix of every C name in the file.
+    precision : Precision
+    """
+    limits = controller_limits(precision)
+    pieces = tuple((step_s / 2**k, 0.0) for k in range(1, limits.splits + 1))
+    weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY), *pieces)
+    folder, laws = _specialiser(chain, weights, prefix, precision), ElementLaws.of(chain)
+    near, far = {"x_c": 0.0, "pull": -1.0}, {"x_c": 0.0, "f_c": 0.0, "pull": 1.0}
+    folded = (
+        folder.fold(laws.link_start()),
+        folder.fold(laws.link_force()),
+        folder.fold(laws.link_states()),
+        folder.fold(laws.path_mass()),
+        folder.fold(end_mass(), "end_mass_near", fixed=_end(chain, "near") | near),
+        folder.fold(end_mass(), "end_mass_far", fixed=_end(chain, "far") | far),
+    )
+    code = _code(chain, folder, folded, limits=limits)
+    return ChainCode(
+        header=code.render("types.h.j2") + code.render("target.h.j2"),
+        record=_record(folder, weights),
+        laws="\n".join(law.code for law in folded),
+        body=code.render("kernel.c.j2"),
+        rest=_rest(chain, precision),
+    )
+
+
+def _code(
+    chain: Chain,
+    folder: Specialiser,
+    laws: tuple[SpecialisedLaw, ...],
+    *,
+    limits: Limits | None = None,
+    compliances: dict[str, float] | None = None,
+) -> StepCode:
+    return StepCode(
+        prefix=folder.prefix,
+        precision=folder.precision,
+        layout=chain.layout,
+        laws={law.name: law for law in laws},
+        count=f"{folder.prefix.upper()}_COUNT",
+        size=f"{folder.prefix.upper()}_COUNT",
+        solve="solve_target.c.j2",
+        numbers={name: literal(value, folder.precision) for name, value in chain.numbers().items()},
+        limits=limits or Limits(),
+        compliances=compliances,
+    )
+
+
+def _compliances(chain: Chain) -> dict[str, float]:
+    """What a lasting newton does to the load's position and to the states of a link [m/N].
+
+    A float holds a position of centimetres to nanometres only, which a stiff bristle turns into newtons over a hold.
+    Relative to what the tension alone would cause, positions are small and their rounding harmless. Double code keeps
+    the states themselves, and so agrees with the Python model to rounding.
+    """
+    stretch, states = chain.link.rest(1.0)
+    links = dict(zip(chain.link.states, map(float, states), strict=True))
+    return {"q_l": 1 / chain.far.stiffness_N_per_m, "e": float(stretch), **links}
+
+
+def _specialiser(chain: Chain, weights: Weights, prefix: str, precision: Precision) -> Specialiser:
+    numbers = _snapped(chain)
+    parameters = {name: (value,) * len(weights) for name, value in numbers.items()}
+    parameters["H"] = tuple(weight for weight, _ in weights)
+    folder = Specialiser(prefix=prefix, precision=precision, parameters=parameters)
+    (gain,) = folder.evaluate(ElementLaws.of(chain).link_gain())
+    reorder = precision is Precision.FLOAT
+    return Specialiser(prefix=prefix, precision=precision, parameters=parameters | {"gain": gain}, reorder=reorder)
+
+
+def _snapped(chain: Chain) -> dict[str, float]:
+    """Coefficients that differ by rounding only are made equal, so that no code is spent on the difference."""
+    numbers = chain.numbers()
+    names = [name for name in numbers if name.startswith("friction_")]
+    for k, name in enumerate(names):
+        for other in names[:k]:
+            if abs(numbers[name] - numbers[other]) <= 1e-14 * abs(numbers[other]):
+                numbers[name] = numbers[other]
+    return numbers
+
+
+def _end(chain: Chain, which: str) -> dict[str, float]:
+    return fields_of(chain.near if which == "near" else chain.far, "end_")
+
+
+def _record(folder: Specialiser, weights: Weights) -> str:
+    real = real_type(folder.precision)
+    fields = ["H", "carry", *folder.coefficients]
+    columns = [
+        tuple(w for w, _ in weights),
+        tuple(carry for _, carry in weights),
+        *folder.coefficients.values(),
+    ]
+    lines = [
+        "/* What depends on the weight H [s] of the scheme: one row for the first step (implicit Euler), one for every",
+        " * later step (second-order backward differences; `carry` is the share of the last change in the base), and",
+        " * one for each halving of a step, where there are any. Fields are named after the law that needs them. */",
+        "typedef struct {",
+        *(f"    {real} {name};" for name in fields),
+        f"}} {folder.prefix}_weights;",
+        "",
+        f"static const {folder.prefix}_weights *{folder.prefix}_rows(void)",
+        "{",
+        f"    static const {folder.prefix}_weights rows[{len(weights)}] = {{",
+    ]
+    rows = ([literal(column[k], folder.precision) for column in columns] for k in range(len(weights)))
+    lines += [f"        {{ {', '.join(row)} }}," for row in rows]
+    return "\n".join([*lines, "    };", "    return rows;", "}", ""])
+
+
+def _rest(chain: Chain, precision: Precision, *, relative: bool = False) -> str:
+    """Statements for the state at rest: affine in the tension, so two evaluations of `rest_state` say it all."""
+    zero, one = chain.rest_state(0.0).vector(), chain.rest_state(1.0).vector()
+    zero_text = literal(0.0, precision)
+    layout = chain.layout
+    blocks = _merged([(layout.part(name).start, layout.part(name).stop) for name, _, _ in layout.blocks], one)
+    lines = []
+    for first, last in blocks:
+        slope = 0.0 if relative else float(one[first] - zero[first])
+        value = f"tension * {literal(slope, precision)}" if slope else zero_text
+        if last - first == 1:
+            lines.append(f"    self->x[{first}] = {value};")
+        else:
+            lines.append(f"    for (j = {first}; j < {last}; j++) {{\n        self->x[j] = {value};\n    }}")
+    return "\n".join(lines)
+
+
+def _merged(blocks: list[tuple[int, int]], values: Array) -> list[tuple[int, int]]:
+    """Neighbouring blocks with one value become one."""
+    merged = blocks[:1]
+    for first, last in blocks[1:]:
+        if values[first] == values[merged[-1][0]] and last - first > 1:
+            merged[-1] = (merged[-1][0], last)
+        else:
+            merged.append((first, last))
+    return merged

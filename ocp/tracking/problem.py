@@ -1,0 +1,269 @@
+"""The optimal-control problem, read from top to bottom.
+
+::
+
+    minimise    M_p[mean (T_s - r)^2] + w mean f^2 + v (travel of f)        over the force f(t)
+    subject to  the chain of every plant s, from its state: T_s is its output     dynamics
+                minimum_N <= f <= maximum_N, abs(df/dt) <= rate_N_per_s           limits of the actuator
+                low_N <= tension anywhere along the tendon <= high_N              bounds of the tendon
+
+r is the reference and M_p the mean of order p over the plants: one plant and p = 1 for a nominal design. The dynamics
+are simulated (single shooting), so every iterate is a profile that could be used; the tension bounds carry an exact
+penalty. `cost` evaluates and linearises the problem, `sqp` solves it on one grid of knots, `grids` from coarse to
+fine, `receding_horizon` cuts long ones into pieces, `track` puts the answer into words.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tendonff.models.chain import Chain
+from tendonff.models.errors import ParameterError
+from tendonff.models.layout import ChainState
+from tendonff.ocp.step.protocol import Array
+from tendonff.ocp.tracking.limits import ForceLimits
+
+WORST_POWER = 8.0
+"""Order of a mean that is close to the largest value."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackOptions:
+    """What the profile is optimised for, and how hard.
+
+    Parameters
+    ----------
+    effort_weight : float
+        Weight of the mean squared force beside the mean squared tension error [-]; 0 for tracking alone.
+    travel_weight : float
+        What doubling the travel of the clipped inverse's force costs, as a mean square error relative to the squared
+        range of the reference [-]: force that shakes to no purpose is not worth its while. 0 for none.
+    minimum_tension_N : float
+        Least tension anywhere along the tendon [N]; 0 means no link may go slack.
+    maximum_tension_N : float
+        Largest tension anywhere along the tendon [N]; infinite for none.
+    max_iterations : int
+        Quadratic programs per window.
+    tolerance : float
+        Relative decrease of the mean squared error that is not worth another iteration [-].
+    window_s : float or None
+        Length of the pieces a long horizon is cut into [s]; None: chosen from the reference.
+    """
+
+    effort_weight: float = 0.0
+    travel_weight: float = 1e-6
+    minimum_tension_N: float = 0.0
+    maximum_tension_N: float = math.inf
+    max_iterations: int = 60
+    tolerance: float = 3e-3
+    window_s: float | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.effort_weight < math.inf:
+            raise ParameterError(f"effort_weight must be a finite number >= 0, got {self.effort_weight}; 0 for none")
+        if not 0 <= self.travel_weight < math.inf:
+            raise ParameterError(f"travel_weight must be a finite number >= 0, got {self.travel_weight}; 0 for none")
+        if not 0 <= self.minimum_tension_N < self.maximum_tension_N:
+            raise ParameterError(
+                f"minimum_tension_N must be >= 0 and below maximum_tension_N = {self.maximum_tension_N:g}, "
+                f"got {self.minimum_tension_N}; 0 means no slack"
+            )
+        if self.max_iterations < 3:
+            raise ParameterError(f"max_iterations must be >= 3, got {self.max_iterations}; 60 is a good start")
+        if not 0 < self.tolerance < 1:
+            raise ParameterError(f"tolerance must lie between 0 and 1, got {self.tolerance}; 0.003 is a good start")
+        if self.window_s is not None and not self.window_s > 0:
+            raise ParameterError(f"window_s must be > 0, got {self.window_s}; leave it out to have it chosen")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TensionBounds:
+    """Bounds on the tension anywhere along the tendon.
+
+    Parameters
+    ----------
+    low_N, high_N : float
+        [N]; infinite for none.
+    """
+
+    low_N: float
+    high_N: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Goal:
+    """What is made small.
+
+    Parameters
+    ----------
+    reference_N : ndarray, shape (n,)
+        Desired output tension at 0, h, 2 h ... [N].
+    effort_weight : float
+        Weight of the mean squared force beside the mean squared tension error [-].
+    travel_weight : float
+        Cost of a newton of travel of the force, up and down [N].
+    least_travel_N : float
+        Travel in one step below this costs less [N].
+    power : float
+        Mean of order `power` of the plants' mean squared errors: 1 is the mean, large is the worst.
+    penalty_N : float
+        Cost of a newton outside the tension bounds [N].
+    """
+
+    reference_N: Array
+    effort_weight: float
+    travel_weight: float
+    least_travel_N: float
+    power: float
+    penalty_N: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlantModel:
+    """A chain and where it starts."""
+
+    chain: Chain
+    state: ChainState
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackingProblem:
+    """Goal, dynamics, limits and bounds over a horizon.
+
+    Parameters
+    ----------
+    step_s : float
+        Grid h [s].
+    goal : Goal
+    plants : tuple of PlantModel
+        Every one is driven by the same force.
+    limits : ForceLimits
+    bounds : TensionBounds
+    start_N : float
+        Force of row 0, which is given [N].
+    """
+
+    step_s: float
+    goal: Goal
+    plants: tuple[PlantModel, ...]
+    limits: ForceLimits
+    bounds: TensionBounds
+    start_N: float
+
+    @classmethod
+    def of(
+        cls,
+        chains: tuple[Chain, ...],
+        reference_N: Array,
+        step_s: float,
+        limits: ForceLimits,
+        options: TrackOptions,
+        *,
+        initial_tension_N: float,
+        inverse_N: Array,
+        power: float = 1.0,
+    ) -> "TrackingProblem":
+        """The problem of chains that start at rest.
+
+        Parameters
+        ----------
+        chains : tuple of Chain
+        reference_N : ndarray, shape (n,)
+        step_s : float
+        limits : ForceLimits
+        options : TrackOptions
+        initial_tension_N : float
+            T0 [N].
+        inverse_N : ndarray, shape (n,)
+            Exact inverse: its travel within the limits is what the task needs [N].
+        power : float, optional
+        """
+        span = max(float(np.ptp(reference_N)), 1e-3 * float(reference_N.max()))
+        margin = 1e-4 * span  # the search aims a little inside, so that what it finds is inside
+        travel = max(travel_N(limits.apply(inverse_N, step_s, limits.start(initial_tension_N))), 1e-3 * span)
+        slack = 1e-3 * min(float(reference_N.min()), initial_tension_N)
+        return cls(
+            step_s=step_s,
+            goal=Goal(
+                reference_N=reference_N,
+                effort_weight=options.effort_weight,
+                travel_weight=options.travel_weight * span**2 / travel,
+                least_travel_N=0.05 * travel / len(reference_N),
+                power=power,
+                penalty_N=4 * span + options.effort_weight * float(reference_N.max()),
+            ),
+            plants=tuple(PlantModel(chain=c, state=c.rest_state(initial_tension_N)) for c in chains),
+            limits=limits,
+            bounds=TensionBounds(
+                low_N=options.minimum_tension_N + margin if options.minimum_tension_N > 0 else slack,
+                high_N=options.maximum_tension_N - margin,
+            ),
+            start_N=limits.start(initial_tension_N),
+        )
+
+    def clipped(self, force_N: Array) -> Array:
+        """What the actuator makes of a force, from the start of this horizon.
+
+        Parameters
+        ----------
+        force_N : ndarray, shape (n,)
+        """
+        return self.limits.apply(force_N, self.step_s, self.start_N)
+
+    def piece(self, rows: slice, states: tuple[ChainState, ...], start_N: float) -> "TrackingProblem":
+        """The same problem on some of its rows.
+
+        Parameters
+        ----------
+        rows : slice
+        states : tuple of ChainState
+            Of the plants at the first of these rows.
+        start_N : float
+            Force there [N].
+        """
+        return replace(
+            self,
+            goal=replace(self.goal, reference_N=self.goal.reference_N[rows]),
+            plants=tuple(PlantModel(chain=p.chain, state=x) for p, x in zip(self.plants, states, strict=True)),
+            start_N=start_N,
+        )
+
+    def coarsened(self, factor: int) -> "TrackingProblem":
+        """The same problem on a coarser grid of time; the last reference is held to its end.
+
+        Parameters
+        ----------
+        factor : int
+            Rows for one of the new ones.
+        """
+        return replace(
+            self,
+            step_s=factor * self.step_s,
+            goal=replace(
+                self.goal,
+                reference_N=every(self.goal.reference_N, factor),
+                least_travel_N=factor * self.goal.least_travel_N,
+            ),
+        )
+
+
+def every(values: Array, factor: int) -> Array:
+    """Every so many-th row, and beyond the last one its value.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+    factor : int
+    """
+    return values[np.minimum(np.arange(0, len(values) + factor - 1, factor), len(values) - 1)]
+
+
+def travel_N(force_N: Array) -> float:
+    """How far a force goes up and down in all [N].
+
+    Parameters
+    ----------
+    force_N : ndarray, shape (n,)
+    """
+    return float(np.abs(np.diff(force_N)).sum())

@@ -1,0 +1,88 @@
+"""What is loaded before a command knows that it has work to do."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+HEAVY = {"casadi", "scipy", "pandas", "matplotlib", "control"}
+COMMANDS = (
+    ("simulate", "--force", "f.csv", "--out", "o.csv"),
+    ("design", "--out", "o"),
+    ("experiment", "--out", "o"),
+    ("compare", "--out", "o"),
+    ("explore", "--no-browser"),
+    ("identify", "--data", "d.csv", "--out", "o"),
+    ("table", "--out", "o"),
+    ("export-c", "--out", "o"),
+    ("export-fmu", "--out", "o"),
+)
+
+
+def start(folder: Path, *arguments: str) -> tuple[int, str, set[str]]:
+    """Exit code, message, and the modules that were loaded."""
+    code = (
+        "import json, sys; from tendonff.compensator.cli import run; status = run(sys.argv[1:]); "
+        "print(); print(json.dumps([status, list(sys.modules)]))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False, cwd=folder
+    )
+    status, modules = json.loads(done.stdout.splitlines()[-1])
+    return status, done.stderr, {name.partition(".")[0] for name in modules}
+
+
+@pytest.mark.parametrize("arguments", [("--help",), ("--version",), ("design", "--help")])
+def test_help_and_version_load_no_heavy_package(tmp_path: Path, arguments: tuple[str, ...]) -> None:
+    status, _, modules = start(tmp_path, *arguments)
+    assert status == 0
+    assert not (HEAVY | {"numpy", "rich"}) & modules
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command[0])
+def test_a_scenario_is_refused_before_heavy_packages_are_loaded(
+    tmp_path: Path, examples: Path, command: tuple[str, ...]
+) -> None:
+    text = (examples / "finger.toml").read_text(encoding="utf-8")
+    (tmp_path / "bad.toml").write_text(text.replace("mu_dynamic =", "mu_dynamc ="), encoding="utf-8")
+    name, *options = command
+    status, message, modules = start(tmp_path, name, "bad.toml", *options)
+    assert status == 2
+    assert 'unknown key "mu_dynamc", did you mean "mu_dynamic"?' in message
+    assert not HEAVY & modules
+
+
+@pytest.mark.parametrize("command", [c for c in COMMANDS if "o" in c], ids=lambda command: command[0])
+def test_a_folder_that_cannot_be_written_is_refused_before_the_work(
+    tmp_path: Path, examples: Path, command: tuple[str, ...]
+) -> None:
+    (tmp_path / "o").write_text("a file", encoding="utf-8")
+    name, *options = command
+    status, message, modules = start(tmp_path, name, str(examples / "finger.toml"), *options)
+    assert status == 2
+    assert "is a file; name a folder to write" in message
+    assert not HEAVY & modules
+
+
+@pytest.mark.parametrize("command", ["design", "compare", "table", "export-c", "export-fmu"])
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("force_max_N", "70.0", "delivers at most"),
+        ("amplitudes_N", "[25.0, 8.0]", "a tendon cannot push"),
+        ("step_s", "0.5", "frequencies_Hz must be < 1"),
+    ],
+)
+def test_an_infeasible_reference_is_refused_before_heavy_packages_are_loaded(
+    tmp_path: Path, examples: Path, command: str, key: str, value: str, message: str
+) -> None:
+    text = (examples / "finger.toml").read_text(encoding="utf-8")
+    changed = "\n".join(f"{key} = {value}" if line.startswith(f"{key} ") else line for line in text.splitlines())
+    (tmp_path / "bad.toml").write_text(changed, encoding="utf-8")
+    status, told, modules = start(tmp_path, command, "bad.toml", "--out", "o")
+    assert status == 2
+    assert message in told
+    assert not HEAVY & modules
+    assert not (tmp_path / "o").exists()

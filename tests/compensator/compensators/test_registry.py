@@ -1,0 +1,217 @@
+"""Compensators as objects: what each answers, that they agree everywhere, and what a further one takes."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.cli import run
+from tendonff.compensator.compare.run import compare
+from tendonff.compensator.compensators import base, optimal
+from tendonff.compensator.compensators.base import Compensator, Problem, Profile, ProfileStatus, Style
+from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
+from tendonff.compensator.design.run import design
+from tendonff.compensator.export import c_project
+from tendonff.compensator.export.c_project import export_project
+from tendonff.compensator.export.fmu import build_fmu
+from tendonff.compensator.export.kinds import FmiVersion, Kind
+from tendonff.compensator.files.progress import silent
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
+from tendonff.models.fidelity import Level
+from tendonff.models.uncertainty import Uncertainty
+from tendonff.ocp import stability
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.tracking import track as tracking
+from tendonff.ocp.tracking.problem import TrackOptions
+from tendonff.ocp.tracking.result import TrackStatus
+
+
+class ConstantGain(Compensator):
+    """The wanted tension times e^{mu theta}: a compensator that only these tests know."""
+
+    name = "gain"
+    label = "constant gain"
+    style = Style(color="#56B4E9", linestyle="--")
+    knows_the_level = False
+
+    def profile(self, problem, *, progress=silent):
+        friction, path = problem.transmission.friction, problem.transmission.path
+        gain = math.exp(friction.mu_dynamic * path.total_angle_rad)
+        return Profile(force_N=problem.limited(gain * problem.reference.tension_N))
+
+
+ALL = (*COMPENSATORS, ConstantGain())
+
+
+@pytest.fixture(scope="module")
+def quick(examples):
+    """The finger on three masses, one second, coarser, with a rate limit that binds."""
+    scenario = load_scenario(examples / "finger_fast.toml")
+    whole = scenario.transmission
+    return replace(
+        scenario,
+        transmission=replace(whole, path=replace(whole.path, segments=3)),
+        reference=replace(scenario.reference, duration_s=0.6, fade_in_s=0.1),
+        run=replace(scenario.run, step_s=2e-3),
+    )
+
+
+@pytest.fixture(scope="module")
+def reports():
+    """What `designed` reported as its progress."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def designed(quick, reports):
+    return design(quick, compensators=ALL, progress=lambda done, total: reports.append((done, total)))
+
+
+def test_names_are_unique_and_ordered_as_shown():
+    assert [c.name for c in COMPENSATORS] == ["none", "capstan", "smoothed", "inverse", "optimal", "table"]
+    assert len({(c.style.color, c.style.linestyle) for c in COMPENSATORS}) == len(COMPENSATORS)
+
+
+def test_a_wrong_name_is_answered_with_the_right_one():
+    assert compensator("inverse") in COMPENSATORS
+    with pytest.raises(InputError, match='no compensator "invers", did you mean "inverse"'):
+        compensator("invers")
+
+
+@pytest.mark.parametrize("each", [c for c in COMPENSATORS if c.name != "none"], ids=str)
+def test_every_profile_has_the_rows_of_the_reference_and_keeps_the_limits(quick, each):
+    problem = Problem.of(quick)
+    profile = each.profile(problem)
+    assert profile.force_N.shape == problem.reference.tension_N.shape
+    assert problem.limits.admits(profile.force_N, problem.reference.step_s, 1e-6)
+
+
+def test_the_inverse_knows_the_travel_of_the_actuator_where_no_limit_binds(quick):
+    """Free of limits the force is the exact inverse, whose states hold the travel; a limit makes it unknown."""
+    free = replace(
+        quick.transmission, actuator=replace(quick.transmission.actuator, force_rate_max_N_per_s=1e6, force_max_N=1e4)
+    )
+    problem = Problem.of(replace(quick, transmission=free))
+    profile = compensator("inverse").profile(problem)
+    assert profile.travel_m is not None
+    # Pulling stretches the tendon and the load's spring: the travel rises with the wanted tension.
+    assert np.corrcoef(profile.travel_m, problem.reference.tension_N)[0, 1] > 0.9
+    assert compensator("inverse").profile(Problem.of(quick)).travel_m is None
+
+
+def test_a_further_compensator_goes_through_design_with_force_error_and_picture(designed, tmp_path):
+    reference, gain = designed.reference.tension_N, math.exp(0.2 * math.pi)
+    actuator = designed.scenario.transmission.actuator
+    assert designed.profiles["gain"].force_N.max() <= min(gain * reference.max(), actuator.force_max_N) * (1 + 1e-12)
+    errors = {c.name: designed.on_level(c.name, designed.level).score.rmse_N for c in ALL}
+    assert errors["optimal"] < errors["gain"]
+    designed.write(tmp_path / "out")
+    assert "force_gain_N" in (tmp_path / "out" / "profile.csv").read_text().splitlines()[0]
+    assert '"gain"' in (tmp_path / "out" / "summary.json").read_text()
+    assert "constant gain" in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_a_further_compensator_enters_the_matrix_of_compare(quick):
+    result = compare(quick, compensators=(*COMPENSATORS[:4], ConstantGain()))
+    assert {e.compensator for e in result.entries} == {"none", "capstan", "smoothed", "inverse", "gain"}
+    # The gain is the pulling branch of the static law, so it is exact there and wrong while releasing.
+    on_law = result.entry("gain", Level.ELASTIC, "capstan")
+    assert on_law.rmse_percent_of_range > result.entry("capstan", Level.ELASTIC, "capstan").rmse_percent_of_range
+
+
+def test_the_exact_inverse_is_computed_once_in_a_design(quick, monkeypatch):
+    calls = []
+    for module in (base, tracking, stability):
+        right = module.invert
+
+        def counted(*arguments, where=module.__name__, right=right, **options):
+            calls.append(where)
+            return right(*arguments, **options)
+
+        monkeypatch.setattr(module, "invert", counted)
+    design(quick)
+    assert calls == [base.__name__]
+
+
+def _parts(reports):
+    return reports[0][1] / 100
+
+
+def test_progress_of_a_design_goes_on_while_the_optimal_profile_is_sought(designed, reports):
+    done = [step / total for step, total in reports]
+    assert done == sorted(done)
+    assert done[-1] == 1
+    fast, search = 3 / _parts(reports), 11 / _parts(reports)  # three fast profiles, then eight parts of the search
+    assert sum(fast < share < search for share in done) >= 3
+
+
+def test_options_of_the_search_reach_it(quick):
+    """A tension that the tendon must keep, above what the plain search lets it fall to."""
+    free = compensator("optimal").profile(Problem.of(quick)).tracking
+    least = 1.05 * free.least_tension_N
+    kept = compensator("optimal").profile(Problem.of(quick, options=TrackOptions(minimum_tension_N=least))).tracking
+    assert free.least_tension_N < least <= kept.least_tension_N * (1 + 1e-6)
+
+
+@pytest.fixture(scope="module")
+def uncertain(quick):
+    return replace(quick, robust=Uncertainty(mu=0.15, samples=3))
+
+
+def test_the_exported_profile_is_that_of_the_design_also_under_uncertainty(quick, uncertain):
+    of_design = design(uncertain, compensators=[compensator("none"), compensator("optimal")]).profiles["optimal"]
+    assert np.array_equal(export_project(uncertain).profile_N, of_design.force_N)
+    nominal = compensator("optimal").profile(Problem.of(quick)).force_N
+    assert np.abs(of_design.force_N - nominal).max() > 0.01  # or the test could not tell the two apart
+
+
+def fail(monkeypatch):
+    """Let the search end without a profile that keeps the tension."""
+    solve = optimal.solve
+
+    def failing(*arguments, **options):
+        return replace(solve(*arguments, **options), status=TrackStatus.INFEASIBLE, message="the tendon would go slack")
+
+    monkeypatch.setattr(optimal, "solve", failing)
+
+
+def test_a_profile_that_must_not_be_used_is_not_exported(quick, tmp_path, monkeypatch, capsys):
+    fail(monkeypatch)
+    scenario = tmp_path / "s.toml"
+    scenario.write_text(scenario_to_toml(quick), encoding="utf-8")
+    assert run(["export-c", str(scenario), "--out", str(tmp_path / "c")]) == 1
+    assert "the tendon would go slack" in capsys.readouterr().err
+    assert not (tmp_path / "c").exists()
+
+
+def test_a_profile_that_must_not_be_used_says_so(quick, monkeypatch):
+    fail(monkeypatch)
+    profile = compensator("optimal").profile(Problem.of(quick))
+    assert profile.status is ProfileStatus.FAILED
+    with pytest.raises(SolveError, match="the tendon would go slack"):
+        profile.require()
+
+
+def test_a_unit_is_made_without_table_and_golden_vectors(quick, monkeypatch):
+    def refuse(*_, **__):
+        raise AssertionError("a unit needs neither")
+
+    monkeypatch.setattr(c_project, "table_of", refuse)
+    monkeypatch.setattr(c_project, "golden_vectors", refuse)
+    assert build_fmu(quick, Kind.INVERSE, FmiVersion.V2).content
+
+
+@pytest.mark.parametrize("command", ["design", "compare", "experiment", "table", "export-c", "export-fmu"])
+def test_a_folder_that_cannot_be_written_is_known_before_the_work(examples, tmp_path, monkeypatch, capsys, command):
+    def work(*_, **__):
+        raise AssertionError("the work began")
+
+    for name in ("design.run.design", "compare.run.compare", "experiment.run.experiment", "tables.run.make_tables"):
+        monkeypatch.setattr(f"tendonff.compensator.{name}", work)
+    for name in ("export.c_project.export_project", "export.fmu.build_fmu"):
+        monkeypatch.setattr(f"tendonff.compensator.{name}", work)
+    (tmp_path / "taken").write_text("a file")
+    assert run([command, str(examples / "finger.toml"), "--out", str(tmp_path / "taken")]) == 2
+    assert "is a file; name a folder" in capsys.readouterr().err

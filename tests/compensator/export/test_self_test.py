@@ -1,0 +1,179 @@
+"""The judgement at export, and the self test that is shipped: what it must see and what it must let pass."""
+
+import json
+import shutil
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.cli import run
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.export.c_project import export_project
+from tendonff.compensator.export.checks import Status, checksum, limit_cases
+from tendonff.compensator.export.judgement import judge
+from tendonff.compensator.scenario.reference import Shape, WaypointReference
+from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
+from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.errors import SolveError
+
+FLAGS = ("-std=c99", "-O1", "-w", "-ffp-contract=off", "-fno-math-errno")
+
+
+@pytest.fixture(scope="module")
+def finger(examples):
+    return load_scenario(examples / "finger.toml")
+
+
+@pytest.fixture(scope="module")
+def small_moves(finger):
+    """Moves within the transition of a reversal, where the static law jumps from branch to branch."""
+    tensions = (30.0, 31.0, 30.0, 31.0, 30.0)
+    moves = WaypointReference(times_s=(0.0, 0.1, 0.2, 0.3, 0.4), tensions_N=tensions, shape=Shape.SMOOTH)
+    return replace(finger, reference=moves)
+
+
+def test_a_module_that_is_worse_than_none_is_left_out_and_said(small_moves, tmp_path, capsys):
+    scenario = tmp_path / "s.toml"
+    scenario.write_text(scenario_to_toml(small_moves), encoding="utf-8")
+    exported = export_project(small_moves)
+    worse = {each.module for each in exported.judged if each.fault}
+    nothing = exported.judged[0].score.rmse_N
+    assert worse == {each.module for each in exported.judged[1:] if each.score.rmse_N > 1.01 * nothing}
+    assert "capstan" in worse
+    assert run(["export-c", str(scenario), "--out", str(tmp_path / "c")]) == 0
+    said = capsys.readouterr().err
+    content = json.loads((tmp_path / "c" / "design.json").read_text())
+    for module in worse:
+        assert f"{module} is not exported: RMS error" in said
+        assert not (tmp_path / "c" / f"tff_{module}.c").exists()
+        assert content["scores"][module]["rmse_N"] > content["scores"]["none"]["rmse_N"]
+        assert f"tff_{module}" not in content["files"]
+    assert "unfit" in said
+    assert "worse than none: not exported" in (tmp_path / "c" / "README.md").read_text()
+    assert run(["export-c", str(scenario), "--out", str(tmp_path / "d"), "--force-export"]) == 0
+    for module in worse:
+        assert (tmp_path / "d" / f"tff_{module}.c").exists()
+
+
+def test_nothing_is_exported_where_all_modules_do_harm(finger, monkeypatch):
+    from tendonff.compensator.export import c_project
+
+    def all_bad(problem, forces):
+        return (judge(problem, forces)[0], *(replace(each, fault="bad") for each in judge(problem, forces)[1:]))
+
+    monkeypatch.setattr(c_project, "judge", all_bad)
+    with pytest.raises(SolveError, match=r"nothing to export: .*inverse: bad.*--force-export"):
+        export_project(finger, profile_N=sample_reference(finger).tension_N)
+
+
+def test_the_judgement_is_an_independent_simulation_of_each_force(finger):
+    """A force that is the reference itself has the error of no compensation, and a constant one the reference's own."""
+    problem = Problem.of(finger)
+    tension = problem.reference.tension_N
+    none, same, still = judge(problem, {"same": tension, "still": np.full(len(tension), tension[0])})
+    assert same.score == none.score
+    assert still.score.rmse_N == pytest.approx(float(np.sqrt(np.mean((tension - tension[0]) ** 2))), rel=0.02)
+
+
+def test_every_branch_of_the_limiter_is_among_the_cases():
+    cases = limit_cases(0.0, 200.0, 5.0, Precision.DOUBLE)
+    assert {case.status for case in cases} >= {
+        Status.OK,
+        Status.FORCE_LIMITED,
+        Status.RATE_LIMITED,
+        Status.FORCE_LIMITED | Status.RATE_LIMITED,
+        Status.FAILED,
+    }
+    for case in cases:
+        assert Status.FAILED in case.status or abs(case.force_N - case.before_N) <= 5.0 + 1e-12
+
+
+def test_a_checksum_is_that_of_the_published_function():
+    """FNV-1a of the eight bytes of 1.0, worked out by hand as of the byte string."""
+    value = 2166136261
+    for byte in b"\x00\x00\x00\x00\x00\x00\xf0\x3f":
+        value = (value ^ byte) * 16777619 % 2**32
+    assert checksum([1.0], Precision.DOUBLE) == value
+    assert checksum([1.0, 2.0], Precision.DOUBLE) != checksum([2.0, 1.0], Precision.DOUBLE)
+
+
+@pytest.fixture(scope="module")
+def exported(examples):
+    """The slow example in both precisions; its rate limit binds."""
+    scenario = load_scenario(examples / "finger_fast.toml")
+    profile = sample_reference(scenario).tension_N
+    return {p: export_project(scenario, precision=p, profile_N=profile) for p in Precision}
+
+
+MUTANTS = {
+    "force_max times ten": ("types.h", "TFF_FORCE_MAX_N ", "TFF_FORCE_MAX_N 10 * "),
+    "the rate limit off upwards": ("limits.c", "force > high", "force > TFF_LARGEST_N"),
+    "the rate limit off downwards": ("limits.c", "force < low", "force < -TFF_LARGEST_N"),
+    "no upper clamp": ("limits.c", "force = TFF_FORCE_MAX_N;", "force = wanted;"),
+    "no lower clamp": ("limits.c", "force = TFF_FORCE_MIN_N;", "force = wanted;"),
+    "no bit of the rate": ("limits.c", "status |= TFF_RATE_LIMITED", "status |= TFF_OK"),
+    "what is not a number passes": ("limits.c", "/* not a number, or minus infinity */", "force = wanted;"),
+    "REFERENCE_MAX times ten": ("types.h", "TFF_REFERENCE_MAX_N ", "TFF_REFERENCE_MAX_N 10 * "),
+    "no WOULD_PUSH": ("inverse.c", "status |= TFF_WOULD_PUSH", "status |= TFF_OK"),
+    "no FAILED of the plant": ("plant.c", "self->status = TFF_FAILED;", ""),
+    "the actuator's position is the load's": ("plant.c", "x[TFF_PLANT_REALS - 2]", "x[TFF_PLANT_REALS - 1]"),
+    "every sample of the profile halved": (
+        "profile.c",
+        "return profile[(index",
+        "return (tff_real)0.5 * profile[(index",
+    ),
+}
+
+
+@pytest.mark.parametrize("precision", Precision)
+def test_the_self_test_passes_and_dies_with_every_safety_mutant(exported, precision, tmp_path):
+    if shutil.which("cc") is None:
+        pytest.skip("cc is not installed")
+    exported[precision].write(tmp_path)
+
+    def result(changed=""):
+        sources = [p for p in sorted(tmp_path.glob("tff_*.c")) if not changed.endswith(".c") or p.name != changed]
+        objects = [tmp_path / f"{p.stem}.o" for p in sorted(tmp_path.glob("tff_*.c"))]
+        for source in sources if changed.endswith(".h") or not changed else [tmp_path / changed]:
+            subprocess.run(["cc", *FLAGS, "-c", source, "-o", source.with_suffix(".o")], check=True, cwd=tmp_path)
+        if changed.endswith(".h") or not changed:
+            subprocess.run(["cc", *FLAGS, "-c", "self_test.c", "-o", "main.o"], check=True, cwd=tmp_path)
+        subprocess.run(["cc", "main.o", *objects, "-lm", "-o", "st"], check=True, cwd=tmp_path)
+        return subprocess.run([tmp_path / "st"], capture_output=True, text=True, check=False)
+
+    said = result()
+    assert said.returncode == 0, said.stdout
+    alive = []
+    for what, (end, old, new) in MUTANTS.items():
+        file = tmp_path / f"tff_{end}"
+        text = file.read_text()
+        assert old in text, what
+        file.write_text(text.replace(old, new, 1))
+        if result(file.name).returncode == 0:
+            alive.append(what)
+        file.write_text(text)
+        result(file.name)
+    assert alive == []
+
+
+def test_what_single_precision_loses_is_measured_and_said(exported, finger):
+    """finger_fast loses little; a chain of light, stiff links at a tiny step loses much, and is told so."""
+    losses = json.loads(exported[Precision.FLOAT].files["design.json"])["float_loss"]
+    assert 0 < losses["inverse"]["rms_N"] < 0.01
+    assert "Single precision, measured" in exported[Precision.FLOAT].files["README.md"]
+    assert not json.loads(exported[Precision.DOUBLE].files["design.json"])["float_loss"]
+    tendon = replace(finger.transmission.tendon, stiffness_N_per_m=2e6)
+    short = WaypointReference(times_s=(0.0, 0.02, 0.04), tensions_N=(30.0, 40.0, 30.0), shape=Shape.SMOOTH)
+    hard = replace(
+        finger,
+        reference=short,
+        run=replace(finger.run, step_s=2e-5),
+        transmission=replace(finger.transmission, tendon=tendon),
+    )
+    found = export_project(hard, precision=Precision.FLOAT, profile_N=np.ones(3), force_export=True)
+    worst = max(loss["percent_of_range"] for loss in json.loads(found.files["design.json"])["float_loss"].values())
+    assert (worst > 0.1) == any("use --precision double" in warning for warning in found.warnings)
+    assert worst > 0.1

@@ -1,0 +1,54 @@
+"""`tendonff table`: what it says and writes."""
+
+import csv
+import io
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.tables.output import table_csv
+from tendonff.compensator.tables.run import make_tables
+from tendonff.models.capstan import Branch
+from tendonff.models.fidelity import Level
+
+
+@pytest.fixture(scope="module")
+def finger(examples):
+    return load_scenario(examples / "finger.toml")
+
+
+@pytest.fixture(scope="module")
+def tables(finger):
+    return make_tables(finger)
+
+
+def test_as_a_compensator_it_leaves_less_than_half_a_percent_where_the_static_law_leaves_ten(tables):
+    assert tables.scores[tables.level].rmse_percent_of_range < 0.5
+
+
+def test_the_csv_has_the_agreed_columns_no_empty_cell_and_reads_back(tables):
+    text = table_csv(tables)
+    rows = list(csv.DictReader(io.StringIO(text)))
+    assert list(rows[0]) == ["reference_N", "branch", "tension_since_reversal_N", "force_N"]
+    assert {row["branch"] for row in rows} == {"pull", "release"}
+    assert all(np.isfinite(float(row[name])) for row in rows for name in row if name != "branch")
+    table = tables.tables[0].built.table
+    for branch in Branch:
+        ours = [row for row in rows if row["branch"] == branch]
+        assert [float(row["force_N"]) for row in ours] == table.branch(branch).force_N.ravel().tolist()
+        travelled = table.branch(branch).share * (table.reference_N[:, None] + table.adhesion_N)
+        assert [float(row["tension_since_reversal_N"]) for row in ours] == travelled.ravel().tolist()
+
+
+def test_angles_and_rates_become_further_columns(finger):
+    tables = make_tables(
+        finger, level=Level.VISCOELASTIC, bound_N=0.5, angles_rad=(1.0, 3.0), rates_N_per_s=(5.0, 50.0)
+    )
+    rows = list(csv.DictReader(io.StringIO(table_csv(tables))))
+    assert {(row["total_angle_rad"], row["rate_N_per_s"]) for row in rows} == {
+        (a, r) for a in ("1.0", "3.0") for r in ("5.0", "50.0")
+    }
+    ratios = [run.built.table.ratio(Branch.PULL)[:, -1].mean() for run in tables.tables]
+    assert ratios[0] == pytest.approx(np.exp(0.2 * 1.0), abs=0.03)
+    assert ratios[2] == pytest.approx(np.exp(0.2 * 3.0), abs=0.03)

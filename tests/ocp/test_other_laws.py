@@ -1,0 +1,190 @@
+"""A friction law that the tool does not know, in one file: simulated, inverted, differentiated and exported."""
+
+import ctypes
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import ClassVar
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tendonff.models.bounds import at_least
+from tendonff.models.chain import Chain
+from tendonff.models.fidelity import Level
+from tendonff.models.friction import COEFFICIENT_FLOOR, States, equivalent_coefficient
+from tendonff.models.parameters import Transmission
+from tendonff.ocp.codegen.compiler import load_library
+from tendonff.ocp.codegen.engine import Engine
+from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.inverse import InverseStatus, invert
+from tendonff.ocp.sensitivity import force_sensitivity
+from tendonff.ocp.simulate import simulate
+from tendonff.ocp.step.target import inverse_code, plant_code
+
+Array = NDArray[np.float64]
+STEP = 1e-3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TwoBristles:
+    """Two Dahl bristles in parallel (generalised Maxwell slip): `share` of the coefficient on the stiffer one.
+
+    Its force for f_n = A + f is the root of a cubic, so it leaves the inverse to the guarded Newton iteration.
+    """
+
+    states: ClassVar[tuple[str, ...]] = ("f_stiff", "f_soft")
+
+    stiff_N_per_m: ca.SX
+    soft_N_per_m: ca.SX
+    mu: ca.SX
+    share: ca.SX
+    viscous_N_s_per_m: ca.SX
+
+    @property
+    def slip_coefficients(self) -> tuple[float, float]:
+        return self.mu, self.mu
+
+    @property
+    def weakening_speed_m_per_s(self) -> float | None:
+        return None
+
+    def aliases(self) -> Mapping[str, str]:
+        return {}
+
+    def on_piece(self, angle_rad: ca.SX, pieces: ca.SX) -> "TwoBristles":
+        return replace(
+            self,
+            stiff_N_per_m=self.stiff_N_per_m / pieces,
+            soft_N_per_m=self.soft_N_per_m / pieces,
+            mu=equivalent_coefficient(self.mu, angle_rad),
+            viscous_N_s_per_m=self.viscous_N_s_per_m / pieces,
+        )
+
+    def _bristles(self) -> tuple[tuple[ca.SX, ca.SX], ...]:
+        return (self.stiff_N_per_m, self.share), (self.soft_N_per_m, 1 - self.share)
+
+    def rate(self, v: ca.SX, states: States, f_n: ca.SX) -> States:
+        return tuple(
+            sigma * (v - f * ca.fabs(v) / (f_n * at_least(share * self.mu, COEFFICIENT_FLOOR)))
+            for f, (sigma, share) in zip(states, self._bristles(), strict=True)
+        )
+
+    def state_force(self, states: States) -> ca.SX:
+        return states[0] + states[1]
+
+    def viscous_force(self, v: ca.SX) -> ca.SX:
+        return self.viscous_N_s_per_m * v
+
+    def implicit(self, v: ca.SX, base: States, step_s: ca.SX, f_n: ca.SX) -> States:
+        return tuple(
+            (f + step_s * sigma * v)
+            * f_n
+            / (f_n + step_s * sigma * ca.fabs(v) / at_least(share * self.mu, COEFFICIENT_FLOOR))
+            for f, (sigma, share) in zip(base, self._bristles(), strict=True)
+        )
+
+    def implicit_from_far_side(self, *_known: object) -> None:
+        return None
+
+
+def chain_with_two_bristles(rig: Transmission, n: int = 4, **changes: float) -> Chain:
+    chain = Chain.of(rig, Level.VISCOELASTIC, n)
+    law = TwoBristles(stiff_N_per_m=2e5, soft_N_per_m=1e4, mu=0.2, share=0.6, viscous_N_s_per_m=1.0)
+    on_piece = replace(law, **changes).on_piece(rig.path.total_angle_rad / n, n)
+    return replace(chain, elements=replace(chain.elements, friction=on_piece))
+
+
+def wave(amplitude_N: float) -> Array:
+    time = np.arange(0.0, 1.2, STEP)
+    return 30 + amplitude_N * np.sin(2 * np.pi * 2 * time) * np.minimum(time / 0.2, 1)
+
+
+def test_two_equal_bristles_are_one_of_the_papers(generic: Transmission) -> None:
+    """Half the stiffness and half the coefficient each: Dahl's law is linear in both together."""
+    friction = replace(
+        generic.friction, mu_static=0.2, mu_dynamic_release=0.2, mu_static_release=0.2, bristle_stiffness_N_per_m=2e5
+    )
+    one = Chain.of(replace(generic, friction=friction), Level.VISCOELASTIC, 4)
+    two = chain_with_two_bristles(generic, stiff_N_per_m=1e5, soft_N_per_m=1e5, share=0.5)
+    expected, found = (simulate(c, wave(20.0), STEP).require() for c in (one, two))
+    assert found.tension_N == pytest.approx(expected.tension_N, abs=1e-9)
+    assert np.ptp(expected.output_tension_N) > 10
+    forces = [invert(c, wave(12.0), STEP).force_N for c in (one, two)]
+    assert forces[1] == pytest.approx(forces[0], abs=1e-8)
+
+
+@pytest.mark.compiler
+def test_both_engines_simulate_and_invert_it_alike(generic: Transmission) -> None:
+    chain = chain_with_two_bristles(generic)
+    engines = (Engine.COMPILED, Engine.CASADI)
+    runs = [simulate(chain, wave(20.0), STEP, record=True, engine=engine).require() for engine in engines]
+    assert runs[0].states is not None
+    assert runs[0].states.shape[1] == chain.layout.size == (4 + 2) + 2 * (4 + 1) + 2 * 4 + 2
+    assert np.abs(runs[0].tension_N - runs[1].tension_N).max() < 1e-9
+    forces = [invert(chain, wave(12.0), STEP, engine=engine).force_N for engine in engines]
+    assert np.abs(forces[0] - forces[1]).max() < 1e-8
+
+
+def test_its_inverse_gives_its_reference_back(generic: Transmission) -> None:
+    chain, reference = chain_with_two_bristles(generic), wave(12.0)
+    inversion = invert(chain, reference, STEP)
+    assert inversion.status is InverseStatus.EXACT
+    answer = simulate(chain, inversion.force_N, STEP, initial_tension_N=30.0).require().output_tension_N
+    assert np.abs(answer - reference).max() < 1e-6
+    assert np.abs(inversion.force_N - reference).max() > 5  # friction was there
+
+
+def test_its_sensitivity_is_the_slope_of_central_differences(generic: Transmission) -> None:
+    chain, force, rows = chain_with_two_bristles(generic), wave(20.0)[:300], np.array([0, 100, 200, 299])
+    found = force_sensitivity(chain, force, STEP, rows, state=chain.rest_state(30.0)).tension_slopes[:, 0, 2]
+    hat = np.interp(np.arange(300), rows, [0.0, 0.0, 1.0, 0.0])
+    runs = [simulate(chain, force + s * 1e-5 * hat, STEP).require().output_tension_N for s in (1, -1)]
+    slope = (runs[0] - runs[1]) / 2e-5
+    assert np.quantile(np.abs(found - slope), 0.98) < 1e-4 * np.abs(slope).max()
+
+
+@pytest.mark.compiler
+def test_it_is_exported_as_c(generic: Transmission, tmp_path: Path) -> None:
+    """The inverse in C gives the forces of the Python inverse; the plant in C its tensions."""
+    chain, reference = chain_with_two_bristles(generic), wave(12.0)
+    parts = ["#include <math.h>\n"]
+    for name, code in (
+        ("inv", inverse_code(chain, STEP, "inv", Precision.DOUBLE)),
+        ("plant", plant_code(chain, STEP, "plant", Precision.DOUBLE)),
+    ):
+        rest = code.rest.replace("self->x", "x")
+        parts += [f"#define {name.upper()}_COUNT {chain.count}\n", code.header, code.record, code.laws, code.body]
+        parts.append(f"void {name}_rest(double tension, double *x) {{ int j;\n{rest}\n}}\n")
+    parts.append(
+        """
+        double run_inverse(double reference, int fresh, double *x, double *x_old) {
+            double least;
+            return inv_invert_step(inv_rows(), reference, fresh, x, x_old, &least);
+        }
+        double run_plant(double before, double force, int fresh, double *x, double *x_old) {
+            plant_work w;
+            plant_report r = { 0, 0.0, 0, 0 };
+            const plant_input a = { before, 0.0, 0.0, 0.0 }, b = { force, 0.0, 0.0, 0.0 };
+            plant_step(plant_rows(), &a, &b, fresh, x, x_old, &w, &r);
+            return r.converged ? w.force[PLANT_COUNT] : -1.0;
+        }
+        """
+    )
+    library = load_library("\n".join(parts))
+    library.run_inverse.restype = library.run_plant.restype = ctypes.c_double
+    expected = invert(chain, reference, STEP).force_N
+    answer = simulate(chain, expected, STEP, initial_tension_N=30.0).require().output_tension_N
+    states = {name: np.empty(chain.layout.size) for name in ("inv", "plant")}
+    for name, x in states.items():
+        getattr(library, f"{name}_rest")(ctypes.c_double(30.0), ctypes.c_void_p(x.ctypes.data))
+        assert x == pytest.approx(chain.rest_state(30.0).vector(), abs=1e-15)
+    old = {name: x.copy() for name, x in states.items()}
+    places = {name: [ctypes.c_void_p(a[name].ctypes.data) for a in (states, old)] for name in states}
+    for k in range(1, len(reference)):
+        force = library.run_inverse(ctypes.c_double(reference[k]), ctypes.c_int(k == 1), *places["inv"])
+        assert force == pytest.approx(expected[k], abs=1e-9)
+        given = (ctypes.c_double(expected[j]) for j in (k - 1, k))
+        assert library.run_plant(*given, ctypes.c_int(k == 1), *places["plant"]) == pytest.approx(answer[k], abs=1e-8)

@@ -1,0 +1,90 @@
+"""`import tendonff as tf`: the public names, lazily, the same for the interpreter and for type checkers."""
+
+import ast
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import tendonff as tf
+
+ROOT = Path(__file__).resolve().parents[1]
+FACE = ast.parse((ROOT / "tendonff" / "__init__.py").read_text(encoding="utf-8"))
+HEAVY = {"casadi", "scipy", "pandas", "matplotlib", "control", "numpy"}
+
+
+def imported(tree: ast.AST) -> list[tuple[str, str, str]]:
+    """Module, name there and name here of every `from ... import ...`."""
+    found = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    return [(node.module or "", name.name, name.asname or name.name) for node in found for name in node.names]
+
+
+@pytest.mark.parametrize("name", tf.__all__)
+def test_every_public_name_exists_and_is_listed(name: str) -> None:
+    assert getattr(tf, name) is not None
+    assert name in dir(tf)
+
+
+def test_type_checkers_are_told_the_same_names_from_the_same_places() -> None:
+    [block] = [node for node in FACE.body if isinstance(node, ast.If) and "_HOMES" not in ast.dump(node)][:1]
+    told = {public: (module, defined) for module, defined, public in imported(block)}
+    assert told == tf._HOME_OF
+    assert sorted([*told, "__version__"]) == sorted(tf.__all__)
+
+
+def test_the_import_alone_loads_nothing_heavy() -> None:
+    code = "import sys, json, tendonff; print(json.dumps(list(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    modules = set(json.loads(done.stdout))
+    assert not HEAVY & modules
+    assert not [name for name in modules if name.startswith(("tendonff.models", "tendonff.ocp", "tendonff.comp"))]
+
+
+def test_an_unknown_name_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(AttributeError, match=r"no attribute 'desing'; public names: .*design"):
+        tf.desing  # type: ignore[attr-defined]  # noqa: B018
+
+
+def test_the_version_is_stated_once() -> None:
+    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    assert not re.search(r"^version *=", project, re.MULTILINE)
+    stated = [
+        path.relative_to(ROOT).as_posix()
+        for top in ("tendonff", "models", "ocp", "compensator")
+        for path in (ROOT / top).rglob("*.py")
+        if re.search(rf"[\"']{re.escape(tf.__version__)}[\"']", path.read_text(encoding="utf-8"))
+    ]
+    assert set(stated) == {"tendonff/_version.py"}
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert re.search(rf"^version: {re.escape(tf.__version__)}$", citation, re.MULTILINE)
+
+
+def python_of_readers() -> list[object]:
+    """The README's Python, and that of each notebook."""
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    found: list[object] = [
+        pytest.param(code, id=f"README-{k}")
+        for k, code in enumerate(re.findall(r"^```python\n(.*?)^```", readme, re.MULTILINE | re.DOTALL), start=1)
+    ]
+    for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
+        cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+        lines = [line for cell in cells if cell["cell_type"] == "code" for line in "".join(cell["source"]).split("\n")]
+        found.append(pytest.param("\n".join(line for line in lines if not line.startswith("%")), id=path.name))
+    return found
+
+
+@pytest.mark.parametrize("code", python_of_readers())
+def test_readers_are_shown_the_public_names_only(code: str) -> None:
+    tree = ast.parse(code)
+    modules = [name.name for node in ast.walk(tree) if isinstance(node, ast.Import) for name in node.names]
+    assert [name for name in modules if name.startswith("tendonff")] == ["tendonff"]
+    assert not [module for module, _, _ in imported(tree) if module.startswith("tendonff")]
+    used = {
+        node.attr
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "tf"
+    }
+    assert used <= set(tf.__all__)
