@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from tendonff.models.errors import ParameterError
+from tendonff.models.path import Section
 
 LARGEST = 1e15
 """Largest value of any quantity in SI units: larger ones come from a wrong unit and would overflow on the way."""
@@ -29,19 +30,34 @@ class Path:
         Wrap angle theta: sum of the absolute bending angles [rad], >= 0.
     segments : int
         Number N of lumped masses, >= 1.
-    radius_m : float
+    radius_m : float, optional
         Radius of curvature [m], > 0. It sets the length theta R; the friction does not depend on it.
+    sections : tuple of Section, optional
+        The path in parts, whose angles add up to theta; default: one arc.
     """
 
     total_angle_rad: float
     segments: int
-    radius_m: float
+    radius_m: float | None = None
+    sections: tuple[Section, ...] = ()
 
     def __post_init__(self) -> None:
         _require("total_angle_rad", self.total_angle_rad, least=0, hint="add up the absolute bending angles")
         if not (isinstance(self.segments, int) and 1 <= self.segments <= 10_000):
             raise ParameterError(f"segments must be a whole number from 1 to 10000, got {self.segments}; try 6")
-        _require("radius_m", self.radius_m, above=0, hint="give the bending radius in metres")
+        if self.radius_m is not None:
+            _require("radius_m", self.radius_m, above=0, hint="give the bending radius in metres")
+        total = math.fsum(section.angle_rad for section in self.sections)
+        if self.sections and abs(total - self.total_angle_rad) > 1e-9 * max(total, 1.0):
+            raise ParameterError(
+                f"total_angle_rad must be the sum of the sections' angles, {total:g}, got {self.total_angle_rad}; "
+                "leave it out"
+            )
+
+    @property
+    def parts(self) -> tuple[Section, ...]:
+        """The sections; one arc where none are given."""
+        return self.sections or (Section(name="path", angle_rad=self.total_angle_rad),)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -182,7 +198,7 @@ class Actuator:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Load:
-    """What the tendon pulls at its far end: a mass on a spring.
+    """What the tendon pulls at its far end: a mass on a spring, or a joint that moves it.
 
     Parameters
     ----------
@@ -192,13 +208,23 @@ class Load:
         Stiffness k_l towards the reference x_c2 [N/m], > 0: it carries the tension at rest.
     damping_N_s_per_m : float
         Viscous damping b_l [N s/m], >= 0.
+    joint : str, optional
+        A joint that moves the far end, which then neither hangs on the spring nor has a motion of its own.
+    moment_arm_m : float, optional
+        The far end stands at its start minus moment_arm_m times the joint's travel [m].
     """
 
     mass_kg: float
     stiffness_N_per_m: float
     damping_N_s_per_m: float
+    joint: str | None = None
+    moment_arm_m: float = 0.0
 
     def __post_init__(self) -> None:
+        if self.joint is not None and not (0 < abs(self.moment_arm_m) < math.inf):
+            raise ParameterError(
+                f"moment_arm_m must be finite and not 0 where a joint moves the far end, got {self.moment_arm_m}"
+            )
         _require("mass_kg", self.mass_kg, above=0, hint="use the mass of the finger, tool or force cell")
         _require("stiffness_N_per_m", self.stiffness_N_per_m, above=0, hint="it carries the tension at rest")
         _require("damping_N_s_per_m", self.damping_N_s_per_m, least=0, hint="use 0 for none")

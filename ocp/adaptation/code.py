@@ -214,6 +214,7 @@ def _host_text(tuned: TunedChain) -> str:
         "model": PREFIX,
         "inverse": PREFIX,
         "model_rows": f"{PREFIX.upper()}_ROWS",
+        "inverse_rows": 4,
         "shifted": False,
         "inverse_rest": lambda array: rest_statements(zero, one, array, precision),
         "gain_calls": {PREFIX: gain},
