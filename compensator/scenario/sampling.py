@@ -84,7 +84,10 @@ def sample_reference(scenario: Scenario, *, strict: bool = True) -> Reference:
     sampled = _sample(scenario)
     time, tension, initial, notes = sampled.time_s, sampled.tension_N, sampled.initial_N, list(sampled.notes)
     removed = sampled.removed
-    _check_deliverable(scenario.transmission, time, tension, scenario.source.name)
+    beyond = _check_deliverable(scenario.transmission, time, tension, scenario.source.name)
+    if beyond and strict:
+        raise InputError(beyond)
+    notes += [beyond] if beyond else []
     notes += questions(scenario.transmission)
     if removed > 0 and isinstance(spec, CsvReference):
         span, unit = (tension, "N") if sampled.position_m is None else (sampled.position_m, "m")
