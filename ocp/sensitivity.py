@@ -131,6 +131,7 @@ def force_sensitivity(
     *,
     state: ChainState,
     links: Links = Links.OUTPUT,
+    ends: bool = False,
     window: int = 0,
     engine: Engine = Engine.AUTO,
 ) -> Sensitivity:
@@ -148,6 +149,8 @@ def force_sensitivity(
     state : ChainState
         Start.
     links : Links, optional
+    ends : bool, optional
+        Report the positions of the ends too.
     window : int, optional
         Follow a knot's influence over so many later knots only; 0 follows it to the end.
     engine : Engine, optional
@@ -174,7 +177,7 @@ def force_sensitivity(
     if resolve_engine(engine) is Engine.CASADI:
         fixed = _Numbers(chain=chain, symbols=ca.SX(0, 1), values=np.empty(0))
         return _run_casadi(chain, fixed, force_N, step_s, state, directions, np.empty((0, len(rows))), links)
-    return _run(chain, force_N, step_s, state, directions, links, with_ends=False)
+    return _run(chain, force_N, step_s, state, directions, links, with_ends=ends)
 
 
 def parameter_sensitivity(
