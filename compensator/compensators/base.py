@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.compensator.files.progress import Progress, silent
+from tendonff.compensator.scenario.joints import moved
 from tendonff.compensator.scenario.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.chain import Chain
@@ -76,11 +77,13 @@ class Problem:
         options : TrackOptions, optional
             Default: those of the scenario.
         """
-        samples = sample_transmissions(scenario.transmission, scenario.robust)
+        reference = sample_reference(scenario) if reference is None else reference
+        transmission = moved(scenario, float(reference.time_s[-1]))
+        samples = sample_transmissions(transmission, scenario.robust)
         return cls(
-            transmission=scenario.transmission,
+            transmission=transmission,
             level=level or scenario.run.level,
-            reference=sample_reference(scenario) if reference is None else reference,
+            reference=reference,
             samples=samples if len(samples) > 1 else (),
             objective=scenario.robust.objective,
             options=options or TrackOptions(**scenario.optimal.given),  # type: ignore[arg-type]

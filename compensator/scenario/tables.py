@@ -89,7 +89,7 @@ def toml_value(value: object) -> str:
 def toml_table(instance: object) -> str:
     """All keys of a dataclass that are set, one per line."""
     pairs = ((field.name, getattr(instance, field.name)) for field in dataclasses.fields(instance))  # type: ignore[arg-type]
-    return "".join(f"{name} = {toml_value(value)}\n" for name, value in pairs if value is not None)
+    return "".join(f"{name} = {toml_value(value)}\n" for name, value in pairs if value not in (None, ()))
 
 
 def descriptions(cls: type) -> dict[str, str]:

@@ -10,6 +10,7 @@ import numpy as np
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv
 from tendonff.compensator.files.writing import open_csv
+from tendonff.compensator.scenario.joints import moved
 from tendonff.compensator.scenario.sampling import initial_tension
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.simulate.result import SimulatedForce
@@ -95,7 +96,7 @@ def simulate_force(
             f"{profile.name}: {profile.time_s[-1]:g} s at step_s = {step:g} are {total} rows; use a larger step"
         )
     start_tension = initial_tension(scenario)
-    chain = Chain.of(scenario.transmission, level)
+    chain = Chain.of(moved(scenario, float(profile.time_s[-1])), level)
     names = ["time_s", "force_N", *(f"tension_{k}_N" for k in range(1, chain.count + 2))]
     size = max(1, _CHUNK_VALUES // (chain.count + 5))
     pieces = [(first, min(first + size, total)) for first in range(1, total, size)]

@@ -49,7 +49,7 @@ def chain_struct(chain: Chain) -> ctypes.Structure:
 
 
 def link_ratios(ratio: Array) -> tuple[float, float]:
-    """Length of the whole over that of an inner link, and over that of the links at the ends, where all masses are alike.
+    """Length of the whole over that of an inner link, and over that of the links at the ends, of masses that are alike.
 
     Parameters
     ----------
