@@ -1,10 +1,12 @@
 """Parameters of the transmission, as a user writes them: of the whole tendon, not of its elements."""
 
+import math
 from dataclasses import dataclass
 
 from tendonff.models.drive import Drive, Motor
 from tendonff.models.errors import LARGEST, ParameterError
 from tendonff.models.errors import require as _require
+from tendonff.models.path import Section
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -19,11 +21,14 @@ class Path:
         Number N of lumped masses, >= 1.
     radius_m : float, optional
         Radius of curvature [m], > 0: for the record, neither friction nor motion depends on it.
+    sections : tuple of Section, optional
+        The path in parts, whose angles add up to theta; default: one arc.
     """
 
     total_angle_rad: float
     segments: int
     radius_m: float | None = None
+    sections: tuple[Section, ...] = ()
 
     def __post_init__(self) -> None:
         _require("total_angle_rad", self.total_angle_rad, least=0, hint="add up the absolute bending angles")
@@ -31,6 +36,17 @@ class Path:
             raise ParameterError(f"segments must be a whole number from 1 to 10000, got {self.segments}; try 6")
         if self.radius_m is not None:
             _require("radius_m", self.radius_m, above=0, hint="give the bending radius in metres")
+        total = math.fsum(section.angle_rad for section in self.sections)
+        if self.sections and abs(total - self.total_angle_rad) > 1e-9 * max(total, 1.0):
+            raise ParameterError(
+                f"total_angle_rad must be the sum of the sections' angles, {total:g}, got {self.total_angle_rad}; "
+                "leave it out"
+            )
+
+    @property
+    def parts(self) -> tuple[Section, ...]:
+        """The sections; one arc where none are given."""
+        return self.sections or (Section(name="path", angle_rad=self.total_angle_rad),)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -204,7 +220,7 @@ class Actuator:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Load:
-    """What the tendon pulls at its far end: a mass on a spring.
+    """What the tendon pulls at its far end: a mass on a spring, or a joint that moves it.
 
     Parameters
     ----------
@@ -214,13 +230,23 @@ class Load:
         Stiffness k_l towards the reference x_c2 [N/m], > 0: it carries the tension at rest.
     damping_N_s_per_m : float
         Viscous damping b_l [N s/m], >= 0.
+    joint : str, optional
+        A joint that moves the far end, which then neither hangs on the spring nor has a motion of its own.
+    moment_arm_m : float, optional
+        The far end stands at its start minus moment_arm_m times the joint's travel [m].
     """
 
     mass_kg: float
     stiffness_N_per_m: float
     damping_N_s_per_m: float
+    joint: str | None = None
+    moment_arm_m: float = 0.0
 
     def __post_init__(self) -> None:
+        if self.joint is not None and not (0 < abs(self.moment_arm_m) < math.inf):
+            raise ParameterError(
+                f"moment_arm_m must be finite and not 0 where a joint moves the far end, got {self.moment_arm_m}"
+            )
         _require("mass_kg", self.mass_kg, above=0, hint="use the mass of the finger, tool or force cell")
         _require("stiffness_N_per_m", self.stiffness_N_per_m, above=0, hint="it carries the tension at rest")
         _require("damping_N_s_per_m", self.damping_N_s_per_m, least=0, hint="use 0 for none")

@@ -80,9 +80,11 @@ def test_the_parts_add_up_to_the_whole(generic: Transmission, n: int) -> None:
     assert n * e.piece.mass_kg == pytest.approx(0.002)
     assert n * friction.viscous_N_s_per_m == pytest.approx(1.0)
     assert n * friction.bristle_stiffness_N_per_m == pytest.approx(1e6)
-    assert link.stiffness_N_per_m / (n + 1) == pytest.approx(2e4)
-    assert link.relaxing_stiffness_N_per_m / (n + 1) == pytest.approx(6e3)
-    assert link.damping_N_s_per_m / (n + 1) == pytest.approx(2.0)
+    links = [link.shortened(ratio) for ratio in e.ratio]  # half as long at the ends
+    assert e.ratio == pytest.approx([2 * n, *[n] * (n - 1), 2 * n])
+    assert 1 / sum(1 / one.stiffness_N_per_m for one in links) == pytest.approx(2e4)
+    assert 1 / sum(1 / one.relaxing_stiffness_N_per_m for one in links) == pytest.approx(6e3)
+    assert 1 / sum(1 / one.damping_N_s_per_m for one in links) == pytest.approx(2.0)
     pairs = [
         (friction.mu_dynamic_pull, 0.2),
         (friction.mu_static_pull, 0.23),
