@@ -26,10 +26,11 @@ from tendonff.compensator.export.c_text import (
 )
 from tendonff.compensator.export.golden import golden_vectors
 from tendonff.compensator.export.host import run_on_host
-from tendonff.compensator.export.judgement import Judged, judge
+from tendonff.compensator.export.judgement import Judged, judge, judge_stream
 from tendonff.compensator.export.self_test import FloatLoss, float_losses, loss_warnings, self_test_context
 from tendonff.compensator.files.writing import atomic_directory, write_text
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
+from tendonff.compensator.stream.run import StreamChoice, choose_stream
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
@@ -115,24 +116,30 @@ def export_project(
         profile_N, warnings = profile.force_N, (*warnings, *profile.warnings)
     built = table_of(problem)
     forces = _forces(problem, built, profile_N)
-    numbers = {
+    numbers: dict[str, object] = {
         **table_context(built, precision),
         "table_bytes": table_bytes(built.table, precision),
         "profile": profile_N,
         "profile_bytes": (4 if precision is Precision.FLOAT else 8) * len(profile_N),
     }
-    golden = golden_vectors(problem, built.table, precision)
+    choice = choose_stream(problem, scenario.stream, accepted_range(problem))
+    stream = None if choice is None else choice.picked.design
+    golden = golden_vectors(problem, built.table, precision, stream=stream)
     losses: tuple[FloatLoss, ...] = ()
     found: Sequence[Mapping[str, FloatArray]] | None = None
+    numbers["stream"] = stream
     if precision is Precision.FLOAT:
-        every = c_sources(scenario, problem, c_modules(), precision, prefix, numbers)
+        every = c_sources(scenario, problem, c_modules(stream is not None), precision, prefix, numbers)
         followed = dict.fromkeys(golden.jumps.columns, problem.reference.tension_N)
-        found = run_on_host(every, prefix, precision, [golden.course.inputs_N, golden.jumps.inputs_N, followed])
+        live = {} if golden.live is None else golden.live.inputs_N
+        inputs = [golden.course.inputs_N, golden.jumps.inputs_N, live, followed]
+        found = run_on_host(every, prefix, precision, inputs)
         if found is not None:
             losses = float_losses(golden.course, found[0])
-            forces |= found[2]
+            forces |= found[3]
     judged = judge(problem, forces)
-    modules, faults = _chosen(judged, force_export=force_export)
+    judged = (*judged, judge_stream(judged, choice, problem))
+    modules, faults = _chosen(judged, with_stream=stream is not None, force_export=force_export)
     further = {
         **numbers,
         **self_test_context(
@@ -140,6 +147,7 @@ def export_project(
         ),
         "measured": measured(precision),
         "judged": judged,
+        "choice": choice,
         "losses": losses,
     }
     texts = c_sources(scenario, problem, modules, precision, prefix, further)
@@ -153,6 +161,7 @@ def export_project(
         profile=profile_N,
         judged=judged,
         losses=losses,
+        choice=choice,
         modules=modules,
     )
     warnings = (*warnings, *faults, *loss_warnings(losses))
@@ -175,13 +184,15 @@ def _forces(problem: Problem, built: BuiltTable, profile_N: FloatArray) -> dict[
     return forces
 
 
-def _chosen(judged: Sequence[Judged], *, force_export: bool) -> tuple[tuple[CModule, ...], tuple[str, ...]]:
+def _chosen(
+    judged: Sequence[Judged], *, with_stream: bool, force_export: bool
+) -> tuple[tuple[CModule, ...], tuple[str, ...]]:
     """Modules to export, and warnings of those that do harm."""
     faults = {each.module: each.fault for each in judged if each.fault}
     if force_export:
         kept = (f"{module}: {fault}; exported because of --force-export" for module, fault in faults.items())
-        return c_modules(), tuple(kept)
-    modules = tuple(module for module in c_modules() if module.name not in faults)
+        return c_modules(with_stream), tuple(kept)
+    modules = tuple(module for module in c_modules(with_stream) if module.name not in faults)
     if modules == (PLANT,):
         said = "; ".join(f"{module}: {fault}" for module, fault in faults.items())
         raise SolveError(
@@ -202,6 +213,7 @@ def _design_json(
     profile: FloatArray,
     judged: Sequence[Judged],
     losses: Sequence[FloatLoss],
+    choice: StreamChoice | None,
     modules: Sequence[CModule],
 ) -> str:
     transmission = scenario.transmission
@@ -228,6 +240,15 @@ def _design_json(
             "rate_N_per_s": built.rate_N_per_s,
         },
         "profile": {"samples": len(profile), "least_N": float(np.min(profile)), "most_N": float(np.max(profile))},
+        "stream": None
+        if choice is None
+        else {
+            "lag_s": choice.picked.design.filter.lag_s,
+            "taps": choice.picked.design.filter.taps.tolist(),
+            "dead_band_N": choice.picked.design.band_N,
+            "noise_dB": choice.picked.noise_dB,
+            "resolution_N": choice.resolution_N,
+        },
         "float_loss": {loss.module: asdict(loss) for loss in losses},
         "scores": {each.module: each.as_dict() for each in judged},
         "files": {f"{prefix}_{module.name}": module.content for module in modules},

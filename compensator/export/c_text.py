@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from importlib.resources import files
 from types import MappingProxyType
+from typing import Any
 
 import jinja2
 import numpy as np
@@ -26,6 +27,9 @@ from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
 from tendonff.ocp.step.target import controller_limits, inverse_code, plant_code
+
+STREAM = CModule(name="stream", content="exact inverse behind a filter, for references that arrive live")
+"""What is exported for references that are not known in advance."""
 
 PLANT = CModule(name="plant", content="the chain itself")
 """What is exported beside the compensators, for tests."""
@@ -66,9 +70,16 @@ def check_prefix(prefix: str) -> str:
     return prefix
 
 
-def c_modules() -> tuple[CModule, ...]:
-    """Modules of the compensators that can be exported, in the order of the registry, and of the plant."""
-    return (*(c.c_module for c in COMPENSATORS if c.c_module is not None), PLANT)
+def c_modules(with_stream: bool = False) -> tuple[CModule, ...]:
+    """Modules of the compensators that can be exported, in the order of the registry, and of the plant.
+
+    Parameters
+    ----------
+    with_stream : bool, optional
+        The module for live references too.
+    """
+    stream = (STREAM,) if with_stream else ()
+    return (*(c.c_module for c in COMPENSATORS if c.c_module is not None), *stream, PLANT)
 
 
 def c_sources(
@@ -77,7 +88,7 @@ def c_sources(
     modules: Sequence[CModule],
     precision: Precision,
     prefix: str,
-    further: Mapping[str, object] = MappingProxyType({}),
+    further: Mapping[str, Any] = MappingProxyType({}),
 ) -> dict[str, str]:
     """Sources and headers of some modules and of what they share, by file name.
 
@@ -92,7 +103,7 @@ def c_sources(
         What the templates of these modules need beyond scenario and level: table, profile.
     """
     chain, step = problem.chain, problem.reference.step_s
-    context = _context(scenario, problem, modules, precision, prefix) | dict(further)
+    context = _context(scenario, problem, modules, precision, prefix, further) | dict(further)
     names = [module.name for module in modules]
     code: dict[str, dict[str, object]] = {}
     if "inverse" in names:
@@ -112,7 +123,7 @@ def folder_files(
     modules: Sequence[CModule],
     precision: Precision,
     prefix: str,
-    further: Mapping[str, object],
+    further: Mapping[str, Any],
 ) -> dict[str, str]:
     """What an exported folder holds beside the sources of its modules, by file name.
 
@@ -126,7 +137,7 @@ def folder_files(
     further : mapping
         What the templates need beyond scenario and level.
     """
-    context = _context(scenario, problem, modules, precision, prefix) | dict(further)
+    context = _context(scenario, problem, modules, precision, prefix, further) | dict(further)
     return {name: _render(f"{name}.j2", context) for name in _FOLDER_FILES}
 
 
@@ -158,6 +169,9 @@ def _naming(scenario: Scenario, level: Level, precision: Precision, prefix: str)
     def exact_rows(values: Iterable[float]) -> str:
         return _wrapped([literal(float(v), Precision.DOUBLE) for v in values])
 
+    def any_rows(values: Iterable[float]) -> str:
+        return _wrapped([exact_real(v) for v in values])
+
     def integers(values: Iterable[int]) -> str:
         return _wrapped([f"{v}u" for v in values])
 
@@ -183,6 +197,7 @@ def _naming(scenario: Scenario, level: Level, precision: Precision, prefix: str)
         "exact_real": exact_real,
         "rows": rows,
         "exact_rows": exact_rows,
+        "any_rows": any_rows,
         "integers": integers,
         "provenance": "\n".join(f" * {line}" for line in lines),
         "level": level,
@@ -240,7 +255,12 @@ def accepted_range(problem: Problem) -> tuple[float, float]:
 
 
 def _context(
-    scenario: Scenario, problem: Problem, modules: Sequence[CModule], precision: Precision, prefix: str
+    scenario: Scenario,
+    problem: Problem,
+    modules: Sequence[CModule],
+    precision: Precision,
+    prefix: str,
+    further: Mapping[str, Any],
 ) -> dict[str, object]:
     """What every template may use."""
     transmission, reference, step = problem.transmission, problem.reference, problem.reference.step_s
@@ -249,7 +269,7 @@ def _context(
     count, reals, size = chain.count, chain.layout.size, 4 if precision is Precision.FLOAT else 8
     accepted = accepted_range(problem)
     names = [module.name for module in modules]
-    followers = [m for m in modules if not m.plays_back and m != PLANT]  # of a reference
+    followers = [m for m in modules if not m.plays_back and m not in (STREAM, PLANT)]  # of a reference, without delay
     output = max(size, 4) + 8
     past = 2 * count + 2 if precision is Precision.FLOAT else 0
     state = {
@@ -259,6 +279,10 @@ def _context(
         "plant": _padded((2 * reals + 2) * size + 16, size),
         "profile": _padded(output + 4, size),
     }
+    if "stream" in names:
+        design = further["stream"]
+        line = design.filter.delay + design.filter.half + 1
+        state["stream"] = _padded(output + state["inverse"] + (line + 3) * size + 12, size)
     return _naming(scenario, problem.level, precision, prefix) | {
         "title": f"{prefix}: feedforward force for a tendon",
         "count": count,

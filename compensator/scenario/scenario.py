@@ -1,7 +1,7 @@
 """Scenario files: the one reader, and the writer that it reads back.
 
 A scenario is a TOML file (schema 1) with the tables [path], [tendon], [friction], [actuator], [load], [reference] and
-[run], and the optional tables [robust], [experiment] and [measurement].
+[run], and the optional tables [robust], [experiment], [measurement] and [stream].
 """
 
 import hashlib
@@ -16,6 +16,7 @@ from tendonff.compensator.scenario.experiment import Experiment
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec, SineReference, WaypointReference
 from tendonff.compensator.scenario.run import Run
+from tendonff.compensator.scenario.stream import Stream
 from tendonff.compensator.scenario.tables import descriptions, read_table, show, toml_table, toml_value
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import (
@@ -43,7 +44,12 @@ _TABLES: dict[str, type] = {
     "load": Load,
     "run": Run,
 }
-_OPTIONAL: dict[str, type] = {"robust": Uncertainty, "experiment": Experiment, "measurement": Measurement}
+_OPTIONAL: dict[str, type] = {
+    "robust": Uncertainty,
+    "experiment": Experiment,
+    "measurement": Measurement,
+    "stream": Stream,
+}
 _REQUIRED_TABLES = ("path", "tendon", "friction", "actuator", "load", "reference", "run")
 
 
@@ -67,6 +73,8 @@ class Scenario:
         The two-motor test.
     measurement : Measurement
         How measured files are to be read.
+    stream : Stream
+        How a reference arrives that is not known in advance.
     source : Path
         The file it was read from, which a CSV reference is relative to.
     """
@@ -78,6 +86,7 @@ class Scenario:
     robust: Uncertainty = field(default_factory=Uncertainty)
     experiment: Experiment = field(default_factory=Experiment)
     measurement: Measurement = field(default_factory=Measurement)
+    stream: Stream = field(default_factory=Stream)
     source: Path = Path("scenario.toml")
 
     def reference_file(self) -> Path | None:
@@ -218,6 +227,8 @@ def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | Non
         "experiment": scenario.experiment,
         "measurement": scenario.measurement,
     }
+    if scenario.stream != Stream():  # what says nothing new is left out, so that older hashes stay
+        tables["stream"] = scenario.stream
     parts = [f"schema = {SCHEMA}\nname = {toml_value(scenario.name)}\n"]
     for table, value in tables.items():
         lines = f'kind = "{kind}"\n' if table == "reference" else ""
