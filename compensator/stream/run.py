@@ -12,7 +12,7 @@ from tendonff.compensator.stream.filter import StreamFilter, corner_per_sample
 from tendonff.compensator.stream.model import StreamDesign, stream_force
 from tendonff.ocp.errors import SolveError
 
-NOISE_GOAL_DB = 3.0
+NOISE_GOAL_DB = 0.0
 """Noise in the force over that in the reference, above 30 Hz, that a filter should not exceed [dB]."""
 _NOISE_FROM_HZ = 30.0
 _BITS = 12  # of the converter that is assumed where the scenario states no resolution
