@@ -187,6 +187,7 @@ def _naming(scenario: Scenario, level: Level, precision: Precision, prefix: str)
     lines = (
         f'Scenario "{name}", hash {scenario_hash(scenario)}, level {level}.',
         f"Written by tendonff {__version__} export-c --precision {precision} --prefix {prefix}.",
+        "The licence of tendonff does not cover what it writes: this file is yours.",
     )
     return {
         "prefix": prefix,

@@ -57,7 +57,7 @@ def test_a_folder_that_everybody_may_write_to_is_not_used(cache):
 
 
 def test_a_folder_that_cannot_be_written_is_no_missing_compiler(cache, monkeypatch):
-    monkeypatch.setattr(compiler, "_is_writable", lambda folder: False)
+    monkeypatch.setattr(compiler, "_is_writable", lambda _: False)
     assert compiler.load_library(SOURCE).answer() == 42
     assert not libraries(cache)
 
@@ -72,7 +72,9 @@ def test_without_a_home_a_folder_of_the_process_serves(monkeypatch):
 
 
 def test_what_a_killed_process_left_is_removed_and_what_a_live_one_makes_stays(tmp_path):
-    ended = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, text=True)
+    ended = subprocess.run(
+        [sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, text=True, check=True
+    )
     own = temporary_name("out")
     dead = own.replace(f"-{os.getpid()}-", f"-{int(ended.stdout)}-")
     other = dead.replace(".out.", ".else.")
