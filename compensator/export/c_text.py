@@ -22,7 +22,9 @@ from tendonff.compensator.export.table_index import share_index
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampling import largest_tension
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
+from tendonff.compensator.stream.model import RE_ENTRY_S
 from tendonff.models.capstan import Branch, CapstanLaw
+from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
@@ -274,7 +276,7 @@ def _context(
     output = max(size, 4) + 8
     past = 2 * count + 2 if precision is Precision.FLOAT else 0
     state = {
-        "inverse": _padded(output + (2 * reals + 2 + past) * size + 4, size),
+        "inverse": _padded(output + (2 * reals + 4 + past) * size + 12, size),
         "capstan": output + 2 * size,
         "table": _padded(output + 4 * size + 4, size),
         "plant": _padded((2 * reals + 2) * size + 16, size),
@@ -298,6 +300,8 @@ def _context(
         "pull_ratio": math.exp(law.pull_exponent),
         "release_ratio": math.exp(-law.release_exponent),
         "adhesion": law.adhesion_N,
+        "re_entry": max(1, round(RE_ENTRY_S / step)),
+        **_start_context(chain),
         "modules": modules,
         "names": names,
         "followers": followers,
@@ -307,6 +311,19 @@ def _context(
         "example_rows": max(20, min(4000, round(2.0 / step))),
         "limits": controller_limits(precision),
         "state_bytes": state,
+    }
+
+
+def _start_context(chain: Chain) -> dict[str, object]:
+    """Where a start in motion finds the states that friction and tension decide."""
+    layout = chain.layout
+    rest = chain.rest_state(0.0).vector()
+    stretched = [layout.part(name).start for name in ("e", *layout.link_states)]
+    return {
+        "knows_friction": layout.friction_states == ("f_s",) and not np.any(rest[: layout.part("q_a").start]),
+        "friction_at": layout.part(layout.friction_states[0]).start if layout.friction_states else 0,
+        "link_parts": stretched,
+        "near_at": layout.part("q_a").start,
     }
 
 

@@ -2,6 +2,7 @@
  *
  * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 32a28291451430fe, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
+ * The licence of tendonff does not cover what it writes: this file is yours.
  * On the controller the body of the loop goes into the timer interrupt, and the two lines marked RIG give way to the
  * amplifier and to nothing: the compensators are feedforward and need no measurement.
  */

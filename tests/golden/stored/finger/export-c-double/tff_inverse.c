@@ -2,6 +2,7 @@
  *
  * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 32a28291451430fe, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
+ * The licence of tendonff does not cover what it writes: this file is yours.
  * The element laws are printed from the symbolic models with the parameters of this transmission folded in.
  */
 #include "tff_inverse.h"
@@ -23,12 +24,6 @@ typedef struct {
     double path_mass_inverse_1;
 } tff_inverse_weights;
 
-<<<<<<< HEAD
-static const tff_inverse_weights tff_inverse_rows[2] = {
-    { 0.001, 0.0, 0.001, 1.0024999999999999, 195.89526184538653, 20.0, 31.0, 150.0, 0.33333333333333331 },
-    { 0.00066666666666666664, 0.33333333333333331, 0.00066666666666666664, 1.0016666666666667, 135.28674431503049, 30.0, 40.0, 225.0, 0.5 },
-};
-=======
 static const tff_inverse_weights *tff_inverse_rows(void)
 {
     static const tff_inverse_weights rows[2] = {
@@ -37,7 +32,6 @@ static const tff_inverse_weights *tff_inverse_rows(void)
     };
     return rows;
 }
->>>>>>> house
 
 /* A link's force at zero rate of elongation, before slack [N], eqs. (6), (7). */
 static void tff_inverse_link_start(
@@ -173,15 +167,6 @@ static double tff_inverse_invert_step(
     for (i = n; i >= 0; i--) { /* link i between mass i and mass i + 1 */
         double *const e = &x[(n + 2) + i];
         double *const z = &x[((2 * n) + 3) + i];
-<<<<<<< HEAD
-        tff_inverse_link_start(c, *e, *z, &start);
-        tff_inverse_link_rate(c, f, start, &rate);
-        tff_inverse_link_states(c, rate, *e, *z, e, z);
-        v += rate;
-        if (i > 0) {
-            double *const f_s = &x[((3 * n) + 4) + (i - 1)];
-            tff_inverse_path_mass_inverse(c, v, f, x[i], *f_s, &near_f, f_s);
-=======
         const double e_base = *e;
         const double z_base = *z;
         tff_inverse_link_start(c, e_base, z_base, &start);
@@ -192,7 +177,6 @@ static double tff_inverse_invert_step(
             double *const f_s = &x[((3 * n) + 4) + (i - 1)];
             const double f_s_base = *f_s;
             tff_inverse_path_mass_inverse(c, v, f, x[i], f_s_base, &near_f, f_s);
->>>>>>> house
             x[i] = v;
             f = near_f;
             *least = (f < *least) ? f : *least;
@@ -233,7 +217,43 @@ void tff_inverse_init(tff_inverse *self, tff_real initial_tension)
     }
     self->start = tension;
     self->least = tension;
+    tff_entry_init(&self->entry, tension);
     self->fresh = 2;
+}
+
+void tff_inverse_init_at(tff_inverse *self, tff_real tension, tff_real force)
+{
+    tff_inverse_init(self, tension);
+    if (tff_is_within(force, TFF_FORCE_MIN_N, TFF_FORCE_MAX_N) == 0) {
+        self->output.status |= TFF_INPUT_HELD;
+        self->output.seen |= TFF_INPUT_HELD;
+    } else {
+        const tff_real rest = self->start;
+        tff_real lifted = rest + 0.0;
+        tff_real ratio = (force + 0.0) / lifted;
+        tff_real longer = 0.0;
+        int32_t j;
+
+        ratio = (ratio > 1.8744560875853382) ? 1.8744560875853382 : ratio;
+        ratio = (ratio < 0.53348809109110329) ? 0.53348809109110329 : ratio;
+        ratio = pow(ratio, 0.16666666666666666); /* over each mass */
+        for (j = TFF_INVERSE_COUNT - 1; j >= 0; j--) { /* towards the actuator */
+            const tff_real drop = lifted * (ratio - 1.0);
+            self->x[22 + j] = drop;
+            lifted += drop;
+            {
+                const tff_real stretch = (lifted - 0.0) / rest;
+                longer += self->x[8 + j] * (stretch - 1.0);
+                self->x[8 + j] *= stretch;
+                self->x[15 + j] *= stretch;
+            }
+        }
+        self->x[28] += longer;
+        for (j = 0; j < TFF_INVERSE_REALS; j++) {
+            self->x_old[j] = self->x[j];
+        }
+        self->output.force = force;
+    }
 }
 
 tff_real tff_inverse_step(tff_inverse *self, tff_real reference)
@@ -241,17 +261,15 @@ tff_real tff_inverse_step(tff_inverse *self, tff_real reference)
     tff_real force;
 
     if (tff_is_within(reference, TFF_REFERENCE_MIN_N, TFF_REFERENCE_MAX_N) == 0) {
+        tff_entry_lose(&self->entry);
         force = tff_output_hold(&self->output, TFF_INPUT_HELD);
     } else if ((self->fresh == 2) && (tff_is_within(reference, self->start, self->start) != 0)) {
         self->fresh = 1; /* the sample at t = 0: at rest */
         force = tff_output_set(&self->output, self->output.force);
     } else {
+        const tff_real followed = tff_entry_take(&self->entry, reference);
         const tff_real exact = tff_inverse_invert_step(
-<<<<<<< HEAD
-            tff_inverse_rows, reference, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &self->least);
-=======
-            tff_inverse_rows(), reference, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &self->least);
->>>>>>> house
+            tff_inverse_rows(), followed, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &self->least);
         self->fresh = 0;
         force = tff_output_set(&self->output, exact);
         if (self->least <= 0.0) {

@@ -2,6 +2,7 @@
  *
  * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 32a28291451430fe, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
+ * The licence of tendonff does not cover what it writes: this file is yours.
  */
 #ifndef TFF_PROFILE_H
 #define TFF_PROFILE_H

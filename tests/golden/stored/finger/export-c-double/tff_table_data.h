@@ -2,11 +2,12 @@
  *
  * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 32a28291451430fe, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
+ * The licence of tendonff does not cover what it writes: this file is yours.
  * Interpolation error at most 0.159 N (bound 0.165 N); made for a reference that
  * moves at 29.7 N/s. Bilinear in the reference and in the share.
  */
-#ifndef TFF_TABLE_DATA_H
-#define TFF_TABLE_DATA_H
+#ifndef TFF_TABLE_DATA_32A28291451430FE_H
+#define TFF_TABLE_DATA_32A28291451430FE_H
 
 #include <stdint.h>
 
