@@ -119,7 +119,9 @@ class _Numbers:
 
 def _tangent_source(chain: Chain) -> str:
     laws = ElementLaws.of(chain)
-    return host_source(chain, (*laws.simulation(), *laws.tangent()), ("kernel.c.j2", "weigh.c.j2", "tangent.c.j2"))
+    return host_source(
+        chain, (*laws.simulation(), *laws.tangent()), ("kernel.c.j2", "weigh.c.j2", "tangent.c.j2", "tangent_run.c.j2")
+    )
 
 
 def force_sensitivity(

@@ -1,8 +1,11 @@
 """Shared by all tests."""
 
+import importlib.util
 import os
 import shutil
+import sys
 from pathlib import Path
+from types import ModuleType
 
 import matplotlib as mpl
 import pytest
@@ -43,6 +46,18 @@ def measured_data() -> Path:
     if not (folder / "band_capstan").is_dir():
         pytest.skip("measured data not found; set TENDONFF_DATA to its folder")
     return folder
+
+
+@pytest.fixture(scope="session")
+def independent_rig() -> ModuleType:
+    """The module `independent_rig.py`: a rig that shares no code with the packages."""
+    spec = importlib.util.spec_from_file_location("independent_rig", ROOT / "tests" / "independent_rig.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # dataclasses look their module up
+    spec.loader.exec_module(module)
+    return module
 
 
 @pytest.fixture(scope="session")

@@ -38,18 +38,26 @@ def test_the_tree_imports_under_its_public_name_without_an_installation(top: str
     assert link.readlink() == Path("..") / top
 
 
-def test_a_wheel_built_without_links_holds_the_whole_tree(tmp_path: Path) -> None:
-    """Git writes a link as a text file where the system has none, as on Windows without developer mode."""
+def build(target: str, folder: Path) -> set[str]:
+    """Names in a wheel of the tree as git writes it where there are no links: each is a text file."""
     pytest.importorskip("hatchling", reason="hatchling is not installed")
     for name in ("pyproject.toml", "README.md", "LICENSE"):
-        shutil.copy(ROOT / name, tmp_path)
-    shutil.copytree(ROOT / "tendonff", tmp_path / "tendonff", symlinks=True)
+        shutil.copy(ROOT / name, folder)
+    shutil.copytree(ROOT / "tendonff", folder / "tendonff", symlinks=True)
     for top in LINKED:
-        shutil.copytree(ROOT / top, tmp_path / top)
-        (tmp_path / "tendonff" / top).unlink()
-        (tmp_path / "tendonff" / top).write_text(f"../{top}", encoding="utf-8")
-    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel"]
-    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
-    [wheel] = (tmp_path / "dist").glob("*.whl")
-    names = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
-    assert names == tree()
+        shutil.copytree(ROOT / top, folder / top)
+        (folder / "tendonff" / top).unlink()
+        (folder / "tendonff" / top).write_text(f"../{top}", encoding="utf-8")
+    subprocess.run([sys.executable, "-m", "hatchling", "build", "-t", target], cwd=folder, check=True)
+    [wheel] = (folder / "dist").glob("*.whl")
+    return {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
+
+
+def test_a_wheel_built_without_links_holds_the_whole_tree(tmp_path: Path) -> None:
+    """As on Windows without developer mode."""
+    assert build("wheel", tmp_path) == tree()
+
+
+def test_an_editable_installation_copies_nothing(tmp_path: Path) -> None:
+    """A copy would go stale, and type checkers would read it instead of the tree."""
+    assert build("wheel:editable", tmp_path) == {"_tendonff.pth"}

@@ -12,19 +12,13 @@ import pytest
 
 from tendonff.compensator.scenario.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.models.assembly import normal_force
 from tendonff.models.capstan import Branch, CapstanLaw
-from tendonff.models.chain import Chain, ChainState
-from tendonff.models.elements import equivalent_coefficient
+from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
-from tendonff.models.friction import (
-    BristleParameters,
-    bristle_rate,
-    friction_force,
-    implicit_bristle,
-    normal_force,
-    stribeck_coefficient,
-)
-from tendonff.models.link import LinkParameters, relaxation_rate, unclipped_force
+from tendonff.models.friction import LuGreBristle, equivalent_coefficient
+from tendonff.models.layout import ChainState
+from tendonff.models.link import ZenerLink
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import simulate
 from tendonff.ocp.tracking.limits import ForceLimits
@@ -32,17 +26,16 @@ from tendonff.ocp.tracking.track import track
 
 ROOT = Path(__file__).resolve().parents[1]
 LAW = CapstanLaw(pull_exponent=0.63, release_exponent=0.47, adhesion_N=1.5)
-BRISTLE = BristleParameters(
+BRISTLE = LuGreBristle(
     bristle_stiffness_N_per_m=4e4,
     mu_dynamic_pull=0.15,
     mu_static_pull=0.25,
     mu_dynamic_release=0.1,
     mu_static_release=0.2,
     stribeck_velocity_m_per_s=5e-3,
+    viscous_N_s_per_m=4.0,
 )
-LINK = LinkParameters(
-    stiffness_N_per_m=2e4, relaxing_stiffness_N_per_m=6e3, relaxation_time_s=0.4, damping_N_s_per_m=3.0
-)
+LINK = ZenerLink(stiffness_N_per_m=2e4, relaxing_stiffness_N_per_m=6e3, relaxation_time_s=0.4, damping_N_s_per_m=3.0)
 CHECKED: set[str] = set()
 
 
@@ -167,32 +160,32 @@ def test_the_elongation_is_the_mean_tension_over_the_stiffness():
 @equation("6", "7", "4.1")
 def test_a_held_link_relaxes_from_both_stiffnesses_to_one():
     e, z = ca.SX.sym("e"), ca.SX.sym("z")
-    law = ca.Function("f", [e, z], [unclipped_force(e, ca.SX(0), z, LINK)])
-    solve = ca.integrator("held", "cvodes", {"x": z, "p": e, "ode": relaxation_rate(e, z, LINK)}, 0.0, 0.7)
+    law = ca.Function("f", [e, z], [LINK.unclipped_force(e, ca.SX(0), (z,))])
+    solve = ca.integrator("held", "cvodes", {"x": z, "p": e, "ode": LINK.rate(e, (z,))[0]}, 0.0, 0.7)
     after = float(law(2e-3, solve(x0=0, p=2e-3)["xf"]))
     assert after == pytest.approx(2e4 * 2e-3 + 6e3 * 2e-3 * math.exp(-0.7 / 0.4), rel=1e-5)
     elastic = replace(LINK, relaxing_stiffness_N_per_m=0.0)
-    assert number(unclipped_force(ca.SX(2e-3), ca.SX(0.1), ca.SX(1e-3), elastic)) == pytest.approx(2e4 * 2e-3 + 0.3)
+    assert number(elastic.unclipped_force(ca.SX(2e-3), ca.SX(0.1), (ca.SX(1e-3),))) == pytest.approx(2e4 * 2e-3 + 0.3)
 
 
 @equation("5a", "4.2")
 def test_the_bristle_climbs_exponentially_over_the_presliding_length():
     v, normal, f = 1e-4, 50.0, ca.SX.sym("f")
-    mu = number(stribeck_coefficient(ca.SX(v), BRISTLE))
+    mu = number(BRISTLE.coefficient(ca.SX(v)))
     length, x = mu * normal / 4e4, 3e-4
-    rate = bristle_rate(ca.SX(v), f, ca.SX(normal), BRISTLE)
+    rate = BRISTLE.rate(ca.SX(v), (f,), ca.SX(normal))[0]
     end = ca.integrator("slide", "cvodes", {"x": f, "ode": rate}, 0.0, x / v, {"reltol": 1e-9, "abstol": 1e-9})
     assert float(end(x0=0)["xf"]) == pytest.approx(mu * normal * (1 - math.exp(-x / length)), rel=1e-5)
     f_s = 2.0
-    assert number(bristle_rate(ca.SX(v), ca.SX(f_s), ca.SX(normal), BRISTLE)) == pytest.approx(
+    assert number(BRISTLE.rate(ca.SX(v), (ca.SX(f_s),), ca.SX(normal))[0]) == pytest.approx(
         4e4 * (v - f_s * v / (normal * mu))
     )
 
 
 @equation("5b", "5c")
 def test_friction_weakens_with_the_first_power_of_speed_and_has_a_viscous_part():
-    assert number(stribeck_coefficient(ca.SX(7e-3), BRISTLE)) == pytest.approx(0.15 + 0.1 * math.exp(-7 / 5))
-    assert number(friction_force(ca.SX(-0.2), ca.SX(3.0), ca.SX(4.0))) == pytest.approx(3.0 - 0.8)
+    assert number(BRISTLE.coefficient(ca.SX(7e-3))) == pytest.approx(0.15 + 0.1 * math.exp(-7 / 5))
+    assert number(BRISTLE.state_force((ca.SX(3.0),)) + BRISTLE.viscous_force(ca.SX(-0.2))) == pytest.approx(3.0 - 0.8)
 
 
 @equation("4", "8", "9", "4.3")
@@ -215,8 +208,9 @@ def test_between_two_tensions_lie_friction_and_inertia_of_one_mass(finger):
     whole, step = finger.transmission, 1e-4
     heavy = replace(whole, tendon=replace(whole.tendon, mass_kg=1.0))  # so that inertia is seen
     force = 40 + 20 * np.sin(2 * np.pi * 5 * step * np.arange(1501))
-    run = simulate(Chain.of(heavy, Level.PRESLIDING), force, step, record=True)
-    before, now, after = (ChainState.from_vector(run.states[row]) for row in (1399, 1400, 1401))
+    chain = Chain.of(heavy, Level.PRESLIDING)
+    run = simulate(chain, force, step, record=True)
+    before, now, after = (ChainState.from_vector(run.states[row], chain.layout) for row in (1399, 1400, 1401))
     acceleration = (after.velocity_m_per_s - before.velocity_m_per_s)[1:-1] / (2 * step)
     inertia = 1.0 / 6 * acceleration
     friction = now.bristle_N + whole.friction.viscous_N_s_per_m / 6 * now.velocity_m_per_s[1:-1]
@@ -229,14 +223,14 @@ def test_between_two_tensions_lie_friction_and_inertia_of_one_mass(finger):
 @pytest.mark.parametrize("v", [-0.02, -1e-4, 3e-3, 0.05])
 def test_the_quadratic_of_the_inverse_solves_the_implicit_bristle_law(v):
     step, base, far = 1e-3, 0.7, 60.0
-    rule = implicit_bristle(ca.SX(v), ca.SX(base), ca.SX(step), BRISTLE)
-    f_s = number(rule.bristle_force_from_far_side(ca.SX(far)))
-    mu = number(stribeck_coefficient(ca.SX(v), BRISTLE))
+    at = ca.SX(v), (ca.SX(base),), ca.SX(step), ca.SX(far)
+    f_s = number(BRISTLE.implicit_from_far_side(*at)[0])
+    mu = number(BRISTLE.coefficient(ca.SX(v)))
     b, g = base + step * 4e4 * v, step * 4e4 * abs(v) / mu
     h = (far + g - b) / 2
     assert f_s == pytest.approx(-h + math.sqrt(h * h + far * b), rel=1e-9)
     assert f_s * (1 + g / (far + f_s)) == pytest.approx(b, rel=1e-9)
-    assert f_s == pytest.approx(base + step * number(bristle_rate(ca.SX(v), ca.SX(f_s), ca.SX(far + f_s), BRISTLE)))
+    assert f_s == pytest.approx(base + step * number(BRISTLE.rate(ca.SX(v), (ca.SX(f_s),), ca.SX(far + f_s))[0]))
 
 
 def test_forward_through_the_same_chain_the_inverse_returns_the_reference(finger):

@@ -12,6 +12,7 @@ from typing import Annotated, NoReturn, cast
 import typer
 
 from tendonff._version import __version__
+from tendonff.compensator.cli.adapt import adapt
 from tendonff.compensator.cli.compare import compare
 from tendonff.compensator.cli.design import design
 from tendonff.compensator.cli.example import example
@@ -66,6 +67,7 @@ app.command()(simulate)
 app.command()(design)
 app.command()(experiment)
 app.command()(compare)
+app.command()(adapt)
 app.command()(explore)
 app.command()(identify)
 app.command()(table)

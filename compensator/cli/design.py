@@ -1,12 +1,22 @@
 """`tendonff design`: the main job."""
 
+from typing import Annotated
+
+import typer
+
 from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument
 from tendonff.compensator.cli.progress import progress, warn
 
 EXIT_SOLVE = 1  # what was written is the best that was found
 
 
-def design(scenario: ScenarioArgument, out: OutFolderOption) -> int:
+def design(
+    scenario: ScenarioArgument,
+    out: OutFolderOption,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Refuse a reference out of reach instead of coming closest to it.")
+    ] = False,
+) -> int:
     """Design and verify the actuator force.
 
     Computes force profiles that produce the desired output tension, by every compensator, and simulates each.
@@ -18,7 +28,7 @@ def design(scenario: ScenarioArgument, out: OutFolderOption) -> int:
         from tendonff.compensator.design.scores import print_scores
 
         with progress("designing") as advance:
-            result = design_profile(loaded, progress=advance)
+            result = design_profile(loaded, strict=strict, progress=advance)
         with progress("writing"):
             result.write(folder)
     for warning in result.warnings:

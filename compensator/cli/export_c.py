@@ -38,6 +38,8 @@ def export_c(
                 loaded, precision=precision, prefix=prefix, level=level, force_export=force_export
             )
             exported.write(folder)
+    for note in exported.notes:
+        say(note)
     for warning in exported.warnings:
         warn(warning)
     for line in score_lines(exported.judged):

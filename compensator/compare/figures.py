@@ -14,6 +14,7 @@ from tendonff.compensator.reporting.plots import (
     INK,
     PAGE_WIDTH_IN,
     VERMILION,
+    coinciding,
     figure_style,
     legend_below,
     new_figure,
@@ -74,7 +75,7 @@ def matrix_figure(result: ComparisonData) -> Figure:
     image = panel.imshow(shown, norm=LogNorm(0.01, 100.0), cmap="cividis_r", aspect="auto")
     panel.set_xticks(range(len(plants())), plants())
     panel.set_yticks(range(len(rows)), [label for label, _ in rows])
-    panel.set(xlabel="plant", ylabel="design", title="Error, % of range rms (± spread over step and tolerance)")
+    panel.set(xlabel="plant", ylabel="design", title="RMS error, % of range (± spread over step and tolerance)")
     panel.grid(False)
     panel.tick_params(length=0)
     for i, (_, row) in enumerate(rows):
@@ -99,7 +100,7 @@ def cell_text(entry: Entry) -> str:
 
 
 def errors_figure(result: ComparisonData) -> Figure:
-    """Error over time of the exact inverse designed on each level, on the most detailed plant.
+    """Reference, and error over time of the exact inverse designed on each level, on the most detailed plant.
 
     Parameters
     ----------
@@ -107,17 +108,28 @@ def errors_figure(result: ComparisonData) -> Figure:
     """
     reference, plant = result.reference, Level.PRESLIDING.value
     rows = thinned(len(reference.time_s))
-    figure, axes = new_figure(2, 1, share_x=True, height_in=4.4)
-    axes[0, 0].plot(reference.time_s[rows], reference.tension_N[rows], color=INK, label="wanted")
-    for level in Level:
-        error = result.outputs_N["inverse", level, plant] - reference.tension_N
-        style: dict[str, Any] = {"color": LEVEL_COLOURS[level], "linestyle": LEVEL_STYLES[level]}
-        axes[1, 0].plot(reference.time_s[rows], error[rows], label=f"designed on {level}", **style)
+    figure, axes = new_figure(3, 1, share_x=True, height_in=5.6)
+    wanted, whole, zoom = axes[:, 0]
+    wanted.plot(reference.time_s[rows], reference.tension_N[rows], color=INK, label="reference")
+    errors = {level: result.outputs_N["inverse", level, plant] - reference.tension_N for level in Level}
     static = result.outputs_N["capstan", next(iter(Level)), plant] - reference.tension_N
-    axes[1, 0].plot(reference.time_s[rows], static[rows], color="0.55", linewidth=0.9, label="static capstan law")
-    axes[0, 0].set(ylabel="wanted tension [N]")
-    axes[1, 0].set(ylabel="error [N]", xlabel="time [s]", title=f"Error on the {plant} plant")
-    legend_below(figure, axes[1, 0], columns=4)
+    hidden = coinciding({level.value: error for level, error in errors.items()}, float(np.ptp(errors[Level.ELASTIC])))
+    for panel in (whole, zoom):
+        for level, error in errors.items():
+            style: dict[str, Any] = {"color": LEVEL_COLOURS[level], "linestyle": LEVEL_STYLES[level]}
+            if level in hidden.values():
+                style.update(linewidth=3.4, linestyle="-", alpha=0.55)
+            label = f"designed on {level}"
+            label += f" (coincides with {hidden[level]})" if level in hidden else ""
+            panel.plot(reference.time_s[rows], error[rows], label=label, **style)
+        panel.plot(reference.time_s[rows], static[rows], color="0.55", linewidth=0.9, label="static capstan law")
+    limit = 1.15 * max(float(np.max(np.abs(error))) for error in errors.values())
+    if limit > 0:
+        zoom.set_ylim(-limit, limit)
+    wanted.set(ylabel="reference [N]")
+    whole.set(ylabel="error [N]", title=f"Error on the {plant} plant")
+    zoom.set(ylabel="error [N]", xlabel="time [s]", title="Enlarged")
+    legend_below(figure, whole, columns=2)
     return figure
 
 
@@ -136,8 +148,13 @@ def levels_figure(result: ComparisonData) -> Figure:
         loop.plot(traits.force_N[rows], traits.output_N[rows], label=name, **style)
         rows = thinned(len(traits.hold_time_s))
         hold.plot(traits.hold_time_s[rows], 100 * traits.hold_input_N[rows] / traits.hold_input_N[0], **style)
-    loop.set(xlabel="actuator force [N]", ylabel="output tension [N]", title="Loop")
-    hold.set(xlabel="time held [s]", ylabel="tension at the actuator [%]", title="Actuator's position held")
+    loop.set(xlabel="actuator force [N]", ylabel="output tension [N]", title="Hysteresis loop")
+    loop.set_aspect("equal", adjustable="datalim")
+    hold.set(
+        xlabel="time held [s]",
+        ylabel="tension at the actuator [%]",
+        title="Relaxation in a hold",
+    )
     legend_below(figure, loop, columns=4)
     return figure
 

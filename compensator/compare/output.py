@@ -1,6 +1,7 @@
 """The files of a comparison: the matrix as CSV, the summary, figures and the report."""
 
 import csv
+import math
 import os
 from dataclasses import asdict, astuple, dataclass, fields
 from pathlib import Path
@@ -56,6 +57,12 @@ def summary(result: ComparisonData) -> dict[str, object]:
         **summary_head(result.scenario),
         "reference_range_N": result.reference.range_N,
         "recommendation": result.recommendation,
+        "uncertainty": result.doubt.widths,
+        "uncertainty_is_assumed": result.doubt.is_assumed,
+        "worst_percent_of_range": [
+            {"compensator": name, "design_level": level.value, "worst": worst if math.isfinite(worst) else None}
+            for (name, level), worst in result.worst_percent.items()
+        ],
         "enough_percent_of_range": ENOUGH_PERCENT,
         "matrix": [asdict(entry) for entry in result.entries],
         "levels": {

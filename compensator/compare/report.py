@@ -13,16 +13,37 @@ from tendonff.compensator.reporting.page import (
     pictures_of,
     provenance_of,
 )
+from tendonff.models.fidelity import Level
 
 _CAPTIONS = {
-    "matrix": "Error of every design on every plant, % of range rms. Read along a row: how much a design loses on a "
-    "plant that it was not made for.",
-    "errors": "The exact inverse designed on each level, and the static law, all played on the most detailed plant.",
+    "matrix": "RMS error of every design on every plant, % of reference range; dark is bad. Read along a row: what a "
+    "design costs on a plant that it was not made for.",
+    "errors": "Below: errors of the exact inverse designed on each level, and of the static law, on the most detailed "
+    "plant; bottom: enlarged.",
     "levels": "Left: output over force in a slow cycle; the width of the loop is friction, its corners are the "
-    "reversals. Right: the tension that is left while the actuator holds its position.",
-    "bode": "From small changes of the force to small changes of the output tension, around rest. What sticks hardly "
-    "passes on what it is given: the gain is far below 1.",
+    "reversals. Right: stress relaxation while the actuator holds its position.",
+    "bode": "From small changes of the force to small changes of the output tension, around rest. A sticking tendon "
+    "transmits little of a small change: the gain is far below 1.",
 }
+
+
+def _expected(result: ComparisonData) -> Table:
+    """Worst error of every design over what may be the real transmission."""
+    levels = tuple(Level)
+    return Table(
+        caption=f"Worst RMS error on the presliding level, % of reference range, for {result.doubt}",
+        columns=("profile", *(f"designed on {level}" for level in levels)),
+        rows=[
+            (
+                c.label,
+                *(
+                    result.worst_percent[c.name, level] if c.knows_the_level or level is levels[0] else None
+                    for level in levels
+                ),
+            )
+            for c in result.compensators
+        ],
+    )
 
 
 def compare_report(result: ComparisonData, figures: dict[str, Figure]) -> Report:
@@ -37,7 +58,7 @@ def compare_report(result: ComparisonData, figures: dict[str, Figure]) -> Report
     pictures = pictures_of(figures, _CAPTIONS)
     rows = matrix_rows(result)
     errors = Table(
-        caption="Error, % of range rms (± spread)",
+        caption="RMS error, % of reference range (± spread)",
         columns=("design", *(f"on {plant}" for plant in plants())),
         rows=[(label, *(cell_text(entry) for entry in row)) for label, row in rows],
     )
@@ -47,15 +68,15 @@ def compare_report(result: ComparisonData, figures: dict[str, Figure]) -> Report
         rows=[(label, *(f"{e.peak_error_N:.2f} N, {round(1e3 * e.lag_s)} ms" for e in row)) for label, row in rows],
     )
     differences = Table(
-        caption="What changes between the levels",
-        columns=("level", "dead zone [N]", "width of a reversal [N]", "loop area [%]", "lost in a hold [%]"),
+        caption="Traits of the levels",
+        columns=("level", "dead zone [N]", "width of a reversal [N]", "loop area [%]", "relaxation in a hold [%]"),
         rows=[
             (name, t.dead_zone_N, t.reversal_width_N, t.loop_area_percent, max(round(t.relaxation_percent, 6), 0.0))
             for name, t in result.traits.items()
         ],
     )
     costs = Table(
-        caption="What a level costs",
+        caption="Cost of a level",
         columns=("level", "ms per simulated second", "states", "parameters", "which"),
         rows=[
             (
@@ -73,15 +94,17 @@ def compare_report(result: ComparisonData, figures: dict[str, Figure]) -> Report
         summary=result.recommendation,
         warnings=result.warnings,
         sections=(
+            Section(title="What to expect on a rig", blocks=(_expected(result),)),
             Section(
                 title="Every design on every plant",
                 blocks=(
                     Text(
-                        "A design is a force profile made with one model; a plant is the model that it is played on. "
-                        "The static capstan law serves as a plant, too. Every replay takes a quarter of the step, so "
-                        "that no design profits from sharing its plant's rounding; the spread is the largest rms "
-                        "difference to replays with half the step, the whole step, and a force that differs in the "
-                        "ninth digit. Errors that differ by less than their spreads are equal."
+                        "A design is a force profile made with one model; a plant is the model that it is simulated "
+                        "on, the static capstan law included, here with the scenario's own parameters. Each simulation "
+                        "takes a quarter of the step, so that no design profits from sharing its plant's rounding; the "
+                        "spread is the largest RMS difference to simulations with half the step, the whole step, and a "
+                        "force that differs in the ninth digit. Errors that differ by less than their spreads are "
+                        "equal."
                     ),
                     pictures["matrix"],
                     errors,
@@ -90,20 +113,20 @@ def compare_report(result: ComparisonData, figures: dict[str, Figure]) -> Report
             ),
             Section(title="Errors over time", blocks=(pictures["errors"],)),
             Section(
-                title="What the levels do differently",
+                title="How the levels differ",
                 blocks=(
                     pictures["levels"],
                     differences,
                     Text(
                         "Dead zone: how far the force falls after pulling before the output follows. Width of a "
                         "reversal: how much further until it follows at its full rate; 0 is a corner. Loop area: of "
-                        "the rectangle around the loop. Lost in a hold: tension at the actuator that relaxes away "
+                        "the rectangle around the loop. Relaxation in a hold: fall of the tension at the actuator "
                         "while its position is held."
                     ),
                     pictures["bode"],
                 ),
             ),
-            Section(title="What they cost", blocks=(costs,)),
+            Section(title="Computing time and parameters", blocks=(costs,)),
         ),
         provenance=provenance_of(result.scenario, "compare"),
         files=(

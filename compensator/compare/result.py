@@ -5,6 +5,7 @@ from typing import Literal
 
 from tendonff.compensator.compare.levels import LevelCost, LevelTraits
 from tendonff.compensator.compensators.base import Compensator, FloatArray
+from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.scenario.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
@@ -18,7 +19,7 @@ ENOUGH_PERCENT = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """One compensator, designed on one level, played on one plant.
+    """One compensator, designed on one level, simulated on one plant.
 
     Parameters
     ----------
@@ -29,11 +30,11 @@ class Entry:
     plant_level : str
         A `Level`, or "capstan" for the static law.
     rmse_percent_of_range, peak_error_N : float
-        Of a replay with a quarter of the step.
+        Of a simulation with a quarter of the step.
     lag_s : float
         Delay of the output against the reference [s]; negative when it leads.
     spread_percent_of_range : float
-        Largest rms difference to replays with half the step, the whole step, and a force that differs in the ninth
+        Largest RMS difference to simulations with half the step, the whole step, and a force that differs in the ninth
         digit, which stands for a solver's tolerance [% of range]. Errors that differ by less are equal.
     """
 
@@ -63,6 +64,10 @@ class ComparisonData:
     traits : dict of str to LevelTraits
         What each level and the static law do differently.
     costs : dict of str to LevelCost
+    doubt : Doubt
+        What may be the real transmission.
+    worst_percent : dict of (str, Level) to float
+        Largest RMS error of a design over what may be the real transmission, on the most detailed level [% of range].
     recommendation : str
         One sentence.
     warnings : tuple of str
@@ -75,6 +80,8 @@ class ComparisonData:
     outputs_N: dict[tuple[str, Level, str], FloatArray]
     traits: dict[str, LevelTraits]
     costs: dict[str, LevelCost]
+    doubt: Doubt
+    worst_percent: dict[tuple[str, Level], float]
     recommendation: str
     warnings: tuple[str, ...]
 

@@ -1,7 +1,7 @@
 """How much model does the task need? Every compensator, designed on each level, tried on every level."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from tendonff.compensator.compare.result import CAPSTAN_PLANT, ENOUGH_PERCENT, E
 from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, ProfileStatus
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import SimulatedPlant, scale_N, score, simulate_profile
+from tendonff.compensator.compensators.uncertain import Doubt, doubt
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.scenario.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
@@ -22,6 +23,7 @@ from tendonff.models.parameters import Transmission
 from tendonff.ocp.crosscheck import NUDGE
 from tendonff.ocp.simulate import Outcome
 from tendonff.ocp.tracking.problem import TrackOptions
+from tendonff.ocp.tracking.robust import error_band
 
 REFINEMENTS = (4, 2, 1)
 """Steps to a row of the profile; the first gives the figures, the others the spread."""
@@ -43,7 +45,7 @@ def compare(
     ----------
     scenario : Scenario
     compensators : sequence of Compensator, optional
-        Default: all; "none", "capstan" and one that knows the level must be among them.
+        Default: all; "none", "capstan" and one beside "smoothed" that knows the level must be among them.
     options : TrackOptions, optional
         What the optimal profile is optimised for.
     progress : callable, optional
@@ -62,6 +64,7 @@ def compare(
     parts = Parts(progress, len(Level) * (len(compensators) + len(plants()) + 2))
     entries: list[Entry] = []
     outputs: dict[tuple[str, Level, str], FloatArray] = {}
+    forces_of: dict[tuple[str, Level], FloatArray] = {}
     seen: dict[tuple[bytes, str], tuple[Entry, FloatArray]] = {}
     for level in Level:
         problem = Problem.of(scenario, level=level, reference=reference, options=options)
@@ -70,7 +73,7 @@ def compare(
             profile = compensator.profile(problem, progress=parts.inside())
             if profile.status is not ProfileStatus.GOOD:
                 warnings.append(f"{compensator} designed on {level}: {profile.message}")
-            forces[compensator.name] = profile.force_N
+            forces[compensator.name] = forces_of[compensator.name, level] = profile.force_N
             parts.done()
         for plant in plants():
             for name, force in forces.items():
@@ -80,6 +83,8 @@ def compare(
                 found, outputs[name, level, plant] = seen[key]
                 entries.append(replace(found, compensator=name, design_level=level, plant_level=plant))
             parts.done()
+    real = doubt(transmission, scenario.robust)
+    worst = worst_percent(real, forces_of, reference)
     traits, costs = {}, {}
     for model in (*Level, None):
         name = CAPSTAN_PLANT if model is None else model.value
@@ -97,9 +102,39 @@ def compare(
         outputs_N=outputs,
         traits=traits,
         costs=costs,
-        recommendation=recommend(entries, compensators),
+        doubt=real,
+        worst_percent=worst,
+        recommendation=recommend(entries, compensators, worst, str(real)),
         warnings=tuple(dict.fromkeys((*warnings, *_noise(entries)))),
     )
+
+
+def worst_percent(
+    real: Doubt, forces_N: Mapping[tuple[str, Level], FloatArray], reference: Reference
+) -> dict[tuple[str, Level], float]:
+    """Largest RMS error over what may be the real transmission, on the most detailed level [% of range].
+
+    Parameters
+    ----------
+    real : Doubt
+    forces_N : mapping of (str, Level) to ndarray, shape (n,)
+        By name of the compensator and design level.
+    reference : Reference
+    """
+    seen: dict[bytes, float] = {}
+    for force in forces_N.values():
+        if force.tobytes() in seen:
+            continue
+        band = error_band(
+            real.samples,
+            Level.PRESLIDING,
+            force,
+            reference.tension_N,
+            reference.step_s,
+            initial_tension_N=reference.initial_tension_N,
+        )
+        seen[force.tobytes()] = 100 * band.worst_rms_N / scale_N(reference.tension_N)
+    return {key: seen[force.tobytes()] for key, force in forces_N.items()}
 
 
 def _entry(
@@ -111,7 +146,7 @@ def _entry(
     reference: Reference,
     warnings: list[str],
 ) -> tuple[Entry, FloatArray]:
-    """Play a force on a plant, with the spread over step and tolerance."""
+    """Simulate a force on a plant, with the spread over step and tolerance."""
     if plant == CAPSTAN_PLANT:
         # Exact for a force that is linear between rows: nothing to refine.
         outputs = [CapstanLaw.of(transmission).output_history_N(force_N, reference.initial_tension_N)]

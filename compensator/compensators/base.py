@@ -74,6 +74,7 @@ class Problem:
         reference : Reference, optional
             Default: the scenario's own, sampled.
         options : TrackOptions, optional
+            Default: those of the scenario.
         """
         samples = sample_transmissions(scenario.transmission, scenario.robust)
         return cls(
@@ -82,7 +83,7 @@ class Problem:
             reference=sample_reference(scenario) if reference is None else reference,
             samples=samples if len(samples) > 1 else (),
             objective=scenario.robust.objective,
-            options=options or TrackOptions(),
+            options=options or TrackOptions(**scenario.optimal.given),  # type: ignore[arg-type]
         )
 
     @cached_property
@@ -253,4 +254,5 @@ def limit_warnings(name: str, before_N: FloatArray, after_N: FloatArray) -> tupl
     if not changed.any():
         return ()
     share, most = 100 * float(changed.mean()), float(np.max(difference))
-    return (f"{name}: the actuator's limits change the force in {share:.3g} % of the rows, by up to {most:.3g} N",)
+    active = f"actuator limits are active in {share:.3g} % of the samples"
+    return (f"{name}: {active} and change the force by up to {most:.3g} N",)

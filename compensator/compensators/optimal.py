@@ -87,11 +87,12 @@ def tracking_warnings(tracking: Tracking) -> tuple[str, ...]:
     if tracking.status is TrackStatus.EXACT:
         return ()
     found = [] if tracking.status is TrackStatus.OPTIMAL else [f"optimal: {tracking.message}"]
+    found += [f"optimal: {caution}" for caution in tracking.cautions]
     found += tracking.reasons
     if tracking.departures:
         worst = max(tracking.departures, key=lambda departure: abs(departure.peak_error_N))
         found.append(
-            f"optimal: off the reference by more than 1 % in {len(tracking.departures)} "
-            f"{'stretch' if len(tracking.departures) == 1 else 'stretches'}; most {worst}"
+            f"optimal: error above 1 % of range in {len(tracking.departures)} "
+            f"{'interval' if len(tracking.departures) == 1 else 'intervals'}; worst {worst}"
         )
     return tuple(found)

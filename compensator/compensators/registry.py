@@ -4,11 +4,19 @@ from tendonff.compensator.compensators.base import Compensator
 from tendonff.compensator.compensators.capstan import Capstan
 from tendonff.compensator.compensators.inverse import Inverse
 from tendonff.compensator.compensators.optimal import Optimal
+from tendonff.compensator.compensators.smoothed import Smoothed
 from tendonff.compensator.compensators.table import CompensationTable
 from tendonff.compensator.compensators.uncompensated import Uncompensated
 from tendonff.compensator.files.reading import InputError, suggestion
 
-COMPENSATORS: tuple[Compensator, ...] = (Uncompensated(), Capstan(), Inverse(), Optimal(), CompensationTable())
+COMPENSATORS: tuple[Compensator, ...] = (
+    Uncompensated(),
+    Capstan(),
+    Smoothed(),
+    Inverse(),
+    Optimal(),
+    CompensationTable(),
+)
 """Everything that `design` and `compare` try; a further compensator is one more line here."""
 
 
@@ -18,7 +26,7 @@ def compensator(name: str) -> Compensator:
     Parameters
     ----------
     name : str
-        As in the files: "none", "capstan", "inverse", "optimal", "table".
+        As in the files: "none", "capstan", "smoothed", "inverse", "optimal", "table".
 
     Raises
     ------

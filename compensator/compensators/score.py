@@ -137,6 +137,8 @@ class Verified:
     plant : SimulatedPlant
     output_N : ndarray, shape (n,)
         Delivered tension at the rows of the reference [N].
+    travel_m : ndarray, shape (n,)
+        Travel of the actuator's end from rest [m].
     score : Score
     slack : str
         Where the tendon went slack; empty where it stayed taut.
@@ -145,6 +147,7 @@ class Verified:
     compensator: str
     plant: SimulatedPlant
     output_N: FloatArray
+    travel_m: FloatArray
     score: Score
     slack: str
 
@@ -174,6 +177,7 @@ def verify(
         compensator=compensator,
         plant=plant,
         output_N=output,
+        travel_m=run.near_position_m[:: plant.refinement] - run.near_position_m[0],
         score=score(reference.tension_N, output),
         slack=run.message if run.outcome is Outcome.SLACK else "",
     )

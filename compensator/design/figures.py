@@ -1,5 +1,6 @@
-"""Figures of a design: tension, force, loop and error."""
+"""Figures of a design: what to expect, tension, force, loop and error."""
 
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
@@ -7,12 +8,23 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tendonff.compensator.compensators.base import Compensator
+from tendonff.compensator.compensators.base import Compensator, FloatArray
 from tendonff.compensator.design.result import DesignData
-from tendonff.compensator.reporting.plots import INK, PAGE_WIDTH_IN, figure_style, legend_below, new_figure, thinned
+from tendonff.compensator.reporting.plots import (
+    GREY,
+    INK,
+    PAGE_WIDTH_IN,
+    coinciding,
+    figure_style,
+    legend_below,
+    new_figure,
+    thinned,
+)
 from tendonff.models.fidelity import Level
 
 _LOOPS = ("none", "inverse")  # whose loop of output over force is drawn
+_BOUND: dict[str, Any] = {"color": INK, "linewidth": 0.8, "linestyle": (0, (6, 3))}
+_WIDE = 3.4  # line under another that coincides with it
 
 
 def design_figures(result: DesignData) -> dict[str, Figure]:
@@ -24,6 +36,7 @@ def design_figures(result: DesignData) -> dict[str, Figure]:
     """
     with figure_style():
         return {
+            "expectation": expectation_figure(result),
             "tension": tension_figure(result),
             "force": force_figure(result),
             "loop": loop_figure(result),
@@ -31,93 +44,182 @@ def design_figures(result: DesignData) -> dict[str, Figure]:
         }
 
 
-def tension_figure(result: DesignData) -> Figure:
-    """Wanted tension against what each compensator delivers on the design level.
+def expectation_figure(result: DesignData) -> Figure:
+    """Output tension of the recommended profile over all that the uncertainty admits.
 
     Parameters
     ----------
     result : DesignData
     """
-    figure, axes = new_figure()
-    panel, rows = axes[0, 0], thinned(len(result.reference.time_s))
-    time = result.reference.time_s[rows]
-    for compensator in result.compensators:
-        found = result.on_level(compensator.name, result.level)
-        label = f"{compensator.label}: {found.score.percent} % of range rms"
-        panel.plot(time, found.output_N[rows], **asdict(compensator.style), label=label)
-    panel.plot(time, result.reference.tension_N[rows], color=INK, linewidth=0.8, label="wanted")
-    panel.set(xlabel="time [s]", ylabel="output tension [N]", title=f"Output tension on the {result.level} level")
-    legend_below(figure, panel, columns=2)
-    figure.set_size_inches(PAGE_WIDTH_IN, 3.4)
+    figure, axes = new_figure(2, 1, share_x=True, height_in=4.4, height_ratios=(3, 2))
+    tension, error = axes[:, 0]
+    time, wanted, rows = result.reference.time_s, result.reference.tension_N, thinned(len(result.reference.time_s))
+    best, found = result.recommended, result.expectation
+    none = result.on_level("none", result.level).output_N if "none" in result.profiles else None
+    for panel, base in ((tension, 0 * wanted), (error, wanted)):
+        low, high = found.low_N - base, found.high_N - base
+        panel.fill_between(
+            time[rows],
+            low[rows],
+            high[rows],
+            color=best.style.color,
+            alpha=0.35,
+            linewidth=0.6,
+            label=f"{best.label}, {found.doubt.widths}",
+        )
+        if none is not None:
+            label = "without compensation, nominal parameters"
+            panel.plot(time[rows], (none - base)[rows], color=GREY, linestyle=":", label=label)
+        panel.plot(time[rows], (wanted - base)[rows], color=INK, linewidth=0.8, label="reference")
+    tension.set(ylabel="output tension [N]")
+    error.set(xlabel="time [s]", ylabel="error [N]")
+    legend_below(figure, tension, columns=3)
+    return figure
+
+
+def tension_figure(result: DesignData) -> Figure:
+    """Reference and output tension of each compensator on the design level, and the compensated errors enlarged.
+
+    Parameters
+    ----------
+    result : DesignData
+    """
+    figure, axes = new_figure(2, 1, share_x=True, height_in=5.0, height_ratios=(3, 2))
+    reference, rows = result.reference, thinned(len(result.reference.time_s))
+    outputs = {c.name: result.on_level(c.name, result.level).output_N for c in result.compensators}
+
+    def label(compensator: Compensator) -> str:
+        return f"{compensator.label}: {result.on_level(compensator.name, result.level).score.percent} %"
+
+    _draw(axes[0, 0], result, outputs, label)
+    axes[0, 0].plot(reference.time_s[rows], reference.tension_N[rows], color=INK, linewidth=0.8, label="reference")
+    axes[0, 0].set(ylabel="output tension [N]", title=f"RMS error in % of range, same parameters, {result.level} level")
+    errors = {name: output - reference.tension_N for name, output in outputs.items() if name != "none"}
+    _draw(axes[1, 0], result, errors)
+    _zoom(axes[1, 0], errors)
+    axes[1, 0].set(xlabel="time [s]", ylabel="error [N]", title="Compensated, enlarged")
+    legend_below(figure, axes[0, 0], columns=2)
     return figure
 
 
 def force_figure(result: DesignData) -> Figure:
-    """Force profile of each compensator, with the actuator's range where it is near.
+    """Force, rate of force and travel of each compensator, with the actuator's limits where they are near.
 
     Parameters
     ----------
     result : DesignData
     """
-    figure, axes = new_figure()
-    panel, rows = axes[0, 0], thinned(len(result.reference.time_s))
-    for compensator in result.compensators:
-        force = result.profiles[compensator.name].force_N
-        panel.plot(result.reference.time_s[rows], force[rows], **_look(compensator))
-    _mark_limits(panel, result)
-    panel.set(xlabel="time [s]", ylabel="actuator force [N]", title="Force profiles")
-    legend_below(figure, panel)
-    figure.set_size_inches(PAGE_WIDTH_IN, 3.2)
+    figure, axes = new_figure(3, 1, share_x=True, height_in=6.2, height_ratios=(3, 2, 2))
+    force, rate, travel = axes[:, 0]
+    actuator, step = result.scenario.transmission.actuator, result.reference.step_s
+    _draw(force, result, result.forces_N, lambda c: c.label)
+    for name, limit in (("force_min_N", actuator.force_min_N), ("force_max_N", actuator.force_max_N)):
+        _mark(force, name, limit)
+    rates = {name: np.gradient(profile, step) for name, profile in result.forces_N.items()}
+    _draw(rate, result, rates)
+    _zoom(rate, {name: values for name, values in rates.items() if name != "none"})
+    for sign in (-1, 1):
+        _mark(rate, "force_rate_max_N_per_s" if sign > 0 else None, sign * actuator.force_rate_max_N_per_s)
+    travels = {c.name: 1e3 * result.on_level(c.name, result.level).travel_m for c in result.compensators}
+    _draw(travel, result, travels)
+    force.set(ylabel="actuator force [N]")
+    rate.set(ylabel="force rate [N/s]")
+    travel.set(xlabel="time [s]", ylabel="travel [mm]")
+    legend_below(figure, force, columns=3)
     return figure
 
 
 def loop_figure(result: DesignData) -> Figure:
-    """Hysteresis: output tension over the force, and over the tension that was asked for.
+    """Hysteresis: output tension over the force, and over the reference.
 
     Parameters
     ----------
     result : DesignData
     """
-    figure, axes = new_figure(1, 2, height_in=3.6)
-    by_force, by_wanted = axes[0]
+    figure, axes = new_figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=3.8)
+    by_force, by_reference = axes[0]
     rows = thinned(len(result.reference.time_s))
     wanted = result.reference.tension_N[rows]
     for compensator in result.compensators:
         output = result.on_level(compensator.name, result.level).output_N[rows]
         if compensator.name in _LOOPS:
             by_force.plot(result.profiles[compensator.name].force_N[rows], output, **_look(compensator))
-        by_wanted.plot(wanted, output, **_look(compensator))
+        by_reference.plot(wanted, output, **_look(compensator))
     ends = [float(np.min(wanted)), float(np.max(wanted))]
-    by_wanted.plot(ends, ends, color=INK, linewidth=0.8, label="as wanted")
-    by_force.set(xlabel="actuator force [N]", ylabel="output tension [N]", title="What the tendon does")
-    by_wanted.set(xlabel="wanted tension [N]", ylabel="output tension [N]", title="What the user gets")
-    legend_below(figure, by_wanted)
+    by_reference.plot(ends, ends, color=INK, linewidth=0.8, label="output = reference")
+    by_force.set(xlabel="actuator force [N]", ylabel="output tension [N]", title="Tendon hysteresis")
+    by_reference.set(xlabel="reference [N]", ylabel="output tension [N]", title="Delivered versus desired tension")
+    for panel in (by_force, by_reference):
+        panel.set_aspect("equal", adjustable="datalim")
+    legend_below(figure, by_reference, columns=3)
     return figure
 
 
 def error_figure(result: DesignData) -> Figure:
-    """Error over time on each level: how much the answer depends on the model.
+    """Error over time on each level, on one scale; right: enlarged.
 
     Parameters
     ----------
     result : DesignData
     """
-    figure, axes = new_figure(len(Level), 1, share_x=True, height_in=5.4)
-    rows = thinned(len(result.reference.time_s))
-    time = result.reference.time_s[rows]
-    for panel, level in zip(axes[:, 0], Level, strict=True):
-        largest = 0.0
-        for compensator in result.compensators:
-            error = result.on_level(compensator.name, level).output_N[rows] - result.reference.tension_N[rows]
-            panel.plot(time, error, **_look(compensator))
-            largest = max(largest, float(np.max(np.abs(error))))
+    figure, axes = new_figure(len(Level), 2, share_x=True, height_in=5.8)
+    wanted = result.reference.tension_N
+    by_level = {
+        level: {c.name: result.on_level(c.name, level).output_N - wanted for c in result.compensators}
+        for level in Level
+    }
+    largest = max(float(np.max(np.abs(e))) for errors in by_level.values() for e in errors.values())
+    zoomed = max(_zoom_limit({k: e for k, e in errors.items() if k != "none"}) for errors in by_level.values())
+    for (whole, zoom), (level, errors) in zip(axes, by_level.items(), strict=True):
         here = " (design level)" if level is result.level else ""
-        panel.set(ylabel="error [N]", title=f"{level}{here}")
-        if largest > 0:  # nothing to scale by where every compensator is exact
-            panel.set_ylim(-1.1 * largest, 1.1 * largest)
-    axes[-1, 0].set_xlabel("time [s]")
-    legend_below(figure, axes[0, 0])
+        _draw(whole, result, errors, lambda c: c.label)
+        _draw(zoom, result, {name: error for name, error in errors.items() if name != "none"})
+        whole.set(ylabel="error [N]", title=f"{level}{here}")
+        zoom.set(title="enlarged")
+        for panel, limit in ((whole, 1.05 * largest), (zoom, zoomed)):
+            if limit > 0:  # nothing to scale by where every compensator is exact
+                panel.set_ylim(-limit, limit)
+    for panel in axes[-1]:
+        panel.set_xlabel("time [s]")
+    legend_below(figure, axes[0, 0], columns=3)
     return figure
+
+
+def _draw(
+    panel: Axes,
+    result: DesignData,
+    curves: dict[str, FloatArray],
+    label: Callable[[Compensator], str] | None = None,
+) -> None:
+    """Draw a curve of each compensator; one that hides another is told from it by width and in the legend."""
+    rows = thinned(len(result.reference.time_s))
+    span = max((float(np.ptp(curve)) for curve in curves.values()), default=0.0)
+    hidden = coinciding(curves, span)
+    names = {c.name: c for c in result.compensators}
+    for name, curve in curves.items():
+        look = asdict(names[name].style)
+        if name in hidden.values():
+            look.update(linewidth=_WIDE, linestyle="-", alpha=0.55)
+        text = None
+        if label is not None:
+            text = label(names[name])
+            if name in hidden:
+                text += f" (coincides with {names[hidden[name]].label})"
+        panel.plot(result.reference.time_s[rows], curve[rows], **look, label=text)
+
+
+def _zoom_limit(curves: dict[str, FloatArray]) -> float:
+    """Half-height that shows all curves but one that would dwarf the others."""
+    largest = sorted(float(np.max(np.abs(curve))) for curve in curves.values())
+    if not largest:
+        return 0.0
+    return 1.15 * (largest[-2] if len(largest) > 1 and largest[-1] > 2 * largest[-2] > 0 else largest[-1])
+
+
+def _zoom(panel: Axes, curves: dict[str, FloatArray]) -> None:
+    limit = _zoom_limit(curves)
+    if limit > 0:
+        panel.set_ylim(-limit, limit)
 
 
 def _look(compensator: Compensator) -> dict[str, Any]:
@@ -125,10 +227,8 @@ def _look(compensator: Compensator) -> dict[str, Any]:
     return {**asdict(compensator.style), "label": compensator.label}
 
 
-def _mark_limits(panel: Axes, result: DesignData) -> None:
+def _mark(panel: Axes, name: str | None, limit: float) -> None:
     """Draw a limit of the actuator where it lies within a third of the drawn range."""
-    actuator = result.scenario.transmission.actuator
     low, high = panel.get_ylim()
-    for name, limit in (("force_min_N", actuator.force_min_N), ("force_max_N", actuator.force_max_N)):
-        if low - (high - low) / 3 < limit < high + (high - low) / 3:
-            panel.axhline(limit, color=INK, linewidth=0.8, linestyle=(0, (6, 3)), label=name)
+    if low - (high - low) / 3 < limit < high + (high - low) / 3:
+        panel.axhline(limit, label=name, **_BOUND)

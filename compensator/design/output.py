@@ -70,6 +70,15 @@ def summary(result: DesignData) -> dict[str, object]:
             "compensators": scores(result.proof),
         },
         "ocp": None if result.tracking is None else _tracking_summary(result.tracking),
+        "expectation": {
+            "uncertainty": result.expectation.doubt.widths,
+            "is_assumed": result.expectation.doubt.is_assumed,
+            "recommended": result.expectation.recommended,
+            "worst_percent_of_range": {
+                name: value if math.isfinite(value) else None
+                for name, value in result.expectation.worst_percent.items()
+            },
+        },
         "foresight": {
             "unstable_share": result.foresight.unstable_share,
             "largest_growth_per_s": result.foresight.largest_growth_per_s,

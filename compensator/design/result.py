@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from tendonff.compensator.compensators.base import Compensator, FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.score import Verified
+from tendonff.compensator.design.expectation import Expectation
 from tendonff.compensator.design.robustness import Robustness
 from tendonff.compensator.scenario.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
@@ -14,7 +15,7 @@ from tendonff.ocp.tracking.result import Tracking
 
 FINE_SEGMENTS = 40
 FINE_REFINEMENT = 10
-"""The proof plant: so many masses, and so many steps to a row of the profile."""
+"""The plant of the verification: so many masses, and so many steps to a row of the profile."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +38,8 @@ class DesignData:
         Where friction that weakens with speed makes feedforward fail.
     robustness : Robustness or None
         Error bands under the scenario's uncertainty; None where all is certain.
+    expectation : Expectation
+        What to expect on a rig, and the profile that does best there.
     warnings : tuple of str
         What the user should know.
     """
@@ -49,6 +52,7 @@ class DesignData:
     proof: tuple[Verified, ...]
     foresight: Foresight
     robustness: Robustness | None
+    expectation: Expectation
     warnings: tuple[str, ...]
 
     @property
@@ -65,6 +69,11 @@ class DesignData:
     def tracking(self) -> Tracking | None:
         """How the optimal-control problem ended; None where none was solved."""
         return next((p.tracking for p in self.profiles.values() if p.tracking is not None), None)
+
+    @property
+    def recommended(self) -> Compensator:
+        """The compensator whose worst error over the uncertainty is least."""
+        return next(c for c in self.compensators if c.name == self.expectation.recommended)
 
     @property
     def is_usable(self) -> bool:

@@ -63,7 +63,8 @@ def robustness_warnings(found: Robustness) -> list[str]:
     """
     return [
         f"{name}: over-compensates by up to {100 * band.amplification:.2g} % of the swing where mu is "
-        f"{100 * (band.amplified_sample.mu - 1):+.3g} %; in a loop that adds energy: stay on the low side of mu"
+        f"{100 * (band.amplified_sample.mu - 1):+.3g} %; inside a feedback loop over-compensation injects "
+        "energy: choose mu too low rather than too high"
         for name, band in found.bands.items()
         if name != "none" and band.amplification > _OVERCOMPENSATION
     ]

@@ -1,16 +1,17 @@
-"""The main job: from a scenario to the force profile, with proof on every level and on a finer chain."""
+"""The main job: from a scenario to the force profile, verified on every level and on a finer chain."""
 
 from collections.abc import Sequence
 
-from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile
+from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, ProfileStatus
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import SimulatedPlant, Verified, is_worse, verify
+from tendonff.compensator.design.expectation import expect
 from tendonff.compensator.design.output import Design
 from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.design.robustness import robustness, robustness_warnings
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.scenario.reference import CsvReference
-from tendonff.compensator.scenario.sampling import noise_advice
+from tendonff.compensator.scenario.sampling import noise_advice, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
 from tendonff.ocp.inverse import invert
@@ -25,6 +26,7 @@ def design(
     *,
     compensators: Sequence[Compensator] = COMPENSATORS,
     options: TrackOptions | None = None,
+    strict: bool = False,
     progress: Progress = silent,
 ) -> Design:
     """Design the force profile of a scenario by every compensator, and simulate each on every level.
@@ -35,7 +37,9 @@ def design(
     compensators : sequence of Compensator, optional
         Default: all; the one named "none" is what the others are compared with.
     options : TrackOptions, optional
-        What the optimal profile is optimised for.
+        What the optimal profile is optimised for; default: what the scenario asks for.
+    strict : bool, optional
+        Refuse a reference out of the actuator's reach, instead of designing the best achievable profile.
     progress : callable, optional
         Told parts done and parts in all.
 
@@ -46,7 +50,7 @@ def design(
     SolveError
         If a simulation fails.
     """
-    problem = Problem.of(scenario, options=options)
+    problem = Problem.of(scenario, reference=sample_reference(scenario, strict=strict), options=options)
     reference, transmission, level = problem.reference, problem.transmission, problem.level
     shares = {c.name: 1 if c.is_fast else _PARTS_OF_THE_SEARCH for c in compensators}
     parts = Parts(progress, sum(shares.values()) + len(compensators) * (len(Level) + 1))
@@ -70,6 +74,8 @@ def design(
     bands = robustness(problem, forces) if problem.samples else None
     if bands is not None:
         warnings += robustness_warnings(bands)
+    usable = {name: p.force_N for name, p in profiles.items() if p.status is not ProfileStatus.FAILED}
+    expectation = expect(problem, scenario.robust, usable, bands)
 
     verified: list[Verified] = []
     proof: list[Verified] = []
@@ -79,6 +85,7 @@ def design(
             found.append(verify(transmission, plant, name, force, reference))
             parts.done()
     warnings += _worse_than_nothing([v for v in verified if v.plant.level is level], reference.tension_N)
+    warnings += _promises([v for v in verified if v.plant.level is level], proof)
     warnings += [f"{v.compensator} on {v.plant.level}: {v.slack}" for v in verified if v.slack]
     return Design(
         scenario=scenario,
@@ -89,21 +96,48 @@ def design(
         proof=tuple(proof),
         foresight=foresight,
         robustness=bands,
+        expectation=expectation,
         warnings=tuple(warnings),
     )
 
 
 def _worse_than_nothing(verified: Sequence[Verified], reference_N: FloatArray) -> list[str]:
-    """Compensators that leave more on their own level than the reference itself as force."""
+    """Compensators with a larger error on their own level than the reference applied directly."""
     nothing = next((v.score for v in verified if v.compensator == "none"), None)
     if nothing is None:
         return []
     return [
-        f"{v.compensator} leaves {v.score.rmse_percent_of_range:.3g} % of range, more than no compensation "
+        f"{v.compensator}: RMS error {v.score.rmse_percent_of_range:.3g} % of range, more than without compensation "
         f"({nothing.rmse_percent_of_range:.3g} %): do not use it for this reference and these limits"
         for v in verified
         if is_worse(v.score, nothing, reference_N)
     ]
+
+
+_KEPT = 2.0  # times the error on the design level that the finer chain may leave
+_SMALL = 0.5  # % of range: errors below this are not worth a word
+
+
+def _promises(designed: Sequence[Verified], proof: Sequence[Verified]) -> list[str]:
+    """Profiles that leave far more on the finer chain than where they were designed, and what beats the optimal one."""
+    found = []
+    for here, fine in zip(designed, proof, strict=True):
+        before, after = here.score.rmse_percent_of_range, fine.score.rmse_percent_of_range
+        if here.compensator in ("inverse", "optimal") and after > max(_KEPT * before, _SMALL):
+            found.append(
+                f"{here.compensator}: {here.score.percent} % of range on the design model, {fine.score.percent} % with "
+                f"{FINE_SEGMENTS} masses at a {FINE_REFINEMENT}th of the step: trust the second, or raise segments"
+            )
+    scores = {v.compensator: v.score for v in proof}
+    best = min(scores, key=lambda name: scores[name].rmse_N)
+    if "optimal" in scores and scores["optimal"].rmse_N > max(1.02 * scores[best].rmse_N, 1e-3 * _SMALL):
+        optimal, other = scores["optimal"], scores[best]
+        if optimal.rmse_percent_of_range > _SMALL:
+            found.append(
+                f"optimal: {optimal.percent} % of range on the finer chain, where {best} leaves {other.percent} %: "
+                f"use {best} here"
+            )
+    return found
 
 
 def _noise_warning(scenario: Scenario, problem: Problem) -> list[str]:

@@ -5,12 +5,13 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from tendonff.compensator.design.report import headline
 from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS, DesignData
 from tendonff.models.fidelity import Level
 
 
 def print_scores(result: DesignData, folder: Path) -> None:
-    """Print what each compensator leaves on each level, and where the files are.
+    """Print the error of each compensator on each level, what to expect on a rig, and where the files are.
 
     Parameters
     ----------
@@ -19,17 +20,20 @@ def print_scores(result: DesignData, folder: Path) -> None:
         Where the design was written.
     """
     console = Console()
-    table = Table(title=f"{result.scenario.name}: error, % of range rms", title_justify="left")
+    table = Table(title=f"{result.scenario.name}: RMS error, % of reference range", title_justify="left")
     table.add_column("compensator")
+    table.add_column(f"worst, {result.expectation.doubt.widths}", justify="right")
     for level in Level:
         table.add_column(f"{level}*" if level is result.level else level.value, justify="right")
     table.add_column(f"{FINE_SEGMENTS} masses, step/{FINE_REFINEMENT}", justify="right")
     for compensator in result.compensators:
         name = compensator.name
         scores = [*(result.on_level(name, level).score for level in Level), result.on_proof(name).score]
-        table.add_row(name, *[score.percent for score in scores])
+        worst = result.expectation.worst_percent.get(name)
+        table.add_row(name, "–" if worst is None else f"{worst:.3g}", *[score.percent for score in scores])
     console.print(table)
-    console.print(f"* design level, also of the last column; range {result.reference.range_N:.4g} N")
+    console.print(f"* design level, used in the last column too; range {result.reference.range_N:.4g} N")
+    console.print(headline(result), soft_wrap=True, markup=False, highlight=False)
     if result.tracking is not None:
         console.print(f"optimal control: {result.tracking.message}", soft_wrap=True)
     console.print(f"written to {folder}", soft_wrap=True)

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from mpl_toolkits.mplot3d import Axes3D
 
 from tendonff.compensator.experiment.machine import StatePass
 from tendonff.compensator.experiment.numbers import driven_motor, holds, reversals
@@ -30,7 +29,8 @@ _LEVEL_LOOK: dict[Level, dict[str, Any]] = {
     Level.PRESLIDING: {"color": BLUE, "linestyle": LINE_STYLES[0], "linewidth": 1.6},
 }
 _MAP = "viridis"  # even in lightness, so that it survives a black-and-white print
-_SURFACE_ROWS = 160
+_HEAT = "cividis_r"  # dark is high
+_HEAT_ROWS = 600
 
 
 def _section_colours() -> FloatArray:
@@ -40,14 +40,18 @@ def _section_colours() -> FloatArray:
     return np.asarray(mpl.colormaps[_MAP](np.linspace(0.0, 0.88, SECTIONS)))
 
 
-def _shade_states(axes: Axes, run: ExperimentRun, *, named: bool) -> None:
-    """Every other state on grey, with its name above the panel."""
+def _shade_states(axes: Axes, run: ExperimentRun, *, named: bool, shaded: bool = True) -> None:
+    """Every other state on grey, or between lines, with its name above the panel."""
     total = run.time_s[-1]
     end_of_last_name = -np.inf
     for index, done in enumerate(run.passes):
         start, end = run.time_s[done.first_row], run.time_s[done.last_row]
         if index % 2:
-            axes.axvspan(start, end, color="#EBEBEB", linewidth=0, zorder=0)
+            if shaded:
+                axes.axvspan(start, end, color="#EBEBEB", linewidth=0, zorder=0)
+            else:
+                for edge in (start, end):
+                    axes.axvline(edge, color="white", linewidth=0.6)
         if named:
             middle = (start + end) / 2
             lift = 1.02 if middle - end_of_last_name > 0.03 * total else 1.09  # narrow neighbours on two lines
@@ -98,33 +102,18 @@ def distribution_figure(result: ExperimentData) -> Figure:
     result : ExperimentData
     """
     run = result.runs[result.lead]
-    rows = thinned(len(run.time_s), _SURFACE_ROWS)
+    rows = thinned(len(run.time_s), _HEAT_ROWS)
     time, tension = run.time_s[rows], run.tension_N[rows]
     angle = np.degrees(np.linspace(0, run.transmission.path.total_angle_rad, SECTIONS))
-    figure, axes = new_figure(height_in=4.6, projection="3d")
-    panel: Axes3D = axes[0, 0]
-    panel.plot_surface(
-        time[:, None] + 0 * angle,
-        angle + 0 * time[:, None],
-        tension,
-        cmap=_MAP,
-        rcount=_SURFACE_ROWS,
-        ccount=SECTIONS,
-        linewidth=0,
-        antialiased=False,
-        rasterized=True,
-        alpha=0.95,
-    )
-    for k in range(SECTIONS):
-        panel.plot(time, np.full(len(time), angle[k]), tension[:, k], color=INK, linewidth=0.6, zorder=10)
-    panel.set_xlabel("time [s]")
-    panel.set_ylabel("angle [deg]")
-    panel.set_zlabel("tension [N]")
-    panel.set_yticks(angle[::2])
-    panel.set_zlim(bottom=0)
-    panel.set_box_aspect((2.0, 1.0, 0.9), zoom=1.1)
-    panel.view_init(elev=28, azim=-58)
-    figure.suptitle(f"level {result.lead}; motor 1 at 0, motor 2 at {angle[-1]:.0f} deg", fontsize=9)
+    figure, axes = new_figure(height_in=3.4)
+    panel: Axes = axes[0, 0]
+    image = panel.pcolormesh(time, angle, tension.T, cmap=_HEAT, shading="gouraud", rasterized=True)
+    lines = panel.contour(time, angle, tension.T, levels=8, colors=INK, linewidths=0.5)
+    panel.clabel(lines, fontsize=7, fmt="%.0f N")
+    _shade_states(panel, run, named=True, shaded=False)
+    panel.grid(visible=False)
+    panel.set(xlabel="time [s]", ylabel="wrap angle from motor 1 [deg]", yticks=angle[::2])
+    figure.colorbar(image, ax=panel, label="tension [N]")
     return figure
 
 

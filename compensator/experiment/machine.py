@@ -11,10 +11,10 @@ S1    A         L         both rest at uniform low tension                      
 S2    A         L         motor 1 pulls until the sliding reaches motor 2                     to 1
 S3    A         L         motor 1 pulls on to the high tension, all of the tendon slides      to 1
 S4    A_h       L         motor 1 holds its position: relaxation                              none
-S5    A         L         motor 1 lets go to the low tension: friction reverses               to 2
+S5    A         L         motor 1 releases to the low tension: friction reverses              to 2
 S6    L         A         the motors change roles; motor 2 pulls to the high tension          to 2
-S7    L         A         motor 2 lets go until motor 1 feels it: friction reverses           to 1
-S8    L         A         motor 2 lets go to the low tension, all of the tendon slides        to 1
+S7    L         A         motor 2 releases until it reaches motor 1: friction reverses        to 1
+S8    L         A         motor 2 releases to the low tension, all of the tendon slides       to 1
 S9    L         A_h       motor 2 holds its position: recovery, relaxation upwards            none
 S10   A         L         the motors change roles back and rest; the next S2 slides on to 1   none
 ====  ========  ========  ==================================================================  ========
@@ -202,7 +202,7 @@ def ten_states(
 
     p = law.adhesion_N
     felt_by_2 = float(law.input_for_N(low_N, Branch.PULL) + p) * _REACH_MARGIN - p
-    # Motor 2 pulls and lets go in S6 and S7: seen from it, the directions of the law are exchanged.
+    # Motor 2 pulls and releases in S6 and S7: seen from it, the directions of the law are exchanged.
     other_end = (high_N + p) * np.exp(-law.release_exponent)
     felt_by_1 = float(other_end * np.exp(-law.pull_exponent)) / _REACH_MARGIN - p
     felt_by_2, felt_by_1 = min(felt_by_2, high_N / _LEAST_RAMP), max(felt_by_1, low_N * _LEAST_RAMP)
@@ -227,13 +227,13 @@ def ten_states(
 
     return (
         state("S1", (_A, _L), "both rest", at_most_s=_PAUSE_S),
-        state("S2", (_A, _L), "1 pulls until 2 feels it", until=up(1, felt_by_2), rate=rate),
+        state("S2", (_A, _L), "1 pulls until the tension reaches motor 2", until=up(1, felt_by_2), rate=rate),
         state("S3", (_A, _L), "1 pulls, all slides", until=up(1, high_N), rate=rate),
         state("S4", (_H, _L), "1 holds", at_most_s=hold),
-        state("S5", (_A, _L), "1 lets go, friction reverses", until=down(1, low_N), rate=-rate),
+        state("S5", (_A, _L), "1 releases, friction reverses", until=down(1, low_N), rate=-rate),
         state("S6", (_L, _A), "2 pulls", until=up(2, high_N), rate=rate),
-        state("S7", (_L, _A), "2 lets go, friction reverses", until=down(2, felt_by_1), rate=-rate),
-        state("S8", (_L, _A), "2 lets go, all slides", until=down(2, low_N), rate=-rate),
+        state("S7", (_L, _A), "2 releases, friction reverses", until=down(2, felt_by_1), rate=-rate),
+        state("S8", (_L, _A), "2 releases, all slides", until=down(2, low_N), rate=-rate),
         state("S9", (_L, _H), "2 holds", at_most_s=hold),
         state("S10", (_A, _L), "both rest", at_most_s=_PAUSE_S),
     )

@@ -27,7 +27,7 @@ from tendonff.compensator.reporting.page import (
 
 _CAPTIONS = {
     "experiment_tensions": "Seven tensions along the path; the states are shaded and named.",
-    "experiment_distribution": "Tension over time and angle on the machine's level.",
+    "experiment_distribution": "Tension over time (across) and angle (up) on the machine's level; dark is high.",
     "experiment_details": "Holds and reversals on the three models: relaxation, and how smooth the transient is.",
     "experiment_hysteresis": "Tension at each motor over the elongation of the tendon.",
 }
@@ -88,17 +88,17 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
                 blocks=(Text(_NOTE), *_present(pictures, "experiment_tensions"), _states(result)),
             ),
             Section(
-                title="What the models differ in", blocks=(*_present(pictures, "experiment_details"), holds, transients)
+                title="How the models differ", blocks=(*_present(pictures, "experiment_details"), holds, transients)
             ),
             Section(title="Along the path", blocks=(*_present(pictures, "experiment_distribution"), gradients)),
             Section(title="Hysteresis of the tendon", blocks=_present(pictures, "experiment_hysteresis")),
             Section(
-                title="How far to trust it",
+                title="Numerical accuracy",
                 blocks=(
                     Text(
                         f"Switching a motor changes a tension by at most {step:.2g} % of the range. "
                         f"{finer.segments} and {finer.fine_segments} masses differ by "
-                        f"{finer.rms_percent_of_range:.2g} % of the range rms. "
+                        f"{finer.rms_percent_of_range:.2g} % of the range RMS. "
                         f"{slips} one-way ramps were compared with the static law; see summary.json."
                     ),
                 ),

@@ -51,7 +51,7 @@ class ExplorerPage:
         self._bristle = _log_slider("bristle stiffness [N/m]", start.bristle_stiffness_N_per_m, 1.5)
         self._relaxation = _log_slider("relaxation time [s]", start.relaxation_time_s, 1.5)
         self._rate = _log_slider("rate limit of the force [N/s]", start.force_rate_max_N_per_s, 3.0)
-        self._knows = Checkbox(label="the design knows the change", active=True)
+        self._knows = Checkbox(label="Redesign for these values (untick: keep the scenario's design)", active=True)
         self._scores = Div(text="", sizing_mode="stretch_width")
         self._sources = {
             c.name: ColumnDataSource(data={"time": [], "force": [], "output": [], "error": []}) for c in SHOWN
@@ -101,7 +101,9 @@ class ExplorerPage:
             shown = self._explorer.at(self.parameters(), design_knows=bool(self._knows.active))
         except TendonffError as error:
             why = escape(str(error))
-            self._scores.text = f"<p role='alert'><b>Not possible:</b> {why}</p><p>The curves are the last ones.</p>"
+            self._scores.text = (
+                f"<p role='alert'><b>Infeasible:</b> {why}</p><p>Curves show the last feasible values.</p>"
+            )
             return
         lines = "".join(
             f"<tr><td style='color:{c.style.color}'>&#9632;</td><td>{escape(c.label)}</td>"
@@ -109,7 +111,7 @@ class ExplorerPage:
             for c in SHOWN
         )
         notes = "".join(f"<p>{escape(note)}</p>" for note in shown.notes)
-        self._scores.text = f"<table><caption>error, % of range rms</caption>{lines}</table>{notes}"
+        self._scores.text = f"<table><caption>RMS error, % of reference range</caption>{lines}</table>{notes}"
         for name, course in shown.courses.items():
             self._sources[name].data = _columns(course)
         first = next(iter(shown.courses.values()))
@@ -117,10 +119,10 @@ class ExplorerPage:
 
     def _figures(self) -> UIElement:
         """Loop, profile, output and error; the three over time share their axis."""
-        loop = figure(title="Loop: output over force", x_axis_label="force [N]", y_axis_label="output tension [N]")
+        loop = figure(title="Tendon hysteresis", x_axis_label="force [N]", y_axis_label="output tension [N]")
         force = figure(title="Force profile", x_axis_label="time [s]", y_axis_label="force [N]")
         output = figure(
-            title="Output tension (black: wanted)",
+            title="Output tension (black: reference)",
             x_axis_label="time [s]",
             y_axis_label="tension [N]",
             x_range=force.x_range,

@@ -9,10 +9,12 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from tendonff._version import __version__
+from tendonff.compensator.adapt.setup import learnt, tuning_of
 from tendonff.compensator.compensators.base import CModule, FloatArray, Problem
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
 from tendonff.compensator.compensators.table import CompensationTable, table_of
 from tendonff.compensator.compensators.table_build import BuiltTable
+from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_golden
 from tendonff.compensator.export.c_text import (
     PLANT,
     accepted_range,
@@ -52,6 +54,8 @@ class Exported:
         What each module is worth on the scenario's reference, no compensation first.
     warnings : tuple of str
         What the user should know.
+    notes : tuple of str
+        What the tuner can identify along the reference, and what it cannot; empty without one.
     """
 
     files: dict[str, str]
@@ -59,6 +63,7 @@ class Exported:
     profile_N: FloatArray
     judged: tuple[Judged, ...]
     warnings: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write every file, all or nothing.
@@ -129,7 +134,8 @@ def export_project(
     found: Sequence[Mapping[str, FloatArray]] | None = None
     numbers["stream"] = stream
     if precision is Precision.FLOAT:
-        every = c_sources(scenario, problem, c_modules(stream is not None), precision, prefix, numbers)
+        modules = tuple(m for m in c_modules(scenario, stream is not None) if m not in ADAPTIVE_MODULES)
+        every = c_sources(scenario, problem, modules, precision, prefix, numbers)
         followed = dict.fromkeys(golden.jumps.columns, problem.reference.tension_N)
         live = {} if golden.live is None else golden.live.inputs_N
         inputs = [golden.course.inputs_N, golden.jumps.inputs_N, live, followed]
@@ -139,8 +145,8 @@ def export_project(
             forces |= found[3]
     judged = judge(problem, forces)
     judged = (*judged, judge_stream(judged, choice, problem))
-    modules, faults = _chosen(judged, with_stream=stream is not None, force_export=force_export)
-    further = {
+    modules, faults = _chosen(judged, c_modules(scenario, stream is not None), force_export=force_export)
+    further: dict[str, object] = {
         **numbers,
         **self_test_context(
             problem, built.table, profile_N, golden, precision, found, accepted_N=accepted_range(problem)
@@ -150,6 +156,17 @@ def export_project(
         "choice": choice,
         "losses": losses,
     }
+    notes: tuple[str, ...] = ()
+    if scenario.adaptation is not None:
+        notes = learnt(problem, tuning_of(problem, scenario.adaptation)).sentences()
+        course = golden.course
+        vectors = adaptive_golden(problem, scenario.adaptation, course.reference_N, course.plant_force_N, precision)
+        mu = problem.transmission.friction.mu_dynamic
+        further["adaptive"] = {
+            "golden": vectors,
+            "mu_dynamic": mu,
+            "tolerance_N": 0.02 if precision is Precision.FLOAT else 1e-9,
+        }
     texts = c_sources(scenario, problem, modules, precision, prefix, further)
     texts |= folder_files(scenario, problem, modules, precision, prefix, further)
     texts["design.json"] = _design_json(
@@ -165,7 +182,7 @@ def export_project(
         modules=modules,
     )
     warnings = (*warnings, *faults, *loss_warnings(losses))
-    return Exported(files=texts, built=built, profile_N=profile_N, judged=judged, warnings=warnings)
+    return Exported(files=texts, built=built, profile_N=profile_N, judged=judged, warnings=warnings, notes=notes)
 
 
 def _forces(problem: Problem, built: BuiltTable, profile_N: FloatArray) -> dict[str, FloatArray]:
@@ -185,14 +202,14 @@ def _forces(problem: Problem, built: BuiltTable, profile_N: FloatArray) -> dict[
 
 
 def _chosen(
-    judged: Sequence[Judged], *, with_stream: bool, force_export: bool
+    judged: Sequence[Judged], every: tuple[CModule, ...], *, force_export: bool
 ) -> tuple[tuple[CModule, ...], tuple[str, ...]]:
     """Modules to export, and warnings of those that do harm."""
     faults = {each.module: each.fault for each in judged if each.fault}
     if force_export:
         kept = (f"{module}: {fault}; exported because of --force-export" for module, fault in faults.items())
-        return c_modules(with_stream), tuple(kept)
-    modules = tuple(module for module in c_modules(with_stream) if module.name not in faults)
+        return every, tuple(kept)
+    modules = tuple(module for module in every if module.name not in faults)
     if modules == (PLANT,):
         said = "; ".join(f"{module}: {fault}" for module, fault in faults.items())
         raise SolveError(

@@ -18,6 +18,7 @@ from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.table import table_range
 from tendonff.compensator.compensators.table_build import BuiltTable
+from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_code, tunable_inverse
 from tendonff.compensator.export.table_index import share_index
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampling import largest_tension
@@ -72,16 +73,18 @@ def check_prefix(prefix: str) -> str:
     return prefix
 
 
-def c_modules(with_stream: bool = False) -> tuple[CModule, ...]:
-    """Modules of the compensators that can be exported, in the order of the registry, and of the plant.
+def c_modules(scenario: Scenario, with_stream: bool = False) -> tuple[CModule, ...]:
+    """Modules of the compensators that can be exported, in the order of the registry, of the plant, and of the tuner.
 
     Parameters
     ----------
+    scenario : Scenario
     with_stream : bool, optional
         The module for live references too.
     """
     stream = (STREAM,) if with_stream else ()
-    return (*(c.c_module for c in COMPENSATORS if c.c_module is not None), *stream, PLANT)
+    more = () if scenario.adaptation is None else ADAPTIVE_MODULES
+    return (*(c.c_module for c in COMPENSATORS if c.c_module is not None), *stream, PLANT, *more)
 
 
 def c_sources(
@@ -108,12 +111,18 @@ def c_sources(
     context = _context(scenario, problem, modules, precision, prefix, further) | dict(further)
     names = [module.name for module in modules]
     code: dict[str, dict[str, object]] = {}
-    if "inverse" in names:
+    if scenario.adaptation is not None and {m.name for m in ADAPTIVE_MODULES} & set(names):
+        code |= dict.fromkeys(
+            (m.name for m in ADAPTIVE_MODULES), adaptive_code(problem, scenario.adaptation, precision, prefix)
+        )
+    if "inverse" in names and scenario.adaptation is not None:
+        code["inverse"] = tunable_inverse(problem, precision, prefix)
+    elif "inverse" in names:
         code["inverse"] = asdict(inverse_code(chain, step, f"{prefix}_inverse", precision))
     if "plant" in names:
         code["plant"] = asdict(plant_code(chain, step, f"{prefix}_chain", precision))
     headers = ("types", "limits", *(header for module in modules for header in (*module.headers, module.name)))
-    texts = {f"{prefix}_{name}.h": _render(f"{name}.h.j2", context) for name in headers}
+    texts = {f"{prefix}_{name}.h": _render(f"{name}.h.j2", context | code.get(name, {})) for name in headers}
     for name in ("limits", *names):
         texts[f"{prefix}_{name}.c"] = _render(f"{name}.c.j2", context | code.get(name, {}))
     return texts
@@ -272,7 +281,8 @@ def _context(
     count, reals, size = chain.count, chain.layout.size, 4 if precision is Precision.FLOAT else 8
     accepted = accepted_range(problem)
     names = [module.name for module in modules]
-    followers = [m for m in modules if not m.plays_back and m not in (STREAM, PLANT)]  # of a reference, without delay
+    others = (STREAM, PLANT, *ADAPTIVE_MODULES)
+    followers = [m for m in modules if not m.plays_back and m not in others]  # of a reference, without delay
     output = max(size, 4) + 8
     past = 2 * count + 2 if precision is Precision.FLOAT else 0
     state = {
@@ -305,6 +315,8 @@ def _context(
         "modules": modules,
         "names": names,
         "followers": followers,
+        "adaptive": None,
+        "tunable": None,
         "follower": "inverse" if "inverse" in names else next(iter(m.name for m in followers), ""),
         "initial": reference.initial_tension_N,
         "amplitude": 0.25 * min(reference.initial_tension_N, max(reference.range_N, 1e-3)),

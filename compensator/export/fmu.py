@@ -8,7 +8,7 @@ import re
 import sys
 import tempfile
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 
@@ -18,9 +18,11 @@ from tendonff._version import __version__
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.c_text import c_modules, c_sources, check_prefix
 from tendonff.compensator.export.kinds import FmiVersion, Kind
+from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_file
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.fidelity import Level
+from tendonff.ocp.adaptation.tuning import Sensor
 from tendonff.ocp.codegen.compiler import find_compiler, run_compiler
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import CodeError
@@ -43,6 +45,7 @@ class _Variable:
     text: str
     unit: str
     start: str
+    is_parameter: bool = field(default=False, repr=False)  # the token is made of the rest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,8 +105,10 @@ def build_fmu(
         If the compiler refuses the sources.
     """
     check_prefix(prefix)
+    if kind is Kind.ADAPTIVE and scenario.adaptation is None:
+        raise InputError(f"{scenario.source.name}: table [adaptation] is missing; --kind adaptive needs its sensor")
     problem = Problem.of(scenario, level=level)
-    module = next(module for module in c_modules() if module.name == kind.value)
+    module = next(module for module in c_modules(scenario) if module.name == kind.value)
     identifier = f"{prefix}_{kind}"
     compiled = [f"{prefix}_limits.c", f"{prefix}_{kind}.c"]
     wrapper = "fmi2.c" if fmi is FmiVersion.V2 else "fmi3.c"
@@ -166,7 +171,18 @@ def _context(
     initial = repr(reference.initial_tension_N)
     tension = _Variable(name="tension", text="output tension", unit="N", start=initial)
     force = _Variable(name="force", text="force of the actuator, within its limits", unit="N", start=initial)
-    if kind is Kind.INVERSE:
+    extras: list[_Variable] = []
+    mu = repr(scenario.transmission.friction.mu_dynamic)
+    if kind is Kind.ADAPTIVE and scenario.adaptation is not None:
+        variable = _Variable(name="reference", text="wanted output tension", unit="N", start=initial)
+        outputs = [force, _Variable(name="mu", text="present estimate of mu_dynamic", unit="", start=mu)]
+        sensor = scenario.adaptation.sensor
+        first = initial if sensor is Sensor.OUTPUT_TENSION else "0.0"
+        words = f"last measurement: {sensor.words}"
+        extras.append(_Variable(name="measured", text=words, unit=sensor.unit, start=first))
+    elif kind is Kind.INVERSE:
+        if scenario.adaptation is not None:
+            extras.append(_Variable(name="mu", text="mu_dynamic", unit="", start=mu, is_parameter=True))
         variable = _Variable(name="reference", text="wanted output tension", unit="N", start=initial)
         outputs = [force]
     else:
@@ -188,6 +204,7 @@ def _context(
         "version": release,
         "input": variable,
         "outputs": outputs,
+        "extras": extras,
         "initial": initial,
         "step": repr(scenario.run.step_s),
         "stop": repr(float(reference.time_s[-1])),
@@ -197,7 +214,11 @@ def _context(
 
 def _token(sources: dict[str, str], context: dict[str, object], fmi: FmiVersion) -> str:
     """Identifier that changes with anything that the unit holds."""
-    parts = [fmi.value, repr(sorted((k, str(v)) for k, v in context.items())), *(sources[k] for k in sorted(sources))]
+    parts = [
+        fmi.value,
+        repr(sorted((k, str(v)) for k, v in context.items() if k != "extras" or v)),
+        *(sources[k] for k in sorted(sources)),
+    ]
     digest = hashlib.sha256("\0".join(parts).encode()).hexdigest()
     return f"{{{digest[:8]}-{digest[8:12]}-{digest[12:16]}-{digest[16:20]}-{digest[20:32]}}}"
 

@@ -12,10 +12,13 @@ class Kind(StrEnum):
         Reference tension in, force out, within the actuator's limits.
     PLANT
         Force in, output tension and end positions out.
+    ADAPTIVE
+        Reference tension and measurement in, force and present mu out.
     """
 
     INVERSE = "inverse"
     PLANT = "plant"
+    ADAPTIVE = "adaptive"
 
 
 class FmiVersion(StrEnum):

@@ -8,13 +8,13 @@ A command fills a `Report` and writes it beside its other files, inside the fold
             folder / "report.html",
             Report(
                 title="Compensation of " + scenario.name,
-                summary="The optimal profile leaves 0.12 % of range on the presliding plant.",
+                summary="Expect an RMS error of up to 5 % of range.",
                 warnings=warnings,
                 sections=(
                     Section(
                         title="Force profiles",
                         blocks=(
-                            Text("Four forces for the same wanted tension."),
+                            Text("Four forces for the same reference."),
                             Picture(figure=figure, caption="Forces over time."),
                             Table(caption="Error", columns=("compensator", "rms [N]"), rows=(("none", 3.1),)),
                         ),
@@ -33,12 +33,12 @@ equal results give equal pages.
 import base64
 import hashlib
 import io
-import math
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
+from itertools import count
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -46,11 +46,9 @@ from matplotlib.figure import Figure
 from tendonff._version import __version__
 from tendonff.compensator.files.reading import open_text
 from tendonff.compensator.files.writing import write_text
+from tendonff.compensator.reporting.cells import Cell, column_decimals, format_cell, is_number
 from tendonff.compensator.reporting.plots import figure_style
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash, scenario_to_toml
-
-Cell = str | float | int | bool | None
-"""What a table holds; None shows as a dash."""
 
 _LARGEST_SVG_BYTES = 1_000_000  # a dense curve costs more as a path than as pixels
 _PACKAGES = ("casadi", "numpy", "scipy", "matplotlib", "control", "pandas", "pydantic")
@@ -80,15 +78,18 @@ class Table:
     columns : sequence of str
         Headers, with units.
     rows : sequence of sequence of Cell
-        Numbers are shown to `digits` significant digits and aligned to the right, None as a dash.
+        Numbers are aligned to the right, those of one column with the same number of decimals; None is a dash.
     digits : int, optional
-        Significant digits of floats. Default 3.
+        Significant digits of a float. Default 3.
+    least : float, optional
+        Smaller floats are shown as less than it, and set no decimals. Default 0: all are told apart.
     """
 
     caption: str
     columns: Sequence[str]
     rows: Sequence[Sequence[Cell]]
     digits: int = 3
+    least: float = 0.0
 
     def __post_init__(self) -> None:
         for k, row in enumerate(self.rows):
@@ -195,6 +196,8 @@ class Report:
         What the reader must know before trusting the result; shown under the summary.
     files : sequence of FileNote, optional
         Files beside the report.
+    fine_print : str, optional
+        What qualifies the summary, in small print under it.
     """
 
     title: str
@@ -203,6 +206,7 @@ class Report:
     provenance: Provenance
     warnings: Sequence[str] = ()
     files: Sequence[FileNote] = ()
+    fine_print: str = ""
 
 
 def pictures_of(figures: Mapping[str, Figure], captions: Mapping[str, str]) -> dict[str, Picture]:
@@ -262,11 +266,11 @@ def render_report(report: Report) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    provenance = report.provenance
+    provenance, figures = report.provenance, count(1)
     return environment.get_template("report.html.j2").render(
         report=report,
         sections=[
-            {"title": section.title, "blocks": [_prepared(block) for block in section.blocks]}
+            {"title": section.title, "blocks": [_prepared(block, figures) for block in section.blocks]}
             for section in report.sections
         ],
         scenario_text=scenario_to_toml(provenance.scenario),
@@ -282,19 +286,24 @@ def _inputs(provenance: Provenance) -> list[Path]:
     return [*([] if reference is None else [reference]), *provenance.inputs]
 
 
-def _prepared(block: Block) -> dict[str, object]:
-    """What the template prints of a block."""
+def _prepared(block: Block, numbers: Iterator[int]) -> dict[str, object]:
+    """What the template prints of a block; figures take the next number."""
     match block:
         case Text():
             return {"kind": "text", "text": block.text}
         case Table():
             numeric = [
-                any(_is_number(row[k]) for row in block.rows)
-                and all(row[k] is None or _is_number(row[k]) for row in block.rows)
+                any(is_number(row[k]) for row in block.rows)
+                and all(row[k] is None or is_number(row[k]) for row in block.rows)
                 for k in range(len(block.columns))
             ]
+            columns = [[row[k] for row in block.rows] for k in range(len(block.columns))]
+            decimals = [column_decimals(column, block.digits, block.least) for column in columns]
             rows = [
-                [(format_cell(cell, block.digits), right) for cell, right in zip(row, numeric, strict=True)]
+                [
+                    (format_cell(cell, block.digits, places), right)
+                    for cell, places, right in zip(row, decimals, numeric, strict=True)
+                ]
                 for row in block.rows
             ]
             return {
@@ -304,35 +313,11 @@ def _prepared(block: Block) -> dict[str, object]:
                 "rows": rows,
             }
         case Picture():
-            return {"kind": "picture", "caption": block.caption, "source": figure_uri(block.figure)}
+            source = figure_uri(block.figure)
+            return {"kind": "picture", "caption": block.caption, "source": source, "number": next(numbers)}
         case PictureFile():
-            return {"kind": "picture", "caption": block.caption, "source": _uri("image/png", block.path.read_bytes())}
-
-
-def _is_number(cell: Cell) -> bool:
-    return isinstance(cell, (int, float)) and not isinstance(cell, bool)
-
-
-def format_cell(cell: Cell, digits: int = 3) -> str:
-    """Text of a table cell.
-
-    Parameters
-    ----------
-    cell : Cell
-    digits : int, optional
-        Significant digits of a float.
-    """
-    if cell is None or (isinstance(cell, float) and math.isnan(cell)):
-        return "–"
-    if isinstance(cell, bool):
-        return "yes" if cell else "no"
-    if not isinstance(cell, float):
-        return str(cell)
-    if cell == 0:
-        return "0"
-    if 1e-3 <= abs(cell) < 10.0 ** max(digits, 5):
-        return f"{cell:.{max(0, digits - 1 - math.floor(math.log10(abs(cell))))}f}"  # keeps trailing zeros, no exponent
-    return f"{cell:.{digits}g}"
+            source = _uri("image/png", block.path.read_bytes())
+            return {"kind": "picture", "caption": block.caption, "source": source, "number": next(numbers)}
 
 
 def figure_uri(figure: Figure) -> str:

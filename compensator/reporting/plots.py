@@ -4,7 +4,7 @@ Colours are Okabe and Ito's, which stay apart for colour-blind readers; curves t
 as well, so that they stay apart in a black-and-white print. Figures carry no date: equal results give equal files.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,6 +32,7 @@ __all__ = [
     "ORANGE",
     "PAGE_WIDTH_IN",
     "VERMILION",
+    "coinciding",
     "figure_style",
     "legend_below",
     "new_figure",
@@ -74,6 +75,7 @@ _STYLE: dict[Any, Any] = {
 }
 
 
+_SAME = 0.004  # of the drawn range: about the width of a line
 _MOST_POINTS = 4000  # of a curve: more would not be seen
 
 
@@ -94,7 +96,6 @@ def new_figure(
     share_x: bool = False,
     share_y: bool = False,
     height_ratios: Sequence[float] | None = None,
-    projection: str | None = None,
 ) -> tuple[Figure, "NDArray[np.object_]"]:
     """An empty figure in our style, without touching matplotlib's global state or a display.
 
@@ -108,8 +109,6 @@ def new_figure(
         Panels of one column share the abscissa, panels of one row the ordinate.
     height_ratios : sequence of float, optional
         Relative heights of the rows.
-    projection : str, optional
-        "3d" for panels in space.
 
     Returns
     -------
@@ -126,7 +125,6 @@ def new_figure(
             sharex="col" if share_x else False,
             sharey="row" if share_y else False,
             gridspec_kw={} if height_ratios is None else {"height_ratios": list(height_ratios)},
-            subplot_kw={} if projection is None else {"projection": projection},
         )
     return figure, axes
 
@@ -140,6 +138,26 @@ def thinned(rows: int, most: int = _MOST_POINTS) -> slice:
     most : int, optional
     """
     return slice(None, None, max(1, rows // most))
+
+
+def coinciding(curves: "Mapping[str, NDArray[np.float64]]", span: float) -> dict[str, str]:
+    """Curves that would hide another one, each with the first that it lies on.
+
+    Parameters
+    ----------
+    curves : mapping of str to ndarray, shape (n,)
+        By name, in the order in which they are drawn.
+    span : float
+        Drawn range; what differs by less than 0.4 % of it looks the same.
+    """
+    found: dict[str, str] = {}
+    names = list(curves)
+    for k, name in enumerate(names):
+        for earlier in names[:k]:
+            if earlier not in found and float(abs(curves[name] - curves[earlier]).max()) < _SAME * span:
+                found[name] = earlier
+                break
+    return found
 
 
 def legend_below(figure: Figure, panel: Axes, columns: int = 5) -> None:

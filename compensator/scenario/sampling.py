@@ -54,21 +54,27 @@ class Reference:
         return float(np.ptp(self.tension_N))
 
 
-def sample_reference(scenario: Scenario) -> Reference:
+def sample_reference(scenario: Scenario, *, strict: bool = True) -> Reference:
     """Sample the reference of a scenario and check that the transmission can deliver it.
 
     Parameters
     ----------
     scenario : Scenario
+    strict : bool, optional
+        Refuse a reference out of reach; otherwise it is a warning.
 
     Raises
     ------
     InputError
-        The reference reaches 0 or below, or above the largest tension that force_max_N delivers through the friction.
+        The reference reaches 0 or below, or, strictly, above the largest tension that force_max_N delivers through
+        the friction.
     """
     spec = scenario.reference
     time, tension, initial, removed, notes = _sample(scenario)
-    _check_deliverable(scenario.transmission, time, tension, scenario.source.name)
+    beyond = _check_deliverable(scenario.transmission, time, tension, scenario.source.name)
+    if beyond and strict:
+        raise InputError(beyond)
+    notes += [beyond] if beyond else []
     if removed > 0 and isinstance(spec, CsvReference):
         notes.append(
             f"{spec.file}: the low-pass at {spec.cutoff_Hz:g} Hz removed {removed:.3g} N rms "
@@ -239,7 +245,8 @@ def largest_tension(transmission: Transmission) -> float:
     return CapstanLaw.of(transmission).largest_output_N(transmission.actuator.force_max_N)
 
 
-def _check_deliverable(transmission: Transmission, time: FloatArray, tension: FloatArray, file: str) -> None:
+def _check_deliverable(transmission: Transmission, time: FloatArray, tension: FloatArray, file: str) -> str:
+    """What keeps the reference out of reach; empty where it can be delivered."""
     lowest, highest = int(np.argmin(tension)), int(np.argmax(tension))
     if not tension[lowest] > 0:
         raise InputError(
@@ -247,14 +254,15 @@ def _check_deliverable(transmission: Transmission, time: FloatArray, tension: Fl
             f"t = {time[lowest]:g} s; a tendon cannot push: raise the reference, or make it swing less"
         )
     reachable = largest_tension(transmission)
-    if tension[highest] > reachable:
-        angle = transmission.path.total_angle_rad
-        degrees = f" (total_angle_rad = {angle:g} is {angle / (2 * math.pi):.3g} turns: degrees?)"
-        raise InputError(
-            f"{file} [reference]: the tension reaches {tension[highest]:.4g} N at t = {time[highest]:g} s, but "
-            f"force_max_N = {transmission.actuator.force_max_N:g} delivers at most {reachable:.4g} N through the "
-            f"friction; lower the reference or raise force_max_N{degrees if angle > _MANY_TURNS_RAD else ''}"
-        )
+    if tension[highest] <= reachable:
+        return ""
+    angle = transmission.path.total_angle_rad
+    degrees = f" (total_angle_rad = {angle:g} is {angle / (2 * math.pi):.3g} turns: degrees?)"
+    return (
+        f"{file} [reference]: the tension reaches {tension[highest]:.4g} N at t = {time[highest]:g} s, but "
+        f"force_max_N = {transmission.actuator.force_max_N:g} delivers at most {reachable:.4g} N through the "
+        f"friction; lower the reference or raise force_max_N{degrees if angle > _MANY_TURNS_RAD else ''}"
+    )
 
 
 # --- noise -----------------------------------------------------------------------------------------------------------

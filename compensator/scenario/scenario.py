@@ -1,7 +1,7 @@
 """Scenario files: the one reader, and the writer that it reads back.
 
 A scenario is a TOML file (schema 1) with the tables [path], [tendon], [friction], [actuator], [load], [reference] and
-[run], and the optional tables [robust], [experiment], [measurement] and [stream].
+[run], and the optional tables [robust], [optimal], [experiment], [measurement], [stream] and [adaptation].
 """
 
 import hashlib
@@ -12,8 +12,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from tendonff.compensator.files.reading import InputError, read_text, suggestion
+from tendonff.compensator.scenario.adaptation import Adaptation
 from tendonff.compensator.scenario.experiment import Experiment
 from tendonff.compensator.scenario.measurement import Measurement
+from tendonff.compensator.scenario.optimal import OptimalSettings
 from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec, SineReference, WaypointReference
 from tendonff.compensator.scenario.run import Run
 from tendonff.compensator.scenario.stream import Stream
@@ -46,10 +48,14 @@ _TABLES: dict[str, type] = {
 }
 _OPTIONAL: dict[str, type] = {
     "robust": Uncertainty,
+    "optimal": OptimalSettings,
     "experiment": Experiment,
     "measurement": Measurement,
     "stream": Stream,
 }
+_ON_REQUEST: dict[str, type] = {"adaptation": Adaptation}
+"""Tables whose absence means that there is none of it."""
+
 _REQUIRED_TABLES = ("path", "tendon", "friction", "actuator", "load", "reference", "run")
 
 
@@ -69,12 +75,16 @@ class Scenario:
         Time step and fidelity level.
     robust : Uncertainty
         Uncertainty of the parameters.
+    optimal : OptimalSettings
+        What the optimal profile is asked for.
     experiment : Experiment
         The two-motor test.
     measurement : Measurement
         How measured files are to be read.
     stream : Stream
         How a reference arrives that is not known in advance.
+    adaptation : Adaptation or None
+        Self-tuning on the controller.
     source : Path
         The file it was read from, which a CSV reference is relative to.
     """
@@ -84,9 +94,11 @@ class Scenario:
     reference: ReferenceSpec
     run: Run
     robust: Uncertainty = field(default_factory=Uncertainty)
+    optimal: OptimalSettings = field(default_factory=OptimalSettings)
     experiment: Experiment = field(default_factory=Experiment)
     measurement: Measurement = field(default_factory=Measurement)
     stream: Stream = field(default_factory=Stream)
+    adaptation: Adaptation | None = None
     source: Path = Path("scenario.toml")
 
     def reference_file(self) -> Path | None:
@@ -147,6 +159,7 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
     parts = {key: table(cls, key) for key, cls in (_TABLES | _OPTIONAL).items()}
     run = parts.pop("run")
     optional = {key: parts.pop(key) for key in _OPTIONAL}
+    optional |= {key: table(cls, key) for key, cls in _ON_REQUEST.items() if key in raw}
     try:
         transmission = Transmission(**parts)  # type: ignore[arg-type]
     except ParameterError as error:
@@ -170,12 +183,12 @@ def _check_schema(raw: Mapping[str, object], file: str) -> None:
 
 
 def _check_names(raw: Mapping[str, object], file: str) -> None:
-    known = ["schema", "name", *_REQUIRED_TABLES, *_OPTIONAL]
+    known = ["schema", "name", *_REQUIRED_TABLES, *_OPTIONAL, *_ON_REQUEST]
     for key, value in raw.items():
         if key in known:
             continue
         if isinstance(value, Mapping):
-            near = suggestion(key, [*_REQUIRED_TABLES, *_OPTIONAL]).replace('"', "")
+            near = suggestion(key, [*_REQUIRED_TABLES, *_OPTIONAL, *_ON_REQUEST]).replace('"', "")
             raise InputError(f"{file}: unknown table [{key}]{near}")
         raise InputError(f'{file}: unknown key "{key}"{suggestion(key, known)}')
 
@@ -224,13 +237,17 @@ def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | Non
         "reference": reference,
         "run": scenario.run,
         "robust": scenario.robust,
+        "optimal": scenario.optimal,
         "experiment": scenario.experiment,
         "measurement": scenario.measurement,
+        "adaptation": scenario.adaptation,
     }
     if scenario.stream != Stream():  # what says nothing new is left out, so that older hashes stay
         tables["stream"] = scenario.stream
     parts = [f"schema = {SCHEMA}\nname = {toml_value(scenario.name)}\n"]
     for table, value in tables.items():
+        if value is None:
+            continue
         lines = f'kind = "{kind}"\n' if table == "reference" else ""
         lines += toml_table(value)
         if lines:

@@ -114,7 +114,10 @@ def _validator(cls: type) -> type[BaseModel]:
 
 def _relaxed(annotation: Any) -> Any:
     """TOML has lists and text where Python has tuples and enums: let those two pass, and only those."""
-    if get_origin(annotation) is tuple or (isinstance(annotation, type) and issubclass(annotation, StrEnum)):
+    if get_origin(annotation) is tuple:
+        inner, *rest = get_args(annotation)
+        return Annotated[tuple.__class_getitem__((_relaxed(inner), *rest)), Strict(False)]
+    if isinstance(annotation, type) and issubclass(annotation, StrEnum):
         return Annotated[annotation, Strict(False)]
     if get_origin(annotation) in (UnionType, Union):
         return Union[tuple(_relaxed(part) for part in get_args(annotation))]  # noqa: UP007 - built at run time

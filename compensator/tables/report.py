@@ -25,8 +25,8 @@ def table_report(result: TablesData, picture: Path) -> Report:
             "wrap angle [rad]",
             "rate of the reference [N/s]",
             "references",
-            "places while pulling",
-            "places while releasing",
+            "nodes, pulling",
+            "nodes, releasing",
             "interpolation error [N]",
             "bound [N]",
         ),
@@ -45,7 +45,7 @@ def table_report(result: TablesData, picture: Path) -> Report:
     )
     scores = Table(
         caption="The scenario's own table as a compensator, within the actuator's limits",
-        columns=("plant", "rms [% of range]", "rms [N]", "largest error [N]"),
+        columns=("plant", "RMS error [% of range]", "RMS error [N]", "largest error [N]"),
         rows=[
             (level.value, score.rmse_percent_of_range, score.rmse_N, score.peak_error_N)
             for level, score in result.scores.items()
@@ -54,8 +54,9 @@ def table_report(result: TablesData, picture: Path) -> Report:
     return Report(
         title=f"Compensation table: {result.scenario.name}",
         summary=(
-            f"Looked up in a table of {first.table.nodes} values, the force leaves {own.rmse_percent_of_range:.2g} % "
-            f"of range on the {result.level} level. The table covers {covered[0]:.4g} to {covered[-1]:.4g} N."
+            f"A table of {first.table.nodes} values has an RMS error of {own.rmse_percent_of_range:.2g} % of the "
+            f"reference range on the {result.level} level, with the scenario's own parameters. It covers "
+            f"{covered[0]:.4g} to {covered[-1]:.4g} N."
         ),
         warnings=result.reference.warnings,
         sections=(
@@ -64,7 +65,7 @@ def table_report(result: TablesData, picture: Path) -> Report:
                 blocks=(
                     PictureFile(
                         path=picture,
-                        caption="Left: the force over the wanted tension, in slip and after reversals. Right: the way "
+                        caption="Left: force over reference, in slip and after reversals. Right: the transition "
                         "from one branch to the other, over the tension since the reversal, with its nodes.",
                     ),
                     sizes,
@@ -76,11 +77,11 @@ def table_report(result: TablesData, picture: Path) -> Report:
                     *(Text(f"{part}.") for part in FORMULA.split("; ")),
                     Text(
                         "The table is quasi-static: made for slow reversals out of full slip, without masses. The "
-                        "exact inverse (tendonff export-c) knows more for a few more instructions."
+                        "exact inverse (tendonff export-c) is more accurate for slightly more computation."
                     ),
                 ),
             ),
-            Section(title="What it delivers", blocks=(scores,)),
+            Section(title="Accuracy", blocks=(scores,)),
         ),
         provenance=provenance_of(result.scenario, "table", result.options),
         files=(

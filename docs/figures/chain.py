@@ -5,35 +5,36 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tendonff.compensator.reporting.plots import BLUE, INK, VERMILION, figure_style, new_figure
-from tendonff.models.friction import BristleParameters, bristle_rate
-from tendonff.models.link import LinkParameters, relaxation_rate, unclipped_force
+from tendonff.models.friction import LuGreBristle
+from tendonff.models.link import ZenerLink
 
 NORMAL_N, MU = 50.0, 0.2
 
 
 def loop(stiffness_N_per_m: float, path_m: np.ndarray) -> np.ndarray:
     """Bristle force along a path at constant normal force, by the packages' own law [N]."""
-    bristle = BristleParameters(
+    bristle = LuGreBristle(
         bristle_stiffness_N_per_m=stiffness_N_per_m,
         mu_dynamic_pull=MU,
         mu_static_pull=MU,
         mu_dynamic_release=MU,
         mu_static_release=MU,
         stribeck_velocity_m_per_s=1.0,
+        viscous_N_s_per_m=0.0,
     )
     v, f_s = ca.SX.sym("v"), ca.SX.sym("f_s")
-    rate = ca.Function("rate", [v, f_s], [bristle_rate(v, f_s, ca.SX(NORMAL_N), bristle)])
+    rate = ca.Function("rate", [v, f_s], list(bristle.rate(v, (f_s,), ca.SX(NORMAL_N))))
     force = np.zeros_like(path_m)
     for k, step in enumerate(np.diff(path_m)):
         force[k + 1] = force[k] + float(rate(step, force[k]))
     return force
 
 
-def relaxation(link: LinkParameters, time_s: np.ndarray, elongation_m: float) -> np.ndarray:
+def relaxation(link: ZenerLink, time_s: np.ndarray, elongation_m: float) -> np.ndarray:
     """Tension at held elongation, by the packages' own law [N]."""
     e, z = ca.SX(elongation_m), ca.SX.sym("z")
-    rate = ca.Function("rate", [z], [relaxation_rate(e, z, link)])
-    force = ca.Function("force", [z], [unclipped_force(e, ca.SX(0), z, link)])
+    rate = ca.Function("rate", [z], list(link.rate(e, (z,))))
+    force = ca.Function("force", [z], [link.unclipped_force(e, ca.SX(0), (z,))])
     damper, tension = 0.0, np.zeros_like(time_s)
     for k, step in enumerate(np.diff(time_s, append=time_s[-1])):
         tension[k] = float(force(damper))
@@ -44,7 +45,7 @@ def relaxation(link: LinkParameters, time_s: np.ndarray, elongation_m: float) ->
 def draw() -> Figure:
     """Draw the figure."""
     path = 1e-3 * np.concatenate([np.linspace(0, 1, 400), np.linspace(1, -0.5, 600), np.linspace(-0.5, 1, 600)])
-    link = LinkParameters(
+    link = ZenerLink(
         stiffness_N_per_m=2e4, relaxing_stiffness_N_per_m=6e3, relaxation_time_s=0.4, damping_N_s_per_m=0.0
     )
     time = np.linspace(0, 2, 401)

@@ -10,6 +10,7 @@ from tendonff.compensator.reporting.plots import BLUE, GREY, ORANGE, VERMILION, 
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
+from tendonff.models.layout import ChainInputs
 from tendonff.ocp.simulate import Simulator
 
 FINGER = Path(__file__).resolve().parents[2] / "examples" / "finger.toml"
@@ -28,12 +29,10 @@ def profiles() -> tuple[np.ndarray, np.ndarray]:
         finger, friction=replace(finger.friction, bristle_stiffness_N_per_m=3e7)
     )  # the law has no presliding
     chain = Chain.of(stiff, Level.ELASTIC, segments=40)
-    run = Simulator(chain, STEP_S, chain.rest_state(30.0), np.array([30.0, 0.0, 0.0, 0.0]))
+    run = Simulator(chain, STEP_S, chain.rest_state(30.0), ChainInputs.of(1, near_force_N=30.0))
     rows = np.arange(1, 1001) / 1000
-    pull = np.column_stack([30 + 15 * rows, 0 * rows, 0 * rows, 0 * rows])
-    draw_away = np.column_stack([45 + 0 * rows, 0 * rows, 0 * rows, -0.006 * rows])
-    pulled = run.advance(pull, record=True)
-    drawn = run.advance(draw_away, record=True)
+    pulled = run.advance(ChainInputs.of(1000, near_force_N=30 + 15 * rows), record=True)
+    drawn = run.advance(ChainInputs.of(1000, near_force_N=45.0, far_rest_m=-0.006 * rows), record=True)
     return pulled.tension_N[-1], drawn.tension_N[-1]
 
 

@@ -101,7 +101,7 @@ class StepCode:
     host : bool, optional
         Help the host's compiler: arrays do not overlap, and the numbers do not change.
     limits : Limits, optional
-    compliances : mapping of str to float, optional
+    compliances : mapping of str to float or C text, optional
         For an inverse that keeps states relative to what the tension alone would cause: by state, [m/N].
     """
 
@@ -115,7 +115,7 @@ class StepCode:
     numbers: Mapping[str, str]
     host: bool = False
     limits: Limits = Limits()
-    compliances: Mapping[str, float] | None = None
+    compliances: Mapping[str, float | str] | None = None
 
     def work(self) -> tuple[tuple[str, str], ...]:
         """Arrays of the work area of one step, with their sizes in C."""
@@ -170,7 +170,10 @@ class StepCode:
             friction_states=states.friction_states,
             input_names=INPUT_NAMES,
             shifted=self.compliances is not None,
-            compliances={name: number(value) for name, value in (self.compliances or {}).items()},
+            compliances={
+                name: value if isinstance(value, str) else number(value)
+                for name, value in (self.compliances or {}).items()
+            },
             zero=number(0.0),
             half=number(0.5),
             one=number(1.0),

@@ -3,12 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from tendonff.ocp.sensitivity import Links, force_sensitivity
 from tendonff.ocp.simulate import Outcome, simulate
 from tendonff.ocp.step.protocol import Array
-from tendonff.ocp.tracking.problem import TensionBounds, TrackingProblem
+from tendonff.ocp.tracking.diagnosis import reversals
+from tendonff.ocp.tracking.problem import Goal, TensionBounds, TrackingProblem
 
 Knots = NDArray[np.int_]
 
@@ -23,6 +25,8 @@ class Evaluation:
         What is made small: error, effort and penalty [N^2]; infinite where a simulation fails.
     squares : ndarray, shape (plants,)
         Mean squared tension errors [N^2].
+    density : ndarray, shape (n,)
+        Share of each row in the merit, without penalties [N^2].
     beyond_N : float
         Largest excess over the tension bounds [N], 0 inside.
     tensions_N : tuple of ndarray, each (n, N + 1)
@@ -30,6 +34,7 @@ class Evaluation:
 
     merit: float
     squares: Array
+    density: Array
     beyond_N: float
     tensions_N: tuple[Array, ...]
 
@@ -50,6 +55,21 @@ class GaussNewtonModel:
     rows: Array
     low: Array
     high: Array
+
+
+def knot_shape(knots: Knots) -> sp.csr_array:
+    """Hat functions of the knots on all rows, shape (n, k).
+
+    Parameters
+    ----------
+    knots : ndarray of int, shape (k,)
+    """
+    n, k = int(knots[-1]) + 1, len(knots)
+    rows = np.arange(n)
+    left = np.clip(np.searchsorted(knots, rows, side="right") - 1, 0, k - 2)
+    weight = (rows - knots[left]) / (knots[left + 1] - knots[left])
+    values = np.concatenate([1 - weight, weight])
+    return sp.csr_array((values, (np.tile(rows, 2), np.concatenate([left, left + 1]))), shape=(n, k))
 
 
 def power_mean(squares: Array, power: float) -> tuple[float, Array]:
@@ -80,21 +100,36 @@ def evaluate(problem: TrackingProblem, force_N: Array) -> Evaluation:
     for plant in problem.plants:
         run = simulate(plant.chain, force_N, problem.step_s, state=plant.state)
         if run.outcome is Outcome.FAILED:
-            squares = np.full(len(problem.plants), np.inf)
-            return Evaluation(merit=np.inf, squares=squares, beyond_N=np.inf, tensions_N=())
+            bad = np.full(len(problem.plants), np.inf)
+            return Evaluation(merit=np.inf, squares=bad, density=np.empty(0), beyond_N=np.inf, tensions_N=())
         tensions.append(run.tension_N)
-    squares = np.array([np.mean((t[:, -1] - goal.reference_N) ** 2) for t in tensions])
+    errors = np.array([(t[:, -1] - goal.reference_N) ** 2 for t in tensions])
+    squares = errors.mean(axis=1)
+    mean, slopes = power_mean(squares, goal.power)
     low, high = min(float(t[1:].min()) for t in tensions), max(float(t[1:].max()) for t in tensions)
     beyond = max(bounds.low_N - low, high - bounds.high_N, 0.0)
-    effort = goal.effort_weight * float(np.mean(force_N**2))
+    cost = goal.effort_weight * force_N**2 / len(force_N)
+    cost[1:] += goal.travel_weight * _smooth_travel(goal, force_N)[0]
     # A slack link carries no force however slack it is, so its depth says nothing: the cost of slack is its own.
     slack = goal.penalty_N * float(np.ptp(goal.reference_N)) if low <= 0 else 0.0
-    merit = power_mean(squares, goal.power)[0] + effort + goal.penalty_N * beyond + slack
-    return Evaluation(merit=merit, squares=squares, beyond_N=beyond, tensions_N=tuple(tensions))
+    return Evaluation(
+        merit=mean + float(cost.sum()) + goal.penalty_N * beyond + slack,
+        squares=squares,
+        density=slopes @ errors / len(force_N) + cost,
+        beyond_N=beyond,
+        tensions_N=tuple(tensions),
+    )
+
+
+def _smooth_travel(goal: Goal, force_N: Array) -> tuple[Array, Array]:
+    """Travel of each step, rounded off near 0, and the weight of its quadratic bound; shape (n - 1,) each."""
+    steps = np.diff(force_N)
+    size = np.sqrt(steps**2 + goal.least_travel_N**2)
+    return size - goal.least_travel_N, 1 / size
 
 
 def gauss_newton_model(
-    problem: TrackingProblem, force_N: Array, evaluation: Evaluation, knots: Knots, shape: Array, reach_N: float
+    problem: TrackingProblem, force_N: Array, evaluation: Evaluation, knots: Knots, reach_N: float
 ) -> GaussNewtonModel:
     """Gauss-Newton model of the merit, from exact sensitivities.
 
@@ -106,12 +141,11 @@ def gauss_newton_model(
         Of that force.
     knots : ndarray of int, shape (k,)
         Rows where the change of the force has its corners.
-    shape : ndarray, shape (n, k)
-        The change of the force for a unit change at each knot.
     reach_N : float
         Tensions that come this close to a bound are watched [N].
     """
-    goal, bounds, (n, k) = problem.goal, problem.bounds, shape.shape
+    goal, bounds, n, k = problem.goal, problem.bounds, len(force_N), len(knots)
+    window = _memory(goal.reference_N, knots)
     _, slopes = power_mean(evaluation.squares, goal.power)
     hessian, gradient = np.zeros((k, k)), np.zeros(k)
     rows, lows, highs = [np.empty((0, k))], [np.empty(0)], [np.empty(0)]
@@ -124,20 +158,19 @@ def gauss_newton_model(
             knots,
             state=plant.state,
             links=Links.ALL if watched.size else Links.OUTPUT,
-            window=_MEMORY,
+            window=window,
         )
         output = found.tension_slopes[:, -1, :]
         weight = 2 * slope / n
-        _add_gram(hessian, output, knots, weight)
+        _add_gram(hessian, output, knots, weight, window)
         gradient += weight * (output.T @ (tension[:, -1] - goal.reference_N))
         if watched.size:
             at, link = watched.T
             rows.append(found.tension_slopes[at, link, :])
             lows.append(bounds.low_N - tension[at, link])
             highs.append(bounds.high_N - tension[at, link])
-    if goal.effort_weight > 0:
-        hessian += 2 * goal.effort_weight / n * (shape.T @ shape)
-        gradient += 2 * goal.effort_weight / n * (shape.T @ force_N)
+    if goal.effort_weight > 0 or goal.travel_weight > 0:
+        _add_force_cost(hessian, gradient, goal, force_N, knots)
     return GaussNewtonModel(
         hessian=hessian,
         gradient=gradient,
@@ -147,21 +180,50 @@ def gauss_newton_model(
     )
 
 
-_MEMORY = 120  # a knot's influence is followed over so many later ones: several reversals, which wipe it out
-_BLOCK_ROWS = 16
+def _add_force_cost(hessian: Array, gradient: Array, goal: Goal, force_N: Array, knots: Knots) -> None:
+    """Add the costs of effort and travel."""
+    shape, n = knot_shape(knots), len(force_N)
+    if goal.effort_weight > 0:
+        hessian += 2 * goal.effort_weight / n * (shape.T @ shape).toarray()
+        gradient += 2 * goal.effort_weight / n * (shape.T @ force_N)
+    # Of the travel, the quadratic function that touches it here and lies above it everywhere.
+    slope = shape[1:] - shape[:-1]
+    weight = goal.travel_weight * _smooth_travel(goal, force_N)[1]
+    hessian += (slope.T @ sp.diags_array(weight) @ slope).toarray()
+    gradient += slope.T @ (weight * np.diff(force_N))
 
 
-def _add_gram(hessian: Array, slopes: Array, knots: Knots, weight: float) -> None:
+_REVERSALS = 2  # a change of the force is followed over so many later ones: they wipe it out
+_ROWS_OF_INTERVAL = 4  # that enter the Hessian
+_TILE, _TILE_ROWS = 120, 16  # knots and rows of a block
+
+
+def _memory(reference_N: Array, knots: Knots) -> int:
+    """How many knots are under way at once."""
+    turns = np.append(reversals(reference_N), np.full(_REVERSALS, knots[-1]))
+    wiped = turns[np.searchsorted(turns, knots, side="right").clip(max=len(turns) - _REVERSALS) + _REVERSALS - 1]
+    return int((np.searchsorted(knots, wiped, side="right") - np.arange(len(knots))).max()) + 2
+
+
+def _add_gram(hessian: Array, slopes: Array, knots: Knots, weight: float, window: int) -> None:
     """Add weight * slopes^T slopes, shape (k, k), in blocks of the few knots that matter at a time.
 
-    Blocks this small are also too small for the matrix library to start threads, which would wait for busy processors.
+    A few rows stand for all between two knots: the output moves smoothly there. The blocks are so small that the matrix
+    library starts no threads, which would wait for busy processors.
     """
-    for i in range(len(knots) - 1):
-        last = i + 2
-        alive = slice(max(last - _MEMORY, 0), last)
-        for row in range(int(knots[i]) + 1, int(knots[i + 1]) + 1, _BLOCK_ROWS):
-            block = slopes[row : min(row + _BLOCK_ROWS, int(knots[i + 1]) + 1), alive]
-            hessian[alive, alive] += weight * (block.T @ block)
+    for i, (first, end) in enumerate(zip(knots[:-1].tolist(), knots[1:].tolist(), strict=True)):
+        stride = max((end - first) // _ROWS_OF_INTERVAL, 1)
+        each = weight * (end - first) / len(range(end, first, -stride))
+        tiles = [slice(k, min(k + _TILE, i + 2)) for k in range(max(i + 2 - window, 0), i + 2, _TILE)]
+        for start in range(end, first, -stride * _TILE_ROWS):
+            rows = slice(start, max(start - stride * _TILE_ROWS, first), -stride)
+            parts = [each * slopes[rows, tile].T for tile in tiles]
+            for m, left in enumerate(tiles):
+                for part, right in zip(parts[: m + 1], tiles[: m + 1], strict=True):
+                    product = part @ slopes[rows, left]
+                    hessian[right, left] += product
+                    if right != left:
+                        hessian[left, right] += product.T
 
 
 _PIECE_ROWS = 10  # of so many successive rows, and all links, only the worst becomes a constraint

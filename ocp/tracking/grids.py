@@ -1,8 +1,8 @@
 """From coarse to fine: where the knots of a force profile go (grid refinement), and where the search starts.
 
-Coarse knots first: they see over a dead zone, and cost little. Then twice as many, then more where the profile meets
-or leaves a limit. Where limits bind, the profile is straightened between knots before each search, so that a ramp may
-begin and end at a knot; elsewhere it keeps its fine structure.
+First a grid that is coarse in time: it sees over a dead zone, and costs little. Then all rows, with more knots where
+the profile meets or leaves a limit. Where limits bind, the profile is straightened between knots before each search,
+so that a ramp may begin and end at a knot; elsewhere it keeps its fine structure.
 """
 
 from collections.abc import Callable
@@ -11,10 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.ocp.step.protocol import Array
-from tendonff.ocp.tracking.cost import Evaluation, GaussNewtonModel, Knots, evaluate
+from tendonff.ocp.tracking.cost import Evaluation, GaussNewtonModel, Knots, evaluate, knot_shape
 from tendonff.ocp.tracking.limits import ForceLimits
-from tendonff.ocp.tracking.problem import TrackingProblem
-from tendonff.ocp.tracking.sqp import SqpResult, SqpSettings, SqpStatus, knot_shape, solve_qp, solve_sqp, step_bounds
+from tendonff.ocp.tracking.problem import TrackingProblem, every
+from tendonff.ocp.tracking.qp import solve_qp, step_bounds
+from tendonff.ocp.tracking.sqp import SqpResult, SqpSettings, SqpStatus, solve_sqp
 
 KNOTS_PER_SWING = 12
 """Coarse knots between two reversals of the reference."""
@@ -32,19 +33,19 @@ class GridRefinement:
     force_N : ndarray, shape (n,)
     evaluation : Evaluation
     searches : tuple of SqpResult
-        One per grid.
-    knots : int
-        On the last grid.
+        Of all grids, each of the start that won there.
+    improved : bool
+        Better than the clipped inverse.
     """
 
     force_N: Array
     evaluation: Evaluation
     searches: tuple[SqpResult, ...]
-    knots: int
+    improved: bool
 
     @property
     def iterations(self) -> int:
-        """Quadratic programs in all."""
+        """Quadratic programs of the search that won."""
         return sum(s.iterations for s in self.searches)
 
     @property
@@ -53,9 +54,9 @@ class GridRefinement:
         return self.searches[-1].status is not SqpStatus.ITERATIONS
 
     @property
-    def promise(self) -> float:
-        """Relative decrease of the merit that the last quadratic program promised [-]."""
-        return self.searches[-1].promise
+    def gain(self) -> float:
+        """Relative decrease of the merit that the last iteration brought [-]."""
+        return self.searches[-1].gain
 
 
 def even_knots(rows: int, spacing: int) -> Knots:
@@ -101,20 +102,20 @@ def limited_rows(force_N: Array, step_s: float, limits: ForceLimits) -> np.typin
     )
 
 
-def refined_knots(knots: Knots, limited: np.typing.NDArray[np.bool_]) -> Knots:
-    """Halve the intervals around the rows where a limit begins or ceases to bind.
+def local_knots(limited: np.typing.NDArray[np.bool_], base: Knots, reach: int, spacing: int) -> Knots:
+    """Knots closer together where a limit begins or ceases to bind.
 
     Parameters
     ----------
-    knots : ndarray of int, shape (k,)
     limited : ndarray of bool, shape (n - 1,)
+    base : ndarray of int, shape (k,)
+        Knots everywhere.
+    reach, spacing : int
+        Rows on either side of such an edge, and between the knots there.
     """
     edges = np.flatnonzero(limited[1:] != limited[:-1]) + 1
-    interval = np.clip(np.searchsorted(knots, edges, side="right") - 1, 0, len(knots) - 2)
-    near = np.unique(np.add.outer(interval, np.arange(-_NEIGHBOURS, _NEIGHBOURS + 1)))
-    near = near[(near >= 0) & (near < len(knots) - 1)]
-    middles = (knots[near] + knots[near + 1]) // 2
-    return np.unique(np.concatenate([knots, middles]))
+    near = np.add.outer(edges, np.arange(-reach, reach + 1, spacing)).ravel()
+    return np.unique(np.concatenate([base, near[(near > 0) & (near < base[-1])]]))
 
 
 def straightened(force_N: Array, knots: Knots, limited: np.typing.NDArray[np.bool_]) -> Array:
@@ -146,13 +147,13 @@ def nearest_profile(problem: TrackingProblem, wanted_N: Array, knots: Knots) -> 
     """
     clipped, limits, shape = problem.clipped(wanted_N), problem.limits, knot_shape(knots)
     model = GaussNewtonModel(
-        hessian=shape.T @ shape,
+        hessian=(shape.T @ shape).toarray(),
         gradient=shape.T @ (clipped - wanted_N),
         rows=np.empty((0, len(knots))),
         low=np.empty(0),
         high=np.empty(0),
     )
-    room = step_bounds(problem, clipped, knots, shape)
+    room = step_bounds(problem, clipped, knots)
     move = solve_qp(model, room, 2 * (limits.maximum_N - limits.minimum_N), problem.goal.penalty_N)
     return clipped if move is None else problem.clipped(clipped + shape @ move)
 
@@ -182,22 +183,55 @@ def _as_far_as_taut(
     return best
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Stage:
+    """One grid.
+
+    Parameters
+    ----------
+    rows : int
+        Rows of time to a coarse spacing of knots; 0 for all there are.
+    base : int
+        Knots everywhere: so many to a coarse spacing.
+    edge : int
+        Knots near the edges of limits: so many to a coarse spacing; 0 for none more.
+    iterations : int
+        At most so many.
+    """
+
+    rows: int
+    base: int
+    edge: int
+    iterations: int
+
+
+_LOCAL_KNOTS = 240  # at most so many near the edges of limits
+
+_STAGES = (
+    _Stage(rows=8, base=2, edge=0, iterations=12),
+    _Stage(rows=0, base=2, edge=4, iterations=16),
+)
+
+
 def refine(
     problem: TrackingProblem,
-    wanted_N: Array,
+    starts_N: tuple[Array, ...],
     settings: SqpSettings,
     spacing: int,
     tell: Callable[[], None] | None = None,
 ) -> GridRefinement:
-    """Search on three grids, from the profile closest to the wanted force.
+    """Search from coarse to fine: on the first grid from every start, on the others from the best of them.
+
+    The first grids are coarse in time too, which costs little and hardly moves the optimum; what counts is decided on
+    all rows.
 
     Parameters
     ----------
     problem : TrackingProblem
-    wanted_N : ndarray, shape (n,)
-        Exact inverse; as the actuator would give it, it is what to beat.
+    starts_N : tuple of ndarray, shape (n,)
+        Forces to start from, whatever the limits. The first is the exact inverse: as the actuator would give it, it is
+        what to beat, and its fine structure is kept where the search follows it.
     settings : SqpSettings
-        The iteration limit is for all grids together.
     spacing : int
         Rows between coarse knots.
     tell : callable, optional
@@ -206,27 +240,52 @@ def refine(
     Returns
     -------
     GridRefinement
-        Never worse than the clipped force.
+        Never worse than the clipped inverse.
     """
-    n, h, limits = len(wanted_N), problem.step_s, problem.limits
-    best = _taut_start(problem, problem.clipped(wanted_N))
-    start = nearest_profile(problem, wanted_N, even_knots(n, max(spacing // 4, 1)))
+    n, inverse = len(starts_N[0]), starts_N[0]
+    best = _taut_start(problem, problem.clipped(inverse))
+    near = even_knots(n, max(spacing // 4, 1))
+    forces = [nearest_profile(problem, start, near) for start in starts_N]
     searches: list[SqpResult] = []
-    left = settings.iterations
-    knots = even_knots(n, spacing)
-    for stage in range(3):
-        if stage == 1:
-            knots = even_knots(n, max(spacing // 2, 1))
-        elif stage == 2:
-            knots = refined_knots(knots, limited_rows(best[1], h, limits))
-        force = start if stage == 0 else best[1]
-        force = straightened(force, knots, limited_rows(force, h, limits))
-        evaluation, force = _as_far_as_taut(problem, best, force)
-        rules = replace(settings, iterations=max(left // (3 - stage), 1))
-        found = solve_sqp(problem, force, evaluation, knots, rules, tell)
-        left -= found.iterations
+    first, spent = best[0], 0
+    for stage in _STAGES:
+        factor = max(spacing // stage.rows, 1) if stage.rows else 1
+        grid = problem.coarsened(factor)
+        left = settings.iterations - spent
+        rules = replace(settings, iterations=max(min(left // len(forces), stage.iterations), 1))
+        tried = []
+        for force in forces:
+            knots, start = _knots_and_start(grid, every(force, factor), stage, max(spacing // factor, 1))
+            evaluation = evaluate(grid, start)
+            if factor == 1:
+                evaluation, start = _as_far_as_taut(problem, best, start)
+            tried.append(solve_sqp(grid, start, evaluation, knots, rules, tell))
+        spent += sum(result.iterations for result in tried)
+        found = min(tried, key=lambda result: result.evaluation.merit)
         searches.append(found)
-        if found.evaluation.merit < best[0].merit:
+        if factor == 1 and found.evaluation.merit < best[0].merit:
             best = (found.evaluation, found.force_N)
+        forces = [_on_rows(found.force_N, factor, inverse, problem)]
     force = problem.clipped(best[1])  # what rounding of the quadratic programs left
-    return GridRefinement(force_N=force, evaluation=best[0], searches=tuple(searches), knots=len(knots))
+    return GridRefinement(force_N=force, evaluation=best[0], searches=tuple(searches), improved=best[0] is not first)
+
+
+def _knots_and_start(grid: TrackingProblem, force_N: Array, stage: _Stage, spacing: int) -> tuple[Knots, Array]:
+    """Knots of a stage, and the profile straightened between them where limits bind."""
+    limited = limited_rows(force_N, grid.step_s, grid.limits)
+    knots = even_knots(len(force_N), max(spacing // stage.base, 1))
+    if stage.edge:
+        edges = int(np.count_nonzero(limited[1:] != limited[:-1])) + 1
+        apart = max(spacing // stage.edge, 1, 2 * spacing * edges // _LOCAL_KNOTS)
+        knots = local_knots(limited, knots, spacing, apart)
+    return knots, straightened(force_N, knots, limited)
+
+
+def _on_rows(coarse_N: Array, factor: int, inverse_N: Array, problem: TrackingProblem) -> Array:
+    """A profile of a coarse grid on all rows, with the fine structure of the inverse where it follows that."""
+    if factor == 1:
+        return coarse_N
+    rows, at = np.arange(len(inverse_N)), np.arange(len(coarse_N)) * factor
+    detail = inverse_N - np.interp(rows, at, every(inverse_N, factor))
+    fine = np.abs(detail) < 1e-3 * float(np.ptp(problem.goal.reference_N))
+    return problem.clipped(np.interp(rows, at, coarse_N) + np.where(fine, detail, 0.0))

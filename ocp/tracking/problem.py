@@ -2,7 +2,7 @@
 
 ::
 
-    minimise    M_p[mean (T_s - r)^2] + w mean f^2        over the force f(t), piecewise linear on the grid
+    minimise    M_p[mean (T_s - r)^2] + w mean f^2 + v (travel of f)        over the force f(t)
     subject to  the chain of every plant s, from its state: T_s is its output     dynamics
                 minimum_N <= f <= maximum_N, abs(df/dt) <= rate_N_per_s           limits of the actuator
                 low_N <= tension anywhere along the tendon <= high_N              bounds of the tendon
@@ -24,6 +24,9 @@ from tendonff.models.layout import ChainState
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.limits import ForceLimits
 
+WORST_POWER = 8.0
+"""Order of a mean that is close to the largest value."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackOptions:
@@ -33,6 +36,9 @@ class TrackOptions:
     ----------
     effort_weight : float
         Weight of the mean squared force beside the mean squared tension error [-]; 0 for tracking alone.
+    travel_weight : float
+        What doubling the travel of the clipped inverse's force costs, as a mean square error relative to the squared
+        range of the reference [-]: force that shakes to no purpose is not worth its while. 0 for none.
     minimum_tension_N : float
         Least tension anywhere along the tendon [N]; 0 means no link may go slack.
     maximum_tension_N : float
@@ -46,6 +52,7 @@ class TrackOptions:
     """
 
     effort_weight: float = 0.0
+    travel_weight: float = 1e-6
     minimum_tension_N: float = 0.0
     maximum_tension_N: float = math.inf
     max_iterations: int = 60
@@ -55,6 +62,8 @@ class TrackOptions:
     def __post_init__(self) -> None:
         if not 0 <= self.effort_weight < math.inf:
             raise ParameterError(f"effort_weight must be a finite number >= 0, got {self.effort_weight}; 0 for none")
+        if not 0 <= self.travel_weight < math.inf:
+            raise ParameterError(f"travel_weight must be a finite number >= 0, got {self.travel_weight}; 0 for none")
         if not 0 <= self.minimum_tension_N < self.maximum_tension_N:
             raise ParameterError(
                 f"minimum_tension_N must be >= 0 and below maximum_tension_N = {self.maximum_tension_N:g}, "
@@ -92,6 +101,10 @@ class Goal:
         Desired output tension at 0, h, 2 h ... [N].
     effort_weight : float
         Weight of the mean squared force beside the mean squared tension error [-].
+    travel_weight : float
+        Cost of a newton of travel of the force, up and down [N].
+    least_travel_N : float
+        Travel in one step below this costs less [N].
     power : float
         Mean of order `power` of the plants' mean squared errors: 1 is the mean, large is the worst.
     penalty_N : float
@@ -100,6 +113,8 @@ class Goal:
 
     reference_N: Array
     effort_weight: float
+    travel_weight: float
+    least_travel_N: float
     power: float
     penalty_N: float
 
@@ -146,6 +161,7 @@ class TrackingProblem:
         options: TrackOptions,
         *,
         initial_tension_N: float,
+        inverse_N: Array,
         power: float = 1.0,
     ) -> "TrackingProblem":
         """The problem of chains that start at rest.
@@ -159,16 +175,21 @@ class TrackingProblem:
         options : TrackOptions
         initial_tension_N : float
             T0 [N].
+        inverse_N : ndarray, shape (n,)
+            Exact inverse: its travel within the limits is what the task needs [N].
         power : float, optional
         """
         span = max(float(np.ptp(reference_N)), 1e-3 * float(reference_N.max()))
         margin = 1e-4 * span  # the search aims a little inside, so that what it finds is inside
+        travel = max(travel_N(limits.apply(inverse_N, step_s, limits.start(initial_tension_N))), 1e-3 * span)
         slack = 1e-3 * min(float(reference_N.min()), initial_tension_N)
         return cls(
             step_s=step_s,
             goal=Goal(
                 reference_N=reference_N,
                 effort_weight=options.effort_weight,
+                travel_weight=options.travel_weight * span**2 / travel,
+                least_travel_N=0.05 * travel / len(reference_N),
                 power=power,
                 penalty_N=4 * span + options.effort_weight * float(reference_N.max()),
             ),
@@ -207,3 +228,42 @@ class TrackingProblem:
             plants=tuple(PlantModel(chain=p.chain, state=x) for p, x in zip(self.plants, states, strict=True)),
             start_N=start_N,
         )
+
+    def coarsened(self, factor: int) -> "TrackingProblem":
+        """The same problem on a coarser grid of time; the last reference is held to its end.
+
+        Parameters
+        ----------
+        factor : int
+            Rows for one of the new ones.
+        """
+        return replace(
+            self,
+            step_s=factor * self.step_s,
+            goal=replace(
+                self.goal,
+                reference_N=every(self.goal.reference_N, factor),
+                least_travel_N=factor * self.goal.least_travel_N,
+            ),
+        )
+
+
+def every(values: Array, factor: int) -> Array:
+    """Every so many-th row, and beyond the last one its value.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+    factor : int
+    """
+    return values[np.minimum(np.arange(0, len(values) + factor - 1, factor), len(values) - 1)]
+
+
+def travel_N(force_N: Array) -> float:
+    """How far a force goes up and down in all [N].
+
+    Parameters
+    ----------
+    force_N : ndarray, shape (n,)
+    """
+    return float(np.abs(np.diff(force_N)).sum())

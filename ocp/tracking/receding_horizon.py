@@ -57,15 +57,15 @@ def windows(rows: int, length: int, overlap: int) -> Iterator[Window]:
 
 
 def solve(
-    problem: TrackingProblem, wanted_N: Array, options: TrackOptions, progress: Progress | None = None
+    problem: TrackingProblem, starts_N: tuple[Array, ...], options: TrackOptions, progress: Progress | None = None
 ) -> tuple[Array, tuple[GridRefinement, ...]]:
     """Solve window by window; the plants keep moving on the profile that was kept.
 
     Parameters
     ----------
     problem : TrackingProblem
-    wanted_N : ndarray, shape (n,)
-        Where the search starts.
+    starts_N : tuple of ndarray, shape (n,)
+        Where the search starts; the first is the exact inverse.
     options : TrackOptions
     progress : callable, optional
         Callback(completed, total), in iterations.
@@ -80,7 +80,7 @@ def solve(
     if options.window_s is not None:
         length = max(round(options.window_s / step_s), 2)
         overlap = max(min(overlap, length), 1)
-    pieces = list(windows(len(wanted_N), length, overlap))
+    pieces = list(windows(len(starts_N[0]), length, overlap))
     start = ChainInputs.of_force(np.array([problem.start_N]))
     simulators = [Simulator(p.chain, step_s, p.state, start) for p in problem.plants]
     force, refinements = np.array([problem.start_N]), []
@@ -93,7 +93,7 @@ def solve(
     for piece in pieces:
         here = slice(piece.start, piece.end + 1)
         part = problem.piece(here, tuple(s.state for s in simulators), float(force[-1]))
-        found = refine(part, wanted_N[here], settings, spacing, counter.tick)
+        found = refine(part, tuple(start[here] for start in starts_N), settings, spacing, counter.tick)
         refinements.append(found)
         kept = found.force_N[1 : piece.keep - piece.start + 1]
         force = np.concatenate([force, kept])

@@ -15,9 +15,13 @@ class TrackStatus(StrEnum):
     Attributes
     ----------
     EXACT
-        No limit binds: the exact inverse, which leaves no error on its model.
+        No limit binds, and simulated the exact inverse leaves next to no error on its model.
+    UNSTABLE
+        No limit binds, but simulated the exact inverse leaves an error: the rig amplifies rounding (stick-slip).
     OPTIMAL
         Some limit binds; no small change of the profile improves it.
+    BEST_ACHIEVABLE
+        No force within the limits reaches the reference: what comes closest.
     ACCEPTABLE
         Better than the clipped inverse, but the search ended before it converged.
     CLIPPED
@@ -29,7 +33,9 @@ class TrackStatus(StrEnum):
     """
 
     EXACT = "exact"
+    UNSTABLE = "unstable"
     OPTIMAL = "optimal"
+    BEST_ACHIEVABLE = "best_achievable"
     ACCEPTABLE = "acceptable"
     CLIPPED = "clipped"
     INFEASIBLE = "infeasible"
@@ -47,6 +53,8 @@ class Tracking:
         One sentence for the user.
     reasons : tuple of str
         Which wishes the actuator cannot fulfil, in the user's terms; empty where no limit binds.
+    cautions : tuple of str
+        Why the profile may deliver less than predicted.
     departures : tuple of Departure
         Where the predicted output leaves the reference.
     time_s, force_N, predicted_output_N : ndarray, shape (n,)
@@ -60,9 +68,9 @@ class Tracking:
     worst : Violation
         The bound that is met most closely, or broken.
     iterations : int
-        Quadratic programs solved, all windows together.
-    promise : float
-        Relative decrease of the squared error that the last quadratic program promised [-].
+        Quadratic programs of the search that won, all windows together.
+    gain : float
+        Relative decrease of the squared error that the last iteration brought [-].
     windows : int
         Pieces the horizon was cut into.
     build_s, solve_s : float
@@ -72,6 +80,7 @@ class Tracking:
     status: TrackStatus
     message: str
     reasons: tuple[str, ...]
+    cautions: tuple[str, ...]
     departures: tuple[Departure, ...]
     time_s: Array
     force_N: Array
@@ -83,7 +92,7 @@ class Tracking:
     largest_tension_N: float
     worst: Violation
     iterations: int
-    promise: float
+    gain: float
     windows: int
     build_s: float
     solve_s: float

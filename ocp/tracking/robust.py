@@ -13,12 +13,12 @@ from tendonff.ocp.inverse import Inversion, invert
 from tendonff.ocp.simulate import Outcome, simulate
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.limits import ForceLimits
-from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
+from tendonff.ocp.tracking.problem import WORST_POWER, TrackingProblem, TrackOptions
 from tendonff.ocp.tracking.receding_horizon import Progress
 from tendonff.ocp.tracking.result import Tracking
 from tendonff.ocp.tracking.track import solve_tracking
 
-_POWER = {Objective.WORST: 8.0, Objective.MEAN: 1.0}
+_POWER = {Objective.WORST: WORST_POWER, Objective.MEAN: 1.0}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -216,6 +216,13 @@ def track_robust(
     start = float(reference[0]) if initial_tension_N is None else initial_tension_N
     inverse = invert(chains[0], reference, step_s, initial_tension_N=start) if inversion is None else inversion
     problem = TrackingProblem.of(
-        chains, reference, step_s, limits, options, initial_tension_N=start, power=_POWER[objective]
+        chains,
+        reference,
+        step_s,
+        limits,
+        options,
+        initial_tension_N=start,
+        inverse_N=inverse.force_N,
+        power=_POWER[objective],
     )
     return solve_tracking(problem, inverse, options, progress)

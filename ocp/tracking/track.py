@@ -2,7 +2,7 @@
 
 import math
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,29 +10,17 @@ from tendonff.models.chain import Chain
 from tendonff.ocp.errors import CodeError, SolveError
 from tendonff.ocp.inverse import InverseStatus, Inversion, invert
 from tendonff.ocp.step.protocol import Array
+from tendonff.ocp.tracking.answer import Found, answer
 from tendonff.ocp.tracking.cost import Evaluation, evaluate
-from tendonff.ocp.tracking.diagnosis import departures, law_of, reasons
+from tendonff.ocp.tracking.diagnosis import law_of
 from tendonff.ocp.tracking.grids import GridRefinement
-from tendonff.ocp.tracking.limits import ForceLimits, Violation
-from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
+from tendonff.ocp.tracking.limits import ForceLimits
+from tendonff.ocp.tracking.problem import WORST_POWER, TrackingProblem, TrackOptions, travel_N
+from tendonff.ocp.tracking.ratcheting import disagreement, stiffened
 from tendonff.ocp.tracking.receding_horizon import Progress, solve
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
 
 __all__ = ["TrackOptions", "TrackStatus", "Tracking", "solve_tracking", "track"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Work:
-    """What was found, before it is put into words."""
-
-    status: TrackStatus
-    note: str
-    force_N: Array
-    evaluation: Evaluation
-    at_clipped: Evaluation
-    refinements: tuple[GridRefinement, ...]
-    build_s: float
-    solve_s: float
 
 
 def track(
@@ -81,7 +69,9 @@ def track(
     reference = np.asarray(reference_N, dtype=np.float64)
     start = float(reference[0]) if initial_tension_N is None else initial_tension_N
     inverse = invert(chain, reference, step_s, initial_tension_N=start) if inversion is None else inversion
-    problem = TrackingProblem.of((chain,), reference, step_s, limits, options, initial_tension_N=start)
+    problem = TrackingProblem.of(
+        (chain,), reference, step_s, limits, options, initial_tension_N=start, inverse_N=inverse.force_N
+    )
     return solve_tracking(problem, inverse, options, progress)
 
 
@@ -101,6 +91,37 @@ def solve_tracking(
         Callback(completed, total), in iterations.
     """
     began = time.perf_counter()
+    found = _search(problem, inversion, options, progress)
+    cautions: tuple[str, ...] = ()
+    if found.refinements and _pumps(problem, inversion, found.force_N):
+        usual = found.at_clipped.squares.max() / travel_N(problem.clipped(inversion.force_N))
+        sober = replace(
+            problem,
+            plants=(*problem.plants, *(replace(p, chain=stiffened(p.chain)) for p in problem.plants)),
+            goal=replace(problem.goal, power=WORST_POWER, travel_weight=_SOBER * usual),
+        )
+        calm = _search(sober, inversion, options, progress)
+        promised, left = (float(np.sqrt(f.evaluation.squares.max())) for f in (found, calm))
+        caution = (
+            f"a force that shakes promises {promised:.3g} N rms by pumping the bristles, which stiff bristles and the "
+            f"static law deny; this profile holds with stiff bristles as well, and leaves {left:.3g} N rms at worst"
+        )
+        cautions = (caution,)
+        found = calm
+    return answer(found, problem, inversion, options, cautions=cautions, solve_s=time.perf_counter() - began)
+
+
+def _pumps(problem: TrackingProblem, inversion: Inversion, force_N: Array) -> bool:
+    """Whether the profile pumps the bristles of the nominal plant."""
+    chain, start = problem.plants[0].chain, float(inversion.force_N[0])
+    suspect, usual = (
+        disagreement(chain, force, problem.step_s, start) for force in (force_N, problem.clipped(inversion.force_N))
+    )
+    return suspect.exceeds(usual, float(np.ptp(problem.goal.reference_N)))
+
+
+def _search(problem: TrackingProblem, inversion: Inversion, options: TrackOptions, progress: Progress | None) -> Found:
+    """The best profile: of the search, or the clipped inverse or static law where that finds nothing better."""
     reference, limits = problem.goal.reference_N, problem.limits
     clipped = problem.clipped(inversion.force_N)
     at_clipped = evaluate(problem, clipped)
@@ -113,35 +134,33 @@ def solve_tracking(
         and limits.admits(inversion.force_N, problem.step_s, 1e-9)
         and at_clipped.beyond_N == 0
     )
+    if exact:  # the clipped inverse is the inverse itself, and its error is rounding, unless the rig amplifies that
+        small = at_clipped.squares[0] <= (_EXACT * float(np.ptp(reference))) ** 2
+        status = TrackStatus.EXACT if small else TrackStatus.UNSTABLE
+        return Found(status=status, force_N=clipped, evaluation=at_clipped, at_clipped=at_clipped)
     candidates = [(at_clipped, clipped), (evaluate(problem, static), static)]
-    built = time.perf_counter()
     refinements: tuple[GridRefinement, ...] = ()
     note = ""
-    if exact:  # the clipped inverse is the inverse itself, and its error is rounding
-        best, status = 0, TrackStatus.EXACT
-    else:
-        try:
-            for wanted in (inversion.force_N, law):  # the law only where the search from the inverse ends worse
-                force, refinements = solve(_taut(problem, wanted), wanted, options, progress)
-                candidates.insert(0, (evaluate(problem, force), force))
-                if candidates[0][0].merit < min(found.merit for found, _ in candidates[1:]):
-                    break
-        except (CodeError, SolveError) as error:
-            note = f"; the search stopped: {error}"
-        best = min(range(len(candidates)), key=lambda i: candidates[i][0].merit)
-        status = _status(candidates[best][0], refinements if best < len(candidates) - 2 else ())
+    try:
+        force, refinements = solve(_taut(problem, inversion.force_N), (inversion.force_N, law), options, progress)
+        candidates.append((evaluate(problem, force), force))
+    except (CodeError, SolveError) as error:
+        note = f"; the search stopped: {error}"
+    best = min(range(len(candidates)), key=lambda i: candidates[i][0].merit)
     evaluation, force = candidates[best]
-    work = _Work(
-        status=status,
+    won = best == len(candidates) - 1 and any(r.improved for r in refinements)
+    return Found(
+        status=_status(problem, evaluation, refinements if won else ()),
         note=note,
         force_N=force,
         evaluation=evaluation,
         at_clipped=at_clipped,
         refinements=refinements,
-        build_s=built - began,
-        solve_s=time.perf_counter() - built,
     )
-    return _report(work, problem, inversion, options)
+
+
+_SOBER = 1.0  # of the clipped inverse's squared error: the cost of travelling as far once more
+_EXACT = 1e-3  # of the reference's range: an error below this is called rounding
 
 
 _FLOORS = (1.0, 4.0, 16.0, 64.0, 256.0)
@@ -158,109 +177,12 @@ def _taut(problem: TrackingProblem, wanted_N: Array) -> TrackingProblem:
     return problem
 
 
-def _status(evaluation: Evaluation, refinements: tuple[GridRefinement, ...]) -> TrackStatus:
+def _status(problem: TrackingProblem, evaluation: Evaluation, refinements: tuple[GridRefinement, ...]) -> TrackStatus:
     if not math.isfinite(evaluation.merit):
         return TrackStatus.FAILED
+    law, reference = law_of(problem.plants[0].chain), problem.goal.reference_N
+    if reference.max() > law.largest_output_N(problem.limits.maximum_N):
+        return TrackStatus.BEST_ACHIEVABLE
     if not refinements:
         return TrackStatus.CLIPPED
     return TrackStatus.OPTIMAL if all(r.converged for r in refinements) else TrackStatus.ACCEPTABLE
-
-
-def _report(work: _Work, problem: TrackingProblem, inversion: Inversion, options: TrackOptions) -> Tracking:
-    """Put what was found into a result that explains itself."""
-    h, reference, limits, force = problem.step_s, problem.goal.reference_N, problem.limits, work.force_N
-    nominal = problem.plants[0].chain
-    seen = evaluate(replace(problem, plants=problem.plants[:1]), force).tensions_N
-    tension = seen[0] if seen else np.full((len(reference), nominal.count + 1), np.nan)
-    output = tension[:, -1]
-    worst = worst_bound(tension, force, h, limits, options)
-    status = work.status
-    if status is not TrackStatus.FAILED and not _keeps_tension(tension, options):
-        status = TrackStatus.INFEASIBLE
-    error = output - reference
-    rms, span = float(np.sqrt(np.mean(error**2))), max(float(np.ptp(reference)), 1e-300)
-    clipped_rms = float(np.sqrt(work.at_clipped.squares.max()))
-    iterations = sum(r.iterations for r in work.refinements)
-    promise = max((abs(r.promise) for r in work.refinements), default=0.0)
-    told: tuple[str, ...] = ()
-    if status is not TrackStatus.EXACT:
-        bounds = options.minimum_tension_N, options.maximum_tension_N
-        told = reasons(law_of(nominal), reference, inversion.force_N, h, limits, *bounds)
-    left = f"{rms:.3g} N rms ({100 * rms / span:.2g} % of range) remain, the clipped inverse leaves {clipped_rms:.3g} N"
-    plants = len(work.evaluation.squares)
-    if plants > 1:
-        worst_rms = float(np.sqrt(work.evaluation.squares.max()))
-        left = (
-            f"{worst_rms:.3g} N rms remain on the worst of {plants} plants where the clipped inverse leaves "
-            f"{clipped_rms:.3g} N; {rms:.3g} N ({100 * rms / span:.2g} % of range) on the nominal one"
-        )
-    effort = f"{iterations} iterations, {work.solve_s:.2g} s"
-    message = {
-        TrackStatus.EXACT: f"no limit binds: the exact inverse is the optimum, {rms:.2g} N rms remain; no iterations",
-        TrackStatus.OPTIMAL: f"{left}; {effort}",
-        TrackStatus.ACCEPTABLE: (
-            f"{left}; the search ended after {effort}, with {100 * promise:.2g} % of the squared error still to be "
-            "gained by its own estimate: raise max_iterations for more"
-        ),
-        TrackStatus.CLIPPED: f"{left}; nothing better was found in {effort}: this is the clipped inverse or static law",
-        TrackStatus.INFEASIBLE: (
-            f"no profile keeps the tension in bounds; closest: {worst}; {left}; {effort}; "
-            "widen the tension bounds, let the reference change more slowly, or start from another initial tension"
-        ),
-        TrackStatus.FAILED: "no profile could be simulated on the design model; try a smaller step_s or another level",
-    }[status]
-    return Tracking(
-        status=status,
-        message=message + work.note,
-        reasons=told,
-        departures=departures(output, reference, h),
-        time_s=inversion.time_s,
-        force_N=force,
-        predicted_output_N=output,
-        rms_error_N=rms,
-        peak_error_N=float(np.max(np.abs(error))),
-        clipped_rms_error_N=clipped_rms,
-        least_tension_N=float(tension[1:].min()),
-        largest_tension_N=float(tension[1:].max()),
-        worst=worst,
-        iterations=iterations,
-        promise=promise,
-        windows=max(len(work.refinements), 1),
-        build_s=work.build_s,
-        solve_s=work.solve_s,
-    )
-
-
-def _keeps_tension(tension_N: Array, options: TrackOptions) -> bool:
-    moving = tension_N[1:]
-    low, high = options.minimum_tension_N * (1 - 1e-6), options.maximum_tension_N * (1 + 1e-6)
-    return bool(np.all(moving > 0) and np.all(moving >= low) and np.all(moving <= high))
-
-
-def worst_bound(
-    tension_N: Array, force_N: Array, step_s: float, limits: ForceLimits, options: TrackOptions
-) -> Violation:
-    """The bound that is broken most, or met most closely, among the actuator's and the tendon's.
-
-    Parameters
-    ----------
-    tension_N : ndarray, shape (n, N + 1)
-    force_N : ndarray, shape (n,)
-    step_s : float
-    limits : ForceLimits
-    options : TrackOptions
-    """
-    of_force = limits.worst(force_N, step_s)
-    if not np.all(np.isfinite(tension_N)):
-        return of_force
-    for name, bound, side, pick in (
-        ("minimum_tension_N", options.minimum_tension_N, -1.0, np.argmin),
-        ("maximum_tension_N", options.maximum_tension_N, 1.0, np.argmax),
-    ):
-        at = int(pick(tension_N[1:])) + tension_N.shape[1]
-        value = float(tension_N.ravel()[at])
-        excess = side * (value - bound)
-        if excess > 1e-6 * abs(bound) or (bound == 0 and excess >= 0):
-            time_s = at // tension_N.shape[1] * step_s
-            return Violation(name=name, time_s=time_s, value=value, bound=bound, excess=excess)
-    return of_force

@@ -175,7 +175,7 @@ def answers(text: str, precision: Precision, kinds: tuple[str, ...] = KINDS) -> 
 
 
 def on_host(source: Path, folder: Path, precision: Precision, kinds: tuple[str, ...] = KINDS) -> Answers:
-    """Run bench.c (bench_table.c for the table alone) on this machine."""
+    """Run bench.c (bench_<kind>.c for one module alone) on this machine."""
     need("gcc")
     bench, files = _sources(source, kinds)
     run("gcc", *HOST_FLAGS, "-DHOST", "-I", folder, "-I", source, bench, *files, "-lm", "-o", folder / "host")
@@ -184,11 +184,13 @@ def on_host(source: Path, folder: Path, precision: Precision, kinds: tuple[str, 
 
 def _sources(source: Path, kinds: tuple[str, ...]) -> tuple[Path, list[Path]]:
     modules = MODULES if kinds == KINDS else ("limits", *kinds)
-    return HERE / ("bench.c" if kinds == KINDS else "bench_table.c"), [source / f"tff_{name}.c" for name in modules]
+    return HERE / ("bench.c" if kinds == KINDS else f"bench_{kinds[0]}.c"), [
+        source / f"tff_{name}.c" for name in modules
+    ]
 
 
 def on_board(board: Board, source: Path, folder: Path, kinds: tuple[str, ...] = KINDS) -> tuple[Answers, Path]:
-    """Run bench.c (bench_table.c for the table alone) on an emulated controller; returns the image too."""
+    """Run bench.c (bench_<kind>.c for one module alone) on an emulated controller; returns the image too."""
     need("arm-none-eabi-gcc", "qemu-system-arm", "gcc")
     image, counter = folder / "bench.elf", folder / "libcount.so"
     bench, files = _sources(source, kinds)

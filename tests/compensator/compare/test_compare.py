@@ -153,15 +153,15 @@ def entries(**errors):
     [
         (
             {"none": 20, "capstan": 8, "elastic": 0.2, "viscoelastic": 0.2, "presliding": 0.1},
-            "The elastic level is enough here: its design leaves 0.2 % of range on the presliding plant",
+            "The elastic level is enough here: RMS error 0.2 % of range on the presliding plant; the best",
         ),
         (
             {"none": 20, "capstan": 8, "elastic": 3.0, "viscoelastic": 0.4, "presliding": 0.1},
-            "The viscoelastic level is enough here: its design leaves 0.4 %",
+            "The viscoelastic level is enough here: RMS error 0.4 %",
         ),
         (
             {"none": 20, "capstan": 8, "elastic": 4.0, "viscoelastic": 4.1, "presliding": 0.1},
-            "Design on the presliding level: on the presliding plant its design leaves 0.1 % of range, against",
+            "Design on the presliding level: RMS error 0.1 % of range on the presliding plant, against",
         ),
         (
             {"none": 20, "capstan": 0.3, "elastic": 0.2, "viscoelastic": 0.2, "presliding": 0.1},
@@ -188,7 +188,7 @@ def test_the_files_say_the_same_as_the_result(result, folder):
     text = (folder / "matrix.csv").read_text(encoding="utf-8")
     assert text.splitlines()[0] == COLUMNS
     rows = list(csv.DictReader(text.splitlines()))
-    assert len(rows) == len(result.entries) == 60
+    assert len(rows) == len(result.entries) == 72
     assert float(rows[5]["lag_s"]) == result.entries[5].lag_s
     assert all(value != "" for row in rows for value in row.values())
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))

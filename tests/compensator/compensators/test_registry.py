@@ -70,7 +70,7 @@ def designed(quick, reports):
 
 
 def test_names_are_unique_and_ordered_as_shown():
-    assert [c.name for c in COMPENSATORS] == ["none", "capstan", "inverse", "optimal", "table"]
+    assert [c.name for c in COMPENSATORS] == ["none", "capstan", "smoothed", "inverse", "optimal", "table"]
     assert len({(c.style.color, c.style.linestyle) for c in COMPENSATORS}) == len(COMPENSATORS)
 
 
@@ -114,8 +114,8 @@ def test_a_further_compensator_goes_through_design_with_force_error_and_picture(
 
 
 def test_a_further_compensator_enters_the_matrix_of_compare(quick):
-    result = compare(quick, compensators=(*COMPENSATORS[:3], ConstantGain()))
-    assert {e.compensator for e in result.entries} == {"none", "capstan", "inverse", "gain"}
+    result = compare(quick, compensators=(*COMPENSATORS[:4], ConstantGain()))
+    assert {e.compensator for e in result.entries} == {"none", "capstan", "smoothed", "inverse", "gain"}
     # The gain is the pulling branch of the static law, so it is exact there and wrong while releasing.
     on_law = result.entry("gain", Level.ELASTIC, "capstan")
     assert on_law.rmse_percent_of_range > result.entry("capstan", Level.ELASTIC, "capstan").rmse_percent_of_range

@@ -27,6 +27,7 @@ COLUMNS = [
     "reference_N",
     "force_none_N",
     "force_capstan_N",
+    "force_smoothed_N",
     "force_inverse_N",
     "force_optimal_N",
     "force_table_N",
@@ -73,7 +74,7 @@ def test_the_finger_can_be_designed_on_every_level(examples, level):
 def test_every_profile_but_the_uncompensated_respects_the_actuator(designs, name):
     result = designs[name]
     actuator, step = result.scenario.transmission.actuator, result.reference.step_s
-    for compensator in ("capstan", "inverse", "optimal", "table"):
+    for compensator in ("capstan", "smoothed", "inverse", "optimal", "table"):
         force = result.forces_N[compensator]
         slack = 1e-6 * actuator.force_max_N
         assert force.min() >= actuator.force_min_N - slack
@@ -85,7 +86,7 @@ def test_where_the_rate_limit_binds_the_optimal_profile_beats_the_clipped_invers
     result = designs["finger_fast"]
     errors = {c: result.on_level(c, result.level).score.rmse_N for c in [k.name for k in COMPENSATORS]}
     assert errors["optimal"] <= 0.6 * min(errors["inverse"], errors["capstan"])
-    assert any("limits change the force" in w for w in result.warnings)
+    assert any("actuator limits are active" in w for w in result.warnings)
 
 
 def test_the_capstan_force_is_the_static_law_where_the_limits_allow_it(examples):
@@ -129,7 +130,7 @@ def test_the_command_writes_everything_in_the_contract(examples, tmp_path, capsy
     assert profile.notna().all().all()
     written = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert written["schema"] == 1
-    for name in ("none", "capstan", "inverse", "optimal", "table"):
+    for name in ("none", "capstan", "smoothed", "inverse", "optimal", "table"):
         for level in ("elastic", "viscoelastic", "presliding"):
             assert set(written["compensators"][name][level]) == {"rmse_N", "rmse_percent_of_range", "peak_error_N"}
     assert {"status", "iterations", "build_s", "solve_s"} <= set(written["ocp"])
@@ -163,7 +164,7 @@ def test_a_compensator_that_is_worse_than_none_is_called_so(examples):
         ),
     )
     result = design(fast)
-    worse = {w.split(" leaves ")[0] for w in result.warnings if "more than no compensation" in w}
+    worse = {w.split(":")[0] for w in result.warnings if "more than without compensation" in w}
     assert worse == {"capstan", "inverse", "table"}
 
 

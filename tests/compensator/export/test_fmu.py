@@ -64,7 +64,7 @@ def play(path, finger, kind, step=1):
 
 
 @pytest.mark.parametrize("fmi", FmiVersion)
-@pytest.mark.parametrize("kind", Kind)
+@pytest.mark.parametrize("kind", [Kind.INVERSE, Kind.PLANT])
 def test_a_unit_is_valid_and_equals_the_python_model(unit, finger, kind, fmi, record_property):
     """FMPy records the input a row late: row k + 1 holds what step k used."""
     from fmpy.validation import validate_fmu

@@ -9,6 +9,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from tendonff.compensator.reporting.cells import column_decimals, format_cell
 from tendonff.compensator.reporting.page import (
     FileNote,
     Picture,
@@ -18,7 +19,6 @@ from tendonff.compensator.reporting.page import (
     Table,
     Text,
     figure_uri,
-    format_cell,
     render_report,
     write_report,
 )
@@ -53,7 +53,7 @@ class _Page(HTMLParser):
         self.tags.append(tag)
         self.loaded += [value for name, value in attrs if name in ("src", "srcset", "data", "action")]
         self.loaded += [value for name, value in attrs if tag == "link" and name == "href"]
-        if tag not in ("meta", "link", "img", "br"):
+        if tag not in ("meta", "link", "img", "br", "input"):
             self.open.append(tag)
 
     def handle_endtag(self, tag):
@@ -132,8 +132,8 @@ def test_input_files_are_named_with_their_hash(report, tmp_path):
         (2.0, "2.00"),
         (0.012345, "0.0123"),
         (12345.6, "12346"),
-        (1e-9, "1e-09"),
-        (-0.5, "-0.500"),
+        (1e-9, "1e−09"),
+        (-0.5, "−0.500"),
         (7, "7"),
         (True, "yes"),
         ("none", "none"),
@@ -141,6 +141,27 @@ def test_input_files_are_named_with_their_hash(report, tmp_path):
 )
 def test_numbers_are_shown_to_three_digits(cell, text):
     assert format_cell(cell) == text
+
+
+@pytest.mark.parametrize(
+    ("column", "shown"),
+    [
+        ([24.5, 2.7, 0.0492], ["24.500", "2.700", "0.049"]),
+        ([24.5, 2.7, 1e-5], ["24.500", "2.700", "< 0.001"]),
+        ([9.6, -5.58], ["9.60", "−5.58"]),
+        ([0.13, 587400.0], ["0.130", "5.87e+05"]),  # quantities of their own
+        ([120.0, None], ["120", "–"]),
+        ([3.68e-6], ["3.68e−06"]),
+    ],
+)
+def test_numbers_of_one_column_have_the_same_number_of_decimals(column, shown):
+    least = 1e-3 if column[0] == 24.5 else 0.0
+    assert [format_cell(cell, 3, column_decimals(column, 3, least)) for cell in column] == shown
+
+
+def test_figures_are_numbered_through_all_sections(report):
+    twice = replace(report, sections=(*report.sections, *report.sections))
+    assert re.findall(r"<b>(Figure \d+)", render_report(twice)) == ["Figure 1", "Figure 2"]
 
 
 def test_a_table_whose_rows_do_not_fit_is_refused():

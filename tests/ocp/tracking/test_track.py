@@ -184,7 +184,9 @@ def test_the_descent_gains_on_the_profile_that_is_merely_closest_in_force(generi
     chain, bounds = Chain.of(steady(generic), Level.VISCOELASTIC), limits(500.0)
     wanted = invert(chain, reference(), STEP).force_N
     knots = even_knots(len(wanted), 10)
-    problem = TrackingProblem.of((chain,), reference(), STEP, bounds, TrackOptions(), initial_tension_N=30.0)
+    problem = TrackingProblem.of(
+        (chain,), reference(), STEP, bounds, TrackOptions(), initial_tension_N=30.0, inverse_N=wanted
+    )
     near = nearest_profile(problem, wanted, knots)
     start = rms(simulate(chain, near, STEP, initial_tension_N=30.0).output_tension_N - reference())
     assert track(chain, reference(), STEP, bounds).rms_error_N < 0.5 * start

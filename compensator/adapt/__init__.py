@@ -1,0 +1,1 @@
+"""`tendonff adapt`: the self-tuning compensator on plants that differ from the scenario."""

@@ -1,0 +1,110 @@
+"""The plants that differ from the scenario, on which the self-tuning compensator is tried."""
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+from tendonff.models.errors import ParameterError
+from tendonff.ocp.adaptation.tuning import Sensor
+
+SHORT_S = 6.0
+"""Least duration of a run [s]: shorter references go forwards and backwards until then."""
+
+DRIFT_S = 60.0
+"""Duration of the drift [s]."""
+
+
+class Change(StrEnum):
+    """How a plant's value differs over time.
+
+    Attributes
+    ----------
+    CONSTANT
+        From the start.
+    STEP
+        In the middle of the run, at once.
+    DRIFT
+        Linearly over the whole run.
+    """
+
+    CONSTANT = "constant"
+    STEP = "step"
+    DRIFT = "drift"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variation:
+    """One plant: factors on the scenario's values, and what is wrong with the start and the sensor.
+
+    Parameters
+    ----------
+    name : str
+    mu, bristle, stiffness, load : float, optional
+        Factors on friction coefficients, bristle stiffness, k1 and k2, and k_l.
+    mu_change, load_change : Change, optional
+        How the factors of mu and load come about.
+    start : float, optional
+        True tension at the start over the one that the controller is told.
+    offset : float, optional
+        Sensor offset as a share of the range that the measurement covers.
+    duration_s : float, optional
+        Least duration [s].
+    """
+
+    name: str
+    mu: float = 1.0
+    bristle: float = 1.0
+    stiffness: float = 1.0
+    load: float = 1.0
+    mu_change: Change = Change.CONSTANT
+    load_change: Change = Change.CONSTANT
+    start: float = 1.0
+    offset: float = 0.0
+    duration_s: float = SHORT_S
+
+    def __post_init__(self) -> None:
+        for name in ("mu", "bristle", "stiffness", "load", "start"):
+            if not getattr(self, name) > 0:
+                raise ParameterError(f"{name} must be > 0, got {getattr(self, name)}; 1 is the scenario's value")
+
+    @property
+    def changes(self) -> bool:
+        """Something changes in mid-run."""
+        return {self.mu_change, self.load_change} != {Change.CONSTANT}
+
+
+def variations(sensor: Sensor) -> tuple[Variation, ...]:
+    """The plants of the study, the scenario's own first.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        An offset means nothing for a position that is relative to the start, but drift of its zero does.
+    """
+    friction = tuple(
+        Variation(name=f"friction {100 * (mu - 1):+.0f} %".replace("-", "\N{MINUS SIGN}"), mu=mu)
+        for mu in (0.6, 0.8, 0.9, 1.1, 1.2, 1.4)
+    )
+    others = tuple(
+        replace(one, name=f"friction +20 %, {one.name} {sign}20 %")
+        for sign, factor in (("\N{MINUS SIGN}", 0.8), ("+", 1.2))
+        for one in (
+            Variation(name="bristles", mu=1.2, bristle=factor),
+            Variation(name="tendon", mu=1.2, stiffness=factor),
+            Variation(name="load", mu=1.2, load=factor),
+        )
+    )
+    return (
+        Variation(name="as the scenario"),
+        *friction,
+        *others,
+        Variation(name="friction steps by +20 %", mu=1.2, mu_change=Change.STEP),
+        Variation(name="friction drifts by +30 % in a minute", mu=1.3, mu_change=Change.DRIFT, duration_s=DRIFT_S),
+        Variation(name="load steps by \N{MINUS SIGN}33 %", mu=1.2, load=2 / 3, load_change=Change.STEP),
+        Variation(name="load steps by +33 %", mu=1.2, load=4 / 3, load_change=Change.STEP),
+        Variation(name="start tension 5 % higher", mu=1.2, start=1.05),
+        Variation(
+            name="sensor offset 1 % of range" if sensor is Sensor.OUTPUT_TENSION else "zero off by 1 % of travel",
+            mu=1.2,
+            offset=0.01,
+        ),
+    )

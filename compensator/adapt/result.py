@@ -1,0 +1,126 @@
+"""What a study of the self-tuning compensator holds."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from tendonff.compensator.adapt.feedback import FeedbackCertificate
+from tendonff.compensator.adapt.plants import Variation
+from tendonff.compensator.compensators.base import FloatArray
+from tendonff.compensator.scenario.sampling import Reference
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.ocp.adaptation.bounds import CertifiedInterval
+from tendonff.ocp.adaptation.information import Information
+from tendonff.ocp.adaptation.tuning import Tuning
+
+SETTLED_S = 2.0
+"""Errors after this time count as settled [s]."""
+
+WORSE = 1.3
+"""A plant on which self-tuning has more than this times the plain error, and more than 1 %, is named as a limit."""
+
+
+class Scheme(StrEnum):
+    """What is compared.
+
+    Attributes
+    ----------
+    FEEDFORWARD
+        The exact inverse at the scenario's values.
+    FEEDBACK
+        The same with integral action on the measured output tension.
+    SELF_TUNING
+        The inverse that tunes itself, with the scenario's integral action.
+    """
+
+    FEEDFORWARD = "feedforward"
+    FEEDBACK = "feedback"
+    SELF_TUNING = "self_tuning"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trace:
+    """One scheme on one plant.
+
+    Parameters
+    ----------
+    scheme : Scheme
+    tension_N : ndarray, shape (n,)
+        Output tension at the samples of the case [N].
+    factors, deviation : ndarray, shape (n, parameters)
+        Estimates and their standard deviations.
+    rmse_percent, settled_percent : float
+        RMS error of the whole run, and after `SETTLED_S`, % of reference range.
+    time_to_one_percent_s : float or None
+        From when on the error stays within 1 % (RMS over a quarter of a second); None if it never does.
+    frozen_after_s : float or None
+        When the watch on the residual stopped the tuning.
+    """
+
+    scheme: Scheme
+    tension_N: FloatArray
+    factors: FloatArray
+    deviation: FloatArray
+    rmse_percent: float
+    settled_percent: float
+    time_to_one_percent_s: float | None
+    frozen_after_s: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """One plant with every scheme.
+
+    Parameters
+    ----------
+    variation : Variation
+    time_s, reference_N, mu_factor : ndarray, shape (n,)
+        The reference of this case, and the plant's true factor on mu.
+    traces : dict of Scheme to Trace
+    """
+
+    variation: Variation
+    time_s: FloatArray
+    reference_N: FloatArray
+    mu_factor: FloatArray
+    traces: dict[Scheme, Trace]
+
+    @property
+    def is_limit(self) -> bool:
+        """Self-tuning makes it worse than plain feedforward, or never gets below 1 %."""
+        plain, tuned = self.traces[Scheme.FEEDFORWARD], self.traces[Scheme.SELF_TUNING]
+        return tuned.settled_percent > 1.0 and tuned.settled_percent > WORSE * plain.settled_percent
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AdaptationData:
+    """The whole study.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    reference : Reference
+    tuning : Tuning
+    information : Information
+        Along the reference, on the scenario's own plant.
+    certificate : FeedbackCertificate or None
+        Of the integral action; None without a measured output tension.
+    interval : CertifiedInterval
+        What two plays can promise along the reference.
+    bounds_N : tuple of 2 ndarray, shape (n,)
+        That interval for the design's force.
+    cases : tuple of Case
+    headline : str
+        One sentence.
+    warnings : tuple of str
+    """
+
+    scenario: Scenario
+    reference: Reference
+    tuning: Tuning
+    information: Information
+    certificate: FeedbackCertificate | None
+    interval: CertifiedInterval
+    bounds_N: tuple[FloatArray, FloatArray]
+    cases: tuple[Case, ...]
+    headline: str
+    warnings: tuple[str, ...]

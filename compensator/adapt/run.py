@@ -1,0 +1,225 @@
+"""Compute the study of the self-tuning compensator."""
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+
+import numpy as np
+
+from tendonff.compensator.adapt.feedback import FeedbackCertificate, feedback_certificate
+from tendonff.compensator.adapt.output import AdaptationStudy
+from tendonff.compensator.adapt.plants import Change, Variation, variations
+from tendonff.compensator.adapt.result import SETTLED_S, Case, Scheme, Trace
+from tendonff.compensator.adapt.setup import certified, learnt, tuned_chain, tuning_of
+from tendonff.compensator.compensators.base import FloatArray, Problem
+from tendonff.compensator.files.progress import Progress, silent
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.scenario.adaptation import Adaptation
+from tendonff.compensator.scenario.sampling import Reference
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.ocp.adaptation.code import TunedChain
+from tendonff.ocp.adaptation.information import Information
+from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig, TunedRun, TunerStatus
+from tendonff.ocp.adaptation.tuning import Sensor, Tunable, Tuning
+
+PLANT_MASSES = 40
+PLANT_SUBSTEPS = 4
+_SEGMENTS_OF_A_DRIFT = 120
+_WINDOW_S = 0.25
+_VARIED = (Tunable.MU, Tunable.TENDON_STIFFNESS, Tunable.LOAD_STIFFNESS)
+
+
+def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy:
+    """Try the self-tuning compensator on plants that differ from the scenario.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        With a table [adaptation].
+    progress : callable, optional
+
+    Returns
+    -------
+    AdaptationStudy
+
+    Raises
+    ------
+    InputError
+        If the scenario has no table [adaptation].
+    CodeError
+        If no C compiler works here.
+    """
+    settings = scenario.adaptation
+    if settings is None:
+        raise InputError(
+            f'{scenario.source.name}: table [adaptation] is missing; it holds sensor ("output_tension" or '
+            '"actuator_position"), noise, delay_samples, parameters, range and integral_gain_per_s'
+        )
+    problem = Problem.of(scenario)
+    reference, tuning = problem.reference, tuning_of(problem, settings)
+    known = learnt(problem, tuning)
+    certificate = _certificate(scenario, settings)
+    bounds = certified(problem)
+    every = variations(settings.sensor)
+    cases: list[Case] = []
+    with ThreadPoolExecutor(2) as pool:  # the loops run in C, outside the interpreter's lock
+        for case in pool.map(lambda one: _case(problem, tuning, certificate, one), every):
+            cases.append(case)
+            progress(len(cases), len(every))
+    return AdaptationStudy(
+        scenario=scenario,
+        reference=reference,
+        tuning=tuning,
+        information=known,
+        certificate=certificate,
+        interval=bounds.interval,
+        bounds_N=(bounds.low_N, bounds.high_N),
+        cases=tuple(cases),
+        headline=_headline(cases, known),
+        warnings=_warnings(cases, known, certificate),
+    )
+
+
+def _certificate(scenario: Scenario, settings: Adaptation) -> FeedbackCertificate | None:
+    if settings.sensor is not Sensor.OUTPUT_TENSION:
+        return None
+    return feedback_certificate(
+        scenario.transmission, scenario.run.step_s, settings.delay_samples, settings.integral_gain_per_s
+    )
+
+
+def _case(problem: Problem, tuning: Tuning, certificate: FeedbackCertificate | None, one: Variation) -> Case:
+    reference = problem.reference
+    wanted = _extended(reference, one.duration_s)
+    rows = len(wanted) - 1
+    shares = np.linspace(0, 1, rows)
+    mu = np.ones(rows) * one.mu
+    if one.mu_change is Change.STEP:
+        mu[: rows // 2] = 1.0
+    elif one.mu_change is Change.DRIFT:
+        mu = 1 + (one.mu - 1) * shares
+    load = np.ones(rows) * one.load
+    if one.load_change is not Change.CONSTANT:
+        load[: rows // 2] = 1.0
+    traces = {}
+    for scheme in Scheme:
+        if scheme is Scheme.FEEDBACK and certificate is None:
+            continue
+        run = _run(problem, _scheme_tuning(tuning, certificate, scheme), one, wanted, mu, load, scheme)
+        traces[scheme] = _trace(scheme, run, wanted, reference)
+    return Case(
+        variation=one,
+        time_s=np.arange(1, rows + 1, dtype=np.float64) * reference.step_s,
+        reference_N=wanted[1:],
+        mu_factor=mu,
+        traces=traces,
+    )
+
+
+def _scheme_tuning(tuning: Tuning, certificate: FeedbackCertificate | None, scheme: Scheme) -> Tuning:
+    if scheme is Scheme.FEEDFORWARD:
+        return tuning.with_integral_gain(0.0)
+    if scheme is Scheme.FEEDBACK and certificate is not None and tuning.integral_gain == 0:
+        return tuning.with_integral_gain(certificate.recommended_gain_per_s)
+    return tuning
+
+
+def _run(
+    problem: Problem,
+    tuning: Tuning,
+    one: Variation,
+    wanted: FloatArray,
+    mu: FloatArray,
+    load: FloatArray,
+    scheme: Scheme,
+) -> TunedRun:
+    reference, start = problem.reference, problem.reference.initial_tension_N
+    tuned = tuned_chain(problem, tuning)
+    plant = TunedChain.of(problem.transmission, problem.level, _VARIED, PLANT_MASSES)
+    plant = TunedChain(
+        whole=plant.whole.changed(
+            {"bristle_stiffness_N_per_m": one.bristle * plant.whole.value("bristle_stiffness_N_per_m")}
+        ),
+        chain=plant.chain,
+        parameters=_VARIED,
+    )
+    noise = np.random.default_rng(0).normal(size=len(mu)) * tuning.noise + one.offset * tuning.span
+    cuts = [0, len(mu)] if not one.changes else list(np.linspace(0, len(mu), _SEGMENTS_OF_A_DRIFT + 1, dtype=int))
+    tuner = SelfTuner(tuned, reference.step_s, tuning, problem.limits, start)
+    rig: SimulatedRig | None = None
+    runs = []
+    for first, last in pairwise(cuts):
+        values = {
+            Tunable.MU: float(mu[first]),
+            Tunable.LOAD_STIFFNESS: float(load[first]),
+            Tunable.TENDON_STIFFNESS: one.stiffness,
+        }
+        chain = plant.with_factors(values)
+        if rig is None:
+            rig = SimulatedRig(chain, reference.step_s, PLANT_SUBSTEPS, start * one.start)
+        rig.change(chain)
+        part = slice(first, last)
+        runs.append(tuner.run(rig, wanted[1:][part], noise[part], adapt=scheme is Scheme.SELF_TUNING))
+    return TunedRun.joined(runs)
+
+
+def _extended(reference: Reference, duration_s: float) -> FloatArray:
+    """The reference, forwards and backwards until it is long enough."""
+    once = reference.tension_N
+    parts, back = [once], False
+    while sum(map(len, parts)) * reference.step_s < duration_s:
+        back = not back
+        parts.append(once[-2::-1] if back else once[1:])
+    rows = max(len(once), math.ceil(duration_s / reference.step_s) + 1)
+    return np.concatenate(parts)[:rows]
+
+
+def _trace(scheme: Scheme, run: TunedRun, wanted: FloatArray, reference: Reference) -> Trace:
+    error, step, scale = run.tension_N - wanted[1:], reference.step_s, reference.range_N
+    settled = error[round(SETTLED_S / step) :] if len(error) * step > 2 * SETTLED_S else error[len(error) // 2 :]
+    window = max(round(_WINDOW_S / step), 1)
+    mean = np.sqrt(np.convolve(error**2, np.ones(window) / window)[: len(error)])
+    bad = np.flatnonzero(mean > 0.01 * scale)
+    last = int(bad[-1]) + 1 if bad.size else 0
+    frozen = np.flatnonzero(run.status & TunerStatus.FROZEN)
+    tuning = scheme is Scheme.SELF_TUNING
+    return Trace(
+        scheme=scheme,
+        tension_N=run.tension_N,
+        factors=run.factors,
+        deviation=run.deviation,
+        rmse_percent=100 * float(np.sqrt(np.mean(error**2))) / scale,
+        settled_percent=100 * float(np.sqrt(np.mean(settled**2))) / scale,
+        time_to_one_percent_s=last * step if last < len(error) - window else None,
+        frozen_after_s=float(frozen[0]) * step if tuning and frozen.size else None,
+    )
+
+
+def _headline(cases: list[Case], known: Information) -> str:
+    off = [case for case in cases if case.variation.name.startswith("friction ") and "20 %" in case.variation.name]
+    off = [case for case in off if case.variation.mu in (0.8, 1.2) and not case.variation.changes][:2]
+    plain = max(case.traces[Scheme.FEEDFORWARD].settled_percent for case in off)
+    tuned = max(case.traces[Scheme.SELF_TUNING].settled_percent for case in off)
+    return (
+        f"With friction 20 % off, the RMS error after {SETTLED_S:g} s is {tuned:.2g} % of range with self-tuning from "
+        f"{known.tuning.sensor.words}, {plain:.2g} % without; {known.sentences()[0]}."
+    )
+
+
+def _warnings(cases: list[Case], known: Information, certificate: FeedbackCertificate | None) -> tuple[str, ...]:
+    notes = [text for text in known.sentences() if "does not identify" in text or "told apart" in text]
+    if certificate is not None and not certificate.holds:
+        notes.append(certificate.sentence())
+    for case in cases:
+        tuned, plain = case.traces[Scheme.SELF_TUNING], case.traces[Scheme.FEEDFORWARD]
+        if case.is_limit:
+            notes.append(
+                f"do not use it where {case.variation.name}: RMS error {tuned.settled_percent:.3g} % of range after "
+                f"{SETTLED_S:g} s, plain feedforward {plain.settled_percent:.3g} %"
+            )
+        if tuned.frozen_after_s is not None:
+            notes.append(
+                f"{case.variation.name}: the model stopped explaining the measurement after "
+                f"{tuned.frozen_after_s:.3g} s; tuning froze at the last safe values"
+            )
+    return tuple(notes)

@@ -1,0 +1,109 @@
+"""What a scenario's self-tuning is made of: the recursion's numbers, what the reference teaches, the interval."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tendonff.compensator.compensators.base import FloatArray, Problem
+from tendonff.compensator.scenario.adaptation import Adaptation
+from tendonff.models.capstan import CapstanLaw
+from tendonff.ocp.adaptation.bounds import CertifiedInterval
+from tendonff.ocp.adaptation.code import TunedChain
+from tendonff.ocp.adaptation.information import Information, information
+from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig
+from tendonff.ocp.adaptation.tuning import GATE, Sensor, Tunable, Tuning
+from tendonff.ocp.simulate import simulate
+
+BOUND_SPREAD = 0.2
+"""Relative half-width of mu theta that the interval admits."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Certified:
+    """The interval of two plays along a reference.
+
+    Parameters
+    ----------
+    interval : CertifiedInterval
+    low_N, high_N : ndarray, shape (n,)
+        For the force of the exact inverse.
+    """
+
+    interval: CertifiedInterval
+    low_N: FloatArray
+    high_N: FloatArray
+
+
+def tuning_of(problem: Problem, settings: Adaptation) -> Tuning:
+    """Numbers of the recursion: noise and delay from the scenario, the measured range from the design.
+
+    Parameters
+    ----------
+    problem : Problem
+    settings : Adaptation
+    """
+    reference, layout = problem.reference, problem.chain.layout
+    span = float(np.ptp(reference.tension_N))
+    states = problem.inversion.states
+    if settings.sensor is Sensor.ACTUATOR_POSITION and states is not None:
+        span = float(np.ptp(states[:, layout.part("q_a")]))
+    low, high = settings.range
+    return Tuning.of(
+        sensor=settings.sensor,
+        parameters=settings.parameters,
+        delay_samples=settings.delay_samples,
+        noise=settings.noise,
+        span=span,
+        step_s=reference.step_s,
+        lowest=low,
+        highest=high,
+        integral_gain_per_s=settings.integral_gain_per_s,
+    )
+
+
+def tuned_chain(problem: Problem, tuning: Tuning) -> TunedChain:
+    """The design model with the factors that are tuned.
+
+    Parameters
+    ----------
+    problem : Problem
+    tuning : Tuning
+    """
+    return TunedChain.of(problem.transmission, problem.level, tuning.parameters)
+
+
+def learnt(problem: Problem, tuning: Tuning) -> Information:
+    """What the reference teaches, on the scenario's own plant without noise.
+
+    Parameters
+    ----------
+    problem : Problem
+    tuning : Tuning
+    """
+    tuned, reference = tuned_chain(problem, tuning), problem.reference
+    start = reference.initial_tension_N
+    tuner = SelfTuner(tuned, reference.step_s, tuning, problem.limits, start)
+    rig = SimulatedRig(tuned.chain, reference.step_s, 1, start)
+    run = tuner.run(rig, reference.tension_N[1:], np.zeros(len(reference.tension_N) - 1), adapt=False)
+    weight = np.minimum(run.moved / tuning.full_speed, 1.0)
+    return information(tuning, reference.time_s[1:], run.slopes, np.where(weight > GATE, weight, 0.0))
+
+
+def certified(problem: Problem) -> Certified:
+    """The interval of two plays along the reference, with what the static law leaves out as its margin.
+
+    Parameters
+    ----------
+    problem : Problem
+    """
+    tuned = TunedChain.of(problem.transmission, problem.level, (Tunable.MU,))
+    start, step = problem.reference.initial_tension_N, problem.reference.step_s
+    force = problem.limited(problem.inversion.force_N)
+    outputs = [
+        simulate(tuned.with_factors({Tunable.MU: mu}), force, step, initial_tension_N=start).require().output_tension_N
+        for mu in (1 - BOUND_SPREAD, 1.0, 1 + BOUND_SPREAD)
+    ]
+    bare = CertifiedInterval(law=CapstanLaw.of(problem.transmission), spread=BOUND_SPREAD, noise_N=0.0)
+    interval = bare.with_margin_for(force, np.stack(outputs))
+    low, high = interval.history_N(force, start)
+    return Certified(interval=interval, low_N=low, high_N=high)

@@ -1,0 +1,85 @@
+"""What a practitioner builds: the capstan law with its sign change smoothed, over the smoothing time that does best.
+
+The baseline that a model has to beat. The jumps of the inverted law are what a stiff tendon wants and a real one does
+not; smoothed, the same law does much better.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import lfilter
+
+from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, Style
+from tendonff.compensator.files.progress import Progress, silent
+from tendonff.compensator.reporting.colours import PURPLE
+from tendonff.models.capstan import CapstanLaw
+from tendonff.ocp.simulate import Outcome, simulate
+
+_TIMES = 12  # tried between a step and a quarter of the duration, in equal ratios
+Smoother = Callable[[FloatArray, float], FloatArray]
+
+
+def lagged(exponent: FloatArray, steps: float) -> FloatArray:
+    """First-order lag, which a controller can compute as it goes.
+
+    Parameters
+    ----------
+    exponent : ndarray, shape (n,)
+        ln of the force over the wanted tension, by the law [-].
+    steps : float
+        Smoothing time over the step.
+    """
+    share = 1 / (1 + steps)
+    smooth: FloatArray = lfilter([share], [1, share - 1], exponent)
+    return smooth
+
+
+def centred(exponent: FloatArray, steps: float) -> FloatArray:
+    """Moving mean around each row, for a reference that is known beforehand.
+
+    Parameters
+    ----------
+    exponent : ndarray, shape (n,)
+        ln of the force over the wanted tension, by the law [-].
+    steps : float
+        Smoothing time over the step.
+    """
+    smooth: FloatArray = uniform_filter1d(exponent, max(1, round(steps)), mode="nearest")
+    return smooth
+
+
+class Smoothed(Compensator):
+    """The static inverse of the capstan law, sign change smoothed at best, within the actuator's limits."""
+
+    name = "smoothed"
+    label = "capstan law, smoothed"
+    style = Style(color=PURPLE, linestyle="-")
+    is_fast = False
+
+    def profile(self, problem: Problem, *, progress: Progress = silent) -> Profile:
+        """Answer by the best of all smoothing times; see `Compensator.profile`."""
+        reference = problem.reference
+        law = CapstanLaw.of(problem.transmission)
+        lifted = reference.tension_N + law.adhesion_N
+        jumping = law.input_history_N(reference.tension_N, reference.initial_tension_N)
+        exponent = np.log((jumping + law.adhesion_N) / lifted)
+        most = max(2.0, 0.25 * len(exponent))
+        candidates = [(smoother, steps) for smoother in (lagged, centred) for steps in np.geomspace(1, most, _TIMES)]
+        forces: list[FloatArray] = []
+        errors: list[float] = []
+        for k, (smoother, steps) in enumerate(candidates, start=1):
+            force = lifted * np.exp(smoother(exponent, float(steps))) - law.adhesion_N
+            forces.append(problem.limited(force))
+            errors.append(_error(problem, forces[-1]))
+            progress(k, len(candidates))
+        return Profile(force_N=forces[int(np.argmin(errors))])
+
+
+def _error(problem: Problem, force_N: FloatArray) -> float:
+    """Mean squared error on the design model [N^2]."""
+    reference = problem.reference
+    run = simulate(problem.chain, force_N, reference.step_s, initial_tension_N=reference.initial_tension_N)
+    if run.outcome is Outcome.FAILED:
+        return float("inf")
+    return float(np.mean((run.output_tension_N - reference.tension_N) ** 2))

@@ -1,0 +1,56 @@
+"""What is not known of a transmission: samples that the scenario's uncertainty admits, or those that are assumed."""
+
+from dataclasses import dataclass
+
+from tendonff.models.parameters import Transmission
+from tendonff.models.uncertainty import Uncertainty
+from tendonff.ocp.tracking.robust import Sample, sample_transmissions
+
+ASSUMED = Uncertainty(mu=0.1, samples=3)
+"""What is assumed where the scenario states no uncertainty: friction known to 10 % either way."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Doubt:
+    """Transmissions that may be the real one.
+
+    Parameters
+    ----------
+    samples : tuple of Sample
+        The first is the nominal one.
+    is_assumed : bool
+        The scenario states no uncertainty.
+    widths : str
+        In words: "mu ±10 %".
+    """
+
+    samples: tuple[Sample, ...]
+    is_assumed: bool
+    widths: str
+
+    def __str__(self) -> str:
+        source = "an assumption: [robust] states nothing" if self.is_assumed else "as [robust] states"
+        return f"{self.widths} ({source})"
+
+
+def doubt(transmission: Transmission, uncertainty: Uncertainty) -> Doubt:
+    """What may be the real transmission.
+
+    Parameters
+    ----------
+    transmission : Transmission
+    uncertainty : Uncertainty
+        The scenario's; where it says that all is certain, or takes a single sample, `ASSUMED` instead.
+    """
+    is_assumed = uncertainty.is_certain or uncertainty.samples == 1
+    stated = ASSUMED if is_assumed else uncertainty
+    widths = (
+        ("mu", stated.mu),
+        ("stiffness", stated.stiffness),
+        ("bristle stiffness", stated.bristle_stiffness),
+    )
+    return Doubt(
+        samples=sample_transmissions(transmission, stated),
+        is_assumed=is_assumed,
+        widths=", ".join(f"{name} ±{100 * width:.3g} %" for name, width in widths if width > 0),
+    )

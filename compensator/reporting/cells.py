@@ -1,0 +1,71 @@
+"""Cells of a table as text: numbers of one column with the same number of decimals."""
+
+import math
+from collections.abc import Sequence
+
+Cell = str | float | int | bool | None
+"""What a table holds; None shows as a dash."""
+
+_DECADES = 4  # that one number of decimals serves
+
+
+def is_number(cell: Cell) -> bool:
+    """Whether a cell holds a number; yes and no are none.
+
+    Parameters
+    ----------
+    cell : Cell
+    """
+    return isinstance(cell, (int, float)) and not isinstance(cell, bool)
+
+
+def column_decimals(cells: Sequence[Cell], digits: int = 3, least: float = 0.0) -> int | None:
+    """Decimals that a column of numbers is shown with; None where its magnitudes span too much for one choice.
+
+    The smallest number shows two digits, with three decimals at most.
+
+    Parameters
+    ----------
+    cells : sequence of Cell
+    digits : int, optional
+        Significant digits of a float that stands alone.
+    least : float, optional
+        Numbers below this need not be told apart.
+    """
+    sizes = [max(abs(c), least) for c in cells if isinstance(c, float) and math.isfinite(c) and c != 0]
+    if not sizes or any(isinstance(c, str) for c in cells):
+        return None
+    low, high = (math.floor(math.log10(size)) for size in (min(sizes), max(sizes)))
+    if high - low > _DECADES or low < -_DECADES:
+        return None
+    return max(0, digits - 1 - high, min(3, 1 - low))
+
+
+def format_cell(cell: Cell, digits: int = 3, decimals: int | None = None) -> str:
+    """Text of a table cell.
+
+    Parameters
+    ----------
+    cell : Cell
+    digits : int, optional
+        Significant digits of a float.
+    decimals : int, optional
+        Decimals of its column, instead.
+    """
+    if cell is None or (isinstance(cell, float) and math.isnan(cell)):
+        return "–"
+    if isinstance(cell, bool):
+        return "yes" if cell else "no"
+    if not isinstance(cell, float):
+        return str(cell)
+    if decimals is not None and math.isfinite(cell):
+        smallest = 10.0**-decimals
+        if 0 < abs(cell) < smallest / 2:
+            return f"< {smallest:.{decimals}f}"
+        return f"{cell:.{decimals}f}".replace("-", "−")
+    if cell == 0:
+        return "0"
+    if 1e-3 <= abs(cell) < 10.0 ** max(digits, 5):
+        places = max(0, digits - 1 - math.floor(math.log10(abs(cell))))
+        return f"{cell:.{places}f}".replace("-", "−")  # keeps trailing zeros, no exponent
+    return f"{cell:.{digits}g}".replace("-", "−")

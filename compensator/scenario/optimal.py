@@ -1,0 +1,51 @@
+"""Table [optimal]: what the optimal profile is asked for beside following the reference."""
+
+from dataclasses import dataclass, fields
+
+from tendonff.compensator.scenario.checks import require_number, require_whole
+from tendonff.models.errors import ParameterError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OptimalSettings:
+    """What the optimal profile is asked for; a key that is left out keeps its default.
+
+    Parameters
+    ----------
+    minimum_tension_N : float, optional
+        Least tension anywhere along the tendon [N], >= 0. Default 0: no link may go slack.
+    maximum_tension_N : float, optional
+        Largest tension anywhere along the tendon [N], > 0. Default: none.
+    effort_weight : float, optional
+        Weight of the mean squared force beside the mean squared tension error [-], >= 0. Default 0.
+    travel_weight : float, optional
+        What doubling the force's travel costs, as a mean squared error relative to the squared range of the reference
+        [-], >= 0. Default 1e-6.
+    max_iterations : int, optional
+        Quadratic programs for each window of the horizon, 3 to 10000. Default 60.
+    """
+
+    minimum_tension_N: float | None = None
+    maximum_tension_N: float | None = None
+    effort_weight: float | None = None
+    travel_weight: float | None = None
+    max_iterations: int | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("minimum_tension_N", "effort_weight", "travel_weight"):
+            if (value := getattr(self, name)) is not None:
+                require_number(name, value, least=0, hint="leave it out for the default")
+        if self.maximum_tension_N is not None:
+            require_number("maximum_tension_N", self.maximum_tension_N, above=0, hint="leave it out for none")
+            if self.maximum_tension_N <= (self.minimum_tension_N or 0.0):
+                raise ParameterError(
+                    f"maximum_tension_N must be above minimum_tension_N = {self.minimum_tension_N:g}, "
+                    f"got {self.maximum_tension_N:g}; leave it out for none"
+                )
+        if self.max_iterations is not None:
+            require_whole("max_iterations", self.max_iterations, least=3, most=10000, hint="60 is a good start")
+
+    @property
+    def given(self) -> dict[str, float | int]:
+        """The keys that are set."""
+        return {f.name: value for f in fields(self) if (value := getattr(self, f.name)) is not None}

@@ -1,0 +1,97 @@
+"""Certified interval of the output tension: two plays a step, no model of elasticity, no drift.
+
+The play w <- min(max(w, u - r_pull), u + r_release) of u = ln(T_in + p) rises with w, with u, with r_release, and falls
+with r_pull. So for any r within a band and any error of the input within another the output stays, for all time,
+between the play with the largest pull and the smallest release exponent on the smallest input and the play the other
+way round. What the static law leaves out (stretch, presliding, inertia, viscous friction) is a margin in ln(T + p),
+measured on the chain along the reference.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tendonff.models.capstan import Array, CapstanLaw
+from tendonff.models.errors import ParameterError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CertifiedInterval:
+    """Two plays that enclose the output tension.
+
+    Parameters
+    ----------
+    law : CapstanLaw
+        Static law at the values that are known best.
+    spread : float
+        d: relative half-width of what mu theta may be, 0 <= d < 1.
+    noise_N : float
+        Largest error of the actuator's force [N], >= 0.
+    margin : float, optional
+        m: what the static law leaves out, in ln(T + p), >= 0.
+    """
+
+    law: CapstanLaw
+    spread: float
+    noise_N: float
+    margin: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.spread < 1:
+            raise ParameterError(f"spread must be >= 0 and < 1, got {self.spread}; 0.2 means within 20 % either way")
+        for name in ("noise_N", "margin"):
+            value = getattr(self, name)
+            if not 0 <= value < math.inf:
+                raise ParameterError(f"{name} must be a finite number >= 0, got {value}; use 0 for none")
+
+    def _with(self, pull: float, release: float) -> CapstanLaw:
+        return CapstanLaw(
+            pull_exponent=self.law.pull_exponent * (1 + pull),
+            release_exponent=self.law.release_exponent * (1 + release),
+            adhesion_N=self.law.adhesion_N,
+        )
+
+    @property
+    def low_law(self) -> CapstanLaw:
+        """Law whose play is never above the output: pulls worse, lets go sooner."""
+        return self._with(self.spread, -self.spread)
+
+    @property
+    def high_law(self) -> CapstanLaw:
+        """Law whose play is never below the output."""
+        return self._with(-self.spread, self.spread)
+
+    def history_N(self, force_N: Array, initial_N: float | None = None) -> tuple[Array, Array]:
+        """Lower and upper bound of the output tension for a force history, each of shape (n,) [N].
+
+        Parameters
+        ----------
+        force_N : ndarray, shape (n,)
+            As it is known, from t = 0.
+        initial_N : float, optional
+            Output tension before; default: the first force (uniform tension).
+        """
+        force = np.asarray(force_N, dtype=np.float64)
+        start, p = float(force[0]) if initial_N is None else initial_N, self.law.adhesion_N
+        low = self.low_law.output_history_N(np.maximum(force - self.noise_N, 0.0), start)
+        high = self.high_law.output_history_N(force + self.noise_N, start)
+        narrow, wide = math.exp(-self.margin), math.exp(self.margin)
+        return np.maximum((low + p) * narrow - p, 0.0), (high + p) * wide - p
+
+    def with_margin_for(self, force_N: Array, outputs_N: Array) -> "CertifiedInterval":
+        """The same interval, with the least margin that holds outputs of a richer model.
+
+        Parameters
+        ----------
+        force_N : ndarray, shape (n,)
+        outputs_N : ndarray, shape (m, n)
+            Output tensions of simulations with that force, at values of mu theta within the spread [N].
+        """
+        p = self.law.adhesion_N
+        bare = replace(self, margin=0.0)
+        low, high = bare.history_N(force_N, float(outputs_N[0, 0]))
+        tiny = np.finfo(np.float64).tiny
+        above = np.log(np.maximum(outputs_N + p, tiny) / (high + p)).max()
+        below = np.log((low + p) / np.maximum(outputs_N + p, tiny)).max()
+        return replace(self, margin=max(float(above), float(below), 0.0))

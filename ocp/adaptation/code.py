@@ -1,0 +1,257 @@
+"""The tuner in C: its laws from the symbolic models, its template, and the library of the host."""
+
+import ctypes
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import jinja2
+import numpy as np
+
+from tendonff.models.chain import Chain
+from tendonff.models.elements import Whole, whole_of
+from tendonff.models.fidelity import Level
+from tendonff.models.parameters import Transmission
+from tendonff.ocp.adaptation.recursion import covariance_names, update_law
+from tendonff.ocp.adaptation.tuning import GATE, MAX_DELAY, Tunable
+from tendonff.ocp.codegen.compiler import load_library
+from tendonff.ocp.codegen.law import Law
+from tendonff.ocp.codegen.partial_evaluation import Specialiser
+from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.codegen.printer import literal, real_type
+from tendonff.ocp.step.c_engine import PREFIX, host_source
+from tendonff.ocp.step.laws import ElementLaws
+from tendonff.ocp.step.protocol import Array
+
+_TEMPLATES = jinja2.Environment(  # noqa: S701 - C, not HTML
+    loader=jinja2.PackageLoader("tendonff.ocp.adaptation"),
+    undefined=jinja2.StrictUndefined,
+    keep_trailing_newline=True,
+    trim_blocks=True,
+)
+_FRICTION = ("mu_dynamic_pull", "mu_static_pull"), ("mu_dynamic_release", "mu_static_release")
+_SCALED: dict[Tunable, tuple[str, ...]] = {
+    Tunable.MU: _FRICTION[0] + _FRICTION[1],
+    Tunable.MU_PULL: _FRICTION[0],
+    Tunable.MU_RELEASE: _FRICTION[1],
+    Tunable.TENDON_STIFFNESS: ("stiffness_N_per_m", "relaxing_stiffness_N_per_m"),
+}
+LOAD_STIFFNESS = "far_stiffness_N_per_m"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TunedChain:
+    """A chain some of whose parameters carry a factor.
+
+    Parameters
+    ----------
+    whole : Whole
+        The tendon at factors of 1.
+    chain : Chain
+        Made of it.
+    parameters : tuple of Tunable
+    """
+
+    whole: Whole
+    chain: Chain
+    parameters: tuple[Tunable, ...]
+
+    @classmethod
+    def of(
+        cls, transmission: Transmission, level: Level, parameters: tuple[Tunable, ...], segments: int | None = None
+    ) -> "TunedChain":
+        """Chain of a transmission.
+
+        Parameters
+        ----------
+        transmission : Transmission
+        level : Level
+        parameters : tuple of Tunable
+        segments : int, optional
+        """
+        return cls(
+            whole=whole_of(transmission, level),
+            chain=Chain.of(transmission, level, segments),
+            parameters=parameters,
+        )
+
+    def with_factors(self, factors: Mapping[Tunable, ca.SX | float]) -> Chain:
+        """The chain at other factors; numbers or CasADi scalars.
+
+        Parameters
+        ----------
+        factors : mapping of Tunable to float or ca.SX
+        """
+        values = {name: f * self.whole.value(name) for key, f in factors.items() for name in _SCALED.get(key, ())}
+        far = self.chain.far
+        if Tunable.LOAD_STIFFNESS in factors:
+            far = replace(far, stiffness_N_per_m=factors[Tunable.LOAD_STIFFNESS] * far.stiffness_N_per_m)
+        return replace(self.chain, elements=self.whole.changed(values).divided(self.chain.count), far=far)
+
+    def retuned_numbers(self) -> tuple[Law, tuple[str, ...]]:
+        """The chain's numbers that follow the factors, with their slopes; and their names."""
+        factors = [ca.SX.sym(f"f{k}") for k in range(len(self.parameters))]
+        symbolic = self.with_factors(dict(zip(self.parameters, factors, strict=True))).numbers()
+        every = ca.vertcat(*factors)
+        found = {name: ca.SX(value) for name, value in symbolic.items()}
+        names = tuple(name for name, value in found.items() if ca.depends_on(value, every))
+        outputs = {name: found[name] for name in names}
+        outputs |= {f"{n}_by_f{k}": ca.jacobian(found[n], f) for n in names for k, f in enumerate(factors)}
+        comment = "Numbers of the chain that are tuned, and their slopes over the factors."
+        return Law(name="retuned_numbers", comment=comment, inputs=tuple(factors), outputs=outputs), names
+
+    def rest(self, tension_N: float) -> Array:
+        """State at rest of the model beside the rig: q_l = 0, where the load's spring has the tension of the start.
+
+        Parameters
+        ----------
+        tension_N : float
+        """
+        return self.chain.rest_state(tension_N, -tension_N / self.chain.far.stiffness_N_per_m).vector()
+
+
+def rest_statements(at_zero: Array, at_one: Array, array: str, precision: Precision) -> str:
+    """C statements that fill a state which is affine in `tension`; an int j must be there.
+
+    Parameters
+    ----------
+    at_zero, at_one : ndarray, shape (size,)
+        State at tensions of 0 and 1 N.
+    array : str
+        C text.
+    precision : Precision
+    """
+    slopes, lines, first = np.asarray(at_one) - np.asarray(at_zero), [], 0
+    while first < len(slopes):
+        last = first + 1
+        while last < len(slopes) and slopes[last] == slopes[first]:
+            last += 1
+        text = f"tension * {literal(float(slopes[first]), precision)}" if slopes[first] else literal(0.0, precision)
+        lines.append(f"    for (j = {first}; j < {last}; j++) {{\n        {array}[j] = {text};\n    }}")
+        first = last
+    return "\n".join(lines)
+
+
+def tuner_context(tuned: TunedChain, precision: Precision, *, prefix: str, past: int) -> dict[str, object]:
+    """What the template `tuner.c.j2` needs, whatever it is rendered for.
+
+    Parameters
+    ----------
+    tuned : TunedChain
+    precision : Precision
+    prefix : str
+        Of the tuner's own C names.
+    past : int
+        Samples to remember.
+    """
+    chain, (law, names) = tuned.chain, tuned.retuned_numbers()
+    zero, one = tuned.rest(0.0), tuned.rest(1.0)
+    layout = chain.layout
+    return {
+        "prefix": prefix,
+        "upper": f"{prefix.upper()}_TUNER",
+        "real": real_type(precision),
+        "fabs": "fabsf" if precision is Precision.FLOAT else "fabs",
+        "number": lambda value: literal(value, precision),
+        "zero": literal(0.0, precision),
+        "one": literal(1.0, precision),
+        "tuned": len(tuned.parameters),
+        "entries": len(covariance_names(len(tuned.parameters))),
+        "past": past,
+        "gate": GATE,
+        "reals": layout.size,
+        "masses": chain.count,
+        "numbers": list(chain.numbers()),
+        "retuned": names,
+        "retuned_outputs": tuple(law.outputs),
+        "retuned_link": any(name.startswith("link_") for name in names),
+        "retuned_load": LOAD_STIFFNESS if LOAD_STIFFNESS in names else "",
+        "link_factor": next((k for k, p in enumerate(tuned.parameters) if p is Tunable.TENDON_STIFFNESS), -1),
+        "e": (layout.part("e").start, layout.part("e").stop + len(layout.link_states) * (chain.count + 1)),
+        "load_stiffness": (
+            f"self->model[1].{LOAD_STIFFNESS}"
+            if LOAD_STIFFNESS in names
+            else literal(float(chain.far.stiffness_N_per_m), precision)
+        ),
+        "q_a": layout.part("q_a").start,
+        "q_l": layout.part("q_l").start,
+        "rest": lambda array: rest_statements(zero, one, array, precision),
+    }
+
+
+def tuner_laws(tuned: TunedChain) -> tuple[Law, ...]:
+    """The laws of the recursion and of the tuned numbers.
+
+    Parameters
+    ----------
+    tuned : TunedChain
+    """
+    return update_law(len(tuned.parameters)), tuned.retuned_numbers()[0]
+
+
+def render_tuner(template: str, context: Mapping[str, object]) -> str:
+    """One of the templates of this package, filled in.
+
+    Parameters
+    ----------
+    template : str
+    context : mapping
+    """
+    return _TEMPLATES.get_template(template).render(**context)
+
+
+def _host_text(tuned: TunedChain) -> str:
+    chain, precision = tuned.chain, Precision.DOUBLE
+    laws = ElementLaws.of(chain, folded=True)
+    every = (*laws.simulation(), *laws.inverse(), *laws.tangent())
+    scheme = host_source(chain, every, ("kernel.c.j2", "inverse.c.j2", "weigh.c.j2", "tangent.c.j2"))
+    printer = Specialiser(prefix=PREFIX, precision=precision, parameters={})
+    own = [printer.fold(law).code for law in tuner_laws(tuned)]
+    zero, one = (chain.rest_state(value).vector() for value in (0.0, 1.0))
+    gain = f"{PREFIX}_link_gain({', '.join(_gain_arguments(laws))}, &rows[k].gain)"
+    context = tuner_context(tuned, precision, prefix=PREFIX, past=MAX_DELAY) | {
+        "model": PREFIX,
+        "inverse": PREFIX,
+        "model_rows": f"{PREFIX.upper()}_ROWS",
+        "shifted": False,
+        "inverse_rest": lambda array: rest_statements(zero, one, array, precision),
+        "gain_calls": {PREFIX: gain},
+        "work_argument": f", {real_type(precision)} *memory",
+        "work_declaration": f"{PREFIX}_work work_area = {PREFIX}_work_of(memory, {PREFIX.upper()}_TUNER_COUNT);",
+        "work": "&work_area",
+        "plant_q_a": "(({} * n) + {})".format(*chain.layout.offset("q_a")),
+    }
+    templates = [render_tuner(name, context) for name in ("tuner.h.j2", "tuner.c.j2", "tuner_host.c.j2")]
+    return "\n".join([scheme, *own, *templates])
+
+
+def _gain_arguments(laws: ElementLaws) -> list[str]:
+    return [f"c->{symbol.name()}" for symbol in laws.link_gain().inputs]
+
+
+@functools.lru_cache(maxsize=32)
+def _loaded(text: str) -> ctypes.CDLL:
+    library = load_library(text)
+    library.tff_tuner_bytes.restype = ctypes.c_long
+    library.tff_tuner_begin.restype = None
+    library.tff_tuner_step.restype = ctypes.c_double
+    library.tff_tuner_report.restype = None
+    library.tff_tuner_run.restype = ctypes.c_long
+    library.tff_work_reals.restype = ctypes.c_int
+    return library
+
+
+def host_library(tuned: TunedChain) -> ctypes.CDLL:
+    """The compiled tuner of the host; double.
+
+    Parameters
+    ----------
+    tuned : TunedChain
+
+    Raises
+    ------
+    CodeError
+        If no C compiler works here.
+    """
+    return _loaded(_host_text(tuned))

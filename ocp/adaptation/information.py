@@ -1,0 +1,91 @@
+"""What a reference can teach: the information matrix of the tuned factors along it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tendonff.models.capstan import Array
+from tendonff.ocp.adaptation.tuning import Tuning
+
+TARGET = 0.03
+"""Relative standard deviation at which a factor counts as known."""
+
+COUPLED = 0.98
+"""Correlation above which two factors count as one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Information:
+    """What the measurement tells about each factor, rows at the samples of the reference.
+
+    Parameters
+    ----------
+    tuning : Tuning
+    time_s : ndarray, shape (n,)
+    deviation : ndarray, shape (n, parameters)
+        Standard deviation of each factor if nothing is forgotten [-].
+    correlation : float
+        Between the two factors at the end [-]; 0 where there is one.
+    """
+
+    tuning: Tuning
+    time_s: Array
+    deviation: Array
+    correlation: float
+
+    def known_after_s(self, index: int, target: float = TARGET) -> float | None:
+        """Time from which on a factor is known to within `target`; None where it never is.
+
+        Parameters
+        ----------
+        index : int
+            Place among the tuned parameters.
+        target : float, optional
+        """
+        rows = np.flatnonzero(self.deviation[:, index] <= target)
+        return float(self.time_s[rows[0]]) if rows.size else None
+
+    def sentences(self) -> tuple[str, ...]:
+        """For the user, one for each parameter and one about what cannot be told apart."""
+        sensor = self.tuning.sensor.words
+        texts = []
+        for k, parameter in enumerate(self.tuning.parameters):
+            after = self.known_after_s(k)
+            if after is None:
+                texts.append(
+                    f"this reference does not identify {parameter} from {sensor}: standard deviation "
+                    f"{100 * self.deviation[-1, k]:.2g} % at its end; let it slide further in both directions"
+                )
+            else:
+                texts.append(
+                    f"this reference identifies {parameter} within {100 * TARGET:.0f} % "
+                    f"after {after:.2g} s from {sensor}"
+                )
+        if abs(self.correlation) > COUPLED:
+            names = " and ".join(self.tuning.parameters)
+            texts.append(
+                f"{names} cannot be told apart from {sensor}: correlation {self.correlation:.3f}; tune one of them, "
+                "or measure more"
+            )
+        return tuple(texts)
+
+
+def information(tuning: Tuning, time_s: Array, slopes: Array, weight: Array) -> Information:
+    """Add up the information of every sample.
+
+    Parameters
+    ----------
+    tuning : Tuning
+    time_s : ndarray, shape (n,)
+    slopes : ndarray, shape (n, parameters)
+        Derivative of the measured quantity over each factor.
+    weight : ndarray, shape (n,)
+        Share that each sample counts by, 0 to 1.
+    """
+    each = weight[:, None, None] * slopes[:, :, None] * slopes[:, None, :] / tuning.variance
+    total = np.cumsum(each, axis=0) + np.eye(slopes.shape[1]) / tuning.start_deviation**2
+    covariance = np.linalg.inv(total)
+    deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    last = covariance[-1]
+    correlation = float(last[0, 1] / np.sqrt(last[0, 0] * last[1, 1])) if len(last) > 1 else 0.0
+    return Information(tuning=tuning, time_s=time_s, deviation=deviation, correlation=correlation)

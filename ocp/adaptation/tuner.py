@@ -1,0 +1,317 @@
+"""The self-tuning inverse on the host: step by step, or many steps with a simulated rig in the loop."""
+
+import ctypes
+from dataclasses import dataclass
+from enum import IntFlag
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonff.models.chain import Chain
+from tendonff.models.errors import ParameterError
+from tendonff.ocp.adaptation.code import TunedChain, host_library
+from tendonff.ocp.adaptation.tuning import Sensor, Tuning
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.step.c_engine import chain_struct, pointer
+from tendonff.ocp.step.protocol import Array
+from tendonff.ocp.tracking.limits import ForceLimits
+
+
+class TunerStatus(IntFlag):
+    """What the last step says.
+
+    Attributes
+    ----------
+    LIMITED
+        The actuator's limits changed the force.
+    FROZEN
+        The model does not explain the measurement: the last safe values hold until a rest.
+    AT_BOUND
+        A factor is at an end of its range.
+    """
+
+    LIMITED = 1
+    FROZEN = 2
+    AT_BOUND = 4
+
+
+REALS = (
+    *("lowest", "highest", "variance", "deviation", "full_speed", "drift_variance", "start_deviation", "slew"),
+    *("watch_limit", "watch_samples"),
+)
+"""Fields of `Tuning` that the C record takes as reals, in its order."""
+
+
+class _TuningStruct(ctypes.Structure):
+    _fields_ = (
+        ("sensor", ctypes.c_int),
+        ("delay", ctypes.c_int),
+        *((name, ctypes.c_double) for name in REALS),
+        ("hold_samples", ctypes.c_int),
+        ("rest_samples", ctypes.c_int),
+        ("integral_gain", ctypes.c_double),
+    )
+
+
+class _LimitsStruct(ctypes.Structure):
+    _fields_ = tuple((name, ctypes.c_double) for name in ("force_min", "force_max", "change_max"))
+
+
+class _RigStruct(ctypes.Structure):
+    _fields_ = (
+        ("step_s", ctypes.c_double),
+        ("substeps", ctypes.c_int),
+        ("fresh", ctypes.c_int),
+        ("tension", ctypes.c_double),
+        ("start", ctypes.c_double),
+        ("output", ctypes.c_double),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TunedRun:
+    """What happened step by step; row k belongs to the end of step k.
+
+    Parameters
+    ----------
+    force_N, tension_N : ndarray, shape (n,)
+        Force of the actuator and output tension of the rig at the end of the step.
+    factors, deviation : ndarray, shape (n, parameters)
+        Estimates as factors on the scenario's values, and their standard deviations.
+    slopes : ndarray, shape (n, parameters)
+        Change of the predicted measurement with each factor.
+    moved : ndarray, shape (n,)
+        How far the prediction moved in the step.
+    measured : ndarray, shape (n,)
+        What the tuner was given at the beginning of the step, unit of the sensor.
+    residual : ndarray, shape (n,)
+        Mean size of what the model does not explain, unit of the sensor.
+    status : ndarray of int, shape (n,)
+        Bits of `TunerStatus`.
+    """
+
+    force_N: Array
+    tension_N: Array
+    factors: Array
+    deviation: Array
+    slopes: Array
+    moved: Array
+    measured: Array
+    residual: Array
+    status: NDArray[np.intc]
+
+    @classmethod
+    def joined(cls, runs: list["TunedRun"]) -> "TunedRun":
+        """Runs one after the other.
+
+        Parameters
+        ----------
+        runs : list of TunedRun
+        """
+        names = ("force_N", "tension_N", "factors", "deviation", "slopes", "moved", "measured", "residual", "status")
+        return cls(**{name: np.concatenate([getattr(run, name) for run in runs]) for name in names})
+
+
+class SimulatedRig:
+    """A chain in the loop, of any size, at rest under a uniform tension at first.
+
+    Parameters
+    ----------
+    chain : Chain
+        What the rig really is.
+    step_s : float
+        Step of the controller [s].
+    substeps : int
+        Steps of the simulation per step of the controller.
+    initial_tension_N : float
+        T0 [N].
+    """
+
+    def __init__(self, chain: Chain, step_s: float, substeps: int, initial_tension_N: float) -> None:
+        rest = -initial_tension_N / chain.far.stiffness_N_per_m  # q_l = 0 where the spring has this tension
+        self.chain = chain
+        self.x = chain.rest_state(initial_tension_N, rest).vector()
+        self.x_old = self.x.copy()
+        start = float(self.x[chain.layout.part("q_a")][0])
+        self.struct = _RigStruct(step_s / substeps, substeps, 1, initial_tension_N, start, initial_tension_N)
+
+    def change(self, chain: Chain) -> None:
+        """Other parameters from here on; the load's spring keeps its anchor.
+
+        Parameters
+        ----------
+        chain : Chain
+            With the same number of masses and the same laws.
+        """
+        if chain.layout != self.chain.layout:
+            raise ParameterError("a rig must keep its number of masses and its laws in mid-run; start another one")
+        self.chain = chain
+
+
+class SelfTuner:
+    """The exact inverse of a chain that tunes itself to a measurement.
+
+    Parameters
+    ----------
+    tuned : TunedChain
+    step_s : float
+        h [s].
+    tuning : Tuning
+    limits : ForceLimits
+    initial_tension_N : float
+        Uniform tension at rest before the first step [N].
+
+    Raises
+    ------
+    CodeError
+        If no C compiler works here: `pip install ziglang` brings one.
+    """
+
+    def __init__(
+        self, tuned: TunedChain, step_s: float, tuning: Tuning, limits: ForceLimits, initial_tension_N: float
+    ) -> None:
+        if tuned.parameters != tuning.parameters:
+            raise ParameterError(
+                f"the chain must carry the factors that are tuned, {', '.join(tuning.parameters)}; "
+                f"got {', '.join(tuned.parameters)}"
+            )
+        self._library, self._count, self._tuning = host_library(tuned), len(tuning.parameters), tuning
+        self._struct = _TuningStruct(
+            int(tuning.sensor is Sensor.ACTUATOR_POSITION),
+            tuning.delay_samples,
+            *(getattr(tuning, name) for name in REALS),
+            tuning.hold_samples,
+            tuning.rest_samples,
+            tuning.integral_gain,
+        )
+        change = limits.rate_N_per_s * step_s
+        self._limits = _LimitsStruct(limits.minimum_N, limits.maximum_N, change)
+        self._memory = np.empty(self._library.tff_work_reals(ctypes.c_int(tuned.chain.count)))
+        self._state = ctypes.create_string_buffer(self._library.tff_tuner_bytes())
+        first = 0.0 if tuning.sensor is Sensor.ACTUATOR_POSITION else initial_tension_N
+        self._late = np.full(tuning.delay_samples + 1, first)
+        self._library.tff_tuner_begin(
+            self._state,
+            ctypes.byref(chain_struct(tuned.chain)),
+            ctypes.c_double(step_s),
+            ctypes.byref(self._struct),
+            ctypes.c_double(initial_tension_N),
+        )
+
+    def step(self, reference_N: float, measured: float) -> float:
+        """Force at the end of a step [N].
+
+        Parameters
+        ----------
+        reference_N : float
+            Output tension wanted at the end of the step [N].
+        measured : float
+            Last measurement: output tension [N], or actuator position relative to the start [m].
+        """
+        return float(
+            self._library.tff_tuner_step(
+                self._state,
+                ctypes.byref(self._struct),
+                ctypes.byref(self._limits),
+                ctypes.c_double(reference_N),
+                ctypes.c_double(measured),
+                pointer(self._memory),
+            )
+        )
+
+    @property
+    def factors(self) -> Array:
+        """Estimates as factors on the scenario's values, shape (parameters,)."""
+        return self._report()[0]
+
+    @property
+    def deviation(self) -> Array:
+        """Their standard deviations, shape (parameters,)."""
+        return self._report()[1]
+
+    @property
+    def status(self) -> TunerStatus:
+        """What the last step says."""
+        return self._report()[2]
+
+    def _report(self) -> tuple[Array, Array, TunerStatus]:
+        f, deviation, s = (np.empty(self._count) for _ in range(3))
+        moved, residual, status = ctypes.c_double(), ctypes.c_double(), ctypes.c_int()
+        self._library.tff_tuner_report(
+            self._state,
+            ctypes.byref(self._struct),
+            pointer(f),
+            pointer(deviation),
+            pointer(s),
+            ctypes.byref(moved),
+            ctypes.byref(residual),
+            ctypes.byref(status),
+        )
+        return f, deviation, TunerStatus(status.value)
+
+    def run(self, rig: SimulatedRig, reference_N: Array, noise: Array, *, adapt: bool = True) -> TunedRun:
+        """Close the loop around a simulated rig.
+
+        Parameters
+        ----------
+        rig : SimulatedRig
+            Goes on from where it is.
+        reference_N : ndarray, shape (n,)
+            Output tension wanted at the ends of the steps [N].
+        noise : ndarray, shape (n,)
+            Added to the measurement at the beginnings of the steps.
+        adapt : bool, optional
+            False holds the scenario's values: the plain inverse, with integral action where there is one.
+
+        Raises
+        ------
+        SolveError
+            If the rig's simulation fails.
+        """
+        rows, count = len(reference_N), self._count
+        reference, noise = (np.ascontiguousarray(a, dtype=np.float64) for a in (reference_N, noise))
+        force, tension, moved, measured, residual = (np.empty(rows) for _ in range(5))
+        factors, deviation, slopes = (np.empty((rows, count)) for _ in range(3))
+        status = np.zeros(rows, dtype=np.intc)
+        memory = np.empty(self._library.tff_work_reals(ctypes.c_int(rig.chain.count)))
+        done = self._library.tff_tuner_run(
+            self._state,
+            ctypes.byref(self._struct),
+            ctypes.byref(self._limits),
+            ctypes.c_int(not adapt),
+            ctypes.byref(chain_struct(rig.chain)),
+            ctypes.byref(rig.struct),
+            pointer(rig.x),
+            pointer(rig.x_old),
+            pointer(memory),
+            pointer(self._memory),
+            pointer(self._late),
+            pointer(reference),
+            pointer(noise),
+            ctypes.c_long(rows),
+            pointer(force),
+            pointer(tension),
+            pointer(factors),
+            pointer(deviation),
+            pointer(slopes),
+            pointer(moved),
+            pointer(residual),
+            pointer(measured),
+            ctypes.c_void_p(status.ctypes.data),
+        )
+        if done < rows:
+            raise SolveError(
+                f"the simulated rig failed in step {done}: its chain did not converge; "
+                "use more substeps, or a reference that falls more slowly"
+            )
+        return TunedRun(
+            force_N=force,
+            tension_N=tension,
+            factors=factors,
+            deviation=deviation,
+            slopes=slopes,
+            moved=moved,
+            measured=measured,
+            residual=residual,
+            status=status,
+        )

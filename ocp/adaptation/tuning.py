@@ -1,0 +1,234 @@
+"""What a self-tuning inverse measures and tunes, and the numbers of its recursion."""
+
+import math
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+from tendonff.models.errors import ParameterError
+
+MAX_PARAMETERS = 2
+MAX_DELAY = 64
+
+# Found by the study in docs/adaptation.md; shares are of the range that the measured quantity covers.
+MODEL_ERROR_SHARE = 0.005
+WATCH_SHARE = 0.035
+FULL_SPEED_PER_S = 0.3
+CORRELATION_S = 0.05
+DRIFT_PER_S = 3e-3
+START_DEVIATION = 0.3
+SLEW_PER_S = 2.0
+WATCH_S = 0.1
+HOLD_S = 0.5
+REST_S = 0.3
+GATE = 0.01
+"""Share of full speed below which nothing is learnt."""
+
+
+class Sensor(StrEnum):
+    """What is measured.
+
+    Attributes
+    ----------
+    OUTPUT_TENSION
+        f_{N+1} [N].
+    ACTUATOR_POSITION
+        q_a relative to the start [m].
+    """
+
+    OUTPUT_TENSION = "output_tension"
+    ACTUATOR_POSITION = "actuator_position"
+
+    @property
+    def unit(self) -> str:
+        """Unit of the measurement."""
+        return "N" if self is Sensor.OUTPUT_TENSION else "m"
+
+    @property
+    def words(self) -> str:
+        """Name in a sentence."""
+        return "the output tension" if self is Sensor.OUTPUT_TENSION else "the actuator's position"
+
+
+class Tunable(StrEnum):
+    """What is tuned: each as a factor on the scenario's value.
+
+    Attributes
+    ----------
+    MU
+        All friction coefficients.
+    MU_PULL, MU_RELEASE
+        Those of one direction.
+    LOAD_STIFFNESS
+        k_l, with the load's spring anchored at the tension of the start.
+    TENDON_STIFFNESS
+        k1 and k2.
+    """
+
+    MU = "mu"
+    MU_PULL = "mu_pull"
+    MU_RELEASE = "mu_release"
+    LOAD_STIFFNESS = "load_stiffness"
+    TENDON_STIFFNESS = "tendon_stiffness"
+
+
+def check_parameters(parameters: tuple[Tunable, ...]) -> None:
+    """Refuse a set of parameters that the recursion cannot tell apart or has no room for.
+
+    Parameters
+    ----------
+    parameters : tuple of Tunable
+    """
+    names = ", ".join(parameters)
+    if not 1 <= len(parameters) <= MAX_PARAMETERS or len(set(parameters)) != len(parameters):
+        raise ParameterError(
+            f'parameters must be one or {MAX_PARAMETERS} different names, got [{names}]; ["mu"] suits most rigs'
+        )
+    friction = {Tunable.MU, Tunable.MU_PULL, Tunable.MU_RELEASE} & set(parameters)
+    if not friction:
+        raise ParameterError(f'parameters must tune the friction, got [{names}]; add "mu"')
+    if Tunable.MU in friction and len(friction) > 1:
+        raise ParameterError(
+            f'parameters must not tune "mu" and a part of it, got [{names}]; use mu_pull and mu_release'
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tuning:
+    """The numbers of the recursion, per sample of the controller.
+
+    Parameters
+    ----------
+    sensor : Sensor
+    parameters : tuple of Tunable
+        One or two.
+    delay_samples : int
+        Age of a measurement when it arrives, 0 to 63.
+    lowest, highest : float
+        Bounds of every factor [-].
+    variance : float
+        R: variance that one sample at full speed counts for, unit of the sensor squared.
+    deviation : float
+        Residual that noise and a good model leave, unit of the sensor.
+    full_speed : float
+        Change of the predicted measurement per sample from which on a sample counts in full, unit of the sensor.
+    drift_variance : float
+        Random walk of a factor per sample at full speed [-].
+    start_deviation : float
+        Standard deviation of a factor at the start, and the largest later on [-].
+    slew : float
+        Largest change of the inverse's factors per sample [-].
+    watch_limit : float
+        Mean residual at which the model counts as wrong, unit of the sensor.
+    watch_samples, hold_samples, rest_samples : int
+        Samples of the mean residual, of an estimate before it counts as safe, and of a rest that allows a new start.
+    integral_gain : float
+        Share of the logarithmic error that is integrated per sample [-]; 0 for none.
+    noise, span, step_s : float
+        What the others were computed from: noise and range of the measurement, unit of the sensor, and h [s].
+    """
+
+    sensor: Sensor
+    parameters: tuple[Tunable, ...]
+    delay_samples: int
+    lowest: float
+    highest: float
+    variance: float
+    deviation: float
+    full_speed: float
+    drift_variance: float
+    start_deviation: float
+    slew: float
+    watch_limit: float
+    watch_samples: int
+    hold_samples: int
+    rest_samples: int
+    integral_gain: float
+    noise: float
+    span: float
+    step_s: float
+
+    def __post_init__(self) -> None:
+        check_parameters(self.parameters)
+        if not 0 <= self.delay_samples < MAX_DELAY:
+            raise ParameterError(
+                f"delay_samples must be a whole number from 0 to {MAX_DELAY - 1}, got {self.delay_samples}; "
+                "a longer delay leaves too little to learn from"
+            )
+        if not 0 < self.lowest < 1 < self.highest < math.inf:
+            raise ParameterError(
+                f"range must hold 1 between two numbers > 0, got [{self.lowest}, {self.highest}]; try [0.5, 2.0]"
+            )
+
+    @classmethod
+    def of(
+        cls,
+        *,
+        sensor: Sensor,
+        parameters: tuple[Tunable, ...],
+        delay_samples: int,
+        noise: float,
+        span: float,
+        step_s: float,
+        lowest: float = 0.5,
+        highest: float = 2.0,
+        integral_gain_per_s: float = 0.0,
+    ) -> "Tuning":
+        """Numbers from what is known about the sensor and the reference.
+
+        Parameters
+        ----------
+        sensor : Sensor
+        parameters : tuple of Tunable
+        delay_samples : int
+        noise : float
+            Standard deviation of the sensor, its unit.
+        span : float
+            Range that the measured quantity covers along the reference, unit of the sensor, > 0.
+        step_s : float
+            h [s].
+        lowest, highest : float, optional
+        integral_gain_per_s : float, optional
+            Needs the output tension.
+        """
+        if not 0 < span < math.inf:
+            raise ParameterError(
+                f"the measured quantity must move along the reference, got a span of {span} {sensor.unit}; "
+                "a constant reference teaches nothing"
+            )
+        if integral_gain_per_s > 0 and sensor is not Sensor.OUTPUT_TENSION:
+            raise ParameterError(
+                f'integral_gain_per_s must be 0 with sensor = "{sensor}", got {integral_gain_per_s}; '
+                "it needs the output tension"
+            )
+        deviation = math.hypot(noise, MODEL_ERROR_SHARE * span)
+        return cls(
+            sensor=sensor,
+            parameters=parameters,
+            delay_samples=delay_samples,
+            lowest=lowest,
+            highest=highest,
+            variance=deviation**2 * max(CORRELATION_S / step_s, 1.0),
+            deviation=deviation,
+            full_speed=FULL_SPEED_PER_S * span * step_s,
+            drift_variance=DRIFT_PER_S * step_s,
+            start_deviation=START_DEVIATION,
+            slew=SLEW_PER_S * step_s,
+            watch_limit=WATCH_SHARE * span + 2 * noise,
+            watch_samples=max(round(WATCH_S / step_s), 1),
+            hold_samples=max(round(HOLD_S / step_s), 1),
+            rest_samples=max(round(REST_S / step_s), 1),
+            integral_gain=integral_gain_per_s * step_s,
+            noise=noise,
+            span=span,
+            step_s=step_s,
+        )
+
+    def with_integral_gain(self, gain_per_s: float) -> "Tuning":
+        """The same with another integral action.
+
+        Parameters
+        ----------
+        gain_per_s : float
+            [1/s], 0 for none.
+        """
+        return replace(self, integral_gain=gain_per_s * self.step_s)

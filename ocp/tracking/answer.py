@@ -1,0 +1,167 @@
+"""From what a search found to an answer that explains itself."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tendonff.ocp.inverse import Inversion
+from tendonff.ocp.step.protocol import Array
+from tendonff.ocp.tracking.cost import Evaluation, evaluate
+from tendonff.ocp.tracking.diagnosis import departures, law_of, reasons
+from tendonff.ocp.tracking.grids import GridRefinement
+from tendonff.ocp.tracking.limits import ForceLimits, Violation
+from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
+from tendonff.ocp.tracking.result import Tracking, TrackStatus
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Found:
+    """What a search found.
+
+    Parameters
+    ----------
+    status : TrackStatus
+    note : str
+        How the search stopped, where it was cut short.
+    force_N : ndarray, shape (n,)
+    evaluation, at_clipped : Evaluation
+        Of that force, and of the clipped inverse.
+    refinements : tuple of GridRefinement
+        Of each window; empty where nothing was searched.
+    """
+
+    status: TrackStatus
+    force_N: Array
+    evaluation: Evaluation
+    at_clipped: Evaluation
+    note: str = ""
+    refinements: tuple[GridRefinement, ...] = ()
+
+
+def answer(
+    work: Found,
+    problem: TrackingProblem,
+    inversion: Inversion,
+    options: TrackOptions,
+    *,
+    cautions: tuple[str, ...],
+    solve_s: float,
+) -> Tracking:
+    """Put what was found into a result that explains itself.
+
+    Parameters
+    ----------
+    work : Found
+    problem : TrackingProblem
+    inversion : Inversion
+        Exact inverse of the nominal plant.
+    options : TrackOptions
+    cautions : tuple of str
+        Why the profile may deliver less than predicted.
+    solve_s : float
+        Time that the search took [s].
+    """
+    h, reference, limits, force = problem.step_s, problem.goal.reference_N, problem.limits, work.force_N
+    nominal = problem.plants[0].chain
+    seen = evaluate(replace(problem, plants=problem.plants[:1]), force).tensions_N
+    tension = seen[0] if seen else np.full((len(reference), nominal.count + 1), np.nan)
+    output = tension[:, -1]
+    worst = worst_bound(tension, force, h, limits, options)
+    status = work.status
+    if status is not TrackStatus.FAILED and not _keeps_tension(tension, options):
+        status = TrackStatus.INFEASIBLE
+    error = output - reference
+    rms, span = float(np.sqrt(np.mean(error**2))), max(float(np.ptp(reference)), 1e-300)
+    clipped_rms = float(np.sqrt(work.at_clipped.squares.max()))
+    iterations = sum(r.iterations for r in work.refinements)
+    gain = max((r.gain for r in work.refinements), default=0.0)
+    told: tuple[str, ...] = ()
+    if status is not TrackStatus.EXACT:
+        bounds = options.minimum_tension_N, options.maximum_tension_N
+        told = reasons(law_of(nominal), reference, inversion.force_N, h, limits, *bounds)
+    plants, worst_rms = len(work.evaluation.squares), float(np.sqrt(work.evaluation.squares.max()))
+    left = f"{rms:.3g} N rms ({100 * rms / span:.2g} % of range) remain"
+    if plants > 1:
+        left = (
+            f"{worst_rms:.3g} N rms remain on the worst of {plants} plants, {rms:.3g} N "
+            f"({100 * rms / span:.2g} % of range) on the nominal one"
+        )
+    if work.at_clipped.beyond_N == 0:  # what breaks a bound is no yardstick
+        left += f", the clipped inverse leaves {clipped_rms:.3g} N"
+    effort = f"{iterations} iterations, {solve_s:.2g} s"
+    message = {
+        TrackStatus.EXACT: f"no limit binds: the exact inverse is the optimum, {rms:.2g} N rms remain; no iterations",
+        TrackStatus.OPTIMAL: f"{left}; {effort}",
+        TrackStatus.UNSTABLE: (
+            f"no limit binds, but simulated the exact inverse leaves {rms:.3g} N rms "
+            f"({100 * rms / span:.2g} % of range): "
+            "this rig amplifies rounding (stick-slip), so do not expect it to follow"
+        ),
+        TrackStatus.BEST_ACHIEVABLE: f"the reference is out of reach; the best achievable profile: {left}; {effort}",
+        TrackStatus.ACCEPTABLE: (
+            f"{left}; the search ended after {effort}, when an iteration still gained {100 * gain:.2g} % of the "
+            "squared error: raise max_iterations for more"
+        ),
+        TrackStatus.CLIPPED: f"{left}; nothing better was found in {effort}: this is the clipped inverse or static law",
+        TrackStatus.INFEASIBLE: (
+            f"no profile keeps the tension in bounds; closest: {worst}; {left}; {effort}; "
+            "widen the tension bounds, let the reference change more slowly, or start from another initial tension"
+        ),
+        TrackStatus.FAILED: "no profile could be simulated on the design model; try a smaller step_s or another level",
+    }[status]
+    return Tracking(
+        status=status,
+        message=message + work.note,
+        reasons=told,
+        cautions=cautions,
+        departures=departures(output, reference, h),
+        time_s=inversion.time_s,
+        force_N=force,
+        predicted_output_N=output,
+        rms_error_N=rms,
+        peak_error_N=float(np.max(np.abs(error))),
+        clipped_rms_error_N=clipped_rms,
+        least_tension_N=float(tension[1:].min()),
+        largest_tension_N=float(tension[1:].max()),
+        worst=worst,
+        iterations=iterations,
+        gain=gain,
+        windows=max(len(work.refinements), 1),
+        build_s=0.0,
+        solve_s=solve_s,
+    )
+
+
+def _keeps_tension(tension_N: Array, options: TrackOptions) -> bool:
+    moving = tension_N[1:]
+    low, high = options.minimum_tension_N * (1 - 1e-6), options.maximum_tension_N * (1 + 1e-6)
+    return bool(np.all(moving > 0) and np.all(moving >= low) and np.all(moving <= high))
+
+
+def worst_bound(
+    tension_N: Array, force_N: Array, step_s: float, limits: ForceLimits, options: TrackOptions
+) -> Violation:
+    """The bound that is broken most, or met most closely, among the actuator's and the tendon's.
+
+    Parameters
+    ----------
+    tension_N : ndarray, shape (n, N + 1)
+    force_N : ndarray, shape (n,)
+    step_s : float
+    limits : ForceLimits
+    options : TrackOptions
+    """
+    of_force = limits.worst(force_N, step_s)
+    if not np.all(np.isfinite(tension_N)):
+        return of_force
+    for name, bound, side, pick in (
+        ("minimum_tension_N", options.minimum_tension_N, -1.0, np.argmin),
+        ("maximum_tension_N", options.maximum_tension_N, 1.0, np.argmax),
+    ):
+        at = int(pick(tension_N[1:])) + tension_N.shape[1]
+        value = float(tension_N.ravel()[at])
+        excess = side * (value - bound)
+        if excess > 1e-6 * abs(bound) or (bound == 0 and excess >= 0):
+            time_s = at // tension_N.shape[1] * step_s
+            return Violation(name=name, time_s=time_s, value=value, bound=bound, excess=excess)
+    return of_force

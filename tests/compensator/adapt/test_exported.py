@@ -1,0 +1,57 @@
+"""Blind, with the loop closed through the exported C: 40 masses, hidden friction, noise, 2 ms of delay."""
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.compensators.base import Problem
+from tendonff.ocp.adaptation.tuning import Sensor, Tunable
+from tendonff.ocp.codegen.precision import Precision
+
+pytestmark = pytest.mark.compiler
+TENSION, POSITION = Sensor.OUTPUT_TENSION, Sensor.ACTUATOR_POSITION
+BOTH = (Tunable.MU, Tunable.LOAD_STIFFNESS)
+
+
+@pytest.mark.parametrize("precision", Precision)
+@pytest.mark.parametrize(("sensor", "most"), [(TENSION, 0.6), (POSITION, 1.0)])
+@pytest.mark.parametrize("mu", [0.8, 1.2])
+def test_the_exported_tuner_finds_friction_that_is_20_percent_off(
+    exported, blind, precision, sensor, most, mu, record_property
+):
+    tuner = exported(sensor, precision=precision)
+    left = blind(tuner, sensor, mu=mu)
+    record_property("figure", f"exported C, {precision}, {sensor}, mu {mu:g}: {left:.2f} % of range after 2 s")
+    assert left <= most
+    assert tuner.mu == pytest.approx(0.2 * mu, rel=0.01)
+
+
+@pytest.mark.parametrize("load", [2 / 3, 1.5])
+@pytest.mark.parametrize("mu", [0.8, 1.2])
+def test_the_exported_tuner_finds_friction_and_load_from_the_position(exported, blind, load, mu, record_property):
+    left = blind(exported(POSITION, BOTH), POSITION, mu=mu, load=load)
+    record_property("figure", f"exported C, mu {mu:g} and load {load:.2f} from the position: {left:.2f} %")
+    assert left <= 1.0
+
+
+@pytest.mark.parametrize("sensor", [TENSION, POSITION])
+@pytest.mark.parametrize(
+    ("hidden", "most"), [({}, 0.5), ({"bristle": 2.0, "mu": 1.2}, 3.0), ({"bristle": 2.0, "mu": 0.8}, 3.0)]
+)
+def test_the_exported_tuner_bears_what_it_cannot_tune(exported, blind, sensor, hidden, most, record_property):
+    left = blind(exported(sensor), sensor, **hidden)
+    record_property("figure", f"exported C, {sensor}, {hidden or 'as the scenario'}: {left:.2f} %")
+    assert left <= most
+
+
+def test_estimates_are_kept_over_a_restart(exported, finger):
+    reference = Problem.of(finger).reference
+    first, second = exported(TENSION), exported(TENSION)
+    for wanted in reference.tension_N[1:1500]:
+        first.step(wanted, 0.97 * wanted)
+    assert first.mu != pytest.approx(0.2, rel=0.01)
+    first.library.keep(first.address, second.address)
+    assert second.mu == first.mu
+    # The restored estimate acts at once: the first steps take the force of that friction.
+    plain = exported(TENSION)
+    forces = np.array([[t.step(w, np.nan) for t in (second, plain)] for w in reference.tension_N[1:800]])
+    assert np.abs(forces[:, 0] - forces[:, 1]).max() > 0.1

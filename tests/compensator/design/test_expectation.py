@@ -1,0 +1,103 @@
+"""What to expect on a rig: the first sentence of a design."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.capstan import Capstan
+from tendonff.compensator.compensators.inverse import Inverse
+from tendonff.compensator.compensators.smoothed import Smoothed
+from tendonff.compensator.compensators.uncertain import doubt
+from tendonff.compensator.compensators.uncompensated import Uncompensated
+from tendonff.compensator.design.report import fine_print, headline
+from tendonff.compensator.design.run import design
+from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.models.chain import Chain
+from tendonff.models.uncertainty import Uncertainty
+from tendonff.ocp.simulate import simulate
+
+QUICK = (Uncompensated(), Capstan(), Inverse())
+
+
+@pytest.fixture(scope="module")
+def finger(examples):
+    scenario = load_scenario(examples / "finger.toml")
+    return replace(scenario, run=replace(scenario.run, step_s=2e-3))
+
+
+@pytest.fixture(scope="module")
+def assumed(finger):
+    return design(finger, compensators=QUICK)
+
+
+def error_percent(scenario, force, factor):
+    """RMS error on a plant whose friction differs, computed here by hand."""
+    friction = scenario.transmission.friction
+    mu = factor * friction.mu_dynamic
+    plant = replace(scenario.transmission, friction=replace(friction, mu_dynamic=mu, mu_static=mu))
+    reference = Problem.of(scenario).reference
+    run = simulate(
+        Chain.of(plant, scenario.run.level), force, reference.step_s, initial_tension_N=reference.initial_tension_N
+    )
+    return 100 * np.sqrt(np.mean((run.output_tension_N - reference.tension_N) ** 2)) / reference.range_N
+
+
+def test_without_a_statement_friction_is_assumed_to_be_known_to_ten_percent_and_that_is_said(finger, assumed):
+    found = assumed.expectation
+    assert found.doubt.is_assumed
+    for name in ("none", "inverse"):
+        worst = max(error_percent(finger, assumed.forces_N[name], factor) for factor in (0.9, 1.0, 1.1))
+        assert found.worst_percent[name] == pytest.approx(worst, rel=1e-6)
+    assert "mu ±10 % (an assumption" in headline(assumed)
+
+
+def test_the_first_sentence_has_the_worst_case_and_the_small_print_the_model_against_itself(assumed):
+    worst = assumed.expectation.worst_percent["inverse"]
+    assert worst > 3  # per cent, where the model against itself has less than a tenth
+    assert f"{worst:.3g} %" in headline(assumed).split(".  ")[0]
+    own = assumed.on_proof("inverse").score.percent
+    assert float(own) < 0.1
+    assert own not in headline(assumed)
+    assert own in fine_print(assumed)
+
+
+def test_the_profile_with_the_least_worst_error_is_recommended(assumed):
+    worst = assumed.expectation.worst_percent
+    assert worst[assumed.recommended.name] <= 1.02 * min(worst.values())
+    assert assumed.recommended.label in headline(assumed)
+
+
+def test_of_profiles_that_do_equally_well_there_the_one_that_is_best_with_the_design_s_parameters_is_recommended(
+    examples,
+):
+    """On the Bowden cable the worst cases of the smoothed law and of the inverse are half a per cent apart."""
+    scenario = load_scenario(examples / "bowden.toml")
+    result = design(scenario, compensators=(Uncompensated(), Capstan(), Smoothed(), Inverse()))
+    worst = result.expectation.worst_percent
+    assert worst["smoothed"] < worst["inverse"] < 1.02 * worst["smoothed"]
+    assert result.recommended.name == "inverse"
+
+
+def test_the_band_holds_the_output_of_every_sample(finger, assumed):
+    found = assumed.expectation
+    assert np.all(found.low_N <= found.high_N)
+    nominal = assumed.on_level(found.recommended, finger.run.level).output_N
+    assert np.all((found.low_N <= nominal + 1e-9) & (nominal <= found.high_N + 1e-9))
+    assert np.max(found.high_N - found.low_N) > 1
+
+
+def test_what_the_scenario_states_is_used_and_said(finger):
+    stated = design(replace(finger, robust=Uncertainty(mu=0.25, samples=3)), compensators=QUICK)
+    assert not stated.expectation.doubt.is_assumed
+    assert "mu ±25 % (as [robust] states)" in headline(stated)
+    assert stated.expectation.worst_percent["inverse"] == pytest.approx(
+        100 * stated.robustness.bands["inverse"].worst_rms_N / stated.reference.range_N
+    )
+
+
+def test_doubt_names_every_width(finger):
+    found = doubt(finger.transmission, Uncertainty(stiffness=0.1, bristle_stiffness=0.3, samples=4))
+    assert found.widths == "stiffness ±10 %, bristle stiffness ±30 %"
+    assert len(found.samples) == 4

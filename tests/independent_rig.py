@@ -1,0 +1,207 @@
+"""A rig written for these tests alone: another discretisation, another scheme, no code of the packages.
+
+Masses in the middle of N equal pieces, half links at the ends; linearly implicit Euler at 10 microseconds with the
+slopes of the last step, one tridiagonal solve a step, no iteration.
+"""
+
+import ctypes
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonff.models.parameters import Transmission
+from tendonff.ocp.codegen.compiler import load_library
+
+Array = NDArray[np.float64]
+
+SOURCE = r"""
+#include <math.h>
+#define MAX 128
+typedef struct {
+    int n;
+    double h, k1, k2, tau, c, mass, viscous, sigma, adhesion; /* of the whole tendon */
+    double ma, ba, ml, bl, kl, anchor;       /* anchor: tension of the load's spring at q_l = 0 */
+    double mu_pull, mu_release, angle;
+    double v[MAX], e[MAX], z[MAX], fs[MAX], qa, ql, tension;
+} rig;
+
+void rig_start(rig *r, double tension)
+{
+    int i, n = r->n;
+    for (i = 0; i < n + 2; i++) r->v[i] = 0;
+    for (i = 0; i <= n; i++) { double k = r->k1 * n * ((i == 0 || i == n) ? 2 : 1); r->e[i] = r->z[i] = tension / k; }
+    for (i = 0; i < n; i++) r->fs[i] = 0;
+    r->qa = r->ql = 0; r->tension = tension;
+}
+
+void rig_advance(rig *r, double force_from, double force_to, int steps)
+{
+    int n = r->n, i, s;
+    double a[MAX], b[MAX], d[MAX], x[MAX], k[MAX], f0[MAX], g[MAX], h = r->h;
+    double bar_pull = tanh(r->mu_pull * r->angle / n / 2), bar_release = tanh(r->mu_release * r->angle / n / 2);
+    for (s = 1; s <= steps; s++) {
+        double force = force_from + (force_to - force_from) * s / steps;
+        for (i = 0; i <= n; i++) {            /* tension at the end of the step: f0 + g (v_i - v_{i+1}) */
+            double share = n * ((i == 0 || i == n) ? 2.0 : 1.0), w = h / (r->tau + h);
+            double k1 = r->k1 * share, k2 = r->k2 * share;
+            f0[i] = k1 * r->e[i] + k2 * (1 - w) * (r->e[i] - r->z[i]);
+            g[i] = k1 * h + k2 * (1 - w) * h + r->c * share;
+            k[i] = f0[i] + g[i] * (r->v[i] - r->v[i + 1]); /* with the last velocities: for the normal force */
+        }
+        d[0] = r->ma / h + r->ba + g[0]; b[0] = -g[0]; x[0] = r->ma / h * r->v[0] + force - f0[0]; a[0] = 0;
+        for (i = 1; i <= n; i++) {
+            double normal = k[i - 1] + k[i] + 2 * r->adhesion, v = r->v[i], bar = v >= 0 ? bar_pull : bar_release;
+            double sigma = r->sigma / n, most = bar * (normal > 1e-9 ? normal : 1e-9);
+            double keep = 1 / (1 + sigma * h * fabs(v) / most); /* f_s = keep (f_s + sigma h v) */
+            a[i] = -g[i - 1]; b[i] = -g[i];
+            d[i] = r->mass / n / h + r->viscous / n + keep * sigma * h + g[i - 1] + g[i];
+            x[i] = r->mass / n / h * v + f0[i - 1] - f0[i] - keep * r->fs[i - 1];
+        }
+        a[n + 1] = -g[n]; b[n + 1] = 0;
+        d[n + 1] = r->ml / h + r->bl + r->kl * h + g[n];
+        x[n + 1] = r->ml / h * r->v[n + 1] + f0[n] - r->anchor - r->kl * r->ql;
+        for (i = 1; i <= n + 1; i++) { double w = a[i] / d[i - 1]; d[i] -= w * b[i - 1]; x[i] -= w * x[i - 1]; }
+        x[n + 1] /= d[n + 1];
+        for (i = n; i >= 0; i--) x[i] = (x[i] - b[i] * x[i + 1]) / d[i];
+        for (i = 1; i <= n; i++) {
+            double normal = k[i - 1] + k[i] + 2 * r->adhesion, v = r->v[i], bar = v >= 0 ? bar_pull : bar_release;
+            double sigma = r->sigma / n, most = bar * (normal > 1e-9 ? normal : 1e-9);
+            r->fs[i - 1] = (r->fs[i - 1] + sigma * h * x[i]) / (1 + sigma * h * fabs(v) / most);
+        }
+        for (i = 0; i <= n; i++) {
+            double rate = x[i] - x[i + 1], w = h / (r->tau + h);
+            r->e[i] += h * rate;
+            r->z[i] += w * (r->e[i] - r->z[i]);
+        }
+        r->tension = f0[n] + g[n] * (x[n] - x[n + 1]);
+        for (i = 0; i < n + 2; i++) r->v[i] = x[i];
+        r->qa += h * x[0];
+        r->ql += h * x[n + 1];
+    }
+}
+"""
+
+_MOST = 128
+_NUMBERS = (
+    *("h", "k1", "k2", "tau", "c", "mass", "viscous", "sigma", "adhesion", "ma", "ba", "ml", "bl", "kl", "anchor"),
+    *("mu_pull", "mu_release", "angle"),
+)
+
+
+class _Rig(ctypes.Structure):
+    _fields_ = (
+        ("n", ctypes.c_int),
+        *((name, ctypes.c_double) for name in _NUMBERS),
+        *((name, ctypes.c_double * _MOST) for name in ("v", "e", "z", "fs")),
+        *((name, ctypes.c_double) for name in ("qa", "ql", "tension")),
+    )
+
+
+@functools.cache
+def _library() -> ctypes.CDLL:
+    return load_library(SOURCE)
+
+
+@dataclass
+class Rig:
+    """The rig: what it really is, by factors on the scenario's values, and how it is measured."""
+
+    transmission: Transmission
+    initial_tension_N: float
+    mu: float = 1.0
+    bristle: float = 1.0
+    stiffness: float = 1.0
+    load: float = 1.0
+    masses: int = 40
+    step_s: float = 1e-5
+    true_tension_N: float | None = None
+    _rig: _Rig = field(init=False)
+
+    def __post_init__(self) -> None:
+        t = self.transmission
+        start = self.initial_tension_N if self.true_tension_N is None else self.true_tension_N
+        self._rig = _Rig(
+            self.masses,
+            self.step_s,
+            t.tendon.stiffness_N_per_m * self.stiffness,
+            t.tendon.relaxing_stiffness_N_per_m * self.stiffness,
+            t.tendon.relaxation_time_s,
+            t.tendon.damping_N_s_per_m,
+            t.tendon.mass_kg,
+            t.friction.viscous_N_s_per_m,
+            t.friction.soft_bristle_stiffness_N_per_m * self.bristle,
+            t.friction.adhesion_N,
+            t.actuator.mass_kg,
+            t.actuator.damping_N_s_per_m,
+            t.load.mass_kg,
+            t.load.damping_N_s_per_m,
+            t.load.stiffness_N_per_m * self.load,
+            start,
+            t.friction.mu_dynamic * self.mu,
+            t.friction.release_dynamic * self.mu,
+            t.path.total_angle_rad,
+        )
+        _library().rig_start(ctypes.byref(self._rig), ctypes.c_double(start))
+
+    def set(self, *, mu: float, load: float) -> None:
+        """Change friction and load stiffness in mid-run; the load's spring keeps its anchor at the start."""
+        t = self.transmission
+        self._rig.mu_pull, self._rig.mu_release = t.friction.mu_dynamic * mu, t.friction.release_dynamic * mu
+        self._rig.kl = t.load.stiffness_N_per_m * load
+
+    def advance(self, force_from: float, force_to: float, duration_s: float) -> None:
+        """The actuator's force goes straight from one value to the other."""
+        steps = ctypes.c_int(round(duration_s / self.step_s))
+        _library().rig_advance(ctypes.byref(self._rig), ctypes.c_double(force_from), ctypes.c_double(force_to), steps)
+
+    @property
+    def tension_N(self) -> float:
+        """Output tension."""
+        return float(self._rig.tension)
+
+    @property
+    def position_m(self) -> float:
+        """Actuator's position relative to the start."""
+        return float(self._rig.qa)
+
+
+class Tuner(Protocol):
+    """What closes the loop."""
+
+    @property
+    def status(self) -> int:
+        """Bits of the last step."""
+        ...
+
+    def step(self, reference_N: float, measured: float) -> float:
+        """Force at the end of the step."""
+        ...
+
+
+def closed_loop(
+    rig: Rig,
+    tuner: Tuner,
+    reference_N: Array,
+    measure: Callable[[Rig], float],
+    noise: Array,
+    *,
+    delay: int = 2,
+    step_s: float = 1e-3,
+    change: Callable[[Rig, float], None] | None = None,
+) -> tuple[Array, NDArray[np.int_]]:
+    """Output tension and status at 0, h, 2 h ...; the tuner sees what was measured `delay` steps ago."""
+    force, past, tension, status = rig.initial_tension_N, [], [rig.initial_tension_N], [0]
+    for k, wanted in enumerate(reference_N[1:]):
+        if change is not None:
+            change(rig, k * step_s)
+        past.append(measure(rig) + noise[k])
+        new = tuner.step(float(wanted), float(past[max(0, k - delay)]))
+        rig.advance(force, new, step_s)
+        force = new
+        tension.append(rig.tension_N)
+        status.append(int(tuner.status))
+    return np.array(tension), np.array(status)

@@ -1,0 +1,41 @@
+"""The information matrix against closed forms."""
+
+import numpy as np
+import pytest
+
+from tendonff.ocp.adaptation.information import information
+from tendonff.ocp.adaptation.tuning import Sensor, Tunable, Tuning
+
+
+def tuning(*parameters):
+    return Tuning.of(
+        sensor=Sensor.OUTPUT_TENSION, parameters=parameters, delay_samples=0, noise=0.1, span=30.0, step_s=1e-3
+    )
+
+
+def test_a_constant_slope_teaches_with_the_root_of_the_samples():
+    known = tuning(Tunable.MU)
+    rows = 400
+    found = information(known, np.arange(rows) * 1e-3, np.full((rows, 1), 12.0), np.full(rows, 0.5))
+    samples = np.arange(1, rows + 1)
+    expected = 1 / np.sqrt(1 / known.start_deviation**2 + samples * 0.5 * 144 / known.variance)
+    assert found.deviation[:, 0] == pytest.approx(expected)
+    after = found.known_after_s(0)
+    assert after == pytest.approx(1e-3 * np.flatnonzero(expected <= 0.03)[0])
+    assert f"identifies mu within 3 % after {after:.2g} s from the output tension" in found.sentences()[0]
+
+
+def test_a_closed_gate_teaches_nothing_and_that_is_said():
+    found = information(tuning(Tunable.MU), np.arange(50) * 1e-3, np.full((50, 1), 12.0), np.zeros(50))
+    assert found.deviation == pytest.approx(0.3)
+    assert found.known_after_s(0) is None
+    assert "does not identify mu" in found.sentences()[0]
+
+
+def test_two_parameters_with_one_effect_cannot_be_told_apart():
+    rng = np.random.default_rng(0)
+    effect = rng.normal(size=500)
+    slopes = np.column_stack([effect, 0.5 * effect + 1e-3 * rng.normal(size=500)]) * 30
+    found = information(tuning(Tunable.MU, Tunable.LOAD_STIFFNESS), np.arange(500) * 1e-3, slopes, np.ones(500))
+    assert found.correlation < -0.98
+    assert "cannot be told apart" in found.sentences()[-1]

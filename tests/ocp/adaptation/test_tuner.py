@@ -1,0 +1,205 @@
+"""What the tuner does beside learning: it stands still, stays within bounds, freezes, starts anew, makes no jumps."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tendonff.models.chain import Chain
+from tendonff.models.errors import ParameterError
+from tendonff.models.fidelity import Level
+from tendonff.ocp.adaptation.code import TunedChain
+from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig, TunerStatus
+from tendonff.ocp.adaptation.tuning import Sensor, Tunable, Tuning
+from tendonff.ocp.inverse import invert
+from tendonff.ocp.tracking.limits import ForceLimits
+
+pytestmark = pytest.mark.compiler
+TENSION, POSITION = Sensor.OUTPUT_TENSION, Sensor.ACTUATOR_POSITION
+
+
+def own_rig(bench, **factors):
+    """A rig that is the tuner's own chain, with other values."""
+    names = {Tunable(name): value for name, value in factors.items()}
+    tuned = TunedChain.of(bench.transmission, Level.PRESLIDING, tuple(names))
+    return SimulatedRig(tuned.with_factors(names), bench.step_s, 1, bench.start_N)
+
+
+def silent(reference):
+    return np.zeros(len(reference) - 1)
+
+
+def test_without_learning_it_is_the_exact_inverse(bench, reference):
+    """Another implementation of the same law, to rounding."""
+    tuner = bench.tuner(bench.tuning(POSITION))
+    run = tuner.run(own_rig(bench, mu=1.1), reference[1:], silent(reference), adapt=False)
+    chain = Chain.of(bench.transmission, Level.PRESLIDING)
+    assert run.force_N == pytest.approx(invert(chain, reference, bench.step_s).force_N[1:], abs=1e-7)
+
+
+@settings(max_examples=12)
+@given(mu=st.floats(0.55, 1.9), sensor=st.sampled_from(Sensor))
+def test_estimates_converge_from_any_start_within_the_range(bench, reference, mu, sensor):
+    tuner = bench.tuner(bench.tuning(sensor))
+    run = tuner.run(own_rig(bench, mu=mu), reference[1:], silent(reference))
+    assert run.factors[-1, 0] == pytest.approx(mu, rel=2e-3)
+    assert abs(run.tension_N[2000:] - reference[2001:]).max() < 0.01 * np.ptp(reference)
+
+
+def test_pull_and_release_are_found_apart(bench, reference):
+    both = (Tunable.MU_PULL, Tunable.MU_RELEASE)
+    tuner = bench.tuner(bench.tuning(TENSION, both))
+    run = tuner.run(own_rig(bench, mu_pull=1.2, mu_release=0.9), reference[1:], silent(reference))
+    assert run.factors[-1] == pytest.approx([1.2, 0.9], rel=5e-3)
+
+
+def test_friction_and_tendon_stiffness_are_found_from_the_position(bench, reference):
+    both = (Tunable.MU, Tunable.TENDON_STIFFNESS)
+    tuner = bench.tuner(bench.tuning(POSITION, both))
+    run = tuner.run(own_rig(bench, mu=1.2, tendon_stiffness=0.9), reference[1:], silent(reference))
+    assert run.factors[-1] == pytest.approx([1.2, 0.9], rel=0.02)
+
+
+@pytest.mark.parametrize("sensor", Sensor)
+def test_slopes_are_the_derivatives_of_the_prediction(bench, reference, sensor):
+    """Against runs of two tuners that hold other factors: central differences."""
+    tuning = bench.tuning(sensor)
+    base = bench.tuner(tuning).run(own_rig(bench, mu=1.0), reference[1:], silent(reference), adapt=False)
+    outputs = []
+    for mu in (1 - 1e-5, 1 + 1e-5):
+        chain = TunedChain.of(bench.transmission, Level.PRESLIDING, (Tunable.MU,)).with_factors({Tunable.MU: mu})
+        rig = SimulatedRig(chain, bench.step_s, 1, bench.start_N)
+        positions = []
+        follower = bench.tuner(tuning)
+        for wanted in reference[1:]:  # the same force, for the plain inverse does not look at the rig
+            follower.run(rig, np.array([wanted]), np.zeros(1), adapt=False)
+            positions.append(rig.struct.output if sensor is TENSION else rig.x[-2])
+        outputs.append(np.array(positions))
+    expected = (outputs[1] - outputs[0]) / 2e-5
+    assert base.slopes[:, 0] == pytest.approx(expected, abs=2e-3 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("sensor", Sensor)
+def test_at_rest_noise_moves_nothing(bench, reference, sensor):
+    """After motion: 2 minutes of noise leave the estimate where it was, to the bit."""
+    tuner, rig = bench.tuner(bench.tuning(sensor)), own_rig(bench, mu=1.2)
+    tuner.run(rig, reference[1:], silent(reference))
+    hold = np.full(120_000, reference[-1])
+    noise = bench.noise[sensor] * np.random.default_rng(0).normal(size=len(hold))
+    run = tuner.run(rig, hold, noise)
+    assert np.all(run.factors[3000:] == run.factors[3000])  # once it has stopped creeping
+    assert run.factors[-1, 0] == pytest.approx(1.2, rel=0.01)
+
+
+def test_before_any_motion_noise_moves_nothing(bench):
+    tuner = bench.tuner(bench.tuning(TENSION))
+    hold = np.full(5000, bench.start_N)
+    run = tuner.run(own_rig(bench, mu=1.2), hold, np.random.default_rng(0).normal(size=5000))
+    assert np.all(run.factors == 1.0)
+
+
+def test_an_actuator_in_its_limit_teaches_nothing(bench, reference):
+    """The force stands at its upper limit: no motion, no learning; away from it, it goes on."""
+    limits = ForceLimits(minimum_N=0.0, maximum_N=40.0, rate_N_per_s=1e5)
+    tuner, tuning = bench.tuner(bench.tuning(TENSION), limits), bench.tuning(TENSION)
+    noise = tuning.noise * np.random.default_rng(0).normal(size=len(reference) - 1)
+    run = tuner.run(own_rig(bench, mu=1.2), reference[1:], noise)
+    stuck = (run.status & TunerStatus.LIMITED) > 0
+    settled = np.convolve(stuck, np.ones(200))[: len(stuck)] == 200  # limited for 0.2 s and more
+    assert settled.sum() > 100
+    still = np.abs(np.diff(run.factors[:, 0]))[settled[1:]]
+    assert still.max() < 1e-5
+    assert run.factors[-1, 0] == pytest.approx(1.2, rel=0.02)
+
+
+@pytest.mark.parametrize("sensor", Sensor)
+def test_the_force_makes_no_jump_beyond_the_sensors_noise(bench, reference, sensor):
+    """Force per step against that of the exact inverse of the rig, which knows everything."""
+    tuning = bench.tuning(sensor)
+    run = bench.tuner(tuning).run(own_rig(bench, mu=1.4), reference[1:], silent(reference))
+    chain = TunedChain.of(bench.transmission, Level.PRESLIDING, (Tunable.MU,)).with_factors({Tunable.MU: 1.4})
+    exact = np.abs(np.diff(invert(chain, reference, bench.step_s).force_N)).max()
+    assert np.abs(np.diff(run.force_N)).max() < exact + bench.noise[TENSION]
+
+
+def test_a_sensor_that_fails_for_a_while_changes_nothing(bench, reference):
+    tuner, rig = bench.tuner(bench.tuning(TENSION)), own_rig(bench, mu=1.2)
+    tuner.run(rig, reference[1:2001], np.zeros(2000))
+    dead = tuner.run(rig, reference[2001:2501], np.full(500, np.nan))
+    rest = tuner.run(rig, reference[2501:], np.zeros(1500))
+    assert np.all(dead.factors[2:] == dead.factors[2])  # two good ones were still on their way
+    assert rest.factors[-1, 0] == pytest.approx(1.2, rel=2e-3)
+    assert not (rest.status & TunerStatus.FROZEN).any()
+
+
+def test_a_wrong_model_freezes_at_safe_values_and_starts_anew_at_rest(bench, reference):
+    """The load softens in mid-run; the rig stops; then both parameters are found again, roughly."""
+    tuning = bench.tuning(POSITION, (Tunable.MU, Tunable.LOAD_STIFFNESS))
+    tuning = replace(tuning, watch_limit=0.02 * tuning.span)  # so that the step is noticed before it is learnt
+    tuner = bench.tuner(tuning)
+    plant = TunedChain.of(bench.transmission, Level.PRESLIDING, (Tunable.MU, Tunable.LOAD_STIFFNESS))
+    rig = SimulatedRig(
+        plant.with_factors({Tunable.MU: 1.2, Tunable.LOAD_STIFFNESS: 1.0}), bench.step_s, 1, bench.start_N
+    )
+    before = tuner.run(rig, reference[1:2501], np.zeros(2500))
+    rig.change(plant.with_factors({Tunable.MU: 1.2, Tunable.LOAD_STIFFNESS: 0.67}))
+    moving = tuner.run(rig, reference[2501:], np.zeros(1500))
+    frozen = moving.status & TunerStatus.FROZEN > 0
+    assert not (before.status & TunerStatus.FROZEN).any()
+    assert frozen[-1]
+    assert moving.factors[frozen] == pytest.approx(np.tile([1.2, 1.0], (frozen.sum(), 1)), rel=0.02)
+    rest = tuner.run(rig, np.full(2500, reference[-1]), np.zeros(2500))  # the tendon creeps for a second
+    assert not rest.status[-1] & TunerStatus.FROZEN
+    again = tuner.run(rig, np.concatenate([reference[::-1], reference]), np.zeros(2 * len(reference)))
+    assert not (again.status & TunerStatus.FROZEN).any()
+    assert again.factors[-1] == pytest.approx([1.2, 0.67], rel=0.1)
+
+
+def test_a_bound_that_binds_is_said(bench, reference):
+    tuning = replace(bench.tuning(TENSION), highest=1.1)
+    run = bench.tuner(tuning).run(own_rig(bench, mu=1.4), reference[1:], silent(reference))
+    assert run.factors.max() == 1.1
+    assert (run.status & TunerStatus.AT_BOUND).any()
+
+
+def test_integral_action_takes_out_what_is_left(bench, reference):
+    """A sensor offset is none of its business; bristles that differ are."""
+    plain, held = bench.tuning(TENSION), bench.tuning(TENSION, gain=40.0)
+    errors = []
+    for tuning in (plain, held):
+        tension, _ = bench.blind(bench.tuner(tuning), tuning, reference, mu=1.2, bristle=2.0)
+        errors.append(np.sqrt(np.mean((tension[2000:] - reference[2000:]) ** 2)))
+    assert errors[1] < 0.5 * errors[0]
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"parameters": (Tunable.LOAD_STIFFNESS,)}, "must tune the friction"),
+        ({"parameters": (Tunable.MU, Tunable.MU_PULL)}, "a part of it"),
+        ({"parameters": (Tunable.MU, Tunable.MU)}, "one or 2 different names"),
+        ({"delay_samples": 64}, "from 0 to 63, got 64"),
+        ({"lowest": 1.2}, "range must hold 1"),
+        ({"span": 0.0}, "a constant reference teaches nothing"),
+        ({"sensor": POSITION, "integral_gain_per_s": 5.0}, "needs the output tension"),
+    ],
+)
+def test_what_cannot_be_tuned_is_refused_with_the_way_out(changes, text):
+    good = {
+        "sensor": TENSION,
+        "parameters": (Tunable.MU,),
+        "delay_samples": 2,
+        "noise": 0.1,
+        "span": 30.0,
+        "step_s": 1e-3,
+    }
+    with pytest.raises(ParameterError, match=text):
+        Tuning.of(**(good | changes))
+
+
+def test_a_tuner_and_its_numbers_must_agree(bench):
+    tuned = TunedChain.of(bench.transmission, Level.PRESLIDING, (Tunable.MU,))
+    with pytest.raises(ParameterError, match="must carry the factors"):
+        SelfTuner(tuned, 1e-3, bench.tuning(TENSION, (Tunable.MU_PULL,)), bench.limits, 30.0)
