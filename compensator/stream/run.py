@@ -1,11 +1,11 @@
 """Choose the filter of a live reference: error against noise in the force, over filters that the lag admits."""
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.compensator.compensators.base import FloatArray, Problem
+from tendonff.compensator.compensators.base import FloatArray, Problem, Profile
 from tendonff.compensator.compensators.score import Score, SimulatedPlant, scale_N, score, simulate_profile
 from tendonff.compensator.scenario.stream import Stream
 from tendonff.compensator.stream.filter import StreamFilter, corner_per_sample
@@ -109,7 +109,9 @@ def _tried(problem: Problem, design: StreamDesign, noisy_N: FloatArray) -> Candi
     force = stream_force(design, problem, noisy_N)
     clean = stream_force(design, problem, tension)
     plant = SimulatedPlant(level=problem.level)
-    output = simulate_profile(problem.transmission, plant, force, reference).require().output_tension_N
+    once = replace(reference, periodic=False)  # what arrives live starts at rest
+    run = simulate_profile(problem.transmission, plant, Profile(force_N=force), once)
+    output = run.require().output_tension_N
     wanted = np.concatenate([np.full(delay, tension[0]), tension])[: len(tension)]
     return Candidate(
         design=design,

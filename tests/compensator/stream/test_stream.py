@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.base import Problem, Profile
 from tendonff.compensator.compensators.score import SimulatedPlant, scale_N, score, simulate_profile
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.c_text import accepted_range
@@ -162,7 +162,9 @@ def test_the_exported_module_follows_a_noisy_gait_on_a_finer_plant(finger, strea
     )
     reference = Reference(step_s=STEP, time_s=TIME, tension_N=clean, initial_tension_N=START, warnings=())
     plant = SimulatedPlant(level=Level.PRESLIDING, segments=40, refinement=10)
-    output = simulate_profile(finger.transmission, plant, noisy, reference).require().output_tension_N[::10]
+    output = (
+        simulate_profile(finger.transmission, plant, Profile(force_N=noisy), reference).require().output_tension_N[::10]
+    )
     kept = slice(None, -50)
     error = 100 * score(wanted[kept], output[kept]).rmse_N / scale_N(clean)
     noise = 20 * math.log10(above_30_Hz((noisy - quiet)[kept]) / above_30_Hz((rough - clean)[kept]))
