@@ -29,7 +29,7 @@ from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
-from tendonff.ocp.step.target import controller_limits, inverse_code, plant_code
+from tendonff.ocp.step.target import inverse_code, plant_code, plant_limits
 
 STREAM = CModule(name="stream", content="exact inverse behind a filter, for references that arrive live")
 """What is exported for references that are not known in advance."""
@@ -321,7 +321,7 @@ def _context(
         "initial": reference.initial_tension_N,
         "amplitude": 0.25 * min(reference.initial_tension_N, max(reference.range_N, 1e-3)),
         "example_rows": max(20, min(4000, round(2.0 / step))),
-        "limits": controller_limits(precision),
+        "limits": plant_limits(precision),
         "state_bytes": state,
     }
 
