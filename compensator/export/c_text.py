@@ -291,6 +291,7 @@ def _context(
         "table": _padded(output + 4 * size + 4, size),
         "plant": _padded((2 * reals + 2) * size + 16, size),
         "profile": _padded(output + 4, size),
+        "bounds": _padded(4 * size + 4, size),
     }
     if "stream" in names:
         design = further["stream"]

@@ -1,8 +1,7 @@
 /* tff_plant.c: see tff_plant.h.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 0d83202153560866, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash f3d8b61dd5010fb8, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
- * The licence of tendonff does not cover what it writes: this file is yours.
  * The element laws are printed from the symbolic models with the parameters of this transmission folded in.
  */
 #include "tff_plant.h"
@@ -51,8 +50,8 @@ typedef struct {
 } tff_chain_work;
 
 
-/* What depends on the weight H [s] of the scheme: two rows for the first step (implicit Euler), two for each
- * later step (second-order backward differences; `carry` is the share of the last change in the base), and
+/* What depends on the weight H [s] of the scheme: two rows for the first step (implicit Euler), two for
+ * every later step (second-order backward differences; `carry` is the share of the last change in the base), and
  * two for each halving of a step, where there are any: for inner links, and for those at the ends, which are
  * half as long. Fields are named after the law that needs them. */
 typedef struct {
