@@ -4,8 +4,11 @@ from typing import Annotated
 
 import typer
 
+from tendonff.compensator.cli.export_c import PrefixOption
 from tendonff.compensator.cli.options import LevelOption, OutFolderOption, ScenarioArgument
 from tendonff.compensator.cli.progress import progress, say, warn
+
+_MANY_NODES = 5000
 
 
 def _numbers(text: str | None, option: str) -> tuple[float, ...]:
@@ -34,6 +37,7 @@ def table(
     rates: Annotated[
         str | None, typer.Option("--rates", metavar="R,R,...", help="Rates of the reference [N/s]: a further axis.")
     ] = None,
+    prefix: PrefixOption = "tff",
 ) -> None:
     """Tabulate the feedforward force.
 
@@ -43,13 +47,18 @@ def table(
 
     angle_axis, rate_axis = _numbers(angles, "--angles"), _numbers(rates, "--rates")
     with opened(scenario, out) as (loaded, folder):
+        from tendonff.compensator.export.c_text import check_prefix
         from tendonff.compensator.tables.run import make_tables
+
+        check_prefix(prefix)
 
         with progress("tabulating"):
             result = make_tables(loaded, level=level, bound_N=bound, angles_rad=angle_axis, rates_N_per_s=rate_axis)
-            result.write(folder)
+            result.write(folder, prefix=prefix)
     for warning in result.reference.warnings:
         warn(warning)
+    if (nodes := max(made.built.table.nodes for made in result.tables)) > _MANY_NODES:
+        warn(f"{nodes} nodes in one table are {8 * nodes} bytes on the controller: raise --bound, or use the inverse")
     built, own = result.tables[0].built, result.scores[result.level]
     say(
         f"{sum(made.built.table.nodes for made in result.tables)} nodes, interpolation error {built.error_N:.3g} N "

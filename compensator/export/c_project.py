@@ -28,11 +28,12 @@ from tendonff.compensator.export.c_text import (
 )
 from tendonff.compensator.export.golden import golden_vectors
 from tendonff.compensator.export.host import run_on_host
-from tendonff.compensator.export.judgement import Judged, judge
+from tendonff.compensator.export.judgement import Judged, judge, judge_stream
 from tendonff.compensator.export.self_test import FloatLoss, float_losses, loss_warnings, self_test_context
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.files.writing import atomic_directory, write_text
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
+from tendonff.compensator.stream.run import StreamChoice, choose_stream
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.drive import Drive
 from tendonff.models.fidelity import Level
@@ -129,26 +130,32 @@ def export_project(
     forces = _forces(problem, built, profile_N)
     if problem.reference.periodic:
         profile_N = profile_N[:-1]  # its last row is the first of the next period
-    numbers = {
+    numbers: dict[str, object] = {
         **table_context(built, precision),
         "table_bytes": table_bytes(built.table, precision),
         "profile": profile_N,
         "profile_loops": problem.reference.periodic,
         "profile_bytes": (4 if precision is Precision.FLOAT else 8) * len(profile_N),
     }
-    golden = golden_vectors(problem, built.table, precision)
+    choice = choose_stream(problem, scenario.stream, accepted_range(problem))
+    stream = None if choice is None else choice.picked.design
+    golden = golden_vectors(problem, built.table, precision, stream=stream)
     losses: tuple[FloatLoss, ...] = ()
     found: Sequence[Mapping[str, FloatArray]] | None = None
+    numbers["stream"] = stream
     if precision is Precision.FLOAT:
-        modules = tuple(m for m in c_modules(scenario) if m not in ADAPTIVE_MODULES)
+        modules = tuple(m for m in c_modules(scenario, stream is not None) if m not in ADAPTIVE_MODULES)
         every = c_sources(scenario, problem, modules, precision, prefix, numbers)
         followed = dict.fromkeys(golden.jumps.columns, problem.reference.tension_N)
-        found = run_on_host(every, prefix, precision, [golden.course.inputs_N, golden.jumps.inputs_N, followed])
+        live = {} if golden.live is None else golden.live.inputs_N
+        inputs = [golden.course.inputs_N, golden.jumps.inputs_N, live, followed]
+        found = run_on_host(every, prefix, precision, inputs)
         if found is not None:
             losses = float_losses(golden.course, found[0])
-            forces |= found[2]
+            forces |= found[3]
     judged = judge(problem, forces)
-    modules, faults = _chosen(judged, c_modules(scenario), force_export=force_export)
+    judged = (*judged, judge_stream(judged, choice, problem))
+    modules, faults = _chosen(judged, c_modules(scenario, stream is not None), force_export=force_export)
     further: dict[str, object] = {
         **numbers,
         **self_test_context(
@@ -156,6 +163,7 @@ def export_project(
         ),
         "measured": measured(precision),
         "judged": judged,
+        "choice": choice,
         "losses": losses,
     }
     notes: tuple[str, ...] = ()
@@ -180,6 +188,7 @@ def export_project(
         profile=profile_N,
         judged=judged,
         losses=losses,
+        choice=choice,
         modules=modules,
     )
     warnings = (*warnings, *faults, *loss_warnings(losses))
@@ -231,6 +240,7 @@ def _design_json(
     profile: FloatArray,
     judged: Sequence[Judged],
     losses: Sequence[FloatLoss],
+    choice: StreamChoice | None,
     modules: Sequence[CModule],
 ) -> str:
     transmission = scenario.transmission
@@ -257,6 +267,15 @@ def _design_json(
             "rate_N_per_s": built.rate_N_per_s,
         },
         "profile": {"samples": len(profile), "least_N": float(np.min(profile)), "most_N": float(np.max(profile))},
+        "stream": None
+        if choice is None
+        else {
+            "lag_s": choice.picked.design.filter.lag_s,
+            "taps": choice.picked.design.filter.taps.tolist(),
+            "dead_band_N": choice.picked.design.band_N,
+            "noise_dB": choice.picked.noise_dB,
+            "resolution_N": choice.resolution_N,
+        },
         "float_loss": {loss.module: asdict(loss) for loss in losses},
         "scores": {each.module: each.as_dict() for each in judged},
         "files": {f"{prefix}_{module.name}": module.content for module in modules},

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from importlib.resources import files
 from types import MappingProxyType
+from typing import Any
 
 import jinja2
 import numpy as np
@@ -22,11 +23,16 @@ from tendonff.compensator.export.table_index import share_index
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampling import largest_tension
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
+from tendonff.compensator.stream.model import RE_ENTRY_S
 from tendonff.models.capstan import Branch, CapstanLaw
+from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
-from tendonff.ocp.step.target import controller_limits, inverse_code, plant_code
+from tendonff.ocp.step.target import inverse_code, plant_code, plant_limits
+
+STREAM = CModule(name="stream", content="exact inverse behind a filter, for references that arrive live")
+"""What is exported for references that are not known in advance."""
 
 PLANT = CModule(name="plant", content="the chain itself")
 """What is exported beside the compensators, for tests."""
@@ -67,15 +73,18 @@ def check_prefix(prefix: str) -> str:
     return prefix
 
 
-def c_modules(scenario: Scenario) -> tuple[CModule, ...]:
+def c_modules(scenario: Scenario, with_stream: bool = False) -> tuple[CModule, ...]:
     """Modules of the compensators that can be exported, in the order of the registry, of the plant, and of the tuner.
 
     Parameters
     ----------
     scenario : Scenario
+    with_stream : bool, optional
+        The module for live references too.
     """
+    stream = (STREAM,) if with_stream else ()
     more = () if scenario.adaptation is None else ADAPTIVE_MODULES
-    return (*(c.c_module for c in COMPENSATORS if c.c_module is not None), PLANT, *more)
+    return (*(c.c_module for c in COMPENSATORS if c.c_module is not None), *stream, PLANT, *more)
 
 
 def c_sources(
@@ -84,7 +93,7 @@ def c_sources(
     modules: Sequence[CModule],
     precision: Precision,
     prefix: str,
-    further: Mapping[str, object] = MappingProxyType({}),
+    further: Mapping[str, Any] = MappingProxyType({}),
 ) -> dict[str, str]:
     """Sources and headers of some modules and of what they share, by file name.
 
@@ -99,7 +108,7 @@ def c_sources(
         What the templates of these modules need beyond scenario and level: table, profile.
     """
     chain, step = problem.chain, problem.reference.step_s
-    context = _context(scenario, problem, modules, precision, prefix) | dict(further)
+    context = _context(scenario, problem, modules, precision, prefix, further) | dict(further)
     names = [module.name for module in modules]
     code: dict[str, dict[str, object]] = {}
     if scenario.adaptation is not None and {m.name for m in ADAPTIVE_MODULES} & set(names):
@@ -125,7 +134,7 @@ def folder_files(
     modules: Sequence[CModule],
     precision: Precision,
     prefix: str,
-    further: Mapping[str, object],
+    further: Mapping[str, Any],
 ) -> dict[str, str]:
     """What an exported folder holds beside the sources of its modules, by file name.
 
@@ -139,7 +148,7 @@ def folder_files(
     further : mapping
         What the templates need beyond scenario and level.
     """
-    context = _context(scenario, problem, modules, precision, prefix) | dict(further)
+    context = _context(scenario, problem, modules, precision, prefix, further) | dict(further)
     return {name: _render(f"{name}.j2", context) for name in _FOLDER_FILES}
 
 
@@ -171,6 +180,9 @@ def _naming(scenario: Scenario, level: Level, precision: Precision, prefix: str)
     def exact_rows(values: Iterable[float]) -> str:
         return _wrapped([literal(float(v), Precision.DOUBLE) for v in values])
 
+    def any_rows(values: Iterable[float]) -> str:
+        return _wrapped([exact_real(v) for v in values])
+
     def integers(values: Iterable[int]) -> str:
         return _wrapped([f"{v}u" for v in values])
 
@@ -186,6 +198,7 @@ def _naming(scenario: Scenario, level: Level, precision: Precision, prefix: str)
     lines = (
         f'Scenario "{name}", hash {scenario_hash(scenario)}, level {level}.',
         f"Written by tendonff {__version__} export-c --precision {precision} --prefix {prefix}.",
+        "The licence of tendonff does not cover what it writes: this file is yours.",
     )
     return {
         "prefix": prefix,
@@ -196,6 +209,7 @@ def _naming(scenario: Scenario, level: Level, precision: Precision, prefix: str)
         "exact_real": exact_real,
         "rows": rows,
         "exact_rows": exact_rows,
+        "any_rows": any_rows,
         "integers": integers,
         "provenance": "\n".join(f" * {line}" for line in lines),
         "level": level,
@@ -253,7 +267,12 @@ def accepted_range(problem: Problem) -> tuple[float, float]:
 
 
 def _context(
-    scenario: Scenario, problem: Problem, modules: Sequence[CModule], precision: Precision, prefix: str
+    scenario: Scenario,
+    problem: Problem,
+    modules: Sequence[CModule],
+    precision: Precision,
+    prefix: str,
+    further: Mapping[str, Any],
 ) -> dict[str, object]:
     """What every template may use."""
     transmission, reference, step = problem.transmission, problem.reference, problem.reference.step_s
@@ -262,17 +281,22 @@ def _context(
     count, reals, size = chain.count, chain.layout.size, 4 if precision is Precision.FLOAT else 8
     accepted = accepted_range(problem)
     names = [module.name for module in modules]
-    followers = [m for m in modules if not m.plays_back and m not in (PLANT, *ADAPTIVE_MODULES)]  # of a reference
+    others = (STREAM, PLANT, *ADAPTIVE_MODULES)
+    followers = [m for m in modules if not m.plays_back and m not in others]  # of a reference, without delay
     output = max(size, 4) + 8
     past = 2 * count + 2 if precision is Precision.FLOAT else 0
     state = {
-        "inverse": _padded(output + (2 * reals + 2 + past) * size + 4, size),
+        "inverse": _padded(output + (2 * reals + 4 + past) * size + 12, size),
         "capstan": output + 2 * size,
         "table": _padded(output + 4 * size + 4, size),
         "plant": _padded((2 * reals + 2) * size + 16, size),
         "profile": _padded(output + 4, size),
         "bounds": _padded(4 * size + 4, size),
     }
+    if "stream" in names:
+        design = further["stream"]
+        line = design.filter.delay + design.filter.half + 1
+        state["stream"] = _padded(output + state["inverse"] + (line + 3) * size + 12, size)
     return _naming(scenario, problem.level, precision, prefix) | {
         "title": f"{prefix}: feedforward force for a tendon",
         "count": count,
@@ -287,6 +311,8 @@ def _context(
         "pull_ratio": math.exp(law.pull_exponent),
         "release_ratio": math.exp(-law.release_exponent),
         "adhesion": law.adhesion_N,
+        "re_entry": max(1, round(RE_ENTRY_S / step)),
+        **_start_context(chain),
         "modules": modules,
         "names": names,
         "followers": followers,
@@ -296,8 +322,21 @@ def _context(
         "initial": reference.initial_tension_N,
         "amplitude": 0.25 * min(reference.initial_tension_N, max(reference.range_N, 1e-3)),
         "example_rows": max(20, min(4000, round(2.0 / step))),
-        "limits": controller_limits(precision),
+        "limits": plant_limits(precision),
         "state_bytes": state,
+    }
+
+
+def _start_context(chain: Chain) -> dict[str, object]:
+    """Where a start in motion finds the states that friction and tension decide."""
+    layout = chain.layout
+    rest = chain.rest_state(0.0).vector()
+    stretched = [layout.part(name).start for name in ("e", *layout.link_states)]
+    return {
+        "knows_friction": layout.friction_states == ("f_s",) and not np.any(rest[: layout.part("q_a").start]),
+        "friction_at": layout.part(layout.friction_states[0]).start if layout.friction_states else 0,
+        "link_parts": stretched,
+        "near_at": layout.part("q_a").start,
     }
 
 

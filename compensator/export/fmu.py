@@ -203,6 +203,7 @@ def _context(
     name = " ".join(scenario.name.replace("*/", "* /").split())
     return {
         "prefix": prefix,
+        "guard": prefix.upper(),
         "kind": kind,
         "identifier": identifier,
         "compiled": compiled,

@@ -8,8 +8,11 @@ import numpy as np
 from tendonff.compensator.compensators.base import FloatArray, Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.registry import COMPENSATORS
+from tendonff.compensator.compensators.score import scale_N
 from tendonff.compensator.compensators.table import CompensationTable
 from tendonff.compensator.export.table_index import rounded
+from tendonff.compensator.stream.model import StreamDesign, smoothed, stream_force
+from tendonff.compensator.stream.run import quantised
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.inverse import InverseStatus, Inversion, invert
 from tendonff.ocp.simulate import simulate
@@ -17,6 +20,8 @@ from tendonff.ocp.simulate import simulate
 _ROWS = 1000
 _REVERSAL_ROWS = 240
 _GENTLE_ROWS = 900
+_LIVE_ROWS = 500
+_LOST = slice(200, 240)
 _LEGS = tuple(0.6**k for k in (0, 3, 1, 4, 2, 6, 3, 8, 1, 5, 2, 7))  # of the range: reversals at many depths
 _JUMPS = (0.0, 1.0, 1.0, 0.0, 0.0, 0.5, 1.0, 0.2, 0.2, 0.9, 0.0, 0.0)  # places in the range, a sample each
 
@@ -58,11 +63,14 @@ class Golden:
         The scenario's reference, then reversals.
     jumps : Course
         Jumps over the range of the reference, in which forces and rates meet their limits.
+    live : Course or None
+        The course as it arrives live: rough, and lost for a while; None where there is no stream module.
     """
 
     stride: int
     course: Course
     jumps: Course
+    live: Course | None = None
 
 
 def answers(
@@ -140,7 +148,9 @@ def to_and_fro(course_N: FloatArray, *, step_N: float | None = None, rows: int =
     return np.concatenate(legs)
 
 
-def golden_vectors(problem: Problem, table: LookupTable, precision: Precision) -> Golden:
+def golden_vectors(
+    problem: Problem, table: LookupTable, precision: Precision, *, stream: StreamDesign | None = None
+) -> Golden:
     """Golden vectors along the scenario's own reference, then over reversals, then over jumps.
 
     The reference is thinned so that its whole course fits, and the reversals are quick. Where the tendon cannot follow
@@ -151,6 +161,8 @@ def golden_vectors(problem: Problem, table: LookupTable, precision: Precision) -
     problem : Problem
     table : LookupTable
     precision : Precision
+    stream : StreamDesign, optional
+        Of the stream module, where there is one.
     """
     tension = problem.reference.tension_N
     stride = max(1, -(-len(tension) // _ROWS))
@@ -166,7 +178,21 @@ def golden_vectors(problem: Problem, table: LookupTable, precision: Precision) -
         stride=stride,
         course=_course(problem, table, reference, precision, with_plant=True),
         jumps=_course(problem, table, jumps, precision, with_plant=False),
+        live=None if stream is None else _live(problem, stream, reference, precision),
     )
+
+
+def _live(problem: Problem, stream: StreamDesign, course_N: FloatArray, precision: Precision) -> Course:
+    """The course with the noise of a converter, lost for a time in which the reference moves on."""
+    step = max(2 * stream.band_N, 1e-3 * scale_N(course_N))
+    rough = rounded(quantised(course_N[:_LIVE_ROWS], step), precision)
+    rough[0] = course_N[0]
+    rough[_LOST] = np.nan
+    start = float(rough[0])
+    force = stream_force(stream, problem, rough)
+    exact = invert(problem.chain, smoothed(stream, rough, start), problem.reference.step_s, initial_tension_N=start)
+    scale = float(np.abs(exact.force_N).max())
+    return Course(reference_N=rough, plant_force_N=force, columns={"stream": force}, scale_N=scale)
 
 
 def _invert(problem: Problem, reference_N: FloatArray) -> Inversion:

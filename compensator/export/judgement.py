@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from tendonff.compensator.compensators.base import FloatArray, Problem, Profile
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import Score, SimulatedPlant, is_worse, verify
+from tendonff.compensator.stream.run import StreamChoice
 from tendonff.ocp.errors import SolveError
 
 UNCOMPENSATED = "none"
@@ -67,6 +68,25 @@ def judge(problem: Problem, forces_N: Mapping[str, FloatArray]) -> tuple[Judged,
             )
         judged.append(Judged(module=module, score=score, fault=fault))
     return tuple(judged)
+
+
+def judge_stream(judged: Sequence[Judged], choice: StreamChoice | None, problem: Problem) -> Judged:
+    """The stream module, against the reference delayed by its stated lag; it needs the inverse.
+
+    Parameters
+    ----------
+    judged : sequence of Judged
+        Of the other modules, no compensation first.
+    choice : StreamChoice or None
+    problem : Problem
+    """
+    fault = next((each.fault for each in judged if each.module == "inverse"), "")
+    if choice is None:
+        return Judged(module="stream", score=None, fault="the chain cannot be simulated under its force")
+    own, nothing = choice.picked.score, judged[0].score
+    if not fault and nothing is not None and is_worse(own, nothing, problem.reference.tension_N):
+        fault = f"RMS error {own.percent} % of range, worse than no compensation ({nothing.percent} %)"
+    return Judged(module="stream", score=own, fault=fault)
 
 
 def score_lines(judged: Sequence[Judged]) -> list[str]:

@@ -101,12 +101,12 @@ def self_test_context(
     golden : Golden
     precision : Precision
     found_N : sequence of mapping, or None
-        Answers of the exported code to the course and to the jumps [N]; None where they were not measured.
+        Answers of the exported code to course, jumps and live course [N]; None where they were not measured.
     accepted_N : tuple of float
         References that the modules accept [N].
     """
     actuator, step = problem.transmission.actuator, problem.reference.step_s
-    course, jumps = golden.course, golden.jumps
+    course, jumps, live = golden.course, golden.jumps, golden.live
     start = float(course.reference_N[0])
     ends = simulate(problem.chain, course.plant_force_N, step, initial_tension_N=start).require()
     pushed = simulate(problem.chain, np.append(start, np.full(_SLACK_ROWS, -start)), step, initial_tension_N=start)
@@ -136,6 +136,7 @@ def self_test_context(
         "tolerances": {
             "course": tolerances,
             "jumps": _tolerances(jumps, precision, None if found_N is None else found_N[1]),
+            "live": {} if live is None else _tolerances(live, precision, None if found_N is None else found_N[2]),
             "position": tolerances["plant"] / stiffness,
         },
         "jump_bits": {name: int(value) for name, value in bits.items()},
@@ -155,7 +156,7 @@ def _tolerances(course: Course, precision: Precision, found_N: Mapping[str, Floa
     tolerances = {}
     for name, expected in course.columns.items():
         scale = max(float(np.abs(expected).max()), 1.0)
-        if name in ("inverse", "plant"):  # where the force before the limits rounds
+        if name in ("inverse", "plant", "stream"):  # where the force before the limits rounds
             scale = max(scale, course.scale_N)
         if precision is Precision.DOUBLE:
             allowed = _DOUBLE * scale

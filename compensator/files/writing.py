@@ -10,7 +10,6 @@ import shutil
 import signal
 import stat
 import threading
-import uuid
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,6 +20,7 @@ from numpy.typing import ArrayLike
 
 from tendonff.compensator.files.number_text import BYTES_MORE, BYTES_PER_NUMBER, compiled_writer
 from tendonff.compensator.files.reading import FloatArray, InputError
+from tendonff.ocp.codegen.leftovers import remove_leftovers, temporary_name
 
 _MANY_VALUES = 100_000  # numbers in a block from which it pays to load the compiled writer
 _BLOCK_VALUES = 20_000  # numbers per written block: what stays in the processor's cache writes twice as fast
@@ -58,7 +58,8 @@ def _remove_empty(folders: Sequence[Path]) -> None:
 
 
 def _sibling(target: Path) -> Path:
-    return target.with_name(f".{target.name[:80]}.{uuid.uuid4().hex[:12]}.partial")
+    remove_leftovers(target.parent, target.name)
+    return target.with_name(temporary_name(target.name))
 
 
 @contextmanager

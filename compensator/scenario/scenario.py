@@ -1,7 +1,7 @@
 """Scenario files: the one reader, and the writer that it reads back.
 
 A scenario is a TOML file (schema 1) with the tables [path], [tendon], [friction], [actuator], [load], [reference] and
-[run], and the optional tables [robust], [optimal], [experiment] and [measurement].
+[run], and the optional tables [robust], [optimal], [experiment], [measurement], [stream] and [adaptation].
 """
 
 import hashlib
@@ -22,6 +22,7 @@ from tendonff.compensator.scenario.optimal import OptimalSettings
 from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec, SineReference, WaypointReference
 from tendonff.compensator.scenario.run import Run
 from tendonff.compensator.scenario.shorthand import expand, further_keys
+from tendonff.compensator.scenario.stream import Stream
 from tendonff.compensator.scenario.tables import (
     check_names,
     missing_keys,
@@ -62,6 +63,7 @@ _OPTIONAL: dict[str, type] = {
     "optimal": OptimalSettings,
     "experiment": Experiment,
     "measurement": Measurement,
+    "stream": Stream,
 }
 _ON_REQUEST: dict[str, type] = {"adaptation": Adaptation}
 """Tables whose absence means that there is none of it."""
@@ -94,6 +96,8 @@ class Scenario:
         The two-motor test.
     measurement : Measurement
         How measured files are to be read.
+    stream : Stream
+        How a reference arrives that is not known in advance.
     adaptation : Adaptation or None
         Self-tuning on the controller.
     joints : dict of str to Joint
@@ -110,6 +114,7 @@ class Scenario:
     optimal: OptimalSettings = field(default_factory=OptimalSettings)
     experiment: Experiment = field(default_factory=Experiment)
     measurement: Measurement = field(default_factory=Measurement)
+    stream: Stream = field(default_factory=Stream)
     adaptation: Adaptation | None = None
     joints: dict[str, Joint] = field(default_factory=dict)
     source: Path = Path("scenario.toml")
@@ -320,6 +325,8 @@ def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | Non
         "measurement": scenario.measurement,
         "adaptation": scenario.adaptation,
     }
+    if scenario.stream != Stream():  # what says nothing new is left out, so that older hashes stay
+        tables["stream"] = scenario.stream
     parts = [f"schema = {SCHEMA}\nname = {toml_value(scenario.name)}\n"]
     for table, value in tables.items():
         if value is None:

@@ -19,18 +19,20 @@ from tendonff.models.capstan import Branch
 class Tables(TablesData):
     """Tables that can be written."""
 
-    def write(self, folder: str | os.PathLike[str]) -> None:
+    def write(self, folder: str | os.PathLike[str], *, prefix: str = "tff") -> None:
         """Write `table.csv`, `table.json`, `table.h`, a figure and `report.html`, all or nothing.
 
         Parameters
         ----------
         folder : str or path
             Made where it is missing.
+        prefix : str, optional
+            Prefix of the names in `table.h`.
         """
         with atomic_directory(folder) as partial:
             write_text(partial / "table.csv", table_csv(self))
             write_json(partial / "table.json", summary(self))
-            write_text(partial / "table.h", table_header(self.scenario, self.tables[0].built, self.level))
+            write_text(partial / "table.h", table_header(self.scenario, self.tables[0].built, self.level, prefix))
             save_figure(table_figure(self), partial / "table")
             write_report(partial / "report.html", table_report(self, partial / "table.png"))
 
@@ -42,7 +44,7 @@ def table_csv(result: TablesData) -> str:
     ----------
     result : TablesData
     """
-    lines = [",".join(["reference_N", "branch", "tension_since_reversal_N", "force_N", *result.axes])]
+    lines = [",".join(["reference_N", "branch", "tension_since_reversal_N", "force_N", "share", *result.axes])]
     for made in result.tables:
         further = {"total_angle_rad": made.total_angle_rad, "rate_N_per_s": made.built.rate_N_per_s}
         suffix = "".join(f",{further[axis]!r}" for axis in result.axes)
@@ -52,8 +54,8 @@ def table_csv(result: TablesData) -> str:
             for reference, forces in zip(table.reference_N.tolist(), nodes.force_N.tolist(), strict=True):
                 travelled = (nodes.share * (reference + table.adhesion_N)).tolist()
                 lines += [
-                    f"{reference!r},{branch},{since!r},{force!r}{suffix}"
-                    for since, force in zip(travelled, forces, strict=True)
+                    f"{reference!r},{branch},{since!r},{force!r},{share!r}{suffix}"
+                    for since, force, share in zip(travelled, forces, nodes.share.tolist(), strict=True)
                 ]
     return "\n".join([*lines, ""])
 

@@ -9,12 +9,14 @@ import os
 import platform
 import shlex
 import shutil
+import stat
 import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from tendonff.ocp.codegen.leftovers import remove_leftovers, temporary_name
 from tendonff.ocp.errors import CodeError
 
 _PACKAGED = ("-m", "ziglang", "cc")
@@ -102,13 +104,34 @@ def run_compiler(compiler: tuple[str, ...], arguments: Sequence[str], folder: Pa
 
 
 def _cache_folder() -> Path:
-    base = os.environ.get("XDG_CACHE_HOME")
-    folder = (Path(base) if base else Path.home() / ".cache") / "tendonff"
+    """Folder of compiled libraries: the user's own, or one of this process, slower but not wrong.
+
+    A library is run as it is found, so a folder that others may write to is none to trust.
+    """
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        return folder
-    except OSError:  # no writable home: a folder of this process is slower, not wrong
+        base = os.environ.get("XDG_CACHE_HOME")
+        folder = (Path(base) if base else Path.home() / ".cache") / "tendonff"
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        return folder if _is_private(folder) and _is_writable(folder) else _folder_of_this_process()
+    except (OSError, RuntimeError):  # RuntimeError: there is no home
         return _folder_of_this_process()
+
+
+def _is_private(folder: Path) -> bool:
+    """Whether it is the user's, and not for everybody to write to."""
+    if os.name != "posix":
+        return True
+    found = folder.stat()
+    return found.st_uid == os.getuid() and not found.st_mode & stat.S_IWOTH
+
+
+@functools.cache
+def _is_writable(folder: Path) -> bool:
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
 
 
 @functools.cache
@@ -150,11 +173,34 @@ def _built(source: str, compiler: tuple[str, ...]) -> Path:
     flags = (*_FLAGS, *_machine_flags(), *(() if "clang" in version else _GCC_FLAGS))
     key = "\0".join([source, *compiler, version, sys.platform, platform.machine(), *flags])
     library = _cache_folder() / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.so"
-    if not library.exists():
-        with tempfile.TemporaryDirectory(dir=library.parent) as scratch:
-            c_file, built = Path(scratch) / "generated.c", Path(scratch) / library.name
+    if not _is_whole(library):
+        remove_leftovers(library.parent)
+        scratch = library.parent / temporary_name(library.stem)
+        scratch.mkdir()
+        try:
+            c_file, built, seal = scratch / "generated.c", scratch / library.name, scratch / "seal"
             c_file.write_text(source, encoding="utf-8")
             if complaint := run_compiler(compiler, [*flags, "-o", str(built), str(c_file), "-lm"]):
                 raise CodeError(f"generated C: {complaint}")
+            seal.write_text(_digest(built), encoding="ascii")
             built.replace(library)  # atomic: a second process sees all of it or nothing
+            seal.replace(_seal_of(library))
+        finally:
+            shutil.rmtree(scratch, ignore_errors=True)
     return library
+
+
+def _seal_of(library: Path) -> Path:
+    return library.with_suffix(".sha256")
+
+
+def _digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def _is_whole(library: Path) -> bool:
+    """Whether a library is what the compiler wrote: a torn one would end the process when it is loaded."""
+    try:
+        return _seal_of(library).read_text(encoding="ascii") == _digest(library)
+    except (OSError, ValueError):
+        return False

@@ -47,6 +47,8 @@ class Limits:
         Relative addition to the tolerance: rounding of the largest link force [-].
     tolerance_N : float
         Balance that counts as solved [N].
+    evaluations : int
+        Evaluations of the balances in one call, whatever happens; 0 for no such bound.
     """
 
     iterations: int = MAX_ITERATIONS
@@ -55,6 +57,7 @@ class Limits:
     pieces: int = MAX_PIECES
     rounding: float = RESIDUAL_ROUNDING
     tolerance_N: float = RESIDUAL_TOLERANCE_N
+    evaluations: int = 0
 
 
 def law_calls(prefix: str, laws: Mapping[str, SpecialisedLaw]) -> Callable[..., str]:
@@ -256,6 +259,7 @@ class StepCode:
                 "halvings": limits.halvings,
                 "splits": limits.splits,
                 "pieces": limits.pieces,
+                "evaluations": limits.evaluations,
                 "rounding": number(limits.rounding),
                 "tolerance": number(limits.tolerance_N),
             },

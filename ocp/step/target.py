@@ -1,7 +1,7 @@
 """The chain in C for a controller: element laws with the parameters folded in, and the scheme around them."""
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -64,6 +64,16 @@ def controller_limits(precision: Precision) -> Limits:
     )
 
 
+def plant_limits(precision: Precision) -> Limits:
+    """Loop bounds of an exported plant with a ceiling for the work of one call, whatever the force.
+
+    Parameters
+    ----------
+    precision : Precision
+    """
+    return replace(controller_limits(precision), evaluations=60)
+
+
 def inverse_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -> ChainCode:
     """The exact inverse.
 
@@ -116,7 +126,7 @@ def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -
         Prefix of every C name in the file.
     precision : Precision
     """
-    limits = controller_limits(precision)
+    limits = plant_limits(precision)
     pieces = tuple((step_s / 2**k, 0.0) for k in range(1, limits.splits + 1))
     weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY), *pieces)
     folder, laws = _specialiser(chain, weights, prefix, precision), ElementLaws.of(chain)

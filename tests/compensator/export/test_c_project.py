@@ -193,3 +193,33 @@ def test_the_command_exports_the_agreed_files(examples, tmp_path):
     assert "typedef float rig_real;" in (out / "rig_types.h").read_text()
     assert run([*arguments[:3], str(tmp_path / "d"), "--prefix", "1"]) == 2
     assert not (tmp_path / "d").exists()
+
+
+def test_two_exports_build_under_one_cmake_project(examples, tmp_path):
+    for tool in ("cmake", "cc", "make"):
+        if shutil.which(tool) is None:
+            pytest.skip(f"{tool} is not installed")
+    scenario = load_scenario(examples / "finger.toml")
+    for prefix in ("left", "right"):
+        export_project(scenario, profile_N=np.full(3, 30.0), prefix=prefix).write(tmp_path / prefix)
+    lines = [
+        "cmake_minimum_required(VERSION 3.13)",
+        "project(hand C)",
+        "add_subdirectory(left)",
+        "add_subdirectory(right)",
+    ]
+    lines += ["add_executable(hand main.c)", "target_link_libraries(hand left::left right::right)"]
+    (tmp_path / "CMakeLists.txt").write_text("\n".join(lines))
+    main = '#include "left_inverse.h"\n#include "right_stream.h"\nint main(void) { left_inverse a; right_stream b;'
+    main += " left_inverse_init(&a, 30); right_stream_init(&b, 30); return 0; }\n"
+    (tmp_path / "main.c").write_text(main)
+    for command in (("cmake", "-S", ".", "-B", "build"), ("cmake", "--build", "build"), ("build/hand",)):
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_every_source_says_whose_it_is(examples):
+    exported = export_project(load_scenario(examples / "finger.toml"), profile_N=np.ones(3))
+    for name, text in exported.files.items():
+        if name.endswith((".c", ".h")):
+            assert "The licence of tendonff does not cover what it writes" in text, name

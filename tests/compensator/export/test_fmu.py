@@ -136,3 +136,59 @@ def test_equal_scenarios_give_equal_units(finger, unit):
 def test_the_command_writes_a_unit_per_version(examples, tmp_path):
     assert run(["export-fmu", str(examples / "finger.toml"), "--kind", "plant", "--out", str(tmp_path / "f")]) == 0
     assert {p.name for p in (tmp_path / "f").iterdir()} == {"tff_plant_fmi2.fmu", "tff_plant_fmi3.fmu"}
+
+
+@pytest.mark.parametrize("fmi", FmiVersion)
+@pytest.mark.parametrize("kind", [Kind.INVERSE, Kind.PLANT])
+def test_bad_start_values_and_bad_inputs_are_refused_and_logged(unit, fmi, kind):
+    """An initial tension beyond the range or not a number is an error, an input that is not a number a warning."""
+    from fmpy.fmi1 import FMICallException
+
+    bad = [1e9, np.nan] if kind is Kind.PLANT else [1e4, np.nan]
+    for start in bad:
+        with pytest.raises(FMICallException):
+            fmpy.simulate_fmu(
+                str(unit(kind, fmi)), stop_time=0.01, step_size=0.001, start_values={"initial_tension": start}
+            )
+    name, answer = NAMES[kind]
+    lost = np.array(
+        [(0.0, 30.0), (0.004, 30.0), (0.005, np.nan), (0.02, np.nan)], dtype=[("time", float), (name, float)]
+    )
+    said = []
+    result = fmpy.simulate_fmu(
+        str(unit(kind, fmi)),
+        stop_time=0.02,
+        step_size=0.001,
+        output_interval=0.001,
+        input=lost,
+        output=[answer],
+        logger=lambda *message: said.append(message),
+    )
+    assert np.all(np.isfinite(result[answer]))
+    assert any("held" in str(part) for message in said for part in message)
+
+
+@pytest.mark.parametrize("fmi", FmiVersion)
+def test_two_units_can_be_linked_into_one_program(unit, fmi, tmp_path):
+    objects = []
+    for kind in (Kind.INVERSE, Kind.PLANT):
+        folder = tmp_path / kind
+        with zipfile.ZipFile(unit(kind, fmi)) as archive:
+            archive.extractall(folder)
+        for source in sorted((folder / "sources").glob("fmi*.c")):
+            target = tmp_path / f"{kind}_{source.stem}.o"
+            flags = ("-std=c99", "-O1", "-DTENDONFF_STATIC", "-Wno-unused-parameter")
+            subprocess.run(["cc", *flags, "-c", source, "-o", target], check=True, cwd=folder / "sources")
+            objects.append(target)
+    symbols = [
+        {line.split()[2] for line in run_nm(target).splitlines() if len(line.split()) == 3 and line.split()[1] == "T"}
+        for target in objects
+    ]
+    assert all(symbols)
+    assert not symbols[0] & symbols[1]
+
+
+def run_nm(file):
+    if shutil.which("nm") is None:
+        pytest.skip("nm is not installed")
+    return subprocess.run(["nm", file], capture_output=True, text=True, check=True).stdout

@@ -2,6 +2,9 @@
 
 import csv
 import io
+import shutil
+import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +14,7 @@ from tendonff.compensator.tables.output import table_csv
 from tendonff.compensator.tables.run import make_tables
 from tendonff.models.capstan import Branch
 from tendonff.models.fidelity import Level
+from tendonff.ocp.errors import SolveError
 
 
 @pytest.fixture(scope="module")
@@ -30,13 +34,16 @@ def test_as_a_compensator_it_leaves_less_than_half_a_percent_where_the_static_la
 def test_the_csv_has_the_agreed_columns_no_empty_cell_and_reads_back(tables):
     text = table_csv(tables)
     rows = list(csv.DictReader(io.StringIO(text)))
-    assert list(rows[0]) == ["reference_N", "branch", "tension_since_reversal_N", "force_N"]
+    assert list(rows[0]) == ["reference_N", "branch", "tension_since_reversal_N", "force_N", "share"]
     assert {row["branch"] for row in rows} == {"pull", "release"}
     assert all(np.isfinite(float(row[name])) for row in rows for name in row if name != "branch")
     table = tables.tables[0].built.table
     for branch in Branch:
         ours = [row for row in rows if row["branch"] == branch]
         assert [float(row["force_N"]) for row in ours] == table.branch(branch).force_N.ravel().tolist()
+        assert [float(row["share"]) for row in ours] == np.tile(
+            table.branch(branch).share, table.reference_N.size
+        ).tolist()
         travelled = table.branch(branch).share * (table.reference_N[:, None] + table.adhesion_N)
         assert [float(row["tension_since_reversal_N"]) for row in ours] == travelled.ravel().tolist()
 
@@ -52,3 +59,28 @@ def test_angles_and_rates_become_further_columns(finger):
     ratios = [run.built.table.ratio(Branch.PULL)[:, -1].mean() for run in tables.tables]
     assert ratios[0] == pytest.approx(np.exp(0.2 * 1.0), abs=0.03)
     assert ratios[2] == pytest.approx(np.exp(0.2 * 3.0), abs=0.03)
+
+
+def test_every_branch_has_five_references_and_two_tables_are_told_apart(finger, tmp_path):
+    """Two scenarios in one file of C: other guards, and with other prefixes no name twice."""
+    stiffer = replace(finger.transmission.load, stiffness_N_per_m=2000.0)
+    other = replace(finger, transmission=replace(finger.transmission, load=stiffer))
+    guards = []
+    for k, scenario in enumerate((finger, other)):
+        tables = make_tables(scenario, level=Level.ELASTIC, bound_N=2.0)
+        assert tables.tables[0].built.table.reference_N.size >= 5
+        tables.write(tmp_path / str(k), prefix=f"rig{k}")
+        text = (tmp_path / str(k) / "table.h").read_text()
+        guards.append(text[text.index("#ifndef") :].split()[1].replace(f"RIG{k}", ""))
+    assert guards[0] != guards[1]
+    both = "(int)(sizeof rig0_table_pull_share == sizeof rig1_table_pull_ratio)"
+    main = f'#include "0/table.h"\n#include "1/table.h"\nint main(void) {{ return {both}; }}\n'
+    (tmp_path / "main.c").write_text(main)
+    if shutil.which("cc") is not None:
+        subprocess.run(["cc", "-std=c99", "-Wno-unused", "-Werror", "-c", "main.c"], check=True, cwd=tmp_path)
+
+
+def test_a_load_without_stiffness_is_refused_in_words(finger):
+    slack = replace(finger.transmission.load, stiffness_N_per_m=1e-308)
+    with pytest.raises(SolveError, match="forces that are not finite; check the stiffness"):
+        make_tables(replace(finger, transmission=replace(finger.transmission, load=slack)))

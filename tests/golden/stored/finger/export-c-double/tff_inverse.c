@@ -1,17 +1,18 @@
 /* tff_inverse.c: see tff_inverse.h.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 0d83202153560866, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash fba21ccd9c39df2a, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
+ * The licence of tendonff does not cover what it writes: this file is yours.
  * The element laws are printed from the symbolic models with the parameters of this transmission folded in.
  */
 #include "tff_inverse.h"
 
 #include <math.h>
 
-/* What depends on the weight H [s] of the scheme: two rows for the first step (implicit Euler), two for each
- * later step (second-order backward differences; `carry` is the share of the last change in the base), and
- * two for each halving of a step, where there are any: for inner links, and for those at the ends, which are
- * half as long. Fields are named after the law that needs them. */
+/* What depends on the weight H [s] of the scheme: two rows for the first step (implicit Euler), two for
+ * every later step (second-order backward differences; `carry` is the share of the last change in the base),
+ * and two for each halving of a step, where there are any: for inner links, and for those at the ends, which
+ * are half as long. Fields are named after the law that needs them. */
 typedef struct {
     double H;
     double carry;
@@ -230,7 +231,43 @@ void tff_inverse_init(tff_inverse *self, tff_real initial_tension)
     }
     self->start = tension;
     self->least = tension;
+    tff_entry_init(&self->entry, tension);
     self->fresh = 2;
+}
+
+void tff_inverse_init_at(tff_inverse *self, tff_real tension, tff_real force)
+{
+    tff_inverse_init(self, tension);
+    if (tff_is_within(force, TFF_FORCE_MIN_N, TFF_FORCE_MAX_N) == 0) {
+        self->output.status |= TFF_INPUT_HELD;
+        self->output.seen |= TFF_INPUT_HELD;
+    } else {
+        const tff_real rest = self->start;
+        tff_real lifted = rest + 0.0;
+        tff_real ratio = (force + 0.0) / lifted;
+        tff_real longer = 0.0;
+        int32_t j;
+
+        ratio = (ratio > 1.8744560875853382) ? 1.8744560875853382 : ratio;
+        ratio = (ratio < 0.53348809109110329) ? 0.53348809109110329 : ratio;
+        ratio = pow(ratio, 0.16666666666666666); /* over each mass */
+        for (j = TFF_INVERSE_COUNT - 1; j >= 0; j--) { /* towards the actuator */
+            const tff_real drop = lifted * (ratio - 1.0);
+            self->x[22 + j] = drop;
+            lifted += drop;
+            {
+                const tff_real stretch = (lifted - 0.0) / rest;
+                longer += self->x[8 + j] * (stretch - 1.0);
+                self->x[8 + j] *= stretch;
+                self->x[15 + j] *= stretch;
+            }
+        }
+        self->x[28] += longer;
+        for (j = 0; j < TFF_INVERSE_REALS; j++) {
+            self->x_old[j] = self->x[j];
+        }
+        self->output.force = force;
+    }
 }
 
 tff_real tff_inverse_step(tff_inverse *self, tff_real reference)
@@ -238,13 +275,15 @@ tff_real tff_inverse_step(tff_inverse *self, tff_real reference)
     tff_real force;
 
     if (tff_is_within(reference, TFF_REFERENCE_MIN_N, TFF_REFERENCE_MAX_N) == 0) {
+        tff_entry_lose(&self->entry);
         force = tff_output_hold(&self->output, TFF_INPUT_HELD);
     } else if ((self->fresh == 2) && (tff_is_within(reference, self->start, self->start) != 0)) {
         self->fresh = 1; /* the sample at t = 0: at rest */
         force = tff_output_set(&self->output, self->output.force);
     } else {
+        const tff_real followed = tff_entry_take(&self->entry, reference);
         const tff_real exact = tff_inverse_invert_step(
-            tff_inverse_rows(), reference, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &self->least);
+            tff_inverse_rows(), followed, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &self->least);
         self->fresh = 0;
         force = tff_output_set(&self->output, exact);
         if (self->least <= 0.0) {

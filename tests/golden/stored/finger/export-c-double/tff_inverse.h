@@ -1,7 +1,8 @@
 /* tff_inverse.h: the force whose response on the chain is a given output tension.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 0d83202153560866, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash fba21ccd9c39df2a, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
+ * The licence of tendonff does not cover what it writes: this file is yours.
  * Exact inverse of the presliding chain with 6 masses: closed form, causal, no iteration, the same work in
  * every call but the first. Scheme: second-order backward differences, implicit Euler in the first step.
  */
@@ -24,11 +25,16 @@ typedef struct {
     tff_real x_old[TFF_INVERSE_REALS]; /* one sample earlier */
     tff_real start;     /* tension at rest before the first sample [N] */
     tff_real least;     /* smallest tension on the path [N] */
+    tff_entry entry;    /* last reference, and the way back to one that was lost */
     int32_t fresh;           /* 2: no call yet; 1: no sample has moved it; 0: in motion */
 } tff_inverse;
 
 /* At rest under a uniform tension [N]. One outside the accepted range is replaced by its nearest end and flagged. */
 void tff_inverse_init(tff_inverse *self, tff_real initial_tension);
+
+/* In motion: under this output tension [N] while the actuator applies this force [N], as after a restart or another
+ * controller. The difference is taken for friction as far as friction can hold it. */
+void tff_inverse_init_at(tff_inverse *self, tff_real tension, tff_real force);
 
 /* Force [N], within the actuator's limits, for the reference tension [N] at the end of this sample. The first call may
  * repeat the initial tension (the sample at t = 0) or give the first sample after it. */

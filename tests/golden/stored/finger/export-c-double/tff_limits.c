@@ -1,7 +1,8 @@
 /* tff_limits.c: see tff_limits.h.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 0d83202153560866, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash fba21ccd9c39df2a, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
+ * The licence of tendonff does not cover what it writes: this file is yours.
  */
 #include "tff_limits.h"
 
@@ -59,4 +60,35 @@ tff_real tff_output_set(tff_output *self, tff_real wanted)
     self->status = status;
     self->seen |= status;
     return force;
+}
+
+void tff_entry_init(tff_entry *self, tff_real reference)
+{
+    self->last = reference;
+    self->offset = 0.0;
+    self->left = 0;
+    self->lost = 0;
+}
+
+void tff_entry_lose(tff_entry *self)
+{
+    self->lost = 1;
+}
+
+tff_real tff_entry_take(tff_entry *self, tff_real reference)
+{
+    tff_real followed = reference;
+
+    if (self->lost != 0) {
+        self->lost = 0;
+        self->offset = self->last - reference;
+        self->left = TFF_RE_ENTRY;
+    }
+    if (self->left > 0) {
+        const tff_real place = (tff_real)self->left / (tff_real)TFF_RE_ENTRY;
+        followed += self->offset * place * place * place * (10.0 + (place * ((6.0 * place) - 15.0)));
+        self->left--;
+    }
+    self->last = followed;
+    return followed;
 }

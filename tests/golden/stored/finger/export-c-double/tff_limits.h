@@ -1,7 +1,8 @@
 /* tff_limits.h: the actuator's limits, and the last good output when there is none.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 0d83202153560866, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash fba21ccd9c39df2a, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
+ * The licence of tendonff does not cover what it writes: this file is yours.
  */
 #ifndef TFF_LIMITS_H
 #define TFF_LIMITS_H
@@ -34,6 +35,26 @@ tff_real tff_output_set(tff_output *self, tff_real wanted);
 /* Hold the last good output and say why. */
 tff_real tff_output_hold(tff_output *self, uint32_t why);
 
+/* A reference that may be lost for a while; owned by the caller as part of a record. */
+typedef struct {
+    tff_real last;   /* what was followed last [N] */
+    tff_real offset; /* that the way back started from [N] */
+    int32_t left;         /* samples of the way back that are left */
+    int32_t lost;         /* 1 while nothing good arrives */
+} tff_entry;
+
+/* Samples of the way back to a reference that arrives again. */
+#define TFF_RE_ENTRY 100
+
+/* Start from a reference [N]. */
+void tff_entry_init(tff_entry *self, tff_real reference);
+
+/* Nothing good has arrived. */
+void tff_entry_lose(tff_entry *self);
+
+/* What is to be followed [N]: the reference, or on the way back to it a course without a jump in velocity and
+ * acceleration from where it was lost. */
+tff_real tff_entry_take(tff_entry *self, tff_real reference);
 
 #ifdef __cplusplus
 }

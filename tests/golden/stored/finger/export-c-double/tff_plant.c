@@ -1,7 +1,8 @@
 /* tff_plant.c: see tff_plant.h.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 0d83202153560866, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash fba21ccd9c39df2a, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
+ * The licence of tendonff does not cover what it writes: this file is yours.
  * The element laws are printed from the symbolic models with the parameters of this transmission folded in.
  */
 #include "tff_plant.h"
@@ -31,6 +32,7 @@ typedef struct {
     double residual_N;
     long iterations;          /* linear solves, accumulated */
     long splits;              /* steps that were split, accumulated */
+    long evaluations;         /* of the balances, accumulated */
 } tff_chain_report;
 /* Work area of one step, on the stack. */
 typedef struct {
@@ -50,10 +52,10 @@ typedef struct {
 } tff_chain_work;
 
 
-/* What depends on the weight H [s] of the scheme: two rows for the first step (implicit Euler), two for each
- * later step (second-order backward differences; `carry` is the share of the last change in the base), and
- * two for each halving of a step, where there are any: for inner links, and for those at the ends, which are
- * half as long. Fields are named after the law that needs them. */
+/* What depends on the weight H [s] of the scheme: two rows for the first step (implicit Euler), two for
+ * every later step (second-order backward differences; `carry` is the share of the last change in the base),
+ * and two for each halving of a step, where there are any: for inner links, and for those at the ends, which
+ * are half as long. Fields are named after the law that needs them. */
 typedef struct {
     double H;
     double carry;
@@ -217,6 +219,7 @@ static void tff_chain_end_mass_far(
 #define TFF_CHAIN_MAX_HALVINGS 10
 #define TFF_CHAIN_MAX_SPLITS 3
 #define TFF_CHAIN_MAX_PIECES 20000
+#define TFF_CHAIN_MAX_EVALUATIONS 60 /* of the balances in one call, whatever happens */
 
 /* Link forces at zero rate of elongation. */
 static void tff_chain_link_starts(const tff_chain_weights *given, int n, const double *base, double *start)
@@ -422,17 +425,18 @@ static double tff_chain_newton(
     int k;
     int halving;
 
-    for (k = 0; (k < TFF_CHAIN_MAX_ITERATIONS) && !(now <= tolerance); k++) {
+    for (k = 0; (k < TFF_CHAIN_MAX_ITERATIONS) && !(now <= tolerance) && (report->evaluations < TFF_CHAIN_MAX_EVALUATIONS); k++) {
         double t = 1.0;
         double next = now;
         tff_chain_factorise(w, n);
         tff_chain_newton_move(w, n);
         report->iterations++;
-        for (halving = 0; halving < TFF_CHAIN_MAX_HALVINGS; halving++) {
+        for (halving = 0; (halving < TFF_CHAIN_MAX_HALVINGS) && (report->evaluations < TFF_CHAIN_MAX_EVALUATIONS); halving++) {
             for (i = 0; i <= (n + 1); i++) {
                 w->trial[i] = w->v[i] + (t * w->move[i]);
             }
             next = tff_chain_evaluate(c, u, w->trial, w);
+            report->evaluations++;
             if (next < now) {
                 break;
             }
@@ -460,6 +464,7 @@ static void tff_chain_solve(const tff_chain_weights *c, const tff_chain_input *u
     tff_chain_link_starts(c, TFF_CHAIN_COUNT, w->base, w->start);
     tolerance = tff_chain_tolerance(c, w);
     norm = tff_chain_evaluate(c, u, w->v, w);
+    report->evaluations++;
     norm = tff_chain_newton(c, u, norm, tolerance, w, report, &moves);
     report->converged = 0;
     if (norm <= tolerance) {
@@ -516,7 +521,7 @@ static void tff_chain_step(
         x_old[j] = x[j];
     }
     report->converged = 0;
-    for (guess = 0; (guess < 3) && (report->converged == 0); guess++) { /* extrapolated, then at rest, then as before */
+    for (guess = 0; (guess < 3) && (report->converged == 0) && (report->evaluations < TFF_CHAIN_MAX_EVALUATIONS); guess++) { /* extrapolated, then at rest, then as before */
         for (j = 0; (guess > 0) && (j <= (n + 1)); j++) {
             w->v[j] = (guess == 1) ? 0.0 : x[j];
         }
@@ -531,7 +536,7 @@ static void tff_chain_step(
         int k;
         /* Pieces of h/2, h/4 ...: halved until one converges, doubled again as soon as the time reached allows. */
         report->splits++;
-        for (k = 0; (left > 0) && (split <= TFF_CHAIN_MAX_SPLITS) && (k < TFF_CHAIN_MAX_PIECES); k++) {
+        for (k = 0; (left > 0) && (split <= TFF_CHAIN_MAX_SPLITS) && (k < TFF_CHAIN_MAX_PIECES) && (report->evaluations < TFF_CHAIN_MAX_EVALUATIONS); k++) {
             const tff_chain_input u_part = tff_chain_between(u_old, u, 1.0 - (((double)left - 1.0) * length));
             for (j = 0; j < size; j++) {
                 w->base[j] = x[j];
@@ -611,7 +616,7 @@ tff_real tff_plant_step(tff_plant *self, tff_real force)
         self->fresh = 1; /* the sample at t = 0: at rest */
     } else {
         tff_chain_work work;
-        tff_chain_report report = { 0, 0.0, 0, 0 };
+        tff_chain_report report = { 0, 0.0, 0, 0, 0 };
         const tff_chain_input before = { self->force, 0.0, 0.0, 0.0 };
         const tff_chain_input now = { force, 0.0, 0.0, 0.0 };
 

@@ -1,7 +1,8 @@
 /* tff_profile.h: plays the optimal force profile of the design, sample by sample.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 0d83202153560866, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash fba21ccd9c39df2a, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
+ * The licence of tendonff does not cover what it writes: this file is yours.
  */
 #ifndef TFF_PROFILE_H
 #define TFF_PROFILE_H

@@ -1,0 +1,1 @@
+"""References that arrive live: the filter before the exact inverse, designed and modelled."""

@@ -1,0 +1,87 @@
+"""What the stream module makes of a reference, sample by sample: the model of its C."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tendonff.compensator.compensators.base import FloatArray, Problem
+from tendonff.compensator.stream.filter import StreamFilter
+from tendonff.ocp.inverse import invert
+
+RE_ENTRY_S = 0.1
+"""Time in which the reference comes back from a held value to one that arrives again [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StreamDesign:
+    """Everything that the stream module is made of.
+
+    Parameters
+    ----------
+    filter : StreamFilter
+    band_N : float
+        Half of the width of the dead band [N].
+    low_N, high_N : float
+        Range that references are clamped to [N].
+    """
+
+    filter: StreamFilter
+    band_N: float
+    low_N: float
+    high_N: float
+
+    @property
+    def re_entry(self) -> int:
+        """Samples of a re-entry."""
+        return max(1, round(RE_ENTRY_S / self.filter.step_s))
+
+
+def smoothed(design: StreamDesign, reference_N: FloatArray, initial_N: float) -> FloatArray:
+    """The reference that the inverse receives [N].
+
+    Parameters
+    ----------
+    design : StreamDesign
+    reference_N : ndarray, shape (n,)
+        What arrives; what is not finite holds the last one [N].
+    initial_N : float
+        Tension at rest before [N].
+    """
+    taps, lagging = design.filter.taps, design.filter.delay - design.filter.half
+    last = centre = min(max(initial_N, design.low_N), design.high_N)
+    offset, left, lost = 0.0, 0, False
+    line = [centre] * (design.filter.delay + design.filter.half + 1)
+    found = []
+    for given in reference_N.tolist():
+        if math.isfinite(given):
+            clamped = min(max(given, design.low_N), design.high_N)
+            if lost:
+                offset, left, lost = last - clamped, design.re_entry, False
+            place = left / design.re_entry
+            last = clamped + offset * place**3 * (10 + place * (6 * place - 15))
+            left = max(left - 1, 0)
+        else:
+            lost = True
+        centre = min(max(centre, last - design.band_N), last + design.band_N)
+        line = [*line[1:], centre]
+        window = np.array(line[: len(taps)]) if lagging else np.array(line)
+        newest = window[-1]
+        found.append(float(newest + taps @ (window - newest)))
+    return np.array(found)
+
+
+def stream_force(design: StreamDesign, problem: Problem, reference_N: FloatArray) -> FloatArray:
+    """Force of the stream module for a reference that arrives live, from rest at its first sample [N].
+
+    Parameters
+    ----------
+    design : StreamDesign
+    problem : Problem
+        Model and limits.
+    reference_N : ndarray, shape (n,)
+    """
+    start = float(reference_N[0])
+    tension = smoothed(design, reference_N, start)
+    force = invert(problem.chain, tension, problem.reference.step_s, initial_tension_N=start).force_N
+    return problem.limits.apply(force, problem.reference.step_s, start)

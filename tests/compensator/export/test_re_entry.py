@@ -1,0 +1,37 @@
+"""A restart in motion and a reference that was lost: the exported inverse goes on without a bump."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.export.c_project import export_project
+from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.ocp.codegen.precision import Precision
+
+
+@pytest.mark.parametrize("precision", Precision)
+def test_a_restart_in_motion_and_a_lost_reference_make_no_bump(examples, tmp_path, precision, record_property):
+    if shutil.which("cc") is None:
+        pytest.skip("cc is not installed")
+    scenario = load_scenario(examples / "finger.toml")
+    export_project(scenario, precision=precision, profile_N=np.ones(3)).write(tmp_path)
+    sources = [tmp_path / f"tff_{name}.c" for name in ("inverse", "limits", "plant")]
+    program = tmp_path / "program"
+    main = Path(__file__).with_name("re_entry.c")
+    subprocess.run(["cc", "-std=c99", "-O1", "-I", tmp_path, main, *sources, "-lm", "-o", program], check=True)
+    said = subprocess.run([program], capture_output=True, text=True, check=True).stdout
+    plain, started, later, back, moved, end = map(float, said.split())
+    record_property(
+        "figure",
+        f"{precision}: restart in motion {plain:.2g} N, with init_at {started:.2g} N and {later:.2g} N at most later; "
+        f"after a lost reference that moved {moved:.2g} N, {back:.2g} N a sample at most",
+    )
+    assert plain > 5  # what a start from rest does
+    assert started < 0.3
+    assert later < 0.3
+    assert moved > 3
+    assert back < 1.5  # a reversal on the way asks for about 1 N a sample
+    assert end < 1e-4

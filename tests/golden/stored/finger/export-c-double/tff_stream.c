@@ -1,0 +1,94 @@
+/* tff_stream.c: see tff_stream.h.
+ *
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash fba21ccd9c39df2a, level presliding.
+ * Written by tendonff VERSION export-c --precision double --prefix tff.
+ * The licence of tendonff does not cover what it writes: this file is yours.
+ */
+#include "tff_stream.h"
+
+#define TFF_STREAM_LARGEST_N 1e+30
+
+static void tff_stream_start(tff_stream *self)
+{
+    int32_t j;
+
+    self->output = self->inverse.output;
+    tff_entry_init(&self->entry, self->inverse.start);
+    for (j = 0; j < TFF_STREAM_LINE; j++) {
+        self->line[j] = self->inverse.start;
+    }
+    self->centre = self->inverse.start;
+    self->newest = 0;
+}
+
+void tff_stream_init(tff_stream *self, tff_real initial_tension)
+{
+    tff_inverse_init(&self->inverse, initial_tension);
+    tff_stream_start(self);
+}
+
+void tff_stream_init_at(tff_stream *self, tff_real tension, tff_real force)
+{
+    tff_inverse_init_at(&self->inverse, tension, force);
+    tff_stream_start(self);
+}
+
+/* A reference that can be followed: in range, and led back smoothly after it was lost. */
+static uint32_t tff_stream_take(tff_stream *self, tff_real reference)
+{
+    uint32_t status = TFF_INPUT_HELD;
+
+    if (tff_is_within(reference, -TFF_STREAM_LARGEST_N, TFF_STREAM_LARGEST_N) == 0) {
+        tff_entry_lose(&self->entry); /* not a number, or infinite: time goes on with the last one */
+    } else if (reference < TFF_REFERENCE_MIN_N) {
+        (void)tff_entry_take(&self->entry, TFF_REFERENCE_MIN_N);
+    } else if (reference > TFF_REFERENCE_MAX_N) {
+        (void)tff_entry_take(&self->entry, TFF_REFERENCE_MAX_N);
+    } else {
+        (void)tff_entry_take(&self->entry, reference);
+        status = TFF_OK;
+    }
+    return status;
+}
+
+/* The smoothed reference: weights over what has arrived, relative to the newest of them, so that a constant stays one. */
+static tff_real tff_stream_smooth(const tff_stream *self)
+{
+    static const tff_real weight[TFF_STREAM_TAPS] = {
+    0.0024154624523971473, 0.0073965919242604651, 0.014014228447004669, 0.021633213725424278, 0.029659236126338182,
+    0.037651649450028316, 0.045221653578743769, 0.052080907226043006, 0.057983110570430159, 0.062753783683743194,
+    0.066250736138093472, 0.068387532116520391, 0.069103789121946022, 0.068387532116520391, 0.066250736138093472,
+    0.062753783683743194, 0.057983110570430159, 0.052080907226043006, 0.045221653578743769, 0.037651649450028316,
+    0.029659236126338182, 0.021633213725424278, 0.014014228447004669, 0.0073965919242604651, 0.0024154624523971473
+    };
+    const int32_t oldest = self->newest + 1;
+    const int32_t last = oldest + (TFF_STREAM_TAPS - 1);
+    const tff_real base = self->line[(last < TFF_STREAM_LINE) ? last : (last - TFF_STREAM_LINE)];
+    tff_real sum = 0.0;
+    int32_t j;
+
+    for (j = 0; j < TFF_STREAM_TAPS; j++) {
+        const int32_t at = oldest + j;
+        sum += weight[j] * (self->line[(at < TFF_STREAM_LINE) ? at : (at - TFF_STREAM_LINE)] - base);
+    }
+    return base + sum;
+}
+
+tff_real tff_stream_step(tff_stream *self, tff_real reference)
+{
+    const uint32_t status = tff_stream_take(self, reference);
+    const tff_real above = self->entry.last - TFF_STREAM_BAND_N;
+    const tff_real below = self->entry.last + TFF_STREAM_BAND_N;
+    tff_real force;
+
+    self->centre = (self->centre < above) ? above : self->centre;
+    self->centre = (self->centre > below) ? below : self->centre;
+    self->newest = (self->newest < (TFF_STREAM_LINE - 1)) ? (self->newest + 1) : 0;
+    self->line[self->newest] = self->centre;
+    force = tff_inverse_step(&self->inverse, tff_stream_smooth(self));
+    self->output = self->inverse.output;
+    self->output.status |= status;
+    self->inverse.output.seen |= status;
+    self->output.seen = self->inverse.output.seen;
+    return force;
+}
