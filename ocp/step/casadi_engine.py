@@ -185,7 +185,7 @@ class CasadiStepper:
         known = ca.vertcat(s.base, s.u, s.H, s.move)
         options = {
             "line_search": True,
-            "linear_solver": "tridiag",
+            "linear_solver": "tridiag" if chain.far_joint is None else "qr",  # one wants all three diagonals
             "abstol": RESIDUAL_TOLERANCE_N / 100,
             "abstolStep": 1e-15,
             "max_iter": MAX_ITERATIONS,
