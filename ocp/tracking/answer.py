@@ -10,7 +10,7 @@ from tendonff.ocp.tracking.cost import Evaluation, evaluate
 from tendonff.ocp.tracking.diagnosis import departures, law_of, reasons
 from tendonff.ocp.tracking.grids import GridRefinement
 from tendonff.ocp.tracking.limits import ForceLimits, Violation
-from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
+from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions, travel_N
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
 
 
@@ -88,6 +88,9 @@ def answer(
         )
     if work.at_clipped.beyond_N == 0:  # what breaks a bound is no yardstick
         left += f", the clipped inverse leaves {clipped_rms:.3g} N"
+    if plants > 1:
+        needed = max(travel_N(problem.clipped(inversion.force_N)), 1e-300)
+        left += f"; the force travels {travel_N(force):.3g} N, {travel_N(force) / needed:.2g} times as far as that"
     effort = f"{iterations} iterations, {solve_s:.2g} s"
     message = {
         TrackStatus.EXACT: f"no limit binds: the exact inverse is the optimum, {rms:.2g} N rms remain; no iterations",

@@ -18,6 +18,7 @@ from tendonff.ocp.tracking.grids import GridRefinement
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.motion import limit_motion
 from tendonff.ocp.tracking.problem import WORST_POWER, TrackingProblem, TrackOptions, travel_N
+from tendonff.ocp.tracking.programme import programme
 from tendonff.ocp.tracking.ratcheting import disagreement, stiffened
 from tendonff.ocp.tracking.receding_horizon import Progress, solve
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
@@ -96,11 +97,13 @@ def solve_tracking(
     found = _search(problem, inversion, options, progress)
     cautions: tuple[str, ...] = ()
     if found.refinements and _pumps(problem, inversion, found.force_N):
-        usual = found.at_clipped.squares.max() / travel_N(problem.clipped(inversion.force_N))
+        weight = _SOBER * found.at_clipped.squares.max() / travel_N(problem.clipped(inversion.force_N))
+        if _differ(problem):  # there travel that makes the plants' memories alike is worth its while
+            weight = problem.goal.travel_weight
         sober = replace(
             problem,
             plants=(*problem.plants, *(replace(p, chain=stiffened(p.chain)) for p in problem.plants)),
-            goal=replace(problem.goal, power=WORST_POWER, travel_weight=_SOBER * usual),
+            goal=replace(problem.goal, power=WORST_POWER, travel_weight=weight),
         )
         calm = _search(sober, inversion, options, progress)
         promised, left = (float(np.sqrt(f.evaluation.squares.max())) for f in (found, calm))
@@ -158,7 +161,8 @@ def _search(problem: TrackingProblem, inversion: Inversion, options: TrackOption
     note = ""
     try:
         started = wanted_N if limits.motion.binds else inversion.force_N
-        force, refinements = solve(_taut(problem, started), (started, law), options, progress)
+        starts = (started, law, *([programme(problem)] if _differ(problem) else []))
+        force, refinements = solve(_taut(problem, started), starts, options, progress)
         candidates.append((evaluate(problem, force), force))
     except (CodeError, SolveError) as error:
         note = f"; the search stopped: {error}"
@@ -173,6 +177,12 @@ def _search(problem: TrackingProblem, inversion: Inversion, options: TrackOption
         at_clipped=at_clipped,
         refinements=refinements,
     )
+
+
+def _differ(problem: TrackingProblem) -> bool:
+    """Whether the plants have friction of their own."""
+    exponents = [law_of(plant.chain).pull_exponent for plant in problem.plants]
+    return max(exponents) > (1 + 1e-6) * min(exponents)
 
 
 _SOBER = 1.0  # of the clipped inverse's squared error: the cost of travelling as far once more
