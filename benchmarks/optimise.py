@@ -1,7 +1,7 @@
 """Optimal control side by side: ours against what a user would otherwise write, on the same problem and grid.
 
     python benchmarks/optimise.py            everything: about half an hour, nearly all of it the others'
-    python benchmarks/optimise.py --quick    ours alone: the fast finger on all levels, windows, four scenarios
+    python benchmarks/optimise.py --quick    ours alone: the fast finger, four scenarios, distances, windows
 
 The problem: the finger example (N = 6) with a force rate limit that binds, 4 s, from rest. Minimise the mean square of
 the tension error subject to range and rate of the force. The others are given the same equations, the same scaling and
@@ -30,9 +30,13 @@ from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import simulate
+from tendonff.ocp.tracking.cost import evaluate
 from tendonff.ocp.tracking.diagnosis import law_of
+from tendonff.ocp.tracking.grids import coarse_spacing, even_knots, limited_rows, local_knots, nearest_profile
 from tendonff.ocp.tracking.limits import ForceLimits
-from tendonff.ocp.tracking.track import TrackOptions, track
+from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
+from tendonff.ocp.tracking.sqp import SqpSettings, solve_sqp
+from tendonff.ocp.tracking.track import track
 
 Array = NDArray[np.float64]
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
@@ -222,6 +226,53 @@ def four_scenarios() -> None:
         )
 
 
+def best_found(problem: Problem, start: Array) -> float:
+    """Error on the design model of a long search: finer knots, many iterations, from several starts [N rms]."""
+    chain, reference = problem.chain, problem.reference
+    inverse = invert(chain, reference, problem.step).force_N
+    options = TrackOptions()
+    task = TrackingProblem.of(
+        (chain,),
+        reference,
+        problem.step,
+        problem.limits,
+        options,
+        initial_tension_N=float(reference[0]),
+        inverse_N=inverse,
+    )
+    spacing, n = coarse_spacing(reference), len(reference)
+    law = law_of(chain).input_history_N(reference)
+    starts = (start, *(nearest_profile(task, wanted, even_knots(n, max(spacing // 4, 1))) for wanted in (inverse, law)))
+    best = np.inf
+    for first in starts:
+        force = first
+        for division in (2, 4, 6):
+            limited = limited_rows(force, problem.step, problem.limits)
+            knots = local_knots(limited, even_knots(n, max(spacing // 2, 1)), spacing, max(spacing // division, 1))
+            settings = SqpSettings(iterations=40, tolerance=1e-3, trust_N=0.1 * float(np.ptp(reference)))
+            found = solve_sqp(task, force, evaluate(task, force), knots, settings)
+            force = found.force_N
+            if found.evaluation.beyond_N == 0:
+                best = min(best, float(np.sqrt(found.evaluation.squares[0])))
+    return best
+
+
+def distances() -> None:
+    """How far the profiles are from the best that a long search finds, on the design model."""
+    print("\ndistance to the best found, on the design model")
+    for rate in (150.0, 250.0, 400.0):
+        for level in (Level.VISCOELASTIC, Level.PRESLIDING):
+            problem = finger(level, 2e-3, rate)
+            began = time.process_time()
+            found = track(problem.chain, problem.reference, problem.step, problem.limits)
+            seconds, best = time.process_time() - began, best_found(problem, found.force_N)
+            print(
+                f"finger {level:13s} {rate:6g} N/s  {found.rms_error_N:.4f} N / {best:.4f} N = "
+                f"{found.rms_error_N / best:.2f}   {seconds:.2f} s of CPU",
+                flush=True,
+            )
+
+
 def long_horizon() -> None:
     """One piece against windows, and 60 s."""
     print("\nwindows")
@@ -249,6 +300,7 @@ def main() -> None:
     for level in Level:
         ours(finger(level, 1e-3), f"tendonff, {level}")
     four_scenarios()
+    distances()
     long_horizon()
     if "--quick" in sys.argv:
         return

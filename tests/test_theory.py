@@ -19,6 +19,8 @@ from tendonff.models.fidelity import Level
 from tendonff.models.friction import LuGreBristle, equivalent_coefficient
 from tendonff.models.layout import ChainState
 from tendonff.models.link import ZenerLink
+from tendonff.ocp.adaptation.bounds import CertifiedInterval
+from tendonff.ocp.adaptation.recursion import update_law
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import simulate
 from tendonff.ocp.tracking.limits import ForceLimits
@@ -269,6 +271,16 @@ def test_contact_that_is_lost_takes_its_force_along_so_that_the_bound_survives()
     assert force == 0
 
 
+@equation("8.1")
+def test_one_step_of_the_recursion_is_that_of_the_packages():
+    e, w, s, f, P, R, Q = 0.03, 0.7, 1.9, 1.05, 0.02, 0.4, 1e-4
+    loose = (10.0, Q, 1.0, 0.1, 9.0)  # neither clip, nor the variance of the start, nor a bound acts
+    found = update_law(1).function()(e, w, s, f, P, R, *loose)
+    K = w * P * s / (w * s * s * P + R)
+    assert float(found[0]) == pytest.approx(f + K * e, rel=1e-12)
+    assert float(found[1]) == pytest.approx((1 - K * s) * P + w * Q, rel=1e-12)
+
+
 @equation("8.2")
 def test_two_plays_bracket_the_output_of_every_plant_between_them():
     a, d = 0.63, 0.12
@@ -284,6 +296,11 @@ def test_two_plays_bracket_the_output_of_every_plant_between_them():
         assert np.all(truth >= middle * math.exp(-d) * (1 - 1e-12))
         assert np.all(truth <= middle * math.exp(d) * (1 + 1e-12))
     assert np.min(output(a + d) / middle) == pytest.approx(math.exp(-d), rel=1e-9)  # and the bound is met
+    law = CapstanLaw(pull_exponent=a, release_exponent=a, adhesion_N=1.5)
+    low, high = CertifiedInterval(law=law, spread=d / a, noise_N=0.0).history_N(force, 40.0)
+    for share in np.linspace(-1, 1, 9):
+        truth = output(a + share * d) - 1.5
+        assert np.all((low - 1e-9 <= truth) & (truth <= high + 1e-9))
 
 
 @equation("8.3")
@@ -332,8 +349,8 @@ def test_the_formulas_of_the_parameter_guide_agree_with_the_laws():
     assert gear**2 * inertia / drum**2 * tendon_speed**2 == pytest.approx(inertia * speed**2)  # the same energy
 
 
-# Checked where the packages hold them: the robust objective, the moving chain, the self-tuning filter.
-ELSEWHERE = {"6.3": "ocp/tracking/test_robust.py", "7.2": "models", "8.1": "ocp"}
+# Checked where the packages hold them: the robust objective, the moving chain.
+ELSEWHERE = {"6.3": "ocp/tracking/test_robust.py", "7.2": "models"}
 
 
 def test_every_numbered_formula_has_its_check():

@@ -24,6 +24,7 @@ from tendonff.compensator.cli.identify import identify
 from tendonff.compensator.cli.new import new
 from tendonff.compensator.cli.progress import say
 from tendonff.compensator.cli.simulate import simulate
+from tendonff.compensator.cli.sweep import sweep
 from tendonff.compensator.cli.table import table
 from tendonff.models.errors import TendonffError
 
@@ -70,6 +71,7 @@ app.command()(compare)
 app.command()(adapt)
 app.command()(explore)
 app.command()(identify)
+app.command()(sweep)
 app.command()(table)
 app.command()(export_c)
 app.command()(export_fmu)

@@ -18,7 +18,15 @@ from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.optimal import OptimalSettings
 from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec, SineReference, WaypointReference
 from tendonff.compensator.scenario.run import Run
-from tendonff.compensator.scenario.tables import descriptions, read_table, show, toml_table, toml_value
+from tendonff.compensator.scenario.shorthand import expand, further_keys
+from tendonff.compensator.scenario.tables import (
+    check_names,
+    missing_keys,
+    read_table,
+    show,
+    toml_table,
+    toml_value,
+)
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import (
     Actuator,
@@ -143,10 +151,7 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
     name = raw.get("name", source.stem)
     if not isinstance(name, str):
         raise InputError(f'{file}: name must be text in quotes ("..."), got {show(name)}')
-    missing = [table for table in _REQUIRED_TABLES if table not in raw]
-    if missing:
-        hint = _keys_of(missing[0])
-        raise InputError(f"{file}: table [{missing[0]}] is missing; it holds {hint}")
+    raw = _complete(raw, file)
 
     def table(cls: type, key: str) -> object:
         return read_table(cls, raw.get(key, {}), file=file, table=key)
@@ -188,11 +193,26 @@ def _check_names(raw: Mapping[str, object], file: str) -> None:
         raise InputError(f'{file}: unknown key "{key}"{suggestion(key, known)}')
 
 
-def _keys_of(table: str) -> str:
-    """Keys of a required table, for the message that misses it."""
-    if table == "reference":
-        return 'kind ("sine", "waypoints" or "csv") and the keys of that kind'
-    return ", ".join(descriptions(_TABLES[table])) or "its keys"
+def _complete(raw: Mapping[str, object], file: str) -> dict[str, object]:
+    """The tables with what follows from their keys; all keys that are missing then are named in one message."""
+    complete: dict[str, object] = dict(raw)
+    lacking: dict[str, list[str]] = {}
+    for key, cls in _TABLES.items():
+        given = raw.get(key, {})
+        check_names(cls, given, file=file, table=key, extra_keys=further_keys(key))
+        expanded = expand(key, given, file=file)  # type: ignore[arg-type]
+        if missing := missing_keys(cls, expanded):
+            lacking[key] = missing
+        if key in raw:
+            complete[key] = expanded
+    if "reference" not in raw:
+        lacking["reference"] = ['kind ("sine", "waypoints" or "csv") and the keys of that kind']
+    if sum(map(len, lacking.values())) > 1 or "reference" in lacking:
+        listed = "; ".join(f"[{key}] {', '.join(names)}" for key, names in lacking.items())
+        stiffness = "stiffness_N_per_m" in lacking.get("tendon", ())
+        rope = "; elastic_modulus_Pa, length_m and diameter_m may stand for stiffness_N_per_m" if stiffness else ""
+        raise InputError(f'{file}: missing: {listed}{rope}; "tendonff new" writes a file that explains every key')
+    return complete
 
 
 def _read_reference(raw: object, file: str) -> ReferenceSpec:
@@ -242,7 +262,7 @@ def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | Non
         if value is None:
             continue
         lines = f'kind = "{kind}"\n' if table == "reference" else ""
-        lines += toml_table(value)
+        lines += toml_table(value, table)
         if lines:
             parts.append(f"\n[{table}]\n{lines}")
     return "".join(parts)

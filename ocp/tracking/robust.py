@@ -79,20 +79,42 @@ def sample_transmissions(transmission: Transmission, uncertainty: Uncertainty) -
     transmission : Transmission
     uncertainty : Uncertainty
     """
-    width = np.array([uncertainty.mu, uncertainty.stiffness, uncertainty.bristle_stiffness])
+    nominal = transmission_at(transmission, (1.0, 1.0, 1.0))
     if uncertainty.is_certain:
-        return (_sample(transmission, np.ones(3)),)
-    ends = [np.zeros(3), np.array([-1.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0])]
-    rest = max(uncertainty.samples - len(ends), 0)
+        return (nominal,)
+    ends = tuple(transmission_at(transmission, (1 + side * uncertainty.mu, 1.0, 1.0)) for side in (-1, 1))
+    rest = draw_transmissions(transmission, uncertainty, max(uncertainty.samples - 3, 0))
+    return (nominal, *ends, *rest)[: uncertainty.samples]
+
+
+def draw_transmissions(transmission: Transmission, uncertainty: Uncertainty, count: int) -> tuple[Sample, ...]:
+    """A Latin hypercube of transmissions that the uncertainty admits.
+
+    Parameters
+    ----------
+    transmission : Transmission
+    uncertainty : Uncertainty
+    count : int
+    """
+    if count == 0:
+        return ()
+    width = np.array([uncertainty.mu, uncertainty.stiffness, uncertainty.bristle_stiffness])
     cube = qmc.LatinHypercube(3, rng=uncertainty.seed) if _NEW_SCIPY else qmc.LatinHypercube(3, seed=uncertainty.seed)
-    places = [*ends, *(2 * cube.random(rest) - 1)] if rest else ends
-    return tuple(_sample(transmission, 1 + width * place) for place in places[: uncertainty.samples])
+    return tuple(transmission_at(transmission, tuple(1 + width * (2 * place - 1))) for place in cube.random(count))
 
 
 _NEW_SCIPY = "rng" in qmc.LatinHypercube.__init__.__code__.co_varnames
 
 
-def _sample(transmission: Transmission, factors: Array) -> Sample:
+def transmission_at(transmission: Transmission, factors: tuple[float, ...]) -> Sample:
+    """The transmission with its friction coefficients, stiffnesses and bristle stiffnesses times three factors.
+
+    Parameters
+    ----------
+    transmission : Transmission
+    factors : tuple of float
+        Of mu, of k1 and k2, of both bristle stiffnesses [-].
+    """
     mu, stiffness, bristle = (float(f) for f in factors)
     friction, tendon = transmission.friction, transmission.tendon
     release, release_static = friction.mu_dynamic_release, friction.mu_static_release

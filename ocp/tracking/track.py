@@ -9,12 +9,14 @@ import numpy as np
 from tendonff.models.chain import Chain
 from tendonff.ocp.errors import CodeError, SolveError
 from tendonff.ocp.inverse import InverseStatus, Inversion, invert
+from tendonff.ocp.simulate import simulate
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.answer import Found, answer
 from tendonff.ocp.tracking.cost import Evaluation, evaluate
 from tendonff.ocp.tracking.diagnosis import law_of
 from tendonff.ocp.tracking.grids import GridRefinement
 from tendonff.ocp.tracking.limits import ForceLimits
+from tendonff.ocp.tracking.motion import limit_motion
 from tendonff.ocp.tracking.problem import WORST_POWER, TrackingProblem, TrackOptions, travel_N
 from tendonff.ocp.tracking.ratcheting import disagreement, stiffened
 from tendonff.ocp.tracking.receding_horizon import Progress, solve
@@ -113,25 +115,38 @@ def solve_tracking(
 
 def _pumps(problem: TrackingProblem, inversion: Inversion, force_N: Array) -> bool:
     """Whether the profile pumps the bristles of the nominal plant."""
-    chain, start = problem.plants[0].chain, float(inversion.force_N[0])
+    chain, start, reference = problem.plants[0].chain, float(inversion.force_N[0]), problem.goal.reference_N
+    # What the largest force cannot hold against friction in full slip is missed, whatever the bristles promise.
+    missed = np.maximum(reference - law_of(chain).largest_output_N(problem.limits.maximum_N), 0.0)
+    output = simulate(chain, force_N, problem.step_s, initial_tension_N=start).output_tension_N
+    if np.mean((output - reference) ** 2) < 0.25 * np.mean(missed**2):
+        return True
     suspect, usual = (
         disagreement(chain, force, problem.step_s, start) for force in (force_N, problem.clipped(inversion.force_N))
     )
-    return suspect.exceeds(usual, float(np.ptp(problem.goal.reference_N)))
+    return suspect.exceeds(usual, float(np.ptp(reference)))
 
 
 def _search(problem: TrackingProblem, inversion: Inversion, options: TrackOptions, progress: Progress | None) -> Found:
     """The best profile: of the search, or the clipped inverse or static law where that finds nothing better."""
     reference, limits = problem.goal.reference_N, problem.limits
-    clipped = problem.clipped(inversion.force_N)
+    nominal, start_N = problem.plants[0].chain, float(inversion.force_N[0])
+
+    def moderate(force: Array) -> Array:
+        state = problem.plants[0].state
+        return limit_motion(nominal, problem.clipped(force), problem.step_s, limits, problem.rest_N, state)
+
+    wanted_N = moderate(inversion.force_N)
+    clipped = problem.clipped(wanted_N)
     at_clipped = evaluate(problem, clipped)
-    law = law_of(problem.plants[0].chain).input_history_N(reference, float(inversion.force_N[0]))
+    law = moderate(law_of(nominal).input_history_N(reference, start_N))
     static = problem.clipped(law)
     exact = (
         inversion.status is InverseStatus.EXACT
         and options.effort_weight == 0
         and len(problem.plants) == 1
         and limits.admits(inversion.force_N, problem.step_s, 1e-9)
+        and np.array_equal(clipped, problem.clipped(inversion.force_N))
         and at_clipped.beyond_N == 0
     )
     if exact:  # the clipped inverse is the inverse itself, and its error is rounding, unless the rig amplifies that
@@ -142,7 +157,8 @@ def _search(problem: TrackingProblem, inversion: Inversion, options: TrackOption
     refinements: tuple[GridRefinement, ...] = ()
     note = ""
     try:
-        force, refinements = solve(_taut(problem, inversion.force_N), (inversion.force_N, law), options, progress)
+        started = wanted_N if limits.motion.binds else inversion.force_N
+        force, refinements = solve(_taut(problem, started), (started, law), options, progress)
         candidates.append((evaluate(problem, force), force))
     except (CodeError, SolveError) as error:
         note = f"; the search stopped: {error}"
@@ -161,8 +177,6 @@ def _search(problem: TrackingProblem, inversion: Inversion, options: TrackOption
 
 _SOBER = 1.0  # of the clipped inverse's squared error: the cost of travelling as far once more
 _EXACT = 1e-3  # of the reference's range: an error below this is called rounding
-
-
 _FLOORS = (1.0, 4.0, 16.0, 64.0, 256.0)
 
 

@@ -298,7 +298,9 @@ def unbalanced_rows(chain: Chain, run: Simulation, step_s: float) -> Array:
     now, v = x[2:], np.abs(x[2:, : n + 2])
     mass = np.concatenate([[chain.near.mass_kg], np.full(n, piece.mass_kg), [chain.far.mass_kg]])
     stretch = np.abs(x[2:, n + 2 : 2 * n + 3]).max(axis=1, keepdims=True)  # also of slack links, which round as much
-    largest = np.maximum(link.stiffness_N_per_m * stretch, np.abs(run.force_N[2:, None])) + 1.0
+    largest = (
+        np.maximum(link.stiffness_N_per_m * chain.elements.ratio.max() * stretch, np.abs(run.force_N[2:, None])) + 1.0
+    )
     momentum = mass * np.maximum(v, np.abs(x[1:-1, : n + 2])).max(axis=1, keepdims=True) / weight
     bound = np.empty_like(defect)
     bound[:, : n + 2] = (largest + momentum) * weight / mass

@@ -1,6 +1,6 @@
 /* tff_inverse.c: see tff_inverse.h.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 32a28291451430fe, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash fba21ccd9c39df2a, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The element laws are printed from the symbolic models with the parameters of this transmission folded in.
  */
@@ -23,12 +23,6 @@ typedef struct {
     double path_mass_inverse_1;
 } tff_inverse_weights;
 
-<<<<<<< HEAD
-static const tff_inverse_weights tff_inverse_rows[2] = {
-    { 0.001, 0.0, 0.001, 1.0024999999999999, 195.89526184538653, 20.0, 31.0, 150.0, 0.33333333333333331 },
-    { 0.00066666666666666664, 0.33333333333333331, 0.00066666666666666664, 1.0016666666666667, 135.28674431503049, 30.0, 40.0, 225.0, 0.5 },
-};
-=======
 static const tff_inverse_weights *tff_inverse_rows(void)
 {
     static const tff_inverse_weights rows[2] = {
@@ -37,7 +31,6 @@ static const tff_inverse_weights *tff_inverse_rows(void)
     };
     return rows;
 }
->>>>>>> house
 
 /* A link's force at zero rate of elongation, before slack [N], eqs. (6), (7). */
 static void tff_inverse_link_start(
@@ -173,15 +166,6 @@ static double tff_inverse_invert_step(
     for (i = n; i >= 0; i--) { /* link i between mass i and mass i + 1 */
         double *const e = &x[(n + 2) + i];
         double *const z = &x[((2 * n) + 3) + i];
-<<<<<<< HEAD
-        tff_inverse_link_start(c, *e, *z, &start);
-        tff_inverse_link_rate(c, f, start, &rate);
-        tff_inverse_link_states(c, rate, *e, *z, e, z);
-        v += rate;
-        if (i > 0) {
-            double *const f_s = &x[((3 * n) + 4) + (i - 1)];
-            tff_inverse_path_mass_inverse(c, v, f, x[i], *f_s, &near_f, f_s);
-=======
         const double e_base = *e;
         const double z_base = *z;
         tff_inverse_link_start(c, e_base, z_base, &start);
@@ -192,7 +176,6 @@ static double tff_inverse_invert_step(
             double *const f_s = &x[((3 * n) + 4) + (i - 1)];
             const double f_s_base = *f_s;
             tff_inverse_path_mass_inverse(c, v, f, x[i], f_s_base, &near_f, f_s);
->>>>>>> house
             x[i] = v;
             f = near_f;
             *least = (f < *least) ? f : *least;
@@ -247,11 +230,7 @@ tff_real tff_inverse_step(tff_inverse *self, tff_real reference)
         force = tff_output_set(&self->output, self->output.force);
     } else {
         const tff_real exact = tff_inverse_invert_step(
-<<<<<<< HEAD
-            tff_inverse_rows, reference, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &self->least);
-=======
             tff_inverse_rows(), reference, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &self->least);
->>>>>>> house
         self->fresh = 0;
         force = tff_output_set(&self->output, exact);
         if (self->least <= 0.0) {

@@ -1,6 +1,6 @@
 /* tff_plant.c: see tff_plant.h.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 32a28291451430fe, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash fba21ccd9c39df2a, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The element laws are printed from the symbolic models with the parameters of this transmission folded in.
  */
@@ -67,15 +67,6 @@ typedef struct {
     double end_mass_far_2;
 } tff_chain_weights;
 
-<<<<<<< HEAD
-static const tff_chain_weights tff_chain_rows[5] = {
-    { 0.001, 0.0, 0.001, 1.0024999999999999, 195.89526184538653, 0.33333333333333331, 8.3333333333333339, 150.0, 155.0, 20.0, 31.0 },
-    { 0.00066666666666666664, 0.33333333333333331, 0.00066666666666666664, 1.0016666666666667, 135.28674431503049, 0.5, 5.5555555555555554, 225.0, 230.0, 30.0, 40.0 },
-    { 0.00050000000000000001, 0.0, 0.00050000000000000001, 1.00125, 104.97378277153558, 0.66666666666666663, 4.166666666666667, 300.0, 305.0, 40.0, 49.5 },
-    { 0.00025000000000000001, 0.0, 0.00025000000000000001, 1.0006250000000001, 59.493441599000626, 1.3333333333333333, 2.0833333333333335, 600.0, 605.0, 80.0, 88.75 },
-    { 0.000125, 0.0, 0.000125, 1.0003124999999999, 36.748359887535145, 2.6666666666666665, 1.0416666666666667, 1200.0, 1205.0, 160.0, 168.375 },
-};
-=======
 static const tff_chain_weights *tff_chain_rows(void)
 {
     static const tff_chain_weights rows[5] = {
@@ -87,7 +78,6 @@ static const tff_chain_weights *tff_chain_rows(void)
     };
     return rows;
 }
->>>>>>> house
 
 /* A link's force at zero rate of elongation, before slack [N], eqs. (6), (7). */
 static void tff_chain_link_start(
@@ -454,14 +444,10 @@ static void tff_chain_solve(const tff_chain_weights *c, const tff_chain_input *u
     tolerance = tff_chain_tolerance(c, w);
     norm = tff_chain_evaluate(c, u, w->v, w);
     norm = tff_chain_newton(c, u, norm, tolerance, w, report, &moves);
-<<<<<<< HEAD
-    report->converged = (norm <= tolerance) ? 1 : 0;
-=======
     report->converged = 0;
     if (norm <= tolerance) {
         report->converged = 1;
     }
->>>>>>> house
     report->residual_N = norm;
 }
 
@@ -552,14 +538,10 @@ static void tff_chain_step(
                 length *= 0.5;
             }
         }
-<<<<<<< HEAD
-        report->converged = (left == 0) ? 1 : 0; /* also where the pieces ran out */
-=======
         report->converged = 0; /* also where the pieces ran out */
         if (left == 0) {
             report->converged = 1;
         }
->>>>>>> house
     }
 }
 
@@ -608,11 +590,7 @@ tff_real tff_plant_step(tff_plant *self, tff_real force)
         const tff_chain_input before = { self->force, 0.0, 0.0, 0.0 };
         const tff_chain_input now = { force, 0.0, 0.0, 0.0 };
 
-<<<<<<< HEAD
-        tff_chain_step(tff_chain_rows, &before, &now, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &work, &report);
-=======
         tff_chain_step(tff_chain_rows(), &before, &now, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &work, &report);
->>>>>>> house
         self->solves = (int32_t)report.iterations;
         if (report.converged != 0) {
             self->fresh = 0;

@@ -1,6 +1,6 @@
 /* tff_table_data.h: feedforward force over reference tension, branch and tension since the last reversal.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 32a28291451430fe, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash fba21ccd9c39df2a, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * Interpolation error at most 0.159 N (bound 0.165 N); made for a reference that
  * moves at 29.7 N/s. Bilinear in the reference and in the share.

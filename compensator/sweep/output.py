@@ -1,0 +1,84 @@
+"""The files of a sweep: samples, summary, figures and report."""
+
+import math
+import os
+from dataclasses import dataclass
+
+from tendonff.compensator.files.writing import atomic_directory, write_text
+from tendonff.compensator.reporting.folder import summary_head, write_pages
+from tendonff.compensator.sweep.figures import sweep_figures
+from tendonff.compensator.sweep.report import sweep_report
+from tendonff.compensator.sweep.result import QUANTILES, YIELD_PERCENT, SweepData
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sweep(SweepData):
+    """A sweep that can be written."""
+
+    def write(self, folder: str | os.PathLike[str]) -> None:
+        """Write `samples.csv`, `summary.json`, figures and `report.html`, all or nothing.
+
+        Parameters
+        ----------
+        folder : str or path
+            Made where it is missing.
+        """
+        figures = sweep_figures(self)
+        with atomic_directory(folder) as partial:
+            write_text(partial / "samples.csv", samples_csv(self))
+            write_pages(partial, summary(self), figures, sweep_report(self, figures))
+
+
+def samples_csv(result: SweepData) -> str:
+    """Text of `samples.csv`: one row a unit; a compensator that failed has empty cells.
+
+    Parameters
+    ----------
+    result : SweepData
+    """
+    columns = [f"{name}_{what}" for what in ("rmse_percent_of_range", "peak_error_N") for name in result.compensators]
+    lines = [",".join(["sample", *result.keys, *columns])]
+    for row in result.rows:
+        numbers = ("" if math.isnan(x) else repr(x) for x in (*row.values, *row.percent, *row.peak_N))
+        lines.append(",".join([str(row.index), *numbers]))
+    return "\n".join([*lines, ""])
+
+
+def summary(result: SweepData) -> dict[str, object]:
+    """The contents of `summary.json`.
+
+    Parameters
+    ----------
+    result : SweepData
+    """
+
+    def finite(value: float) -> float | None:
+        return value if math.isfinite(value) else None
+
+    return {
+        **summary_head(result.scenario),
+        "samples": len(result.rows),
+        "keys": list(result.keys),
+        "compensators": {
+            name: {
+                "failed": sum(not math.isfinite(x) for x in result.percent(name).tolist()),
+                "yield": {f"below_{bound:g}_percent": result.yield_of(name, bound) for bound in YIELD_PERCENT},
+                "quantiles_percent_of_range": {
+                    f"{q:g}": finite(x) for q, x in zip(QUANTILES, result.quantiles(name), strict=True)
+                },
+            }
+            for name in result.compensators
+        },
+        "budget": [
+            {
+                "key": key,
+                "from": low,
+                "to": high,
+                "rmse_percent_of_range": {
+                    name: [finite(a), finite(b)]
+                    for name, a, b in zip(result.compensators, at_low, at_high, strict=True)
+                },
+            }
+            for key, low, high, at_low, at_high in result.budget
+        ],
+    }

@@ -1,0 +1,145 @@
+"""What a sweep tries: points of a grid over scenario keys, or units drawn from the stated uncertainty."""
+
+import re
+from dataclasses import dataclass, fields, replace
+from itertools import product
+
+import numpy as np
+
+from tendonff.compensator.files.reading import InputError, suggestion
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.errors import ParameterError
+from tendonff.models.uncertainty import Uncertainty
+from tendonff.ocp.tracking.robust import Sample, draw_transmissions
+
+_TABLES = ("path", "tendon", "friction", "actuator", "load", "run")
+FACTORS = ("mu_factor", "stiffness_factor", "bristle_stiffness_factor")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Axis:
+    """A key of the scenario and the values it takes.
+
+    Parameters
+    ----------
+    key : str
+        "table.name", as in the scenario file.
+    values : tuple of float
+    """
+
+    key: str
+    values: tuple[float, ...]
+
+    @classmethod
+    def parse(cls, text: str) -> "Axis":
+        """Read KEY=FROM:TO:COUNT, evenly spaced, both ends included.
+
+        Parameters
+        ----------
+        text : str
+        """
+        number = r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)"
+        found = re.fullmatch(rf"([A-Za-z_]\w*\.\w+)={number}:{number}:(\d+)", text.strip())
+        try:
+            key, first, last, count = found[1], float(found[2]), float(found[3]), int(found[4])  # type: ignore[index]
+        except (TypeError, ValueError):
+            raise InputError(
+                f'--over must be KEY=FROM:TO:COUNT, got "{text}"; write friction.mu_dynamic=0.15:0.25:11'
+            ) from None
+        if not 1 <= count <= 100_000:
+            raise InputError(f"--over {key}: COUNT must lie between 1 and 100000, got {count}")
+        return cls(key=key, values=tuple(np.linspace(first, last, count).tolist()))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unit:
+    """One thing to try.
+
+    Parameters
+    ----------
+    index : int
+    values : tuple of float
+        Of the varied keys.
+    scenario : Scenario
+        With those values.
+    """
+
+    index: int
+    values: tuple[float, ...]
+    scenario: Scenario
+
+
+def grid_units(scenario: Scenario, axes: tuple[Axis, ...]) -> list[Unit]:
+    """Every combination of the axes' values.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    axes : tuple of Axis
+    """
+    keys = tuple(axis.key for axis in axes)
+    points = product(*(axis.values for axis in axes))
+    return [Unit(index=k, values=at, scenario=varied(scenario, keys, at)) for k, at in enumerate(points)]
+
+
+def random_units(scenario: Scenario, count: int) -> list[Unit]:
+    """Units that the scenario's uncertainty admits: a Latin hypercube.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    count : int
+    """
+    if scenario.robust.is_certain:
+        raise InputError(
+            f"{scenario.source.name}: --samples needs an uncertainty; write [robust] with mu = 0.2 or the like"
+        )
+    drawn = draw_transmissions(scenario.transmission, scenario.robust, count)
+    certain = replace(scenario, robust=Uncertainty())
+    return [
+        Unit(index=k, values=factors_of(sample), scenario=replace(certain, transmission=sample.transmission))
+        for k, sample in enumerate(drawn)
+    ]
+
+
+def factors_of(sample: Sample) -> tuple[float, ...]:
+    """In the order of `FACTORS`.
+
+    Parameters
+    ----------
+    sample : Sample
+    """
+    return (sample.mu, sample.stiffness, sample.bristle_stiffness)
+
+
+def varied(scenario: Scenario, keys: tuple[str, ...], values: tuple[float, ...]) -> Scenario:
+    """The scenario with other values of some keys.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    keys : tuple of str
+        "table.name".
+    values : tuple of float
+    """
+    changes: dict[str, dict[str, float | int]] = {}
+    for key, value in zip(keys, values, strict=True):
+        table, name = key.split(".")
+        if table not in _TABLES:
+            raise InputError(f'--over {key}: unknown table "{table}"{suggestion(table, _TABLES)}')
+        record = scenario.run if table == "run" else getattr(scenario.transmission, table)
+        numeric = [f.name for f in fields(record) if isinstance(getattr(record, f.name), int | float)]
+        if name not in numeric:
+            raise InputError(f'--over {key}: [{table}] has no number "{name}"{suggestion(name, numeric)}')
+        whole = isinstance(getattr(record, name), int)
+        if whole and value != round(value):
+            raise InputError(f"--over {key}: {name} must be a whole number, got {value:g}; choose FROM:TO:COUNT so")
+        changes.setdefault(table, {})[name] = round(value) if whole else value
+    try:
+        run = replace(scenario.run, **changes.pop("run", {}))  # type: ignore[arg-type]
+        transmission = scenario.transmission
+        parts = {table: replace(getattr(transmission, table), **change) for table, change in changes.items()}
+        return replace(scenario, run=run, transmission=replace(transmission, **parts))
+    except ParameterError as error:
+        at = ", ".join(f"{key} = {value:g}" for key, value in zip(keys, values, strict=True))
+        raise InputError(f"--over: {at}: {error}") from None

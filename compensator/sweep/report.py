@@ -1,0 +1,65 @@
+"""The page of a sweep."""
+
+from collections.abc import Mapping
+
+from matplotlib.figure import Figure
+
+from tendonff.compensator.reporting.page import FileNote, Report, Section, Table, pictures_of, provenance_of
+from tendonff.compensator.sweep.result import QUANTILES, YIELD_PERCENT, SweepData
+
+
+def sweep_report(result: SweepData, figures: Mapping[str, Figure]) -> Report:
+    """The page of a sweep.
+
+    Parameters
+    ----------
+    result : SweepData
+    figures : mapping of str to Figure
+    """
+    unit = "units" if result.is_random else "points"
+    best = min(result.compensators, key=lambda name: result.quantiles(name)[-2])
+    yields = Table(
+        caption=f"Share of the {unit} whose error stays below a bound [%]",
+        columns=("compensator", *(f"< {bound:g} % of range" for bound in YIELD_PERCENT)),
+        rows=[(name, *(100 * result.yield_of(name, at) for at in YIELD_PERCENT)) for name in result.compensators],
+    )
+    quantiles = Table(
+        caption=f"Error that a share of the {unit} stays within [% of range rms]",
+        columns=("compensator", *(f"{100 * q:g} %" for q in QUANTILES)),
+        rows=[(name, *result.quantiles(name)) for name in result.compensators],
+    )
+    budget = Table(
+        caption="First-order budget: error with one parameter at the ends of its range, all else nominal [% of range]",
+        columns=(
+            "parameter",
+            "from",
+            "to",
+            *(f"{name}, {end}" for name in result.compensators for end in ("from", "to")),
+        ),
+        rows=[
+            (key, low, high, *(value for pair in zip(at_low, at_high, strict=True) for value in pair))
+            for key, low, high, at_low, at_high in result.budget
+        ],
+    )
+    captions = {
+        "yield": f"Share of the {unit} over the error.",
+        "errors": "Error over each quantity that varies.",
+    }
+    pictures = pictures_of(figures, captions)
+    return Report(
+        title=f"Sweep: {result.scenario.name}",
+        summary=(
+            f"{len(result.rows)} {unit}. {best}: error below 1 % of range in {100 * result.yield_of(best, 1.0):.3g} % "
+            f"of them, below {result.quantiles(best)[-2]:.3g} % in 95 %."
+        ),
+        warnings=(),
+        sections=(
+            Section(title="Yield", blocks=(pictures["yield"], yields, quantiles)),
+            Section(title="What varies", blocks=(pictures["errors"], *([budget] if result.budget else []))),
+        ),
+        provenance=provenance_of(result.scenario, "sweep", result.options),
+        files=(
+            FileNote(name="samples.csv", content=f"one row for each of the {unit}"),
+            FileNote(name="summary.json", content="yields, quantiles and budget for other programs"),
+        ),
+    )

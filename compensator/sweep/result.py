@@ -1,0 +1,93 @@
+"""What a sweep holds."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tendonff.compensator.compensators.base import FloatArray
+from tendonff.compensator.scenario.scenario import Scenario
+
+YIELD_PERCENT = (0.5, 1.0, 2.0, 5.0, 10.0)
+"""Errors whose yields are told [% of range]."""
+
+QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """One unit and how well every compensator does on it.
+
+    Parameters
+    ----------
+    index : int
+    values : tuple of float
+        Of the varied keys.
+    percent, peak_N : tuple of float
+        Of each compensator: error, % of range rms, and largest error [N]; NaN where it failed.
+    """
+
+    index: int
+    values: tuple[float, ...]
+    percent: tuple[float, ...]
+    peak_N: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SweepData:
+    """Scores over units.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    options : str
+        What the command was asked for, in words.
+    keys : tuple of str
+        Varied keys of the scenario, or factors on its parameters.
+    compensators : tuple of str
+    rows : tuple of Row
+        In the order of their index.
+    budget : tuple of tuple
+        Key, low value, high value, and every compensator's error at both with all else nominal [% of range]; empty for
+        a grid.
+    is_random : bool
+        Units drawn from the uncertainty: the profiles are those of the nominal scenario.
+    """
+
+    scenario: Scenario
+    options: str
+    keys: tuple[str, ...]
+    compensators: tuple[str, ...]
+    rows: tuple[Row, ...]
+    budget: tuple[tuple[str, float, float, tuple[float, ...], tuple[float, ...]], ...]
+    is_random: bool
+
+    def percent(self, name: str) -> FloatArray:
+        """Errors of a compensator, infinite where it failed [% of range].
+
+        Parameters
+        ----------
+        name : str
+        """
+        column = self.compensators.index(name)
+        errors: FloatArray = np.nan_to_num(np.array([row.percent[column] for row in self.rows]), nan=np.inf)
+        return errors
+
+    def yield_of(self, name: str, percent: float) -> float:
+        """Share of the units on which the error stays below a bound [-].
+
+        Parameters
+        ----------
+        name : str
+        percent : float
+            Bound [% of range].
+        """
+        return float(np.mean(self.percent(name) < percent))
+
+    def quantiles(self, name: str) -> tuple[float, ...]:
+        """Errors that so many of the units stay within, at `QUANTILES` [% of range].
+
+        Parameters
+        ----------
+        name : str
+        """
+        return tuple(float(q) for q in np.quantile(self.percent(name), QUANTILES, method="inverted_cdf"))

@@ -1,0 +1,177 @@
+"""Designs and scores over a grid of parameters, or over units that the uncertainty admits."""
+
+import math
+import os
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from tendonff.compensator.compensators.base import Compensator, Problem, Profile
+from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
+from tendonff.compensator.compensators.score import SimulatedPlant, verify
+from tendonff.compensator.files.progress import Progress, silent
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
+from tendonff.compensator.sweep.output import Sweep
+from tendonff.compensator.sweep.plan import FACTORS, Axis, Unit, factors_of, grid_units, random_units
+from tendonff.compensator.sweep.result import Row
+from tendonff.compensator.sweep.store import Store
+from tendonff.models.errors import TendonffError
+from tendonff.models.uncertainty import Uncertainty
+from tendonff.ocp.batch import run_jobs
+from tendonff.ocp.tracking.robust import transmission_at
+
+DEFAULT = tuple(c.name for c in COMPENSATORS if c.name != "table")
+"""Compensators that a sweep scores unless told otherwise."""
+
+_UNITS_OF_JOB = 4
+_JOBS_OF_WAVE = 32  # then the rows are stored
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """Some units, in one piece for one worker.
+
+    Parameters
+    ----------
+    units : tuple of Unit
+    compensators : tuple of str
+    profiles : tuple of Profile or None
+        Profiles to try on every unit; None: design anew for each.
+    """
+
+    units: tuple[Unit, ...]
+    compensators: tuple[str, ...]
+    profiles: tuple[Profile, ...] | None
+
+
+def run_job(job: Job) -> tuple[Row, ...]:
+    """Score every compensator on the units of a job; what fails is NaN.
+
+    Parameters
+    ----------
+    job : Job
+    """
+    return tuple(_score(unit, job) for unit in job.units)
+
+
+def _score(unit: Unit, job: Job) -> Row:
+    nothing = (math.nan,) * len(job.compensators)
+    try:
+        problem = Problem.of(unit.scenario, reference=sample_reference(unit.scenario, strict=False))
+    except TendonffError:
+        return Row(index=unit.index, values=unit.values, percent=nothing, peak_N=nothing)
+    scores = []
+    for k, name in enumerate(job.compensators):
+        try:
+            profile = compensator(name).profile(problem) if job.profiles is None else job.profiles[k]
+            plant = SimulatedPlant(level=problem.level)
+            found = verify(problem.transmission, plant, name, profile, problem.reference).score
+            scores.append((found.rmse_percent_of_range, found.peak_error_N))
+        except TendonffError:
+            scores.append((math.nan, math.nan))
+    percent, peak = zip(*scores, strict=True)
+    return Row(index=unit.index, values=unit.values, percent=percent, peak_N=peak)
+
+
+def sweep(
+    scenario: Scenario,
+    folder: str | os.PathLike[str],
+    *,
+    over: Sequence[Axis] = (),
+    samples: int = 0,
+    compensators: Sequence[str] = DEFAULT,
+    executor: Executor | None = None,
+    progress: Progress = silent,
+) -> Sweep:
+    """Design and score over a grid, or score the scenario's design on units drawn from its uncertainty.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    folder : str or path
+        Where rows are kept as they come; a sweep that was killed goes on there.
+    over : sequence of Axis, optional
+        Keys and values: at every point the profiles are made for that point.
+    samples : int, optional
+        Units to draw: the profiles are those of the scenario, as `design` makes them.
+    compensators : sequence of str, optional
+    executor : concurrent.futures.Executor, optional
+        Where units are computed; default: all cores.
+    progress : callable, optional
+        Callback(completed, total), in units.
+
+    Raises
+    ------
+    InputError
+        If neither or both of `over` and `samples` are given, or the folder holds another sweep.
+    """
+    if bool(over) == (samples > 0):
+        raise InputError("a sweep needs either --over KEY=FROM:TO:COUNT or --samples N, and not both")
+    names = tuple(each.name for each in map(compensator, compensators))
+    random = samples > 0
+    keys = FACTORS if random else tuple(axis.key for axis in over)
+    units = random_units(scenario, samples) if random else grid_units(scenario, tuple(over))
+    axes = [[axis.key, axis.values[0], axis.values[-1], len(axis.values)] for axis in over]
+    plan: dict[str, object] = {
+        "scenario_hash": scenario_hash(scenario),
+        "samples": samples,
+        "over": axes,
+        "compensators": list(names),
+    }
+    store = Store(Path(folder), plan)
+    done = store.read(len(keys))
+    left = [unit for unit in units if unit.index not in done]
+    progress(len(done), len(units))
+    profiles = _nominal(scenario, [compensator(name) for name in names]) if random else None
+    pieces = [left[k : k + _UNITS_OF_JOB] for k in range(0, len(left), _UNITS_OF_JOB)]
+    for start in range(0, len(pieces), _JOBS_OF_WAVE):
+        jobs = [
+            Job(units=tuple(piece), compensators=names, profiles=profiles)
+            for piece in pieces[start : start + _JOBS_OF_WAVE]
+        ]
+        found = [row for result in run_jobs(run_job, jobs, executor=executor) for row in result.require()]
+        store.add(found)
+        done |= {row.index: row for row in found}
+        progress(len(done), len(units))
+    options = f"--samples {samples} --from robust"
+    if not random:
+        options = " ".join(f"--over {a.key}={a.values[0]:g}:{a.values[-1]:g}:{len(a.values)}" for a in over)
+    return Sweep(
+        scenario=scenario,
+        options=options,
+        keys=keys,
+        compensators=names,
+        rows=tuple(done[unit.index] for unit in units),
+        budget=_budget(scenario, names, profiles) if profiles is not None else (),
+        is_random=random,
+    )
+
+
+def _nominal(scenario: Scenario, compensators: Sequence[Compensator]) -> tuple[Profile, ...]:
+    """The profiles that `design` makes for the scenario."""
+    problem = Problem.of(scenario, reference=sample_reference(scenario, strict=False))
+    return tuple(each.profile(problem).require() for each in compensators)
+
+
+def _budget(
+    scenario: Scenario, names: tuple[str, ...], profiles: tuple[Profile, ...]
+) -> tuple[tuple[str, float, float, tuple[float, ...], tuple[float, ...]], ...]:
+    """What each parameter costs alone: errors at both ends of its range."""
+    robust, found = scenario.robust, []
+    widths = (robust.mu, robust.stiffness, robust.bristle_stiffness)
+    for k, (key, width) in enumerate(zip(FACTORS, widths, strict=True)):
+        if width == 0:
+            continue
+        ends = []
+        for factor in (1 - width, 1 + width):
+            factors = [1.0, 1.0, 1.0]
+            factors[k] = factor
+            sample = transmission_at(scenario.transmission, tuple(factors))
+            varied = replace(scenario, robust=Uncertainty(), transmission=sample.transmission)
+            unit = Unit(index=0, values=factors_of(sample), scenario=varied)
+            ends.append(_score(unit, Job(units=(unit,), compensators=names, profiles=profiles)).percent)
+        found.append((key, 1 - width, 1 + width, ends[0], ends[1]))
+    return tuple(found)

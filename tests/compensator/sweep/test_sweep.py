@@ -1,0 +1,138 @@
+"""Sweeps: what is stored is gone on with, wherever it is computed, and the numbers are those of single runs."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.inverse import Inverse
+from tendonff.compensator.compensators.score import SimulatedPlant, verify
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.scenario.reference import SineReference
+from tendonff.compensator.scenario.scenario import Scenario, load_scenario
+from tendonff.compensator.sweep import run
+from tendonff.compensator.sweep.plan import Axis, varied
+from tendonff.compensator.sweep.run import sweep
+from tendonff.models.uncertainty import Uncertainty
+
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
+NAMES = ("none", "inverse")
+
+
+@pytest.fixture(scope="module")
+def unsure() -> Scenario:
+    scenario = load_scenario(EXAMPLES / "finger.toml")
+    reference = scenario.reference
+    assert isinstance(reference, SineReference)
+    return replace(
+        scenario,
+        reference=replace(reference, duration_s=0.6),
+        run=replace(scenario.run, step_s=4e-3),
+        robust=Uncertainty(mu=0.2, stiffness=0.1),
+    )
+
+
+def test_a_sweep_that_was_killed_goes_on_and_equals_one_that_ran_through(
+    unsure: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = sweep(unsure, tmp_path / "whole", samples=40, compensators=NAMES)
+    whole.write(tmp_path / "whole")
+    monkeypatch.setattr(run, "_JOBS_OF_WAVE", 2)
+    waves = 0
+
+    def killed(done: int, _total: int) -> None:
+        nonlocal waves
+        waves += done > 0
+        if waves == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        sweep(unsure, tmp_path / "parts", samples=40, compensators=NAMES, progress=killed)
+    rows = tmp_path / "parts" / "rows.partial.csv"
+    stored = rows.read_text(encoding="utf-8")
+    assert stored.count("\n") == 24
+    rows.write_text(stored[:-7], encoding="utf-8")  # as if killed in the middle of a line
+    begun: list[int] = []
+    again = sweep(
+        unsure, tmp_path / "parts", samples=40, compensators=NAMES, progress=lambda done, _total: begun.append(done)
+    )
+    again.write(tmp_path / "parts")
+    assert begun[0] == 23
+    for name in ("samples.csv", "summary.json"):
+        assert (tmp_path / "parts" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
+def test_a_unit_scores_what_a_single_run_on_it_scores(unsure: Scenario, tmp_path: Path) -> None:
+    result = sweep(unsure, tmp_path / "s", samples=5, compensators=NAMES)
+    problem = Problem.of(replace(unsure, robust=Uncertainty()))
+    force, row = Inverse().profile(problem).force_N, result.rows[3]
+    friction = unsure.transmission.friction
+    unit = varied(
+        unsure,
+        ("friction.mu_dynamic", "friction.mu_static", "tendon.stiffness_N_per_m", "tendon.relaxing_stiffness_N_per_m"),
+        (
+            friction.mu_dynamic * row.values[0],
+            friction.mu_static * row.values[0],
+            unsure.transmission.tendon.stiffness_N_per_m * row.values[1],
+            unsure.transmission.tendon.relaxing_stiffness_N_per_m * row.values[1],
+        ),
+    ).transmission
+    alone = verify(unit, SimulatedPlant(level=problem.level), "inverse", force, problem.reference).score
+    assert row.percent[1] == pytest.approx(alone.rmse_percent_of_range, rel=1e-9)
+    assert row.percent[1] > 1
+
+
+def test_yields_and_quantiles_are_counts_of_the_rows(unsure: Scenario, tmp_path: Path) -> None:
+    result = sweep(unsure, tmp_path / "s", samples=12, compensators=NAMES)
+    errors = sorted(row.percent[1] for row in result.rows)
+    assert result.yield_of("inverse", errors[4]) == 4 / 12
+    assert result.quantiles("inverse")[-1] == errors[-1]
+    assert [entry[0] for entry in result.budget] == ["mu_factor", "stiffness_factor"]
+    mu, stiffness = ((entry[3][1], entry[4][1]) for entry in result.budget)
+    assert min(mu) > 10 * max(stiffness)  # friction is what feedforward lives and dies by
+
+
+def test_a_grid_designs_anew_at_every_point(unsure: Scenario, tmp_path: Path) -> None:
+    axes = (Axis.parse("friction.mu_dynamic=0.1:0.2:3"), Axis.parse("path.segments=2:4:2"))
+    result = sweep(unsure, tmp_path / "s", over=axes, compensators=NAMES)
+    assert [row.values for row in result.rows] == [
+        (mu, n) for mu in np.linspace(0.1, 0.2, 3).tolist() for n in (2.0, 4.0)
+    ]
+    assert max(row.percent[1] for row in result.rows) < 0.02  # one force for all would leave several %
+    assert result.rows[0].percent[0] < result.rows[4].percent[0]
+
+
+@pytest.mark.slow
+def test_a_dask_cluster_by_its_address_gives_the_same_rows(unsure: Scenario, tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    from tendonff.compensator.sweep.cluster import executor_of
+
+    here = sweep(unsure, tmp_path / "here", samples=8, compensators=NAMES)
+    with (
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster,
+        executor_of(cluster.scheduler_address) as executor,
+    ):
+        there = sweep(unsure, tmp_path / "there", samples=8, compensators=NAMES, executor=executor)
+    assert there.rows == here.rows
+
+
+def test_what_cannot_be_swept_is_refused_with_a_way_out(unsure: Scenario, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"write friction\.mu_dynamic=0\.15:0\.25:11"):
+        Axis.parse("mu=1")
+    with pytest.raises(InputError, match=r'no number "mu_dynamc", did you mean "mu_dynamic"'):
+        sweep(unsure, tmp_path / "a", over=[Axis(key="friction.mu_dynamc", values=(1.0,))])
+    with pytest.raises(InputError, match="whole number"):
+        sweep(unsure, tmp_path / "a", over=[Axis(key="path.segments", values=(1.5,))])
+    with pytest.raises(InputError, match="either --over"):
+        sweep(unsure, tmp_path / "a")
+    with pytest.raises(InputError, match=r"write \[robust\]"):
+        sweep(replace(unsure, robust=Uncertainty()), tmp_path / "a", samples=3)
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "thesis.tex").write_text("precious")
+    with pytest.raises(InputError, match="holds no sweep"):
+        sweep(unsure, tmp_path / "full", samples=3)
+    sweep(unsure, tmp_path / "b", samples=3, compensators=NAMES)
+    with pytest.raises(InputError, match="another sweep"):
+        sweep(unsure, tmp_path / "b", samples=4, compensators=NAMES)
