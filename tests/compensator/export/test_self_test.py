@@ -102,8 +102,10 @@ def test_a_checksum_is_that_of_the_published_function():
 
 @pytest.fixture(scope="module")
 def exported(examples):
-    """The slow example in both precisions; its rate limit binds."""
+    """The slow example in both precisions; its rate limit binds, and no bound of its is a float."""
     scenario = load_scenario(examples / "finger_fast.toml")
+    actuator = replace(scenario.transmission.actuator, force_max_N=202.6471, force_min_N=0.1)
+    scenario = replace(scenario, transmission=replace(scenario.transmission, actuator=actuator))
     profile = sample_reference(scenario).tension_N
     return {p: export_project(scenario, precision=p, profile_N=profile) for p in Precision}
 
