@@ -13,6 +13,7 @@ from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS, D
 from tendonff.compensator.design.robustness import robustness_summary
 from tendonff.compensator.files.writing import atomic_directory, write_csv
 from tendonff.compensator.reporting.folder import summary_head, write_pages
+from tendonff.compensator.scenario.joints import sample_joints
 from tendonff.ocp.tracking.result import Tracking
 
 
@@ -42,11 +43,17 @@ def profile_columns(result: DesignData) -> dict[str, FloatArray]:
     result : DesignData
     """
     forces = {f"force_{name}_N": force for name, force in result.forces_N.items()}
+    time = result.reference.time_s
+    motion = sample_joints(result.scenario, float(time[-1]))
+    joints = {}
+    if motion is not None:
+        joints = {f"joint_{name}_rad": q for name, q in zip(motion.names, motion.at(time).T, strict=True)}
     return {
         "time_s": result.reference.time_s,
         "reference_N": result.reference.tension_N,
         **forces,
         **drive_columns(result),
+        **joints,
     }
 
 

@@ -20,6 +20,7 @@ from tendonff.compensator.export.c_text import (
     accepted_range,
     c_modules,
     c_sources,
+    check_fixed_path,
     check_prefix,
     folder_files,
     measured,
@@ -116,6 +117,7 @@ def export_project(
         If there is no profile that may be exported, or nothing is better than no compensation; the message says why.
     """
     check_prefix(prefix)
+    check_fixed_path(scenario)
     if scenario.transmission.actuator.drive is Drive.POSITION:
         raise InputError(
             f'{scenario.source.name} [actuator]: drive = "position" is not exported yet; play a command column of '

@@ -57,6 +57,24 @@ _TEMPLATES = jinja2.Environment(  # noqa: S701 - C has no markup to escape
 )
 
 
+def check_fixed_path(scenario: Scenario) -> None:
+    """Refuse what cannot be printed for a controller yet: a path in sections, or one that moves.
+
+    Parameters
+    ----------
+    scenario : Scenario
+
+    Raises
+    ------
+    InputError
+    """
+    if scenario.transmission.path.sections or scenario.transmission.load.joint is not None:
+        raise InputError(
+            f"{scenario.source.name} [path]: a path in sections is not exported yet; play the profile of `design`, or "
+            "give total_angle_rad instead of [[path.sections]]"
+        )
+
+
 def check_prefix(prefix: str) -> str:
     """A prefix that every C and C++ compiler takes, or an error that says what is wrong.
 

@@ -42,6 +42,12 @@ def make_tables(
                 raise InputError(f"--{name}: every value must be a finite number > 0, got {value}")
     problem = Problem.of(scenario, level=level)
     transmission, reference = problem.transmission, problem.reference
+    if transmission.motion is not None and transmission.motion.moves:
+        raise InputError(
+            "no table can hold a path that moves: where the angle sits decides, not how much there is of it, and the "
+            "length changes too; use the exact inverse or the optimal profile of `tendonff design`, or hold the joints "
+            'with kind = "constant" for the table of one pose'
+        )
     own_angle, covered = transmission.path.total_angle_rad, table_range(problem)
     own = table_of(problem, bound_N=bound_N)
     tables = [AngleTable(built=own, total_angle_rad=own_angle)]
