@@ -56,14 +56,8 @@ class Chain:
     far_joint: tuple[str, float] | None = None
 
     @classmethod
-    def of(
-        cls,
-        transmission: Transmission,
-        level: Level,
-        segments: int | None = None,
-        motion: JointMotion | None = None,
-    ) -> "Chain":
-        """Chain of a transmission: the actuator acts on the near end, the load's spring holds the far end.
+    def of(cls, transmission: Transmission, level: Level, segments: int | None = None) -> "Chain":
+        """Chain of a transmission: the actuator acts on the near end, the load's spring or a joint holds the far end.
 
         Parameters
         ----------
@@ -71,24 +65,20 @@ class Chain:
         level : Level
         segments : int, optional
             Number of masses; default: the path's own.
-        motion : JointMotion, optional
-            Of the joints that sections and load name; without it they stand at zero.
 
         Raises
         ------
         ParameterError
             If a section or the load names a joint that does not move, or the path has no meaning under the motion.
         """
-        actuator, load = transmission.actuator, transmission.load
+        actuator, load, motion = transmission.actuator, transmission.load, transmission.motion
         if motion is not None and load.joint is not None and load.joint not in motion.names:
-            raise ParameterError(
-                f'the load names the joint "{load.joint}", which is not given; add [joints.{load.joint}]'
-            )
+            raise ParameterError(f'the load names the joint "{load.joint}", which does not move; give it a motion')
         return cls(
-            elements=elements_of(transmission, level, segments, motion),
-            motion=motion,
-            far_joint=None if load.joint is None else (load.joint, load.moment_arm_m),
+            elements=elements_of(transmission, level, segments),
             level=level,
+            motion=motion,
+            far_joint=None if load.joint is None else (load.joint, load.moment_arm_m or 0.0),
             near=End(mass_kg=actuator.mass_kg, damping_N_s_per_m=actuator.damping_N_s_per_m, stiffness_N_per_m=0.0),
             far=End(
                 mass_kg=load.mass_kg, damping_N_s_per_m=load.damping_N_s_per_m, stiffness_N_per_m=load.stiffness_N_per_m

@@ -17,7 +17,8 @@ from tendonff.models.friction import FrictionLaw, LuGreBristle
 from tendonff.models.layout import fields_of
 from tendonff.models.link import LinkLaw, ZenerLink
 from tendonff.models.parameters import Transmission
-from tendonff.models.path import Array, CutPath, JointMotion, Section, cut_path
+from tendonff.models.path import Array, CutPath, JointMotion, cut_path
+from tendonff.models.section import Section
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -198,9 +199,7 @@ def whole_of(transmission: Transmission, level: Level) -> Whole:
     )
 
 
-def elements_of(
-    transmission: Transmission, level: Level, segments: int | None = None, motion: JointMotion | None = None
-) -> Elements:
+def elements_of(transmission: Transmission, level: Level, segments: int | None = None) -> Elements:
     """Divide a transmission's tendon among its elements.
 
     Parameters
@@ -210,15 +209,13 @@ def elements_of(
         Fidelity level.
     segments : int, optional
         Number N of masses; default: the path's own.
-    motion : JointMotion, optional
-        Of the joints.
 
     Raises
     ------
     ParameterError
-        If there is no mass, or the path has no meaning under the motion.
+        If there is no mass, or the path has no meaning under the motion of its joints.
     """
     n = transmission.path.segments if segments is None else segments
     if not n >= 1:
         raise ParameterError(f"segments must be >= 1, got {n}; 6 is a good start")
-    return whole_of(transmission, level).divided(n, motion)
+    return whole_of(transmission, level).divided(n, transmission.motion)

@@ -8,14 +8,14 @@ Borghesan, Melchiorri, "Friction and Visco-Elasticity Effects in Tendon-based Tr
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar, Protocol, Self
+from typing import Any, ClassVar, Protocol, Self
 
 import casadi as ca
 import numpy as np
 
 from tendonff.models.assembly import NORMAL_FORCE_FLOOR_N
 from tendonff.models.bounds import at_least
-from tendonff.models.path import Section
+from tendonff.models.section import Section
 
 COEFFICIENT_FLOOR = 1e-12
 """Least equivalent coefficient in the bristle law [-]: lets a frictionless path run through the same expression."""
@@ -38,8 +38,8 @@ class FrictionLaw(Protocol):
     states: ClassVar[tuple[str, ...]]
 
     @property
-    def slip_coefficients(self) -> tuple[float, float]:
-        """Friction over normal force in fast steady slip, pulling and releasing [-]."""
+    def slip_coefficients(self) -> tuple[Any, Any]:
+        """Friction over normal force in fast steady slip, pulling and releasing [-]; arrays where masses differ."""
         ...
 
     @property
@@ -164,7 +164,7 @@ class LuGreBristle:
     viscous_N_s_per_m: ca.SX
 
     @property
-    def slip_coefficients(self) -> tuple[float, float]:
+    def slip_coefficients(self) -> tuple[Any, Any]:
         """The dynamic coefficients."""
         return self.mu_dynamic_pull, self.mu_dynamic_release
 

@@ -2,11 +2,15 @@
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from tendonff.models.drive import Drive, Motor
 from tendonff.models.errors import LARGEST, ParameterError
 from tendonff.models.errors import require as _require
-from tendonff.models.path import Section
+from tendonff.models.section import Section
+
+if TYPE_CHECKING:  # arrays: a scenario that is refused needs none
+    from tendonff.models.path import JointMotion
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -240,13 +244,14 @@ class Load:
     stiffness_N_per_m: float
     damping_N_s_per_m: float
     joint: str | None = None
-    moment_arm_m: float = 0.0
+    moment_arm_m: float | None = None
 
     def __post_init__(self) -> None:
-        if self.joint is not None and not (0 < abs(self.moment_arm_m) < math.inf):
-            raise ParameterError(
-                f"moment_arm_m must be finite and not 0 where a joint moves the far end, got {self.moment_arm_m}"
-            )
+        arm = self.moment_arm_m
+        if self.joint is not None and not (arm is not None and 0 < abs(arm) < math.inf):
+            raise ParameterError(f"moment_arm_m must be finite and not 0 where a joint moves the far end, got {arm}")
+        if self.joint is None and arm is not None:
+            raise ParameterError(f"moment_arm_m must be left out without a joint, got {arm}; name it with joint = ...")
         _require("mass_kg", self.mass_kg, above=0, hint="use the mass of the finger, tool or force cell")
         _require("stiffness_N_per_m", self.stiffness_N_per_m, above=0, hint="it carries the tension at rest")
         _require("damping_N_s_per_m", self.damping_N_s_per_m, least=0, hint="use 0 for none")
@@ -263,6 +268,8 @@ class Transmission:
     friction : Friction
     actuator : Actuator
     load : Load
+    motion : JointMotion, optional
+        What the joints do that sections and load name; without it they stand at zero.
     """
 
     path: Path
@@ -270,3 +277,4 @@ class Transmission:
     friction: Friction
     actuator: Actuator
     load: Load
+    motion: "JointMotion | None" = None

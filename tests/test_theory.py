@@ -19,6 +19,7 @@ from tendonff.models.fidelity import Level
 from tendonff.models.friction import LuGreBristle, equivalent_coefficient
 from tendonff.models.layout import ChainState
 from tendonff.models.link import ZenerLink
+from tendonff.models.path import Section, cut_path
 from tendonff.ocp.adaptation.bounds import CertifiedInterval
 from tendonff.ocp.adaptation.recursion import update_law
 from tendonff.ocp.inverse import invert
@@ -259,7 +260,28 @@ def test_the_optimal_profile_keeps_its_limits_and_is_better_than_the_clipped_inv
     assert np.all((best >= 0) & (best <= 200))
 
 
-@equation("7.1", "7.3")
+@equation("7.1", "7.2")
+def test_a_joint_changes_the_angles_of_its_section_and_the_lengths_of_the_links_across_it():
+    """Taut and without tension everywhere, the displacements of the bodies make room for what the path gains."""
+    sections = (
+        Section(name="hip", angle_rad=1.2, length_m=0.2),
+        Section(name="knee", angle_rad=0.9, length_m=0.15, joint="knee", angle_per_rad=1.0, length_per_rad_m=0.01),
+        Section(name="cuff", angle_rad=0.6, length_m=0.1),
+    )
+    cut = cut_path(sections, 6)
+    q = np.array([-1.2, -0.4, 0.0, 0.6])
+    rows = cut.at({"knee": q})
+    knee = cut.section_of == 1
+    assert rows.angle_rad[:, knee].sum(axis=1) == pytest.approx(np.maximum(0.9 + q, 0.0))
+    assert rows.angle_rad[:, ~knee].sum(axis=1) == pytest.approx(1.8)
+    assert rows.gained_m.sum(axis=1) == pytest.approx(0.01 * q)
+    assert (0.45 / rows.ratio).sum(axis=1) == pytest.approx(0.45 + 0.01 * q)
+    bodies = np.concatenate([np.zeros((4, 1)), np.cumsum(rows.gained_m, axis=1)], axis=1)  # q_1 .. from the actuator
+    elongation = bodies[:, :-1] - bodies[:, 1:] + rows.gained_m
+    assert elongation == pytest.approx(np.zeros_like(elongation), abs=1e-15)
+
+
+@equation("7.3")
 def test_contact_that_is_lost_takes_its_force_along_so_that_the_bound_survives():
     mu, phi, normal = 0.2, 0.9, 50.0
     force = float(equivalent_coefficient(mu, phi)) * normal  # sliding in full
@@ -349,8 +371,8 @@ def test_the_formulas_of_the_parameter_guide_agree_with_the_laws():
     assert gear**2 * inertia / drum**2 * tendon_speed**2 == pytest.approx(inertia * speed**2)  # the same energy
 
 
-# Checked where the packages hold them: the robust objective, the moving chain.
-ELSEWHERE = {"6.3": "ocp/tracking/test_robust.py", "7.2": "models"}
+# Checked where the packages hold it: the robust objective.
+ELSEWHERE = {"6.3": "ocp/tracking/test_robust.py"}
 
 
 def test_every_numbered_formula_has_its_check():

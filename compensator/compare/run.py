@@ -16,6 +16,7 @@ from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import SimulatedPlant, scale_N, score, simulate_profile
 from tendonff.compensator.compensators.uncertain import Doubt, doubt
 from tendonff.compensator.files.progress import Parts, Progress, silent
+from tendonff.compensator.scenario.joints import moved
 from tendonff.compensator.scenario.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import CapstanLaw
@@ -59,8 +60,8 @@ def compare(
     SolveError
         If a simulation fails.
     """
-    transmission = scenario.transmission
     reference = sample_reference(scenario)
+    transmission = moved(scenario, float(reference.time_s[-1]))
     warnings = list(reference.warnings)
     parts = Parts(progress, len(Level) * (len(compensators) + len(plants()) + 2))
     entries: list[Entry] = []

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.text import InputError
+from tendonff.compensator.scenario.joints import moved
 from tendonff.compensator.scenario.reference import Hold
 from tendonff.compensator.scenario.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
@@ -86,13 +87,15 @@ class Problem:
         options : TrackOptions, optional
             Default: those of the scenario.
         """
-        samples = sample_transmissions(scenario.transmission, scenario.robust)
+        reference = sample_reference(scenario) if reference is None else reference
+        transmission = moved(scenario, float(reference.time_s[-1]))
+        samples = sample_transmissions(transmission, scenario.robust)
         if len(samples) > 1 and scenario.reference.periodic:
             raise InputError(f"{scenario.source.name}: [robust] knows no periodic reference yet; leave one of them out")
         return cls(
-            transmission=scenario.transmission,
+            transmission=transmission,
             level=level or scenario.run.level,
-            reference=sample_reference(scenario) if reference is None else reference,
+            reference=reference,
             samples=samples if len(samples) > 1 else (),
             objective=scenario.robust.objective,
             options=options or TrackOptions(**scenario.optimal.given),  # type: ignore[arg-type]

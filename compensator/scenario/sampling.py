@@ -1,6 +1,7 @@
 """The desired tension at the far end, sampled on the grid of the run."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import assert_never
 
@@ -177,7 +178,7 @@ def _sample(scenario: Scenario) -> _Sampled:
             course = _sine(spec, time)
         case WaypointReference():
             time = _grid(spec.times_s[-1], step, file)
-            course = _waypoints(spec, time)
+            course = along_waypoints(spec.times_s, spec.values, spec.shape, time)
         case CsvReference():
             samples = read_samples(spec, scenario.source.parent / spec.file, step)
             time = _grid(float(samples.time_s[-1]), step, file)
@@ -275,16 +276,27 @@ def _sine(spec: SineReference, time: FloatArray) -> FloatArray:
     return result
 
 
-def _waypoints(spec: WaypointReference, time: FloatArray) -> FloatArray:
-    times, tensions = np.array(spec.times_s), np.array(spec.values)
-    if spec.shape is Shape.LINEAR:
-        straight: FloatArray = np.interp(time, times, tensions)
+def along_waypoints(
+    times_s: Sequence[float], waypoints: Sequence[float], shape: Shape, time_s: FloatArray
+) -> FloatArray:
+    """A course through waypoints, held beyond them.
+
+    Parameters
+    ----------
+    times_s, waypoints : sequence of float
+    shape : Shape
+    time_s : ndarray
+        Where it is wanted [s].
+    """
+    times, values, time = np.array(times_s), np.array(waypoints), time_s
+    if shape is Shape.LINEAR:
+        straight: FloatArray = np.interp(time, times, values)
         return straight
     # 10 u^3 - 15 u^4 + 6 u^5 is the lowest polynomial with zero velocity and acceleration at both ends: the pieces
     # join with two continuous derivatives, and each is monotone, so no piece leaves the range of its two waypoints.
     piece = np.clip(np.searchsorted(times, time, side="right") - 1, 0, len(times) - 2)
     u = np.clip((time - times[piece]) / (times[piece + 1] - times[piece]), 0.0, 1.0)
-    result: FloatArray = tensions[piece] + (tensions[piece + 1] - tensions[piece]) * u**3 * (10 - 15 * u + 6 * u * u)
+    result: FloatArray = values[piece] + (values[piece + 1] - values[piece]) * u**3 * (10 - 15 * u + 6 * u * u)
     return result
 
 

@@ -153,7 +153,7 @@ def toml_table(instance: object, name: str = "") -> str:
         Name of its own table, which those of the tables within begin with.
     """
     pairs = [(field.name, getattr(instance, field.name)) for field in dataclasses.fields(instance)]  # type: ignore[arg-type]
-    given = [(key, value) for key, value in pairs if value is not None]
+    given = [(key, value) for key, value in pairs if value not in (None, ())]
     inner = [(f"{name}.{key}", value) for key, value in given if dataclasses.is_dataclass(value)]
     lines = [f"{key} = {toml_value(value)}\n" for key, value in given if not dataclasses.is_dataclass(value)]
     return "".join(lines) + "".join(f"\n[{table}]\n{toml_table(value, table)}" for table, value in inner)

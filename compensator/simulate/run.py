@@ -21,6 +21,7 @@ from tendonff.compensator.files.quantities import (
 )
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.writing import open_csv
+from tendonff.compensator.scenario.joints import moved
 from tendonff.compensator.scenario.plausibility import questions
 from tendonff.compensator.scenario.sampling import initial_tension
 from tendonff.compensator.scenario.scenario import Scenario
@@ -148,7 +149,7 @@ def simulate_force(
             f"{profile.name}: {profile.time_s[-1]:g} s at step_s = {step:g} are {total} rows; use a larger step"
         )
     start_tension = initial_tension(scenario)
-    chain = Chain.of(scenario.transmission, level)
+    chain = Chain.of(moved(scenario, float(profile.time_s[-1])), level)
     actuator = scenario.transmission.actuator
     if profile.is_command:
         chain, drive = servo(chain, actuator, start_tension, profile.force_N)

@@ -219,10 +219,10 @@ def _record(folder: Specialiser, weights: Weights) -> str:
         *folder.coefficients.values(),
     ]
     lines = [
-        "/* What depends on the weight H [s] of the scheme: two rows for the first step (implicit Euler), two for each",
-        " * later step (second-order backward differences; `carry` is the share of the last change in the base), and",
-        " * two for each halving of a step, where there are any: for inner links, and for those at the ends, which are",
-        " * half as long. Fields are named after the law that needs them. */",
+        "/* What depends on the weight H [s] of the scheme: two rows for the first step (implicit Euler), two for",
+        " * every later step (second-order backward differences; `carry` is the share of the last change in the base),",
+        " * and two for each halving of a step, where there are any: for inner links, and for those at the ends, which",
+        " * are half as long. Fields are named after the law that needs them. */",
         "typedef struct {",
         *(f"    {real} {name};" for name in fields),
         f"}} {folder.prefix}_weights;",

@@ -164,7 +164,8 @@ def gauss_newton_model(
         Tensions that come this close to a bound are watched [N].
     """
     goal, bounds, n, k = problem.goal, problem.bounds, len(force_N), len(knots)
-    window = _memory(goal.reference_N, knots)
+    # A position remembers for ever: cut off, its slopes would jump and tell of speeds that are not there.
+    window = len(knots) if problem.limits.motion.binds else _memory(goal.reference_N, knots)
     _, slopes = power_mean(evaluation.squares, goal.power)
     hessian, gradient = np.zeros((k, k)), np.zeros(k)
     rows, lows, highs = [np.empty((0, k))], [np.empty(0)], [np.empty(0)]
@@ -191,7 +192,7 @@ def gauss_newton_model(
             lows.append(bounds.low_N - tension[at, link])
             highs.append(bounds.high_N - tension[at, link])
         if found.ends_slopes is not None and problem.limits.motion.binds:
-            for row, low, high in _motion_rows(problem, travel, found.ends_slopes[:, 0, :], reach_N):
+            for row, low, high in _motion_rows(problem, travel, found.ends_slopes[:, 0, :], knots):
                 rows.append(row)
                 lows.append(low)
                 highs.append(high)
@@ -256,7 +257,7 @@ _PIECE_ROWS = 10  # of so many successive rows, and all links, only the worst be
 
 
 def _motion_rows(
-    problem: TrackingProblem, travel_m: Array, slopes: Array, reach_N: float
+    problem: TrackingProblem, travel_m: Array, slopes: Array, knots: Knots
 ) -> list[tuple[Array, Array, Array]]:
     """Rows, low and high of the limits of the motion that come close: speed and travel, as tensions [N]."""
     motion, scale, h = problem.limits.motion, problem.newtons, problem.step_s
@@ -270,10 +271,11 @@ def _motion_rows(
     ):
         if not (np.isfinite(low) or np.isfinite(high)):
             continue
-        room = np.minimum(value - low, high - value) * unit
-        starts = range(1, len(value), _PIECE_ROWS)
-        at = np.array([start + int(np.argmin(room[start : start + _PIECE_ROWS])) for start in starts], dtype=np.int64)
-        at = at[room[at] < reach_N]
+        room = np.minimum(value - low, high - value)
+        apart = max(int(np.diff(knots).min()) // 2, 1)  # between two knots the speed may swing
+        starts = range(1, len(value), apart)
+        at = np.array([start + int(np.argmin(room[start : start + apart])) for start in starts], dtype=np.int64)
+        at = at[room[at] < _NEAR * min(abs(high), abs(low), max(float(np.ptp(value)), 1e-9))]
         if at.size:
             bounds = (np.nan_to_num((bound - value[at]) * unit, posinf=_FAR_N, neginf=-_FAR_N) for bound in (low, high))
             found.append((slope[at] * unit, *bounds))
@@ -281,6 +283,7 @@ def _motion_rows(
 
 
 _FAR_N = 1e9
+_NEAR = 0.5  # of a limit of the motion: what is this close to it is watched
 
 
 def _watched(tension_N: Array, bounds: TensionBounds, reach_N: float) -> Knots:

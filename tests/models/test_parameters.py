@@ -13,7 +13,17 @@ from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs, ChainState, StateLayout
 from tendonff.models.parameters import Transmission
 
-OTHER_RULES = ("segments", "motor", "drive", "travel_min_m", "travel_max_m", "servo_stiffness_N_per_m")
+OTHER_RULES = (
+    "segments",
+    "sections",
+    "joint",
+    "moment_arm_m",
+    "motor",
+    "drive",
+    "travel_min_m",
+    "travel_max_m",
+    "servo_stiffness_N_per_m",
+)
 PARTS = ("path", "tendon", "friction", "actuator", "load")
 
 

@@ -315,7 +315,7 @@ def unbalanced_rows(chain: Chain, run: Simulation, step_s: float) -> Array:
     return np.flatnonzero((defect > 1e-9 * bound).any(axis=1))
 
 
-@pytest.mark.parametrize("seed", [30, 113])
+@pytest.mark.parametrize("seed", [101, 113])
 def test_engines_agree_where_a_step_is_split_deeply(seed: int) -> None:
     """Into pieces down to 1/64 and 1/512 of the step, and longer ones after them; a tenth of the step agrees."""
     chain, force, step = random_rig(np.random.default_rng(seed))
