@@ -11,6 +11,7 @@ import numpy as np
 
 from tendonff.models.chain import Chain
 from tendonff.models.elements import Whole, whole_of
+from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.adaptation.recursion import covariance_names, update_law
@@ -56,6 +57,13 @@ class TunedChain:
     whole: Whole
     chain: Chain
     parameters: tuple[Tunable, ...]
+
+    def __post_init__(self) -> None:
+        if self.chain.moving:
+            raise ParameterError(
+                "[adaptation] needs a path of one section at rest: friction of sections or of a path that moves cannot "
+                "be tuned yet; leave [adaptation] out, or describe the path by total_angle_rad"
+            )
 
     @classmethod
     def of(

@@ -2,8 +2,10 @@
 
 import pytest
 
+from tendonff.compensator.adapt.run import adapt
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_to_toml
+from tendonff.models.errors import ParameterError
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable
 
 TABLE = """
@@ -64,3 +66,18 @@ def test_what_is_wrong_is_named_with_the_way_out(finger, old, new, text):
     with pytest.raises(InputError) as error:
         parse_scenario(finger + TABLE.replace(old, new, 1))
     assert text in str(error.value)
+
+
+def test_a_path_in_sections_is_refused_with_the_way_out(finger):
+    """Until the tuner knows paths that move: a message, not wrong numbers."""
+    head, _, rest = finger.partition("[path]")
+    _, _, rest = rest.partition("[tendon]")
+    sections = "".join(
+        f'[[path.sections]]\nname = "{name}"\nangle_rad = {angle}\nlength_m = 0.05\n{more}\n'
+        for name, angle, more in (("arm", 1.2, ""), ("elbow", 0.9, 'joint = "elbow"\nangle_per_rad = 1.0'))
+    )
+    motion = "offset_rad = 0.0\namplitudes_rad = [0.3]\nfrequencies_Hz = [0.7]\nfade_in_s = 0.5\n"
+    joint = f'[joints.elbow]\nkind = "sine"\n{motion}'
+    text = f"{head}[path]\nsegments = 6\n{sections}{joint}\n[tendon]{rest}{TABLE}"
+    with pytest.raises(ParameterError, match=r"needs a path of one section at rest.*leave \[adaptation\] out"):
+        adapt(parse_scenario(text))
