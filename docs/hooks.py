@@ -4,6 +4,7 @@ import re
 import runpy
 import shutil
 import tempfile
+from functools import cache
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -35,10 +36,17 @@ def on_files(files: "Files", config: "MkDocsConfig") -> "Files":
     config : MkDocsConfig
     """
     for script in sorted((ROOT / "docs" / "figures").glob("*.py")):
-        with tempfile.TemporaryDirectory() as folder:
-            (svg,) = save_figure(runpy.run_path(str(script))["draw"](), Path(folder) / script.stem, ("svg",))
-            files.append(File.generated(config, f"figures/{svg.name}", content=svg.read_text(encoding="utf-8")))
+        svg = _drawn(script, script.stat().st_mtime_ns)
+        files.append(File.generated(config, f"figures/{script.stem}.svg", content=svg))
     return files
+
+
+@cache
+def _drawn(script: Path, _changed: int) -> str:
+    """A figure as SVG; while pages are served, drawn again only when its script changes."""
+    with tempfile.TemporaryDirectory() as folder:
+        (svg,) = save_figure(runpy.run_path(str(script))["draw"](), Path(folder) / script.stem, ("svg",))
+        return svg.read_text(encoding="utf-8")
 
 
 def on_page_markdown(markdown: str, **_: object) -> str:

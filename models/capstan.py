@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Transmission
+from tendonff.models.section import Section
 
 Array = NDArray[np.float64]
 
@@ -54,6 +55,13 @@ def _play_history(start: float, low: Array, high: Array) -> Array:
         span *= 2
     held: Array = np.clip(start, low, high)
     return held
+
+
+def _section_exponent(section: Section, own: float | None, usual: float) -> float:
+    """Mu phi of a section at joint angle zero."""
+    if section.bearing_exponent is not None:
+        return section.bearing_exponent
+    return (usual if own is None else own) * section.angle_rad
 
 
 def _shape(exponent: float) -> float:
@@ -98,10 +106,13 @@ class CapstanLaw:
         ----------
         transmission : Transmission
         """
-        friction, theta = transmission.friction, transmission.path.total_angle_rad
+        friction, parts = transmission.friction, transmission.path.parts
+        pull = math.fsum(_section_exponent(part, part.mu_dynamic, friction.mu_dynamic) for part in parts)
+        back = [part.mu_dynamic if part.mu_dynamic_release is None else part.mu_dynamic_release for part in parts]
+        release = (_section_exponent(*pair, friction.release_dynamic) for pair in zip(parts, back, strict=True))
         return cls(
-            pull_exponent=friction.mu_dynamic * theta,
-            release_exponent=friction.release_dynamic * theta,
+            pull_exponent=pull,
+            release_exponent=math.fsum(release),
             adhesion_N=friction.adhesion_N,
         )
 

@@ -13,6 +13,7 @@ act (force f_c, k_c = 0) or load (k_c > 0 towards the rest position x_c). Fig. 2
 2010).
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -20,11 +21,13 @@ import numpy as np
 
 from tendonff.models.assembly import End, end_force, normal_force, path_force
 from tendonff.models.elements import Elements, elements_of
+from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.friction import FrictionLaw
 from tendonff.models.layout import INPUT_NAMES, ChainState, StateLayout, fields_of
 from tendonff.models.link import LinkLaw, tendon_force
 from tendonff.models.parameters import Transmission
+from tendonff.models.path import ANGLE_FLOOR_RAD, Array, JointMotion, PathRows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,16 +42,22 @@ class Chain:
         Fidelity level the elements were made for.
     near, far : End
         The actuator's end and the load's end.
+    motion : JointMotion, optional
+        What the joints of a moving path do.
+    far_joint : tuple of str and float, optional
+        Joint that moves the far end, and its moment arm [m].
     """
 
     elements: Elements
     level: Level
     near: End
     far: End
+    motion: JointMotion | None = None
+    far_joint: tuple[str, float] | None = None
 
     @classmethod
     def of(cls, transmission: Transmission, level: Level, segments: int | None = None) -> "Chain":
-        """Chain of a transmission: the actuator acts on the near end, the load's spring holds the far end.
+        """Chain of a transmission: the actuator acts on the near end, the load's spring or a joint holds the far end.
 
         Parameters
         ----------
@@ -56,11 +65,20 @@ class Chain:
         level : Level
         segments : int, optional
             Number of masses; default: the path's own.
+
+        Raises
+        ------
+        ParameterError
+            If a section or the load names a joint that does not move, or the path has no meaning under the motion.
         """
-        actuator, load = transmission.actuator, transmission.load
+        actuator, load, motion = transmission.actuator, transmission.load, transmission.motion
+        if motion is not None and load.joint is not None and load.joint not in motion.names:
+            raise ParameterError(f'the load names the joint "{load.joint}", which does not move; give it a motion')
         return cls(
             elements=elements_of(transmission, level, segments),
             level=level,
+            motion=motion,
+            far_joint=None if load.joint is None else (load.joint, load.moment_arm_m or 0.0),
             near=End(mass_kg=actuator.mass_kg, damping_N_s_per_m=actuator.damping_N_s_per_m, stiffness_N_per_m=0.0),
             far=End(
                 mass_kg=load.mass_kg, damping_N_s_per_m=load.damping_N_s_per_m, stiffness_N_per_m=load.stiffness_N_per_m
@@ -80,15 +98,51 @@ class Chain:
         """Number N of masses on the path."""
         return self.elements.count
 
+    def at_rest(self, angle_rad: Array | None = None) -> "Chain":
+        """The same chain with joints that stand still, at given angles or at those of the start.
+
+        Parameters
+        ----------
+        angle_rad : ndarray, shape (joints,), optional
+        """
+        if self.motion is None:
+            return self
+        return replace(self, motion=self.motion.held(self.motion.angle_rad[0] if angle_rad is None else angle_rad))
+
+    @property
+    def moving(self) -> bool:
+        """Whether masses differ from one another or from one instant to the next."""
+        return self.motion is not None or not self.elements.uniform or self.far_joint is not None
+
     @property
     def link(self) -> LinkLaw:
-        """Law of one link."""
+        """Law of the whole tendon as a link; one of its links is `link.shortened(ratio)`."""
         return self.elements.link
 
     @property
     def friction(self) -> FrictionLaw:
-        """Friction law of one mass on the path."""
+        """Friction law of one mass on the path, at joint angle zero."""
         return self.elements.friction
+
+    def path_at(self, time_s: Array) -> PathRows:
+        """Where the path is at instants.
+
+        Parameters
+        ----------
+        time_s : ndarray, shape (rows,)
+        """
+        path = self.elements.path
+        if self.motion is None:
+            rows, n = path.at(), len(time_s)
+            return PathRows(
+                angle_rad=np.repeat(rows.angle_rad, n, axis=0),
+                ratio=np.repeat(rows.ratio, n, axis=0),
+                gained_m=np.repeat(rows.gained_m, n, axis=0),
+                far_m=np.zeros(n),
+            )
+        joints = dict(zip(self.motion.names, self.motion.at(time_s).T, strict=True))
+        far = None if self.far_joint is None else -self.far_joint[1] * joints[self.far_joint[0]]
+        return path.at(joints, far)
 
     @property
     def layout(self) -> StateLayout:
@@ -96,12 +150,26 @@ class Chain:
         return StateLayout(count=self.count, link_states=self.link.states, friction_states=self.friction.states)
 
     def numbers(self) -> dict[str, float]:
-        """Every parameter by name: the one record that generated C and sensitivities follow."""
+        """Every parameter by name: the one record that generated C and sensitivities follow.
+
+        Where masses differ (`moving`), the largest; `of_masses` has them all.
+        """
         e = self.elements
         records = {"piece_": e.piece, "friction_": e.friction, "link_": e.link, "near_": self.near, "far_": self.far}
-        return {name: value for prefix, record in records.items() for name, value in fields_of(record, prefix).items()}
+        every = {name: value for prefix, record in records.items() for name, value in fields_of(record, prefix).items()}
+        return {name: np.max(value) if isinstance(value, np.ndarray) else value for name, value in every.items()}
 
-    def rest_state(self, tension_N: float, far_rest_position_m: float = 0.0) -> ChainState:
+    def of_masses(self) -> dict[str, Array]:
+        """What differs from mass to mass, each of shape (N,): for chains that are not all alike."""
+        e = self.elements
+        known = {
+            "piece_mass_kg": e.piece.mass_kg,
+            "length_share": e.path.length_share,
+            **fields_of(e.contact, "contact_"),
+        }
+        return {name: np.broadcast_to(np.asarray(value, float), (self.count,)) for name, value in known.items()}
+
+    def rest_state(self, tension_N: float, far_rest_position_m: float = 0.0, time_s: float = 0.0) -> ChainState:
         """At rest under uniform tension: f_s = 0, e as long as the tension needs, the far spring carries T0.
 
         Parameters
@@ -110,6 +178,8 @@ class Chain:
             T0 [N].
         far_rest_position_m : float
             x_c2 [m].
+        time_s : float, optional
+            When: it decides where the joints stand.
 
         Returns
         -------
@@ -117,15 +187,18 @@ class Chain:
             With q_l = x_c2 + T0/k_c2 (0 offset where k_c2 = 0, a far motor that acts with f_c2 = T0).
         """
         n, k_far = self.count, self.far.stiffness_N_per_m
-        stretch, states = self.link.rest(tension_N)
-        q_far = far_rest_position_m + (tension_N / k_far if k_far > 0 else 0.0)
+        ratio = self.path_at(np.array([time_s])).ratio[0]
+        stretch, states = self.link.shortened(ratio).rest(tension_N)
+        on_spring = k_far > 0 and self.far_joint is None
+        q_far = far_rest_position_m + (tension_N / k_far if on_spring else 0.0)
         return ChainState(
             velocity_m_per_s=np.zeros(n + 2),
-            elongation_m=np.full(n + 1, stretch),
-            link=np.repeat(np.array(states, dtype=np.float64)[:, None], n + 1, axis=1),
+            elongation_m=stretch,
+            link=np.array(states, dtype=np.float64).reshape(len(self.link.states), n + 1),
             friction=np.zeros((len(self.friction.states), n)),
-            near_position_m=q_far + stretch * (n + 1),
+            near_position_m=q_far + math.fsum(stretch),
             far_position_m=q_far,
+            time_s=time_s,
         )
 
 
@@ -139,6 +212,10 @@ class ChainEquations:
         In the order of `StateLayout`.
     inputs : ca.SX, shape (4, 1)
         In the order of `INPUT_NAMES`.
+    place : ca.SX, shape (3 N + 3, 1)
+        A row of `PathRows.table`.
+    place_rate : ca.SX, shape (3 N + 3, 1)
+        Its time derivative.
     rate : ca.SX, shape (size, 1)
         Time derivative of `state`.
     tension_N : ca.SX, shape (N + 1, 1)
@@ -147,6 +224,8 @@ class ChainEquations:
 
     state: ca.SX
     inputs: ca.SX
+    place: ca.SX
+    place_rate: ca.SX
     rate: ca.SX
     tension_N: ca.SX
 
@@ -162,14 +241,18 @@ def chain_equations(chain: Chain) -> ChainEquations:
     -------
     ChainEquations
     """
-    n, layout, piece, friction, link = chain.count, chain.layout, chain.elements.piece, chain.friction, chain.link
+    n, layout, piece = chain.count, chain.layout, chain.elements.piece
     state = ca.SX.sym("x", layout.size)
     inputs = ca.SX.sym("u", len(INPUT_NAMES))
+    place, place_rate = ca.SX.sym("place", 3 * n + 3), ca.SX.sym("place_rate", 3 * n + 3)
+    angle_rate, _, gained_rate, far_rate = ca.vertsplit(place_rate, [0, n, 2 * n + 1, 3 * n + 2, 3 * n + 3])
     f_c1, x_c1, f_c2, x_c2 = ca.vertsplit(inputs)
     v, e, *own, q_a, q_l = ca.vertsplit(state, layout.cuts)
+    friction, link = laws_at(chain, place)
     links, masses = tuple(own[: len(link.states)]), tuple(own[len(link.states) :])
 
-    e_rate = v[:-1] - v[1:]
+    v_far = v[n + 1] if chain.far_joint is None else far_rate
+    e_rate = ca.vertcat(v[:-2] - v[1:-1], v[n] - v_far) + (gained_rate if chain.moving else 0)
     f = tendon_force(link.unclipped_force(e, e_rate, links))
     on_path = v[1:-1]
     f_n = normal_force(f[:-1], f[1:], piece.adhesion_N)
@@ -177,14 +260,45 @@ def chain_equations(chain: Chain) -> ChainEquations:
 
     near, far = chain.near, chain.far
     near_force = end_force(v[0], q_a, f[0], -1, f_c1, x_c1, near)
-    far_force = end_force(v[n + 1], q_l, f[n], 1, f_c2, x_c2, far)
-    masses_rate = path_force(f[:-1], f[1:], f_f) / piece.mass_kg
+    far_force = end_force(v[n + 1], q_l, f[n], 1, f_c2, x_c2, far) if chain.far_joint is None else 0
+    masses_rate = path_force(f[:-1], f[1:], f_f) / ca.DM(piece.mass_kg)
+    own_rate = friction.rate(on_path, masses, f_n)
+    if chain.moving:  # contact that is lost takes its bristle force along
+        lost = ca.fmin(angle_rate, 0) / ca.fmax(place[:n], ANGLE_FLOOR_RAD)
+        own_rate = tuple(rate + lost * state for rate, state in zip(own_rate, masses, strict=True))
+    accelerations = (near_force / near.mass_kg, masses_rate, far_force / far.mass_kg)
     return ChainEquations(
         state=state,
         inputs=inputs,
-        rate=ca.vertcat(
-            *(near_force / near.mass_kg, masses_rate, far_force / far.mass_kg, e_rate),
-            *(*link.rate(e, links), *friction.rate(on_path, masses, f_n), v[0], v[n + 1]),
-        ),
+        place=place,
+        place_rate=place_rate,
+        rate=ca.vertcat(*accelerations, e_rate, *link.rate(e, links), *own_rate, v[0], v_far),
         tension_N=f,
     )
+
+
+def laws_at(chain: Chain, place: ca.SX) -> tuple[FrictionLaw, LinkLaw]:
+    """Laws of the masses and of the links where the path stands.
+
+    Parameters
+    ----------
+    chain : Chain
+    place : ca.SX, shape (3 N + 3, 1)
+        A row of `PathRows.table`; without use where nothing moves.
+
+    Returns
+    -------
+    friction : FrictionLaw
+    link : LinkLaw
+        Their fields are numbers, or one for each mass and link.
+    """
+    e, n = chain.elements, chain.count
+    if not chain.moving:
+        return e.friction, e.link.shortened(ca.DM(e.ratio))
+    columns = {
+        name: ca.DM(value) if isinstance(value, np.ndarray) else value for name, value in fields_of(e.contact).items()
+    }
+    angle, ratio = place[:n], place[n : 2 * n + 1]
+    contact: FrictionLaw = replace(e.contact, **columns)  # type: ignore[type-var]
+    share = e.angle_share(angle)
+    return contact.on_piece(angle, share, ca.DM(e.path.length_share)), e.link.shortened(ratio)

@@ -7,34 +7,67 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
+import casadi as ca
+import numpy as np
+
 from tendonff.models.assembly import Piece
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.friction import FrictionLaw, LuGreBristle
+from tendonff.models.layout import fields_of
 from tendonff.models.link import LinkLaw, ZenerLink
 from tendonff.models.parameters import Transmission
+from tendonff.models.path import Array, CutPath, JointMotion, cut_path
+from tendonff.models.section import Section
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Elements:
-    """The transmission divided among N masses and N + 1 links; all per element, SI units.
+    """The transmission divided among N masses and N + 1 links; SI units.
 
     Parameters
     ----------
-    count : int
-        Number N of masses on the path.
+    path : CutPath
+        Who gets which angle and which length.
     piece : Piece
-        m/N, and p.
+        Mass of one mass on the path, or of each, shape (N,); and p.
+    contact : FrictionLaw
+        Law of the whole, or for each mass that of its section: fields are numbers, or arrays of shape (N,).
     friction : FrictionLaw
-        Of one mass.
+        Of one mass at joint angle zero, or of each.
     link : LinkLaw
-        Of one link.
+        Of the whole; a link is `link.shortened(ratio)`.
+    ratio : ndarray, shape (N + 1,)
+        Length of the whole over that of each link at joint angle zero [-].
     """
 
-    count: int
+    path: CutPath
     piece: Piece
+    contact: FrictionLaw
     friction: FrictionLaw
     link: LinkLaw
+    ratio: Array
+
+    @property
+    def count(self) -> int:
+        """Number N of masses on the path."""
+        return self.path.count
+
+    @property
+    def uniform(self) -> bool:
+        """All masses are alike."""
+        return len(self.path.sections) == 1
+
+    def angle_share(self, angle_rad: Any) -> Any:
+        """Share of the contact that a piece has [-]: phi_i/theta; by length where the path is straight at rest.
+
+        Parameters
+        ----------
+        angle_rad : float, ndarray or ca.SX
+            phi_i [rad].
+        """
+        total = self.path.total_angle_rad
+        return angle_rad / total if total > 0 else self.path.length_share
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,8 +76,10 @@ class Whole:
 
     Parameters
     ----------
-    total_angle_rad : float
-        theta [rad].
+    sections : tuple of Section
+        The path, one section or several.
+    radius_m : float or None
+        Gives lengths to sections that have none.
     piece : Piece
         m, p.
     friction : FrictionLaw
@@ -53,7 +88,8 @@ class Whole:
         With k2 = 0 where the level's link does not relax.
     """
 
-    total_angle_rad: float
+    sections: tuple[Section, ...]
+    radius_m: float | None
     piece: Piece
     friction: FrictionLaw
     link: LinkLaw
@@ -88,20 +124,47 @@ class Whole:
                 return where, record
         raise KeyError(name)
 
-    def divided(self, n: int) -> Elements:
+    def divided(self, n: int, motion: JointMotion | None = None) -> Elements:
         """Divide the tendon among N masses and N + 1 links: the only place that knows how.
+
+        Masses sit in the middle of equal pieces of a section; links reach from middle to middle, half a piece at the
+        ends. Mass and viscous friction go by length, bristles by wrap angle.
 
         Parameters
         ----------
         n : int
             N.
+        motion : JointMotion, optional
+            Of the joints: masses go where the tendon ever touches.
         """
+        path = cut_path(self.sections, n, self.radius_m, motion)
+        rows = path.at()
+        if len(self.sections) == 1:
+            phi, share, contact = self.sections[0].angle_rad / n, 1 / n, self.friction.in_section(self.sections[0])
+            friction, mass = contact.on_piece(phi, share, share), self.piece.mass_kg / n
+        else:
+            laws = [self.friction.in_section(self.sections[k]) for k in path.section_of]
+            columns = {name: _column([getattr(law, name) for law in laws]) for name in fields_of(self.friction)}
+            contact = replace(self.friction, **columns)  # type: ignore[type-var]
+            phi_i, total = rows.angle_rad[0], path.total_angle_rad
+            angle_share = phi_i / total if total > 0 else path.length_share
+            friction = contact.on_piece(phi_i, angle_share, path.length_share)
+            mass = self.piece.mass_kg * path.length_share
         return Elements(
-            count=n,
-            piece=replace(self.piece, mass_kg=self.piece.mass_kg / n),
-            friction=self.friction.on_piece(self.total_angle_rad / n, n),
-            link=self.link.shortened(n + 1),
+            path=path,
+            piece=replace(self.piece, mass_kg=mass),
+            contact=contact,
+            friction=friction,
+            link=self.link,
+            ratio=rows.ratio[0],
         )
+
+
+def _column(values: list[Any]) -> Any:
+    """Numbers as an array, symbols as a column."""
+    if any(isinstance(value, ca.SX) for value in values):
+        return ca.vertcat(*values)
+    return np.array(values)
 
 
 def whole_of(transmission: Transmission, level: Level) -> Whole:
@@ -115,7 +178,8 @@ def whole_of(transmission: Transmission, level: Level) -> Whole:
     tendon, friction, features = transmission.tendon, transmission.friction, level.features
     soft, stiff = friction.soft_bristle_stiffness_N_per_m, friction.bristle_stiffness_N_per_m
     return Whole(
-        total_angle_rad=transmission.path.total_angle_rad,
+        sections=transmission.path.parts,
+        radius_m=transmission.path.radius_m,
         piece=Piece(mass_kg=tendon.mass_kg, adhesion_N=friction.adhesion_N),
         friction=LuGreBristle(
             bristle_stiffness_N_per_m=soft if features.soft_bristle else stiff,
@@ -149,9 +213,9 @@ def elements_of(transmission: Transmission, level: Level, segments: int | None =
     Raises
     ------
     ParameterError
-        If there is no mass.
+        If there is no mass, or the path has no meaning under the motion of its joints.
     """
     n = transmission.path.segments if segments is None else segments
     if not n >= 1:
         raise ParameterError(f"segments must be >= 1, got {n}; 6 is a good start")
-    return whole_of(transmission, level).divided(n)
+    return whole_of(transmission, level).divided(n, transmission.motion)

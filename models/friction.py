@@ -8,12 +8,14 @@ Borghesan, Melchiorri, "Friction and Visco-Elasticity Effects in Tendon-based Tr
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar, Protocol, Self
+from typing import Any, ClassVar, Protocol, Self
 
 import casadi as ca
+import numpy as np
 
 from tendonff.models.assembly import NORMAL_FORCE_FLOOR_N
 from tendonff.models.bounds import at_least
+from tendonff.models.section import Section
 
 COEFFICIENT_FLOOR = 1e-12
 """Least equivalent coefficient in the bristle law [-]: lets a frictionless path run through the same expression."""
@@ -36,8 +38,8 @@ class FrictionLaw(Protocol):
     states: ClassVar[tuple[str, ...]]
 
     @property
-    def slip_coefficients(self) -> tuple[float, float]:
-        """Friction over normal force in fast steady slip, pulling and releasing [-]."""
+    def slip_coefficients(self) -> tuple[Any, Any]:
+        """Friction over normal force in fast steady slip, pulling and releasing [-]; arrays where masses differ."""
         ...
 
     @property
@@ -45,8 +47,12 @@ class FrictionLaw(Protocol):
         """Speed about which friction falls, so that slow sliding may be unstable [m/s]; None where it does not."""
         ...
 
-    def on_piece(self, angle_rad: ca.SX, pieces: ca.SX) -> Self:
-        """The law of one of `pieces` equal elements, each with wrap angle `angle_rad`."""
+    def in_section(self, section: Section) -> Self:
+        """The whole's law with the coefficients of one section."""
+        ...
+
+    def on_piece(self, angle_rad: ca.SX, angle_share: ca.SX, length_share: ca.SX) -> Self:
+        """The law of one element: its wrap angle phi, and its shares of the whole's angle and length."""
         ...
 
     def aliases(self) -> Mapping[str, str]:
@@ -86,7 +92,12 @@ def equivalent_coefficient(mu: ca.SX, angle_rad: ca.SX) -> ca.SX:
     angle_rad : float or ca.SX
         phi, the element's wrap angle [rad].
     """
-    return ca.tanh(mu * angle_rad / 2)
+    half = mu * angle_rad / 2
+    return np.tanh(half) if isinstance(half, np.ndarray) else ca.tanh(half)
+
+
+def _ratio(static: ca.SX, dynamic: ca.SX) -> ca.SX:
+    return static / dynamic if isinstance(dynamic, ca.SX) or dynamic > 0 else 1.0
 
 
 def from_far_side(law: FrictionLaw, v: ca.SX, base: States, step_s: ca.SX, far_sum: ca.SX) -> States:
@@ -153,15 +164,17 @@ class LuGreBristle:
     viscous_N_s_per_m: ca.SX
 
     @property
-    def slip_coefficients(self) -> tuple[float, float]:
+    def slip_coefficients(self) -> tuple[Any, Any]:
         """The dynamic coefficients."""
         return self.mu_dynamic_pull, self.mu_dynamic_release
 
     @property
     def weakening_speed_m_per_s(self) -> float | None:
         """The Stribeck velocity, where static and dynamic coefficients differ in some direction."""
-        weakens = self.mu_static_pull != self.mu_dynamic_pull or self.mu_static_release != self.mu_dynamic_release
-        return float(self.stribeck_velocity_m_per_s) if weakens else None
+        same = np.all(self.mu_static_pull == self.mu_dynamic_pull) and np.all(
+            self.mu_static_release == self.mu_dynamic_release
+        )
+        return None if same else float(np.mean(self.stribeck_velocity_m_per_s))
 
     def aliases(self) -> Mapping[str, str]:
         """The static coefficients, where friction does not fall with speed: an exponential takes most of a step."""
@@ -169,24 +182,54 @@ class LuGreBristle:
             return {}
         return {"mu_static_pull": "mu_dynamic_pull", "mu_static_release": "mu_dynamic_release"}
 
-    def on_piece(self, angle_rad: ca.SX, pieces: ca.SX) -> "LuGreBristle":
-        """The bristle of one of equal elements.
+    def in_section(self, section: Section) -> "LuGreBristle":
+        """The section's own coefficients where it has any; a pulley's bearing has one for both directions.
+
+        Parameters
+        ----------
+        section : Section
+        """
+        if section.bearing_exponent is not None:
+            bearing = section.bearing_exponent / section.angle_rad
+            return self._with_coefficients(bearing, bearing, bearing, bearing)
+        pull = self.mu_dynamic_pull if section.mu_dynamic is None else section.mu_dynamic
+        release = section.mu_dynamic_release
+        if release is None:
+            release = self.mu_dynamic_release if section.mu_dynamic is None else section.mu_dynamic
+        # The static excess of the whole stays where a section says nothing about it.
+        stick = pull * _ratio(self.mu_static_pull, self.mu_dynamic_pull)
+        stick_release = release * _ratio(self.mu_static_release, self.mu_dynamic_release)
+        return self._with_coefficients(
+            pull,
+            stick if section.mu_static is None else section.mu_static,
+            release,
+            stick_release if section.mu_static_release is None else section.mu_static_release,
+        )
+
+    def _with_coefficients(self, pull: ca.SX, stick: ca.SX, release: ca.SX, stick_release: ca.SX) -> "LuGreBristle":
+        return replace(
+            self,
+            mu_dynamic_pull=pull,
+            mu_static_pull=stick,
+            mu_dynamic_release=release,
+            mu_static_release=stick_release,
+        )
+
+    def on_piece(self, angle_rad: ca.SX, angle_share: ca.SX, length_share: ca.SX) -> "LuGreBristle":
+        """The bristle of one element: stiffness by contact, viscous friction by length.
 
         Parameters
         ----------
         angle_rad : float or ca.SX
             phi [rad].
-        pieces : float or ca.SX
-            Their number.
+        angle_share, length_share : float or ca.SX
+            Shares of the whole's wrap angle at rest and of its length [-].
         """
+        mus = (self.mu_dynamic_pull, self.mu_static_pull, self.mu_dynamic_release, self.mu_static_release)
         return replace(
-            self,
-            bristle_stiffness_N_per_m=self.bristle_stiffness_N_per_m / pieces,
-            mu_dynamic_pull=equivalent_coefficient(self.mu_dynamic_pull, angle_rad),
-            mu_static_pull=equivalent_coefficient(self.mu_static_pull, angle_rad),
-            mu_dynamic_release=equivalent_coefficient(self.mu_dynamic_release, angle_rad),
-            mu_static_release=equivalent_coefficient(self.mu_static_release, angle_rad),
-            viscous_N_s_per_m=self.viscous_N_s_per_m / pieces,
+            self._with_coefficients(*(equivalent_coefficient(mu, angle_rad) for mu in mus)),
+            bristle_stiffness_N_per_m=self.bristle_stiffness_N_per_m * angle_share,
+            viscous_N_s_per_m=self.viscous_N_s_per_m * length_share,
         )
 
     def coefficient(self, v: ca.SX) -> ca.SX:

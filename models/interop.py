@@ -59,7 +59,12 @@ def as_iosystem(chain: Chain, *, both_ends: bool = False, name: str = "tendon") 
     equations = chain_equations(chain)
     x, u = equations.state, ca.SX.sym("inputs", len(END_INPUTS) if both_ends else 1)
     full = u if both_ends else ca.vertcat(u, ca.SX.zeros(len(END_INPUTS) - 1))
-    derivative, tension = ca.substitute([equations.rate, equations.tension_N], [equations.inputs], [full])
+    place = ca.DM(chain.path_at(np.zeros(1)).table()[0])  # joints stand still
+    derivative, tension = ca.substitute(
+        [equations.rate, equations.tension_N],
+        [equations.inputs, equations.place, equations.place_rate],
+        [full, place, ca.DM.zeros(place.numel())],
+    )
     rate = ca.Function("rate", [x, u], [derivative])
     output = ca.Function("output", [x, u], [ca.vertcat(tension, x[-2], x[-1])])
 

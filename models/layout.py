@@ -104,6 +104,8 @@ class ChainState:
         The friction's own states; the bristle force f_s [N] with the paper's law.
     near_position_m, far_position_m : float
         q_a, q_l. The positions between them follow from the elongations, whose differences keep full precision.
+    time_s : float, optional
+        When: the joints of a moving path stand where they are then.
     """
 
     velocity_m_per_s: Array
@@ -112,6 +114,7 @@ class ChainState:
     friction: Array
     near_position_m: float
     far_position_m: float
+    time_s: float = 0.0
 
     @property
     def bristle_N(self) -> Array:
@@ -126,13 +129,14 @@ class ChainState:
         return np.concatenate(parts)
 
     @classmethod
-    def from_vector(cls, x: Array, layout: StateLayout) -> "ChainState":
+    def from_vector(cls, x: Array, layout: StateLayout, time_s: float = 0.0) -> "ChainState":
         """Inverse of `vector`.
 
         Parameters
         ----------
         x : ndarray, shape (size,)
         layout : StateLayout
+        time_s : float, optional
         """
         n, x = layout.count, np.array(x, dtype=np.float64)
         middle = x[layout.part("e").stop : -2]
@@ -144,6 +148,7 @@ class ChainState:
             friction=middle[border:].reshape(-1, n),
             near_position_m=float(x[-2]),
             far_position_m=float(x[-1]),
+            time_s=time_s,
         )
 
 

@@ -48,11 +48,11 @@ class Lineariser:
         equations = chain_equations(chain)
         x, u = equations.state, ca.SX.sym("force")
         full = ca.vertcat(u, ca.SX.zeros(len(INPUT_NAMES) - 1))
-        rate = ca.substitute(equations.rate, equations.inputs, full)
-        y = ca.vertcat(ca.substitute(equations.tension_N, equations.inputs, full), x[-2], x[-1])
+        rate, tension = ca.substitute([equations.rate, equations.tension_N], [equations.inputs], [full])
+        y, place, place_rate = ca.vertcat(tension, x[-2], x[-1]), equations.place, equations.place_rate
         jacobians = [ca.densify(ca.jacobian(expression, symbol)) for expression in (rate, y) for symbol in (x, u)]
-        self._matrices = ca.Function("linear", [x, u], jacobians)
-        self._layout = chain.layout
+        self._matrices = ca.Function("linear", [x, u, place, place_rate], jacobians)
+        self._chain, self._layout = chain, chain.layout
 
     def at(self, state: ChainState) -> LinearChain:
         """Linearise at a state.
@@ -67,7 +67,9 @@ class Lineariser:
         state : ChainState
             The chain is linear in the force, which therefore does not matter.
         """
-        a, b, c, d = (np.asarray(matrix) for matrix in self._matrices(state.vector(), 0.0))
+        place = self._chain.path_at(np.array([state.time_s])).table()[0]  # as if it stood still there
+        matrices = self._matrices(state.vector(), 0.0, place, np.zeros_like(place))
+        a, b, c, d = (np.asarray(matrix) for matrix in matrices)
         lift, kept = _independent(self._layout, a)
         names = self._layout.names
         return LinearChain(a=(a @ lift)[kept], b=b[kept], c=c @ lift, d=d, states=tuple(names[k] for k in kept))

@@ -2,21 +2,15 @@
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from tendonff.models.errors import ParameterError
+from tendonff.models.drive import Drive, Motor
+from tendonff.models.errors import LARGEST, ParameterError
+from tendonff.models.errors import require as _require
+from tendonff.models.section import Section
 
-LARGEST = 1e15
-"""Largest value of any quantity in SI units: larger ones come from a wrong unit and would overflow on the way."""
-
-
-def _require(name: str, value: float, *, above: float | None = None, least: float | None = None, hint: str) -> None:
-    """Refuse `value` unless it is finite and above / at least the bound; NaN fails every comparison."""
-    if above is not None and not (above < value < math.inf):
-        raise ParameterError(f"{name} must be a finite number > {above:g}, got {value}; {hint}")
-    if least is not None and not (least <= value < math.inf):
-        raise ParameterError(f"{name} must be a finite number >= {least:g}, got {value}; {hint}")
-    if value > LARGEST:
-        raise ParameterError(f"{name} must be at most {LARGEST:g}, got {value:g}; check its unit")
+if TYPE_CHECKING:  # arrays: a scenario that is refused needs none
+    from tendonff.models.path import JointMotion
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,19 +23,34 @@ class Path:
         Wrap angle theta: sum of the absolute bending angles [rad], >= 0.
     segments : int
         Number N of lumped masses, >= 1.
-    radius_m : float
-        Radius of curvature [m], > 0. It sets the length theta R; the friction does not depend on it.
+    radius_m : float, optional
+        Radius of curvature [m], > 0: for the record, neither friction nor motion depends on it.
+    sections : tuple of Section, optional
+        The path in parts, whose angles add up to theta; default: one arc.
     """
 
     total_angle_rad: float
     segments: int
-    radius_m: float
+    radius_m: float | None = None
+    sections: tuple[Section, ...] = ()
 
     def __post_init__(self) -> None:
         _require("total_angle_rad", self.total_angle_rad, least=0, hint="add up the absolute bending angles")
         if not (isinstance(self.segments, int) and 1 <= self.segments <= 10_000):
             raise ParameterError(f"segments must be a whole number from 1 to 10000, got {self.segments}; try 6")
-        _require("radius_m", self.radius_m, above=0, hint="give the bending radius in metres")
+        if self.radius_m is not None:
+            _require("radius_m", self.radius_m, above=0, hint="give the bending radius in metres")
+        total = math.fsum(section.angle_rad for section in self.sections)
+        if self.sections and abs(total - self.total_angle_rad) > 1e-9 * max(total, 1.0):
+            raise ParameterError(
+                f"total_angle_rad must be the sum of the sections' angles, {total:g}, got {self.total_angle_rad}; "
+                "leave it out"
+            )
+
+    @property
+    def parts(self) -> tuple[Section, ...]:
+        """The sections; one arc where none are given."""
+        return self.sections or (Section(name="path", angle_rad=self.total_angle_rad),)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,6 +171,16 @@ class Actuator:
         Range of the force [N], 0 <= force_min_N < force_max_N: a tendon cannot push.
     force_rate_max_N_per_s : float
         Largest rate of change of the force, either way [N/s], > 0.
+    speed_max_m_per_s : float, optional
+        Largest speed of its end, either way [m/s], > 0; default: none.
+    travel_min_m, travel_max_m : float, optional
+        Range of its position relative to the start [m], travel_min_m <= 0 <= travel_max_m; default: none.
+    drive : Drive, optional
+        What it is told: force (default) or position.
+    servo_stiffness_N_per_m : float, optional
+        Stiffness k_c1 of a position drive between its command x_c1 and its end [N/m], > 0.
+    motor : Motor, optional
+        Motor, gear and drum behind it; mass_kg, force_max_N and speed_max_m_per_s follow from them where left out.
     """
 
     mass_kg: float
@@ -169,6 +188,12 @@ class Actuator:
     force_min_N: float
     force_max_N: float
     force_rate_max_N_per_s: float
+    speed_max_m_per_s: float | None = None
+    travel_min_m: float | None = None
+    travel_max_m: float | None = None
+    drive: Drive = Drive.FORCE
+    servo_stiffness_N_per_m: float | None = None
+    motor: Motor | None = None
 
     def __post_init__(self) -> None:
         _require("mass_kg", self.mass_kg, above=0, hint="include the rotor's inertia over the drum radius squared")
@@ -178,11 +203,28 @@ class Actuator:
         if self.force_max_N <= self.force_min_N:
             raise ParameterError(f"force_max_N must be > force_min_N = {self.force_min_N:g}, got {self.force_max_N}")
         _require("force_rate_max_N_per_s", self.force_rate_max_N_per_s, above=0, hint="use 1e9 for none")
+        if self.speed_max_m_per_s is not None:
+            _require("speed_max_m_per_s", self.speed_max_m_per_s, above=0, hint="leave it out for none")
+        for name, side in (("travel_min_m", -1), ("travel_max_m", 1)):
+            value = getattr(self, name)
+            if value is not None and not (side * value >= 0 and abs(value) < LARGEST):
+                raise ParameterError(
+                    f"{name} must be a finite number {'<=' if side < 0 else '>='} 0, got {value}; "
+                    "it counts from the start at rest"
+                )
+        if self.drive is Drive.POSITION and self.servo_stiffness_N_per_m is None:
+            raise ParameterError(
+                'drive = "position" needs servo_stiffness_N_per_m: force at the end over the servo\'s position error'
+            )
+        if self.servo_stiffness_N_per_m is not None:
+            if self.drive is not Drive.POSITION:
+                raise ParameterError('servo_stiffness_N_per_m is for drive = "position"; add it, or leave this out')
+            _require("servo_stiffness_N_per_m", self.servo_stiffness_N_per_m, above=0, hint="from its data sheet")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Load:
-    """What the tendon pulls at its far end: a mass on a spring.
+    """What the tendon pulls at its far end: a mass on a spring, or a joint that moves it.
 
     Parameters
     ----------
@@ -192,13 +234,24 @@ class Load:
         Stiffness k_l towards the reference x_c2 [N/m], > 0: it carries the tension at rest.
     damping_N_s_per_m : float
         Viscous damping b_l [N s/m], >= 0.
+    joint : str, optional
+        A joint that moves the far end, which then neither hangs on the spring nor has a motion of its own.
+    moment_arm_m : float, optional
+        The far end stands at its start minus moment_arm_m times the joint's travel [m].
     """
 
     mass_kg: float
     stiffness_N_per_m: float
     damping_N_s_per_m: float
+    joint: str | None = None
+    moment_arm_m: float | None = None
 
     def __post_init__(self) -> None:
+        arm = self.moment_arm_m
+        if self.joint is not None and not (arm is not None and 0 < abs(arm) < math.inf):
+            raise ParameterError(f"moment_arm_m must be finite and not 0 where a joint moves the far end, got {arm}")
+        if self.joint is None and arm is not None:
+            raise ParameterError(f"moment_arm_m must be left out without a joint, got {arm}; name it with joint = ...")
         _require("mass_kg", self.mass_kg, above=0, hint="use the mass of the finger, tool or force cell")
         _require("stiffness_N_per_m", self.stiffness_N_per_m, above=0, hint="it carries the tension at rest")
         _require("damping_N_s_per_m", self.damping_N_s_per_m, least=0, hint="use 0 for none")
@@ -215,6 +268,8 @@ class Transmission:
     friction : Friction
     actuator : Actuator
     load : Load
+    motion : JointMotion, optional
+        What the joints do that sections and load name; without it they stand at zero.
     """
 
     path: Path
@@ -222,3 +277,4 @@ class Transmission:
     friction: Friction
     actuator: Actuator
     load: Load
+    motion: "JointMotion | None" = None

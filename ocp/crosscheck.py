@@ -255,30 +255,35 @@ class AdaptiveIntegrator:
         scale_N: float = 10.0,
     ) -> None:
         layout, equations = chain.layout, chain_equations(chain)
-        stretch = float(chain.link.rest(scale_N)[0])
+        self._chain = chain
+        stretch = float(chain.link.rest(scale_N)[0]) / (chain.count + 1)
         self._scale = np.full(layout.size, stretch)
         self._scale[layout.part("v")] = 1e-2
         for name in layout.friction_states:
             self._scale[layout.part(name)] = scale_N
         self._scale[-2:] = stretch * (chain.count + 1)
         self._solver, self._rows, self._step_s = solver, rows, step_s
-        y, t, force = ca.SX.sym("y", layout.size), ca.SX.sym("t"), ca.SX.sym("force", 3)
-        now = force[0] + force[1] * (t - force[2])  # force and slope at the row before, and its time
-        inputs = ca.vertcat(now, ca.SX.zeros(len(INPUT_NAMES) - 1))
+        count = 1 + equations.place.numel()  # force and path, with slopes at the row before, and its time
+        y, t, piece = ca.SX.sym("y", layout.size), ca.SX.sym("t"), ca.SX.sym("piece", 2 * count + 1)
+        slope = piece[count : 2 * count]
+        now = piece[:count] + slope * (t - piece[2 * count])
+        inputs = ca.vertcat(now[0], ca.SX.zeros(len(INPUT_NAMES) - 1))
         rate, tension = ca.substitute(
-            [equations.rate, equations.tension_N], [equations.state, equations.inputs], [self._scale * y, inputs]
+            [equations.rate, equations.tension_N],
+            [equations.state, equations.inputs, equations.place, equations.place_rate],
+            [self._scale * y, inputs, now[1:], slope[1:]],
         )
         grid = np.arange(rows + 1, dtype=np.float64) * step_s
         options = {"reltol": tolerance, "abstol": tolerance, "max_num_steps": 200_000}
         self._integrator = ca.integrator(
             "adaptive",
             solver.value,
-            {"t": t, "x": y, "u": force, "ode": rate / self._scale},
+            {"t": t, "x": y, "u": piece, "ode": rate / self._scale},
             0.0,
             grid[1:],
             options,
         )
-        self._tension = ca.Function("tension", [y, t, force], [tension], {"cse": True})
+        self._tension = ca.Function("tension", [y, t, piece], [tension], {"cse": True})
 
     def run(self, state: ChainState, force_N: Array) -> Array:
         """Tensions at the rows, the start included.
@@ -298,8 +303,8 @@ class AdaptiveIntegrator:
             If the integrator gives up.
         """
         time = np.arange(self._rows + 1, dtype=np.float64) * self._step_s
-        slope = np.diff(force_N) / self._step_s
-        pieces = np.stack([force_N[:-1], slope, time[:-1]])
+        values = np.column_stack([force_N, self._chain.path_at(state.time_s + time).table()]).T
+        pieces = np.vstack([values[:, :-1], np.diff(values) / self._step_s, time[:-1]])
         start = state.vector() / self._scale
         try:
             y = np.asarray(self._integrator(x0=start, u=pieces)["xf"])

@@ -120,7 +120,7 @@ def invert(
     first = state.vector()
     compiled = resolve_engine(engine) is Engine.COMPILED
     inverse: Inverse = CompiledInverse(chain, step_s) if compiled else CasadiInverse(chain, step_s)
-    rows = inverse.invert(first, reference[1:], record)
+    rows = inverse.invert(first, state.time_s, reference[1:], record)
     least_tension = np.concatenate([[least], rows.least_tension_N])
     pushed = np.flatnonzero(least_tension <= 0)
     if pushed.size:
@@ -145,7 +145,7 @@ def invert(
 
 def _at(chain: Chain, state: ChainState) -> tuple[float, float]:
     """Force that balances the actuator at a state without accelerating it, and the least tension there [N]."""
-    tension = tensions_of(chain, state.vector())[0]
+    tension = tensions_of(chain, state.vector(), state.time_s)[0]
     v, q = float(state.velocity_m_per_s[0]), state.near_position_m
     without = end_force(v, q, float(tension[0]), -1, 0.0, 0.0, chain.near)
     return -float(without), float(tension.min())

@@ -19,7 +19,7 @@ from tendonff.models.layout import ChainInputs, ChainState
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import describe_failure, tensions_of
-from tendonff.ocp.step.c_engine import ReportStruct, chain_struct, host_source, library_of, pointer
+from tendonff.ocp.step.c_engine import ReportStruct, chain_struct, host_source, library_of, places_of, pointer
 from tendonff.ocp.step.casadi_tangent import CasadiTangent
 from tendonff.ocp.step.laws import ElementLaws
 from tendonff.ocp.step.protocol import Array, Rows
@@ -119,9 +119,8 @@ class _Numbers:
 
 def _tangent_source(chain: Chain) -> str:
     laws = ElementLaws.of(chain)
-    return host_source(
-        chain, (*laws.simulation(), *laws.tangent()), ("kernel.c.j2", "weigh.c.j2", "tangent.c.j2", "tangent_run.c.j2")
-    )
+    templates = ("kernel.c.j2", "weigh.c.j2", "tangent.c.j2", "tangent_run.c.j2")
+    return host_source(chain, (*laws.simulation(), *laws.tangent()), templates)
 
 
 def force_sensitivity(
@@ -132,6 +131,7 @@ def force_sensitivity(
     *,
     state: ChainState,
     links: Links = Links.OUTPUT,
+    ends: bool = False,
     window: int = 0,
     engine: Engine = Engine.AUTO,
 ) -> Sensitivity:
@@ -149,6 +149,8 @@ def force_sensitivity(
     state : ChainState
         Start.
     links : Links, optional
+    ends : bool, optional
+        Report the positions of the ends too.
     window : int, optional
         Follow a knot's influence over so many later knots only; 0 follows it to the end.
     engine : Engine, optional
@@ -175,7 +177,7 @@ def force_sensitivity(
     if resolve_engine(engine) is Engine.CASADI:
         fixed = _Numbers(chain=chain, symbols=ca.SX(0, 1), values=np.empty(0))
         return _run_casadi(chain, fixed, force_N, step_s, state, directions, np.empty((0, len(rows))), links)
-    return _run(chain, force_N, step_s, state, directions, links, with_ends=False)
+    return _run(chain, force_N, step_s, state, directions, links, with_ends=ends)
 
 
 def parameter_sensitivity(
@@ -212,12 +214,12 @@ def parameter_sensitivity(
         One direction per parameter, per its SI unit.
     """
     symbols: dict[str, ca.SX] = {name: ca.SX.sym(name) for name in parameters}
-    symbolic = replace(chain, elements=whole.changed(symbols).divided(chain.count))
+    symbolic = replace(chain, elements=whole.changed(symbols).divided(chain.count, chain.motion))
     unknowns = ca.vertcat(*symbols.values())
     at = [whole.value(name) for name in parameters]
     numbers = ca.vertcat(*symbolic.numbers().values())
-    stretch, own = symbolic.link.rest(initial_tension_N)
-    by_link = [ca.repmat(state, chain.count + 1, 1) for state in (stretch, *own)]
+    stretch, own = symbolic.link.shortened(ca.DM(chain.path_at(np.zeros(1)).ratio[0])).rest(initial_tension_N)
+    by_link = [ca.densify(state) for state in (stretch, *own)]
     masses = ca.SX.zeros(len(chain.friction.states) * chain.count)
     ends = ca.vertcat(ca.sum1(by_link[0]), 0)  # q_a - q_l; the load's spring does not depend on the tendon
     start = ca.vertcat(ca.SX.zeros(chain.count + 2), *by_link, masses, ends)
@@ -225,7 +227,7 @@ def parameter_sensitivity(
     by_number, by_start = (np.ascontiguousarray(np.asarray(m.full())) for m in slopes(at))
     directions = _Directions(width=len(parameters), numbers=by_number, start=by_start, knot=None, weight=None, window=0)
     state = chain.rest_state(initial_tension_N)
-    if resolve_engine(engine) is Engine.CASADI:
+    if resolve_engine(engine) is Engine.CASADI or chain.moving:  # C knows the parameters of pieces, not of the whole
         free = _Numbers(chain=symbolic, symbols=unknowns, values=np.array(at))
         return _run_casadi(chain, free, force_N, step_s, state, directions, np.eye(len(parameters)), links)
     return _run(chain, force_N, step_s, state, directions, links, with_ends=True)
@@ -255,13 +257,13 @@ def _run(
     tension, ends = np.empty((rows + 1, n + 1)), np.empty((rows + 1, 2))
     slopes = np.zeros((rows + 1, n + 1 - first_link, width))
     ends_slopes = np.zeros((rows + 1, 2, width)) if with_ends else None
-    tension[0], ends[0] = tensions_of(chain, x)[0], x[-2:]
+    tension[0], ends[0] = tensions_of(chain, x, state.time_s)[0], x[-2:]
     if ends_slopes is not None:
         ends_slopes[0] = dx[-2:]
     report, worst = ReportStruct(), ctypes.c_int()
-    struct = chain_struct(chain)
+    record, places = chain_struct(chain), places_of(chain, state.time_s, step_s, rows)
     done = library.tff_tangent_run(
-        ctypes.byref(struct),
+        ctypes.byref(record),
         ctypes.c_double(step_s),
         pointer(inputs),
         ctypes.c_long(rows),
@@ -273,6 +275,7 @@ def _run(
         pointer(ends[1:]),
         ctypes.byref(report),
         ctypes.byref(worst),
+        *map(pointer, places),
         ctypes.c_int(width),
         pointer(directions.numbers),
         ctypes.c_void_p(None if directions.knot is None else directions.knot.ctypes.data),
@@ -313,14 +316,14 @@ def _run_casadi(
     tangent = CasadiTangent(chain, numbers.chain, numbers.symbols, numbers.values, step_s)
     steps = len(inputs) - 1
     rows, slopes, ends_slopes = tangent.run(
-        x, inputs, directions.start, changes, directions.drive(steps), directions.forgotten(steps)
+        x, state.time_s, inputs, directions.start, changes, directions.drive(steps), directions.forgotten(steps)
     )
     if len(rows.tension_N) < steps:
         raise SolveError(describe_failure(chain, rows, (len(rows.tension_N) + 1) * step_s, step_s))
     first_link = chain.count if links is Links.OUTPUT else 0
     start = np.zeros((1, chain.count + 1, directions.width))
     return Sensitivity(
-        tension_N=np.vstack([tensions_of(chain, x), rows.tension_N]),
+        tension_N=np.vstack([tensions_of(chain, x, state.time_s), rows.tension_N]),
         ends_m=np.vstack([x[-2:], rows.ends_m]),
         tension_slopes=np.concatenate([start, slopes])[:, first_link:],
         ends_slopes=np.concatenate([directions.start[None, -2:], ends_slopes]),

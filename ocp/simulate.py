@@ -113,14 +113,14 @@ class Simulator:
             raise ParameterError(f"step_s must be a finite number > 0, got {step_s}; 0.001 suits most rigs")
         self._chain = chain
         x = state.vector()
-        self._memory = StepperMemory(x=x, x_old=x.copy(), inputs=inputs, fresh=True)
+        self._memory = StepperMemory(x=x, x_old=x.copy(), inputs=inputs, time_s=state.time_s, fresh=True)
         compiled = resolve_engine(engine) is Engine.COMPILED
         self._stepper: Stepper = CompiledStepper(chain, step_s) if compiled else CasadiStepper(chain, step_s)
 
     @property
     def state(self) -> ChainState:
         """Where the chain is now."""
-        return ChainState.from_vector(self._memory.x, self._chain.layout)
+        return ChainState.from_vector(self._memory.x, self._chain.layout, self._memory.time_s)
 
     def advance(self, inputs: ChainInputs, record: bool = False) -> Rows:
         """Advance over inputs at the ends of the coming steps.
@@ -139,17 +139,20 @@ class Simulator:
         return self._stepper.advance(self._memory, inputs, record)
 
 
-def tensions_of(chain: Chain, states: Array) -> Array:
+def tensions_of(chain: Chain, states: Array, time_s: Array | float = 0.0) -> Array:
     """Tensions of recorded states, shape (rows, N + 1) [N].
 
     Parameters
     ----------
     chain : Chain
     states : ndarray, shape (rows, size)
+    time_s : float or ndarray of shape (rows,), optional
+        When: it matters where the path moves. The rate of that motion, which acts by the damping alone, is left out.
     """
     layout, x = chain.layout, np.atleast_2d(states)
     v, own = x[:, layout.part("v")], tuple(x[:, layout.part(name)] for name in layout.link_states)
-    force: Array = tendon_force(chain.link.unclipped_force(x[:, layout.part("e")], v[:, :-1] - v[:, 1:], own))
+    link = chain.link.shortened(chain.path_at(np.atleast_1d(time_s)).ratio)
+    force: Array = tendon_force(link.unclipped_force(x[:, layout.part("e")], v[:, :-1] - v[:, 1:], own))
     return force
 
 
@@ -225,7 +228,7 @@ def simulate(
     simulator = Simulator(chain, step_s, state, inputs[:1], engine)
     first = state.vector()
     rows = simulator.advance(inputs[1:], record)
-    tension = np.vstack([tensions_of(chain, first), rows.tension_N])
+    tension = np.vstack([tensions_of(chain, first, state.time_s), rows.tension_N])
     ends = np.vstack([first[-2:], rows.ends_m])
     good = len(tension)
     outcome, message = outcome_of(chain, rows, tension, good == len(force), step_s)

@@ -115,7 +115,9 @@ def foresee(
         raise AssertionError("the inverse was asked to record its states")
     rows = np.unique(np.linspace(1, len(reference) - 1, min(_SAMPLES, len(reference) - 1)).astype(int))
     linear, layout = Lineariser(chain), chain.layout
-    poles = np.array([_fastest(linear.at(ChainState.from_vector(states[row], layout)).poles) for row in rows])
+    poles = np.array(
+        [_fastest(linear.at(ChainState.from_vector(states[row], layout, row * step_s)).poles) for row in rows]
+    )
     time_s = rows * step_s
     found = _stretches(time_s, poles)
     duration = float(time_s[-1])

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 from tendonff._version import __version__
 
 if TYPE_CHECKING:  # what editors and type checkers read; `_HOMES` says the same to the interpreter
+    from tendonff.compensator.adapt.output import AdaptationStudy
+    from tendonff.compensator.adapt.run import adapt
     from tendonff.compensator.compare.output import Comparison
     from tendonff.compensator.compare.run import compare
     from tendonff.compensator.compensators.base import Compensator, Problem, Profile
@@ -48,6 +50,7 @@ if TYPE_CHECKING:  # what editors and type checkers read; `_HOMES` says the same
 __all__ = [
     "COMPENSATORS",
     "Actuator",
+    "AdaptationStudy",
     "Branch",
     "CapstanLaw",
     "Chain",
@@ -78,6 +81,7 @@ __all__ = [
     "TrackOptions",
     "Transmission",
     "__version__",
+    "adapt",
     "as_iosystem",
     "compare",
     "design",
@@ -97,6 +101,8 @@ __all__ = [
 ]
 
 _HOMES = {
+    "compensator.adapt.output": ("AdaptationStudy",),
+    "compensator.adapt.run": ("adapt",),
     "compensator.compare.output": ("Comparison",),
     "compensator.compare.run": ("compare",),
     "compensator.compensators.base": ("Compensator", "Problem", "Profile"),

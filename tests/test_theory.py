@@ -19,6 +19,9 @@ from tendonff.models.fidelity import Level
 from tendonff.models.friction import LuGreBristle, equivalent_coefficient
 from tendonff.models.layout import ChainState
 from tendonff.models.link import ZenerLink
+from tendonff.models.path import Section, cut_path
+from tendonff.ocp.adaptation.bounds import CertifiedInterval
+from tendonff.ocp.adaptation.recursion import update_law
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import simulate
 from tendonff.ocp.tracking.limits import ForceLimits
@@ -257,7 +260,28 @@ def test_the_optimal_profile_keeps_its_limits_and_is_better_than_the_clipped_inv
     assert np.all((best >= 0) & (best <= 200))
 
 
-@equation("7.1", "7.3")
+@equation("7.1", "7.2")
+def test_a_joint_changes_the_angles_of_its_section_and_the_lengths_of_the_links_across_it():
+    """Taut and without tension everywhere, the displacements of the bodies make room for what the path gains."""
+    sections = (
+        Section(name="hip", angle_rad=1.2, length_m=0.2),
+        Section(name="knee", angle_rad=0.9, length_m=0.15, joint="knee", angle_per_rad=1.0, length_per_rad_m=0.01),
+        Section(name="cuff", angle_rad=0.6, length_m=0.1),
+    )
+    cut = cut_path(sections, 6)
+    q = np.array([-1.2, -0.4, 0.0, 0.6])
+    rows = cut.at({"knee": q})
+    knee = cut.section_of == 1
+    assert rows.angle_rad[:, knee].sum(axis=1) == pytest.approx(np.maximum(0.9 + q, 0.0))
+    assert rows.angle_rad[:, ~knee].sum(axis=1) == pytest.approx(1.8)
+    assert rows.gained_m.sum(axis=1) == pytest.approx(0.01 * q)
+    assert (0.45 / rows.ratio).sum(axis=1) == pytest.approx(0.45 + 0.01 * q)
+    bodies = np.concatenate([np.zeros((4, 1)), np.cumsum(rows.gained_m, axis=1)], axis=1)  # q_1 .. from the actuator
+    elongation = bodies[:, :-1] - bodies[:, 1:] + rows.gained_m
+    assert elongation == pytest.approx(np.zeros_like(elongation), abs=1e-15)
+
+
+@equation("7.3")
 def test_contact_that_is_lost_takes_its_force_along_so_that_the_bound_survives():
     mu, phi, normal = 0.2, 0.9, 50.0
     force = float(equivalent_coefficient(mu, phi)) * normal  # sliding in full
@@ -267,6 +291,16 @@ def test_contact_that_is_lost_takes_its_force_along_so_that_the_bound_survives()
         phi = new
         assert force <= float(equivalent_coefficient(mu, phi)) * normal * (1 + 1e-12)
     assert force == 0
+
+
+@equation("8.1")
+def test_one_step_of_the_recursion_is_that_of_the_packages():
+    e, w, s, f, P, R, Q = 0.03, 0.7, 1.9, 1.05, 0.02, 0.4, 1e-4
+    loose = (10.0, Q, 1.0, 0.1, 9.0)  # neither clip, nor the variance of the start, nor a bound acts
+    found = update_law(1).function()(e, w, s, f, P, R, *loose)
+    K = w * P * s / (w * s * s * P + R)
+    assert float(found[0]) == pytest.approx(f + K * e, rel=1e-12)
+    assert float(found[1]) == pytest.approx((1 - K * s) * P + w * Q, rel=1e-12)
 
 
 @equation("8.2")
@@ -284,6 +318,11 @@ def test_two_plays_bracket_the_output_of_every_plant_between_them():
         assert np.all(truth >= middle * math.exp(-d) * (1 - 1e-12))
         assert np.all(truth <= middle * math.exp(d) * (1 + 1e-12))
     assert np.min(output(a + d) / middle) == pytest.approx(math.exp(-d), rel=1e-9)  # and the bound is met
+    law = CapstanLaw(pull_exponent=a, release_exponent=a, adhesion_N=1.5)
+    low, high = CertifiedInterval(law=law, spread=d / a, noise_N=0.0).history_N(force, 40.0)
+    for share in np.linspace(-1, 1, 9):
+        truth = output(a + share * d) - 1.5
+        assert np.all((low - 1e-9 <= truth) & (truth <= high + 1e-9))
 
 
 @equation("8.3")
@@ -332,8 +371,8 @@ def test_the_formulas_of_the_parameter_guide_agree_with_the_laws():
     assert gear**2 * inertia / drum**2 * tendon_speed**2 == pytest.approx(inertia * speed**2)  # the same energy
 
 
-# Checked where the packages hold them: the robust objective, the moving chain, the self-tuning filter.
-ELSEWHERE = {"6.3": "ocp/tracking/test_robust.py", "7.2": "models", "8.1": "ocp"}
+# Checked where the packages hold it: the robust objective.
+ELSEWHERE = {"6.3": "ocp/tracking/test_robust.py"}
 
 
 def test_every_numbered_formula_has_its_check():

@@ -58,10 +58,10 @@ class FeedbackCertificate:
             f"integral_gain_per_s < {self.largest_gain_per_s:.3g} (worst at {self.worst_frequency_Hz:.3g} Hz)"
         )
         if self.gain_per_s == 0:
-            return f"{bound}; {self.recommended_gain_per_s:.2g} is a good choice, 0 switches it off"
+            return f"{bound}; {self.recommended_gain_per_s:.3g} is a good choice, 0 switches it off"
         if self.holds:
             return f"{bound}; {self.gain_per_s:g} is certified"
-        return f"{bound}; {self.gain_per_s:g} is not certified, use {self.recommended_gain_per_s:.2g}"
+        return f"{bound}; {self.gain_per_s:g} is not certified, use {self.recommended_gain_per_s:.3g}"
 
 
 def transmission_dynamics(

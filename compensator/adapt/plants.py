@@ -85,12 +85,13 @@ def variations(sensor: Sensor) -> tuple[Variation, ...]:
         for mu in (0.6, 0.8, 0.9, 1.1, 1.2, 1.4)
     )
     others = tuple(
-        replace(one, name=f"friction +20 %, {one.name} {sign}20 %")
+        replace(one, name=f"{prefix}{one.name} {sign}20 %", mu=mu)
+        for mu, prefix in ((1.0, ""), (1.2, "friction +20 %, "))
         for sign, factor in (("\N{MINUS SIGN}", 0.8), ("+", 1.2))
         for one in (
-            Variation(name="bristles", mu=1.2, bristle=factor),
-            Variation(name="tendon", mu=1.2, stiffness=factor),
-            Variation(name="load", mu=1.2, load=factor),
+            Variation(name="bristles", bristle=factor),
+            Variation(name="tendon", stiffness=factor),
+            Variation(name="load", load=factor),
         )
     )
     return (

@@ -1,7 +1,6 @@
 """Compute the study of the self-tuning compensator."""
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 
 import numpy as np
@@ -62,10 +61,9 @@ def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy
     bounds = certified(problem)
     every = variations(settings.sensor)
     cases: list[Case] = []
-    with ThreadPoolExecutor(2) as pool:  # the loops run in C, outside the interpreter's lock
-        for case in pool.map(lambda one: _case(problem, tuning, certificate, one), every):
-            cases.append(case)
-            progress(len(cases), len(every))
+    for one in every:  # one after the other: CasADi's symbols are not safe in threads
+        cases.append(_case(problem, tuning, certificate, one))
+        progress(len(cases), len(every))
     return AdaptationStudy(
         scenario=scenario,
         reference=reference,

@@ -1,5 +1,6 @@
 """`tendonff identify`: parameters of a rig from what was measured on it."""
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -7,10 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument
-from tendonff.compensator.cli.progress import progress, say, warn
+from tendonff.compensator.cli.progress import interruptible, progress, say, warn
 from tendonff.compensator.scenario.measurement import Explain
 
 if TYPE_CHECKING:
+    from tendonff.compensator.identification.output import Identification
     from tendonff.compensator.scenario.measurement import Measurement
 
 SCALED = ("time", "input", "output", "input_position", "output_position")
@@ -67,6 +69,25 @@ def identify(
             show_default=False,
         ),
     ] = None,
+    offset: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--offset",
+            metavar="[COLUMN=]N",
+            help="What the cells read without tension, in N: of both, or of the column input or output; subtracted. "
+            "Default: found from slack samples.",
+            show_default=False,
+        ),
+    ] = None,
+    tare: Annotated[
+        str | None,
+        typer.Option(
+            "--tare",
+            metavar="FROM:TO",
+            help="Seconds of every file in which the tendon is slack; both cells are set to zero there.",
+            show_default=False,
+        ),
+    ] = None,
     skip: Annotated[
         float | None,
         typer.Option(
@@ -85,6 +106,16 @@ def identify(
         ),
     ] = None,
     static_only: Annotated[bool, typer.Option("--static", help="Stop after the static stage.")] = False,
+    condition: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--condition",
+            metavar="FILE=LABEL",
+            help="Label of a measured file, such as wet or worn: estimates are told by label; may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Fit very long files without asking.")] = False,
 ) -> None:
     """Fit the parameters to measured data.
 
@@ -116,22 +147,85 @@ def identify(
         "skip_s": skip,
         "explain": explain,
     }
+    labels = _labels(condition or [], [path.name for path in data])
+
+    def confirm(question: str) -> bool:
+        return yes or (sys.stdin.isatty() and typer.confirm(f"{question}. Go on?", err=True))
+
     with opened(scenario, out, follows_reference=False) as (loaded, folder):
         try:
-            how = _scaled(replace(loaded.measurement, **{k: v for k, v in names.items() if v is not None}), scale or [])  # type: ignore[arg-type]
+            how = replace(loaded.measurement, **{k: v for k, v in names.items() if v is not None})  # type: ignore[arg-type]
+            how = _zeroed(_scaled(how, scale or []), offset or [], tare)
         except ParameterError as error:
             raise InputError(str(error)) from None
         from tendonff.compensator.identification.result import summary_lines
         from tendonff.compensator.identification.run import identify as identify_files
 
+        def work() -> "Identification":
+            return identify_files(
+                replace(loaded, measurement=how),
+                data,
+                validate or [],
+                static_only=static_only,
+                conditions=labels,
+                say=_say_files,
+                confirm=confirm,
+            )
+
         with progress("identifying"):
-            found = identify_files(replace(loaded, measurement=how), data, validate or [], static_only=static_only)
+            found = interruptible(work)
         with progress("writing"):
             found.write(folder)
     for warning in found.warnings:
         warn(warning)
     for line in summary_lines(found):
         say(line)
+
+
+def _say_files(line: str) -> None:
+    """What was read; the names of stages stay silent."""
+    if " samples over " in line:
+        say(line)
+
+
+def _labels(wishes: list[str], names: list[str]) -> dict[str, str]:
+    """Labels by file name from `--condition`."""
+    from tendonff.compensator.files.reading import InputError, suggestion
+
+    found = {}
+    for wish in wishes:
+        name, equals, label = wish.rpartition("=")
+        if not equals or not label:
+            raise InputError(f'--condition must be FILE=LABEL, got "{wish}"; --condition run3.csv=wet')
+        if Path(name).name not in names:
+            raise InputError(f'--condition: "{name}" is not given with --data{suggestion(Path(name).name, names)}')
+        found[Path(name).name] = label
+    return found
+
+
+def _zeroed(how: "Measurement", offsets: list[str], tare: str | None) -> "Measurement":
+    """Put `--offset` and `--tare` into the table [measurement]."""
+    from tendonff.compensator.files.reading import InputError, suggestion
+
+    for wish in offsets:
+        column, _, text = wish.rpartition("=")
+        try:
+            value = float(text)
+        except ValueError:
+            raise InputError(
+                f'--offset must be a number or COLUMN=number, got "{wish}"; --offset output=0.4 takes 0.4 N off'
+            ) from None
+        if column not in ("", "input", "output"):
+            raise InputError(f'--offset: unknown column "{column}"{suggestion(column, ("input", "output"))}')
+        for name in [column] if column else ["input", "output"]:
+            how = replace(how, **{f"{name}_offset_N": value})  # type: ignore[arg-type]
+    if tare is not None:
+        try:
+            start, stop = (float(text) for text in tare.split(":"))
+        except ValueError:
+            raise InputError(f'--tare must be FROM:TO in seconds, got "{tare}"; --tare 0:2 for the first two') from None
+        how = replace(how, tare_s=(start, stop))
+    return how
 
 
 def _scaled(how: "Measurement", wishes: list[str]) -> "Measurement":

@@ -1,13 +1,27 @@
 """`tendonff new`: a commented scenario to start from."""
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 
+class Rig(StrEnum):
+    """Rigs with a scenario of their own to start from."""
+
+    FINGER = "finger"
+    BOWDEN = "bowden"
+    SURGICAL = "surgical"
+    EXOSUIT = "exosuit"
+
+
 def new(
     file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Scenario file to write.", show_default=False)],
+    rig: Annotated[
+        Rig | None,
+        typer.Option("--for", help="Rig whose usual ranges of values the file gives.", show_default=False),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a file that exists.")] = False,
 ) -> None:
     """Write a commented scenario to start from."""
@@ -18,5 +32,6 @@ def new(
 
     if file.exists() and not force:
         raise InputError(f"{file} exists; choose another name, or replace it with --force")
-    template = files("tendonff.compensator.scenario").joinpath("scenario.toml").read_text(encoding="utf-8")
-    write_text(file, template)
+    folder = files("tendonff.compensator.scenario")
+    template = folder.joinpath("scenario.toml") if rig is None else folder.joinpath("templates", f"{rig}.toml")
+    write_text(file, template.read_text(encoding="utf-8"))

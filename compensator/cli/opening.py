@@ -4,8 +4,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from tendonff.compensator.cli.progress import say
 from tendonff.compensator.files.writing import atomic_directory
-from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.sampling import sample_reference, work_ahead
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 
 
@@ -14,7 +15,7 @@ def opened(scenario: Path, out: Path, *, follows_reference: bool = True) -> Iter
     """Scenario and result folder, before a command imports what it computes with, which takes a second.
 
     A scenario that is not valid, a reference that is infeasible and a folder that cannot be written are refused at
-    once; the folder appears when the block ends without an error.
+    once; the folder appears when the block ends without an error. The length of a long run is said before it starts.
 
     Parameters
     ----------
@@ -32,4 +33,6 @@ def opened(scenario: Path, out: Path, *, follows_reference: bool = True) -> Iter
     if follows_reference and loaded.reference_file() is None:  # pandas reads files; the command itself checks those
         sample_reference(loaded)
     with atomic_directory(out) as folder:
+        if follows_reference and (note := work_ahead(loaded)) is not None:
+            say(note)
         yield loaded, folder

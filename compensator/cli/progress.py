@@ -3,10 +3,14 @@
 import functools
 import os
 import sys
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TypeVar
 
 from tendonff.compensator.files.progress import Progress, silent
+
+T = TypeVar("T")
 
 
 def say(message: str) -> None:
@@ -45,6 +49,34 @@ def progress(description: str) -> Iterator[Progress]:
     with _bar(description) as advance:
         yield advance
     _note_engine()  # only after work that was done: a refusal is one message
+
+
+def interruptible(work: Callable[[], T]) -> T:
+    """Result of `work`, left at once by Ctrl-C also while it is in compiled code.
+
+    Python's own handler waits until such code returns; here it runs beside a thread that the process does not wait for.
+
+    Parameters
+    ----------
+    work : callable
+        Writes nothing, so that it may be left anywhere.
+    """
+    results: list[T] = []
+    failures: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            results.append(work())
+        except BaseException as error:  # noqa: BLE001 - raised again below
+            failures.append(error)
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    while thread.is_alive():
+        thread.join(0.1)
+    if failures:
+        raise failures[0]
+    return results[0]
 
 
 @contextmanager

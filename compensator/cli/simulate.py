@@ -13,11 +13,25 @@ def simulate(
     scenario: ScenarioArgument,
     force: Annotated[
         Path,
-        typer.Option("--force", metavar="F.csv", help="Force file: time_s,force_N, from 0.", show_default=False),
+        typer.Option(
+            "--force",
+            metavar="F.csv",
+            help="Force file: time_s,force_N, from 0 (position drive: command_m).",
+            show_default=False,
+        ),
     ],
     out: Annotated[
         Path, typer.Option("--out", metavar="O.csv", help="Result: tensions and end positions.", show_default=False)
     ],
+    column: Annotated[
+        str | None,
+        typer.Option(
+            "--force-column",
+            metavar="NAME",
+            help="Column of the force; default: force_N, in a profile.csv force_optimal_N.",
+            show_default=False,
+        ),
+    ] = None,
     level: LevelOption = None,
     check: Annotated[
         bool, typer.Option("--check", help="Simulate with smaller steps as well and state the discretisation error.")
@@ -33,7 +47,9 @@ def simulate(
     loaded = load_scenario(scenario)  # before the imports below, which take a second: a refusal is quick
     from tendonff.compensator.simulate.run import read_force, simulate_force
 
-    profile = read_force(force)
+    profile = read_force(force, column, loaded.transmission.actuator.drive)
+    for note in profile.notes:
+        say(note)
     if out.exists() and any(out.samefile(source) for source in (scenario, force)):
         raise InputError(f"{out} is an input of this run; name another file for the result")
     with progress("simulating") as advance:

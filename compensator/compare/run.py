@@ -10,11 +10,13 @@ from tendonff.compensator.compare.levels import level_cost, level_traits
 from tendonff.compensator.compare.output import Comparison
 from tendonff.compensator.compare.recommendation import recommend
 from tendonff.compensator.compare.result import CAPSTAN_PLANT, ENOUGH_PERCENT, Entry, plants
-from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, ProfileStatus
+from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, ProfileStatus
+from tendonff.compensator.compensators.motion import with_motion
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import SimulatedPlant, scale_N, score, simulate_profile
 from tendonff.compensator.compensators.uncertain import Doubt, doubt
 from tendonff.compensator.files.progress import Parts, Progress, silent
+from tendonff.compensator.scenario.joints import moved
 from tendonff.compensator.scenario.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import CapstanLaw
@@ -58,8 +60,8 @@ def compare(
     SolveError
         If a simulation fails.
     """
-    transmission = scenario.transmission
     reference = sample_reference(scenario)
+    transmission = moved(scenario, float(reference.time_s[-1]))
     warnings = list(reference.warnings)
     parts = Parts(progress, len(Level) * (len(compensators) + len(plants()) + 2))
     entries: list[Entry] = []
@@ -68,18 +70,20 @@ def compare(
     seen: dict[tuple[bytes, str], tuple[Entry, FloatArray]] = {}
     for level in Level:
         problem = Problem.of(scenario, level=level, reference=reference, options=options)
-        forces = {}
+        profiles: dict[str, Profile] = {}
         for compensator in compensators:
             profile = compensator.profile(problem, progress=parts.inside())
             if profile.status is not ProfileStatus.GOOD:
                 warnings.append(f"{compensator} designed on {level}: {profile.message}")
-            forces[compensator.name] = forces_of[compensator.name, level] = profile.force_N
+            profiles[compensator.name] = with_motion(problem, compensator.name, profile)
+            forces_of[compensator.name, level] = profile.force_N
             parts.done()
         for plant in plants():
-            for name, force in forces.items():
-                key = (force.tobytes(), plant)
+            for name, profile in profiles.items():
+                command = b"" if profile.command_m is None else profile.command_m.tobytes()
+                key = (profile.force_N.tobytes() + command, plant)
                 if key not in seen:  # none and capstan do not depend on the design level
-                    seen[key] = _entry(transmission, name, level, plant, force, reference, warnings)
+                    seen[key] = _entry(transmission, name, level, plant, profile, reference, warnings)
                 found, outputs[name, level, plant] = seen[key]
                 entries.append(replace(found, compensator=name, design_level=level, plant_level=plant))
             parts.done()
@@ -142,16 +146,19 @@ def _entry(
     name: str,
     level: Level,
     plant: str,
-    force_N: FloatArray,
+    profile: Profile,
     reference: Reference,
     warnings: list[str],
 ) -> tuple[Entry, FloatArray]:
-    """Simulate a force on a plant, with the spread over step and tolerance."""
+    """Simulate a plant under a profile, with the spread over step and tolerance."""
     if plant == CAPSTAN_PLANT:
         # Exact for a force that is linear between rows: nothing to refine.
-        outputs = [CapstanLaw.of(transmission).output_history_N(force_N, reference.initial_tension_N)]
+        law, rows, start = CapstanLaw.of(transmission), profile.force_N, reference.initial_tension_N
+        if reference.periodic:  # the second period is that of the steady state
+            rows = np.concatenate([rows[:-1], rows])
+        outputs = [law.output_history_N(rows, start)[-len(profile.force_N) :]]
     else:
-        outputs = list(_replays(transmission, Level(plant), force_N, reference, f"{name} on {plant}", warnings))
+        outputs = list(_replays(transmission, Level(plant), profile, reference, f"{name} on {plant}", warnings))
     result = score(reference.tension_N, outputs[0])
     spread = max((float(np.sqrt(np.mean((other - outputs[0]) ** 2))) for other in outputs[1:]), default=0.0)
     entry = Entry(
@@ -167,17 +174,22 @@ def _entry(
 
 
 def _replays(
-    transmission: Transmission, level: Level, force_N: FloatArray, reference: Reference, what: str, warnings: list[str]
+    transmission: Transmission, level: Level, profile: Profile, reference: Reference, what: str, warnings: list[str]
 ) -> Iterator[FloatArray]:
     """Output tension with ever larger steps, then with a force that is a little different."""
     for refinement in REFINEMENTS:
         plant = SimulatedPlant(level=level, refinement=refinement)
-        run = simulate_profile(transmission, plant, force_N, reference).require()
+        run = simulate_profile(transmission, plant, profile, reference).require()
         if run.outcome is Outcome.SLACK and refinement == REFINEMENTS[0]:
             warnings.append(f"{what}: {run.message}")
         yield run.output_tension_N[::refinement]
     # Steps are solved to rounding, so a tolerance is the last digits: the answer must not depend on them.
-    nudged = reference.initial_tension_N + (force_N - reference.initial_tension_N) * (1 + NUDGE)
+    start = reference.initial_tension_N
+    nudged = replace(
+        profile,
+        force_N=start + (profile.force_N - start) * (1 + NUDGE),
+        command_m=None if profile.command_m is None else profile.command_m * (1 + NUDGE),
+    )
     plant = SimulatedPlant(level=level, refinement=REFINEMENTS[0])
     yield simulate_profile(transmission, plant, nudged, reference).require().output_tension_N[:: REFINEMENTS[0]]
 

@@ -5,6 +5,7 @@ then know it. `export-c` also needs its C template, named by `c_module`.
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -13,6 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.compensator.files.progress import Progress, silent
+from tendonff.compensator.files.text import InputError
+from tendonff.compensator.scenario.joints import moved
+from tendonff.compensator.scenario.reference import Hold
 from tendonff.compensator.scenario.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.chain import Chain
@@ -20,8 +24,11 @@ from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.models.uncertainty import Objective
 from tendonff.ocp.errors import SolveError
+from tendonff.ocp.hold import KeptForce, find_holds, keep_force, last_approach
 from tendonff.ocp.inverse import Inversion, invert
+from tendonff.ocp.periodic import steady_inverse
 from tendonff.ocp.tracking.limits import ForceLimits
+from tendonff.ocp.tracking.motion import limit_motion
 from tendonff.ocp.tracking.problem import TrackOptions
 from tendonff.ocp.tracking.result import Tracking
 from tendonff.ocp.tracking.robust import Sample, sample_transmissions
@@ -46,6 +53,9 @@ class Problem:
         Which error over the samples counts.
     options : TrackOptions, optional
         What the optimal profile is optimised for.
+    live : bool, optional
+        The reference comes sample by sample, as on a controller: nothing is known ahead, no force is kept, and the
+        limits are those of the force.
     """
 
     transmission: Transmission
@@ -54,6 +64,7 @@ class Problem:
     samples: tuple[Sample, ...] = ()
     objective: Objective = Objective.WORST
     options: TrackOptions = TrackOptions()  # noqa: RUF009 - frozen
+    live: bool = False
 
     @classmethod
     def of(
@@ -76,11 +87,15 @@ class Problem:
         options : TrackOptions, optional
             Default: those of the scenario.
         """
-        samples = sample_transmissions(scenario.transmission, scenario.robust)
+        reference = sample_reference(scenario) if reference is None else reference
+        transmission = moved(scenario, float(reference.time_s[-1]))
+        samples = sample_transmissions(transmission, scenario.robust)
+        if len(samples) > 1 and scenario.reference.periodic:
+            raise InputError(f"{scenario.source.name}: [robust] knows no periodic reference yet; leave one of them out")
         return cls(
-            transmission=scenario.transmission,
+            transmission=transmission,
             level=level or scenario.run.level,
-            reference=sample_reference(scenario) if reference is None else reference,
+            reference=reference,
             samples=samples if len(samples) > 1 else (),
             objective=scenario.robust.objective,
             options=options or TrackOptions(**scenario.optimal.given),  # type: ignore[arg-type]
@@ -97,20 +112,63 @@ class Problem:
         return ForceLimits.of(self.transmission.actuator)
 
     @cached_property
+    def kept(self) -> KeptForce | None:
+        """Holds and the end of the reference, where the force is kept; None where there are none."""
+        reference = self.reference
+        if reference.periodic or self.live:
+            return None
+        wanted, step = reference.tension_N, reference.step_s
+        end = last_approach(wanted, step)
+        holds = find_holds(wanted, step) if reference.hold is Hold.KEEP else ()
+        if not holds and end is None:
+            return None
+        rows = (*holds, *(() if end is None else (end,)))
+        return keep_force(self.chain, wanted, step, rows, initial_tension_N=reference.initial_tension_N)
+
+    @cached_property
+    def followed_N(self) -> FloatArray:
+        """What inverse and optimisation follow: the wanted tension, but for stretches where the force is kept [N]."""
+        return self.reference.tension_N if self.kept is None else self.kept.followed_N
+
+    @cached_property
     def inversion(self) -> Inversion:
         """The exact inverse before the limits, with its states: computed once for all that need it."""
         reference = self.reference
+        if reference.periodic:
+            return steady_inverse(self.chain, reference.tension_N, reference.step_s)[0]
         start = reference.initial_tension_N
-        return invert(self.chain, reference.tension_N, reference.step_s, initial_tension_N=start, record=True)
+        return invert(self.chain, self.followed_N, reference.step_s, initial_tension_N=start, record=True)
 
     def limited(self, force_N: FloatArray) -> FloatArray:
-        """A force within the actuator's limits, from the initial tension on [N].
+        """A force within the actuator's limits, those of its motion too, from the initial tension on [N].
 
         Parameters
         ----------
         force_N : ndarray, shape (n,)
         """
-        return self.limits.apply(force_N, self.reference.step_s, self.reference.initial_tension_N)
+        step, start = self.reference.step_s, self.reference.initial_tension_N
+
+        def limit(force: FloatArray) -> FloatArray:
+            given = self.limits.apply(force, step, start)
+            return given if self.live else limit_motion(self.chain, given, step, self.limits, start)
+
+        return self.in_cycle(limit, force_N)
+
+    def in_cycle(self, causal: Callable[[FloatArray], FloatArray], rows: FloatArray) -> FloatArray:
+        """What a causal map makes of rows that start at rest or, of a periodic reference, of its steady cycle.
+
+        Parameters
+        ----------
+        causal : callable
+            From rows to rows, from rest on.
+        rows : ndarray, shape (n,)
+        """
+        if not self.reference.periodic:
+            return causal(rows)
+        # Friction and limits forget within a cycle: the third period is that of the steady state.
+        result: FloatArray = causal(np.concatenate([rows[:-1], rows[:-1], rows]))[-len(rows) :].copy()
+        result[0] = result[-1]
+        return result
 
 
 class ProfileStatus(StrEnum):
@@ -141,6 +199,8 @@ class Profile:
         Force of the actuator at the rows of the reference [N].
     travel_m : ndarray, shape (n,), or None
         Travel of the actuator's end from rest that belongs to the force [m]; None where the compensator knows none.
+    command_m : ndarray, shape (n,), or None
+        Command of a position drive relative to the start [m]; None for a force drive.
     status : ProfileStatus
     message : str
         Why the status is not good; empty where it is.
@@ -152,6 +212,7 @@ class Profile:
 
     force_N: FloatArray
     travel_m: FloatArray | None = None
+    command_m: FloatArray | None = None
     status: ProfileStatus = ProfileStatus.GOOD
     message: str = ""
     warnings: tuple[str, ...] = ()

@@ -19,5 +19,6 @@ class Capstan(Compensator):
         """Answer by the static law; see `Compensator.profile`."""
         reference = problem.reference
         law = CapstanLaw.of(problem.transmission)
-        wanted = law.input_history_N(reference.tension_N, reference.initial_tension_N)
+        start = reference.initial_tension_N
+        wanted = problem.in_cycle(lambda rows: law.input_history_N(rows, start), reference.tension_N)
         return Profile(force_N=problem.limited(wanted))

@@ -30,8 +30,8 @@ class Inverse(Compensator):
         limits = limit_warnings(self.name, inversion.force_N, force)
         travel = None  # where the limits change the force, the end moves otherwise than in the inverse
         if inversion.states is not None and not limits:
-            position = inversion.states[:, -2]
-            travel = position - position[0]
+            rest = problem.chain.rest_state(problem.reference.initial_tension_N)
+            travel = inversion.states[:, -2] - rest.near_position_m
         return Profile(
             force_N=force,
             travel_m=travel,

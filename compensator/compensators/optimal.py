@@ -7,6 +7,7 @@ scenario's uncertainty admits.
 from tendonff.compensator.compensators.base import CModule, Compensator, Problem, Profile, ProfileStatus, Style
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.reporting.colours import VERMILION
+from tendonff.ocp.tracking.cycle import track_cycle
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
 from tendonff.ocp.tracking.robust import track_robust
 from tendonff.ocp.tracking.track import track
@@ -51,7 +52,18 @@ def solve(problem: Problem, *, progress: Progress = silent) -> Tracking:
         Told iterations done and iterations at most.
     """
     reference = problem.reference
-    wanted, step, start = reference.tension_N, reference.step_s, reference.initial_tension_N
+    wanted, step, start = problem.followed_N, reference.step_s, reference.initial_tension_N
+    if reference.periodic:
+        return track_cycle(
+            problem.chain,
+            wanted,
+            step,
+            problem.limits,
+            problem.options,
+            initial_tension_N=start,
+            inversion=problem.inversion,
+            progress=progress,
+        )
     if not problem.samples:
         return track(
             problem.chain,

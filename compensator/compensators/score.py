@@ -4,11 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.compensator.compensators.base import FloatArray
+from tendonff.compensator.compensators.base import FloatArray, Profile
+from tendonff.compensator.compensators.motion import servo
 from tendonff.compensator.scenario.sampling import Reference
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
+from tendonff.ocp.periodic import steady_response
 from tendonff.ocp.simulate import Outcome, Simulation, simulate
 
 
@@ -97,16 +99,16 @@ class SimulatedPlant:
 
 
 def simulate_profile(
-    transmission: Transmission, plant: SimulatedPlant, force_N: FloatArray, reference: Reference
+    transmission: Transmission, plant: SimulatedPlant, profile: Profile, reference: Reference
 ) -> Simulation:
-    """Simulate a plant under a force profile, from rest at the reference's initial tension.
+    """Simulate a plant under a profile, from rest at the reference's initial tension; a cycle in its steady state.
 
     Parameters
     ----------
     transmission : Transmission
     plant : SimulatedPlant
-    force_N : ndarray, shape (n,)
-        Rows of the reference's grid [N].
+    profile : Profile
+        Rows of the reference's grid: its command where it has one, else its force.
     reference : Reference
 
     Returns
@@ -114,21 +116,22 @@ def simulate_profile(
     Simulation
         On the plant's own grid, every `refinement`-th row of which is a row of the reference.
     """
-    fine = force_N
+    chain = Chain.of(transmission, plant.level, plant.segments)
+    drive = profile.force_N
+    if profile.command_m is not None:
+        chain, drive = servo(chain, transmission.actuator, reference.initial_tension_N, profile.command_m)
     if plant.refinement > 1:
-        rows = (len(force_N) - 1) * plant.refinement + 1
-        fine = np.interp(np.arange(rows) / plant.refinement, np.arange(len(force_N)), force_N)
-    return simulate(
-        Chain.of(transmission, plant.level, plant.segments),
-        fine,
-        reference.step_s / plant.refinement,
-        initial_tension_N=reference.initial_tension_N,
-    )
+        rows = (len(drive) - 1) * plant.refinement + 1
+        drive = np.interp(np.arange(rows) / plant.refinement, np.arange(len(drive)), drive)
+    step, start = reference.step_s / plant.refinement, reference.initial_tension_N
+    if reference.periodic:
+        return steady_response(chain, drive, step, initial_tension_N=start)[0]
+    return simulate(chain, drive, step, initial_tension_N=start)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verified:
-    """One compensator's force on one plant.
+    """One compensator's profile on one plant.
 
     Parameters
     ----------
@@ -137,9 +140,11 @@ class Verified:
     plant : SimulatedPlant
     output_N : ndarray, shape (n,)
         Delivered tension at the rows of the reference [N].
-    travel_m : ndarray, shape (n,)
-        Travel of the actuator's end from rest [m].
+    travel_m, load_m : ndarray, shape (n,)
+        Positions of the actuator's end and of the load relative to the start [m].
     score : Score
+    position_error_m : tuple of 2 float, or None
+        Root mean square and largest error of the load's position [m], where that is wanted.
     slack : str
         Where the tendon went slack; empty where it stayed taut.
     """
@@ -148,14 +153,16 @@ class Verified:
     plant: SimulatedPlant
     output_N: FloatArray
     travel_m: FloatArray
+    load_m: FloatArray
     score: Score
+    position_error_m: tuple[float, float] | None
     slack: str
 
 
 def verify(
-    transmission: Transmission, plant: SimulatedPlant, compensator: str, force_N: FloatArray, reference: Reference
+    transmission: Transmission, plant: SimulatedPlant, compensator: str, profile: Profile, reference: Reference
 ) -> Verified:
-    """Simulate a plant under a force profile and score what arrives.
+    """Simulate a plant under a profile and score what arrives.
 
     Parameters
     ----------
@@ -163,7 +170,7 @@ def verify(
     plant : SimulatedPlant
     compensator : str
         Name for the result.
-    force_N : ndarray, shape (n,)
+    profile : Profile
     reference : Reference
 
     Raises
@@ -171,13 +178,22 @@ def verify(
     SolveError
         If the simulation fails.
     """
-    run = simulate_profile(transmission, plant, force_N, reference).require()
+    run = simulate_profile(transmission, plant, profile, reference).require()
     output = run.output_tension_N[:: plant.refinement]
+    rest = Chain.of(transmission, plant.level, plant.segments).rest_state(reference.initial_tension_N)
+    travel = run.near_position_m[:: plant.refinement] - rest.near_position_m
+    load = run.far_position_m[:: plant.refinement] - rest.far_position_m
     return Verified(
         compensator=compensator,
         plant=plant,
         output_N=output,
-        travel_m=run.near_position_m[:: plant.refinement] - run.near_position_m[0],
+        travel_m=travel,
+        load_m=load,
         score=score(reference.tension_N, output),
+        position_error_m=None if reference.position_m is None else _position_error(load - reference.position_m),
         slack=run.message if run.outcome is Outcome.SLACK else "",
     )
+
+
+def _position_error(error_m: FloatArray) -> tuple[float, float]:
+    return float(np.sqrt(np.mean(error_m**2))), float(np.max(np.abs(error_m)))

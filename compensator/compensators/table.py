@@ -37,7 +37,9 @@ class CompensationTable(Compensator):
         """Answer by looking up; see `Compensator.profile`."""
         table = self.table or table_of(problem).table
         reference = problem.reference
-        return Profile(force_N=problem.limited(table_force(table, reference.tension_N, reference.initial_tension_N)))
+        start = reference.initial_tension_N
+        force = problem.in_cycle(lambda rows: table_force(table, rows, start), reference.tension_N)
+        return Profile(force_N=problem.limited(force))
 
     __str__ = Compensator.__str__
 

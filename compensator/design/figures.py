@@ -1,6 +1,6 @@
 """Figures of a design: what to expect, tension, force, loop and error."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from typing import Any
 
@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.base import Compensator, FloatArray
+from tendonff.compensator.design.drive_use import drive_use
 from tendonff.compensator.design.result import DesignData
 from tendonff.compensator.reporting.plots import (
     GREY,
@@ -39,6 +40,7 @@ def design_figures(result: DesignData) -> dict[str, Figure]:
             "expectation": expectation_figure(result),
             "tension": tension_figure(result),
             "force": force_figure(result),
+            "drive": drive_figure(result),
             "loop": loop_figure(result),
             "error": error_figure(result),
         }
@@ -127,6 +129,51 @@ def force_figure(result: DesignData) -> Figure:
     travel.set(xlabel="time [s]", ylabel="travel [mm]")
     legend_below(figure, force, columns=3)
     return figure
+
+
+def drive_figure(result: DesignData) -> Figure:
+    """Travel, speed and power of the drive, and its torque over its speed, with the limits.
+
+    Parameters
+    ----------
+    result : DesignData
+    """
+    figure, axes = new_figure(2, 2, height_in=4.6)
+    (travel, speed), (power, plane) = axes
+    actuator, rows = result.scenario.transmission.actuator, thinned(len(result.reference.time_s))
+    motor, time = actuator.motor, result.reference.time_s[rows]
+    styles = {c.name: _look(c) for c in result.compensators}
+    for use in drive_use(result):
+        look = styles[use.name]
+        travel.plot(time, 1e3 * use.travel_m[rows], **look)
+        speed.plot(time, 1e3 * use.speed_m_per_s[rows], **look)
+        power.plot(time, use.power_W[rows], **look)
+        if motor is None:
+            plane.plot(1e3 * use.speed_m_per_s[rows], use.force_N[rows], **look)
+        else:
+            plane.plot(use.speed_m_per_s[rows] / motor.travel_per_rad_m, use.torque_N_m(motor)[rows], **look)
+    if actuator.speed_max_m_per_s is not None:
+        _limit_lines(speed, (-1e3 * actuator.speed_max_m_per_s, 1e3 * actuator.speed_max_m_per_s))
+    _limit_lines(travel, [1e3 * x for x in (actuator.travel_min_m, actuator.travel_max_m) if x is not None])
+    travel.set(xlabel="time [s]", ylabel="travel [mm]", title="Actuator travel from the start")
+    speed.set(xlabel="time [s]", ylabel="speed [mm/s]", title="Actuator speed")
+    power.set(xlabel="time [s]", ylabel="power [W]", title="Mechanical power")
+    if motor is None:
+        plane.set(xlabel="speed [mm/s]", ylabel="force [N]", title="Force over speed")
+    else:
+        line = np.linspace(0, motor.speed_max_rad_per_s, 50)
+        plane.plot(line, [motor.torque_limit_N_m(w) for w in line.tolist()], color=INK, linewidth=0.8)
+        plane.set(xlabel="motor speed [rad/s]", ylabel="motor torque [N m]", title="Torque over speed, and its limit")
+    legend_below(figure, travel)
+    return figure
+
+
+def _limit_lines(panel: Axes, values: Iterable[float]) -> None:
+    """Limits that lie within a third of the drawn range."""
+    low, high = panel.get_ylim()
+    for value in values:
+        if low - (high - low) / 3 < value < high + (high - low) / 3:
+            panel.axhline(value, color=INK, linewidth=0.8, linestyle=(0, (6, 3)))
 
 
 def loop_figure(result: DesignData) -> Figure:

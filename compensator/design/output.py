@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 
 from tendonff.compensator.compensators.base import FloatArray
 from tendonff.compensator.compensators.score import Verified
+from tendonff.compensator.design.drive_use import drive_columns, drive_summary
 from tendonff.compensator.design.figures import design_figures
 from tendonff.compensator.design.report import design_report
 from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS, DesignData
@@ -41,7 +42,12 @@ def profile_columns(result: DesignData) -> dict[str, FloatArray]:
     result : DesignData
     """
     forces = {f"force_{name}_N": force for name, force in result.forces_N.items()}
-    return {"time_s": result.reference.time_s, "reference_N": result.reference.tension_N, **forces}
+    return {
+        "time_s": result.reference.time_s,
+        "reference_N": result.reference.tension_N,
+        **forces,
+        **drive_columns(result),
+    }
 
 
 def summary(result: DesignData) -> dict[str, object]:
@@ -55,7 +61,10 @@ def summary(result: DesignData) -> dict[str, object]:
     def scores(verified: tuple[Verified, ...]) -> dict[str, dict[str, object]]:
         found: dict[str, dict[str, object]] = {}
         for one in verified:
-            found.setdefault(one.compensator, {})[one.plant.level.value] = asdict(one.score)
+            entry: dict[str, object] = asdict(one.score)
+            if one.position_error_m is not None:
+                entry |= {"rmse_m": one.position_error_m[0], "peak_error_m": one.position_error_m[1]}
+            found.setdefault(one.compensator, {})[one.plant.level.value] = entry
         return found
 
     error = result.foresight.expected_error_N
@@ -69,6 +78,7 @@ def summary(result: DesignData) -> dict[str, object]:
             "step_s": result.reference.step_s / FINE_REFINEMENT,
             "compensators": scores(result.proof),
         },
+        "drive": drive_summary(result),
         "ocp": None if result.tracking is None else _tracking_summary(result.tracking),
         "expectation": {
             "uncertainty": result.expectation.doubt.widths,

@@ -1,8 +1,10 @@
 """The report of a design: what to expect of each profile, in one page."""
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.score import scale_N
+from tendonff.compensator.design.drive_use import drive_use
 from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS, DesignData
 from tendonff.compensator.reporting.cells import Cell
 from tendonff.compensator.reporting.page import (
@@ -15,7 +17,11 @@ from tendonff.compensator.reporting.page import (
     pictures_of,
     provenance_of,
 )
+from tendonff.compensator.scenario.reference import Hold
 from tendonff.models.fidelity import Level
+from tendonff.ocp.hold import find_holds
+
+_MOVES_IN_A_HOLD = 0.05  # of the force's range: what is worth a word
 
 _CAPTIONS = {
     "expectation": "Output tension of the recommended profile over all sampled parameters (band), and of the reference "
@@ -27,6 +33,7 @@ _CAPTIONS = {
     "loop": "Left: the tendon's hysteresis, output over force. Right: output over reference; perfect compensation is "
     "the diagonal. Equal scales on both axes.",
     "error": "Error on each fidelity level with the design's own parameters, on one scale; right: enlarged.",
+    "drive": "What the profiles ask of the drive, on the design level; thin lines are its limits.",
 }
 
 
@@ -111,18 +118,92 @@ def design_report(result: DesignData, figures: dict[str, Figure]) -> Report:
         warnings=result.warnings,
         sections=(
             Section(title="What to expect", blocks=(pictures["expectation"], scores)),
-            Section(title="Output tension", blocks=(pictures["tension"], peaks)),
-            Section(title="Actuator force", blocks=(pictures["force"], *_solver(result))),
+            Section(title="Output tension", blocks=(pictures["tension"], peaks, *_positions(result))),
+            Section(title="Actuator force", blocks=(pictures["force"], *_holds(result), *_solver(result))),
+            Section(title="Sizing the drive", blocks=(pictures["drive"], *_drive(result))),
             Section(title="Hysteresis", blocks=(pictures["loop"],)),
             Section(title="Sensitivity to model fidelity", blocks=(pictures["error"],)),
             *_robust_section(result),
         ),
         provenance=provenance_of(result.scenario, "design"),
         files=(
-            FileNote(name="profile.csv", content="reference and the force of every compensator over time"),
+            FileNote(
+                name="profile.csv",
+                content="reference and the force of every compensator over time, travel, command and motor",
+            ),
             FileNote(name="summary.json", content="errors, solver status and warnings for other programs"),
         ),
     )
+
+
+def _holds(result: DesignData) -> tuple[Block, ...]:
+    """Why the force of the exact inverse changes while the reference rests."""
+    reference, profile = result.reference, result.profiles.get("inverse")
+    if profile is None or reference.hold is Hold.KEEP:
+        return ()
+    force, found = profile.force_N, []
+    for first, last in find_holds(reference.tension_N, reference.step_s):
+        change = float(np.ptp(force[first : last + 1]))
+        if change > _MOVES_IN_A_HOLD * float(np.ptp(force)):
+            found.append(f"from {reference.time_s[first]:.4g} to {reference.time_s[last]:.4g} s by {change:.3g} N")
+    if not found:
+        return ()
+    note = (
+        f"While the reference rests, the force of the exact inverse still moves: {'; '.join(found)}. At the end of a "
+        "move the load's inertia and the damping turn the sliding round for some milliseconds, friction changes sign, "
+        "and the force crosses the dead zone although the output hardly moves. Inside the dead zone nothing need "
+        'move: hold = "keep" in [reference] keeps the force, and says what that costs.'
+    )
+    return (Text(note),)
+
+
+def _positions(result: DesignData) -> tuple[Block, ...]:
+    """Errors of the load's position, where that is wanted."""
+    if result.reference.position_m is None:
+        return ()
+    span = float(np.ptp(result.reference.position_m))
+    rows = []
+    for c in result.compensators:
+        own, fine = (v.position_error_m for v in (result.on_level(c.name, result.level), result.on_proof(c.name)))
+        if own is not None and fine is not None:
+            share = f"{100 * fine[0] / span:.3g}" if span > 0 else ""
+            rows.append((c.label, own[0], own[1], fine[0], fine[1], share))
+    table = Table(
+        caption="Error of the load's position: design level, and finer chain",
+        columns=("profile", "rms [m]", "largest [m]", "rms, finer [m]", "largest, finer [m]", "% of range, finer"),
+        rows=tuple(rows),
+    )
+    return (table,)
+
+
+def _drive(result: DesignData) -> tuple[Block, ...]:
+    """Stroke, speed, force, power and the motor's torque beside their limits."""
+    actuator = result.scenario.transmission.actuator
+    motor, used = actuator.motor, drive_use(result)
+    labels = {c.name: c.label for c in result.compensators}
+    rows: list[tuple[Cell, ...]] = []
+
+    def row(what: str, values: list[float], limit: float | None) -> None:
+        share = "" if not limit or not values else f"{100 * max(values) / limit:.3g} %"
+        rows.append((what, *values, "" if limit is None else limit, share))
+
+    speeds = [float(np.max(np.abs(use.speed_m_per_s))) for use in used]
+    lower, upper = actuator.travel_min_m, actuator.travel_max_m
+    row("stroke [m]", [use.stroke_m for use in used], None if lower is None or upper is None else upper - lower)
+    row("peak speed [m/s]", speeds, actuator.speed_max_m_per_s)
+    row("peak force [N]", [float(np.max(use.force_N)) for use in used], actuator.force_max_N)
+    row("rms force [N]", [use.force_rms_N for use in used], None)
+    row("peak power [W]", [float(np.max(use.power_W)) for use in used], None)
+    if motor is not None:
+        per_rad = motor.travel_per_rad_m
+        row("motor: peak torque [N m]", [float(np.max(use.force_N)) * per_rad for use in used], motor.torque_max_N_m)
+        row("motor: rms torque [N m]", [use.force_rms_N * per_rad for use in used], motor.torque_rated_N_m)
+        row("motor: peak speed [rad/s]", [speed / per_rad for speed in speeds], motor.speed_max_rad_per_s)
+        row("motor: way [turns]", [use.stroke_m / per_rad / (2 * np.pi) for use in used], None)
+        if motor.stall_torque_N_m is not None:
+            row("motor: share of the torque-speed line", [use.load_of_the_line(motor) for use in used], 1.0)
+    columns = ("quantity", *(labels[use.name] for use in used), "limit", "used")
+    return (Table(caption="What the drive must do", columns=columns, rows=tuple(rows)),)
 
 
 def _solver(result: DesignData) -> tuple[Block, ...]:

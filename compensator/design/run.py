@@ -1,17 +1,21 @@
 """The main job: from a scenario to the force profile, verified on every level and on a finer chain."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, ProfileStatus
+from tendonff.compensator.compensators.motion import with_motion
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import SimulatedPlant, Verified, is_worse, verify
+from tendonff.compensator.design.drive_use import drive_warnings
 from tendonff.compensator.design.expectation import expect
 from tendonff.compensator.design.output import Design
 from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.design.robustness import robustness, robustness_warnings
 from tendonff.compensator.files.progress import Parts, Progress, silent
-from tendonff.compensator.scenario.reference import CsvReference
-from tendonff.compensator.scenario.sampling import noise_advice, sample_reference
+from tendonff.compensator.scenario.filters import noise_advice, ripple_advice
+from tendonff.compensator.scenario.reference import CsvReference, Hold
+from tendonff.compensator.scenario.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
 from tendonff.ocp.inverse import invert
@@ -54,11 +58,14 @@ def design(
     reference, transmission, level = problem.reference, problem.transmission, problem.level
     shares = {c.name: 1 if c.is_fast else _PARTS_OF_THE_SEARCH for c in compensators}
     parts = Parts(progress, sum(shares.values()) + len(compensators) * (len(Level) + 1))
-    warnings = [*reference.warnings, *_noise_warning(scenario, problem)]
+    warnings = [*reference.warnings, *(_noise_warning(scenario, problem) or _ripple_warning(scenario, problem))]
+    if problem.kept is not None:
+        warnings += _hold_notes(problem)
     profiles: dict[str, Profile] = {}
     for compensator in compensators:
         share = shares[compensator.name]
-        profiles[compensator.name] = compensator.profile(problem, progress=parts.inside(share))
+        profile = compensator.profile(problem, progress=parts.inside(share))
+        profiles[compensator.name] = with_motion(problem, compensator.name, profile)
         warnings += profiles[compensator.name].warnings
         parts.done(share)
     forces = {name: profile.force_N for name, profile in profiles.items()}
@@ -80,14 +87,14 @@ def design(
     verified: list[Verified] = []
     proof: list[Verified] = []
     fine = SimulatedPlant(level=level, segments=FINE_SEGMENTS, refinement=FINE_REFINEMENT)
-    for name, force in forces.items():
+    for name, profile in profiles.items():
         for plant, found in (*((SimulatedPlant(level=each), verified) for each in Level), (fine, proof)):
-            found.append(verify(transmission, plant, name, force, reference))
+            found.append(verify(transmission, plant, name, profile, reference))
             parts.done()
     warnings += _worse_than_nothing([v for v in verified if v.plant.level is level], reference.tension_N)
     warnings += _promises([v for v in verified if v.plant.level is level], proof)
     warnings += [f"{v.compensator} on {v.plant.level}: {v.slack}" for v in verified if v.slack]
-    return Design(
+    result = Design(
         scenario=scenario,
         reference=reference,
         compensators=tuple(compensators),
@@ -99,6 +106,7 @@ def design(
         expectation=expectation,
         warnings=tuple(warnings),
     )
+    return replace(result, warnings=(*result.warnings, *drive_warnings(result)))
 
 
 def _worse_than_nothing(verified: Sequence[Verified], reference_N: FloatArray) -> list[str]:
@@ -152,5 +160,28 @@ def _noise_warning(scenario: Scenario, problem: Problem) -> list[str]:
         start = reference.initial_tension_N
         return invert(problem.chain, tension, reference.step_s, initial_tension_N=start).force_N
 
-    advice = noise_advice(reference, force_of, file=spec.file)
+    advice = noise_advice(reference.tension_N, reference.step_s, force_of, file=spec.file)
     return [] if advice is None else [advice.message]
+
+
+def _ripple_warning(scenario: Scenario, problem: Problem) -> list[str]:
+    """Warning of a force rate that swings between the samples of a file."""
+    spec, reference = scenario.reference, problem.reference
+    if not isinstance(spec, CsvReference):
+        return []
+    force = problem.inversion.force_N
+    advice = ripple_advice(force, reference.step_s, reference.sample_interval_s, file=spec.file)
+    return [] if advice is None else [advice]
+
+
+def _hold_notes(problem: Problem) -> list[str]:
+    """What keeping the force in the holds costs."""
+    kept = problem.kept
+    if kept is None or problem.reference.hold is not Hold.KEEP:
+        return []
+    share = 100 * kept.drift_N / max(problem.reference.range_N, 1e-300)
+    message = (
+        f'hold = "keep": the force stays in {len(kept.holds)} stretches, which moves the output by up to '
+        f"{kept.drift_N:.3g} N ({share:.2g} % of range) on the design model"
+    )
+    return [message]

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.compensator.compensators.base import Problem, ProfileStatus
+from tendonff.compensator.compensators.motion import with_motion
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import SimulatedPlant, verify
 from tendonff.compensator.explore.result import Course, Exploration
@@ -136,10 +137,10 @@ class Explorer:
         rows = slice(None, None, max(1, len(reference.time_s) // _MOST_POINTS))
         notes, slack, courses = [], [], {}
         for compensator in SHOWN:
-            profile = compensator.profile(problem)
+            profile = with_motion(problem, compensator.name, compensator.profile(problem))
             if profile.status is not ProfileStatus.GOOD:
                 notes.append(f"{compensator}: {profile.message}")
-            found = verify(plant, SimulatedPlant(level=level), compensator.name, profile.force_N, reference)
+            found = verify(plant, SimulatedPlant(level=level), compensator.name, profile, reference)
             if found.slack:
                 slack.append(f"{compensator}: {found.slack}")
             courses[compensator.name] = Course(

@@ -76,7 +76,7 @@ def adaptive_code(problem: Problem, settings: Adaptation, precision: Precision, 
         "sensor_words": tuning.sensor.words,
         "measured_words": _MEASURED[tuning.sensor],
         "tuned_words": " and ".join(settings.parameters),
-        "model_rows": 2 + controller_limits(precision).splits,
+        "model_rows": 2 * (2 + controller_limits(precision).splits),  # of inner links, and of those at the ends
         "mu_dynamic": friction.release_dynamic if main is Tunable.MU_RELEASE else friction.mu_dynamic,
         "mu_index": settings.parameters.index(main),
         "tunes_load": tunes_load,

@@ -30,9 +30,11 @@ from tendonff.compensator.export.golden import golden_vectors
 from tendonff.compensator.export.host import run_on_host
 from tendonff.compensator.export.judgement import Judged, judge
 from tendonff.compensator.export.self_test import FloatLoss, float_losses, loss_warnings, self_test_context
+from tendonff.compensator.files.text import InputError
 from tendonff.compensator.files.writing import atomic_directory, write_text
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.capstan import CapstanLaw
+from tendonff.models.drive import Drive
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
@@ -113,6 +115,11 @@ def export_project(
         If there is no profile that may be exported, or nothing is better than no compensation; the message says why.
     """
     check_prefix(prefix)
+    if scenario.transmission.actuator.drive is Drive.POSITION:
+        raise InputError(
+            f'{scenario.source.name} [actuator]: drive = "position" is not exported yet; play a command column of '
+            'profile.csv (design), or export with drive = "force"'
+        )
     problem = Problem.of(scenario, level=level)
     warnings = problem.reference.warnings
     if profile_N is None:
@@ -120,10 +127,13 @@ def export_project(
         profile_N, warnings = profile.force_N, (*warnings, *profile.warnings)
     built = table_of(problem)
     forces = _forces(problem, built, profile_N)
+    if problem.reference.periodic:
+        profile_N = profile_N[:-1]  # its last row is the first of the next period
     numbers = {
         **table_context(built, precision),
         "table_bytes": table_bytes(built.table, precision),
         "profile": profile_N,
+        "profile_loops": problem.reference.periodic,
         "profile_bytes": (4 if precision is Precision.FLOAT else 8) * len(profile_N),
     }
     golden = golden_vectors(problem, built.table, precision)

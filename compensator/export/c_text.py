@@ -271,6 +271,7 @@ def _context(
         "table": _padded(output + 4 * size + 4, size),
         "plant": _padded((2 * reals + 2) * size + 16, size),
         "profile": _padded(output + 4, size),
+        "bounds": _padded(4 * size + 4, size),
     }
     return _naming(scenario, problem.level, precision, prefix) | {
         "title": f"{prefix}: feedforward force for a tendon",

@@ -21,6 +21,7 @@ from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_file
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
+from tendonff.models.drive import Drive
 from tendonff.models.fidelity import Level
 from tendonff.ocp.adaptation.tuning import Sensor
 from tendonff.ocp.codegen.compiler import find_compiler, run_compiler
@@ -107,6 +108,11 @@ def build_fmu(
     check_prefix(prefix)
     if kind is Kind.ADAPTIVE and scenario.adaptation is None:
         raise InputError(f"{scenario.source.name}: table [adaptation] is missing; --kind adaptive needs its sensor")
+    if scenario.transmission.actuator.drive is Drive.POSITION:
+        raise InputError(
+            f'{scenario.source.name} [actuator]: drive = "position" has no FMU yet; play a command column of '
+            'profile.csv (design), or export with drive = "force"'
+        )
     problem = Problem.of(scenario, level=level)
     module = next(module for module in c_modules(scenario) if module.name == kind.value)
     identifier = f"{prefix}_{kind}"

@@ -88,8 +88,10 @@ def _course(
 ) -> Course:
     step, start = problem.reference.step_s, float(reference_N[0])
     time = np.arange(len(reference_N), dtype=np.float64) * step
-    course = replace(problem.reference, time_s=time, tension_N=reference_N, initial_tension_N=start)
-    followed = replace(problem, reference=course)
+    course = replace(
+        problem.reference, time_s=time, tension_N=reference_N, initial_tension_N=start, periodic=False, position_m=None
+    )
+    followed = replace(problem, reference=course, live=True)
     columns = {}
     for compensator in COMPENSATORS:
         module = compensator.c_module

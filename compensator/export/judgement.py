@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
-from tendonff.compensator.compensators.base import FloatArray, Problem
+from tendonff.compensator.compensators.base import FloatArray, Problem, Profile
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import Score, SimulatedPlant, is_worse, verify
 from tendonff.ocp.errors import SolveError
@@ -87,6 +87,6 @@ def score_lines(judged: Sequence[Judged]) -> list[str]:
 def _score(problem: Problem, force_N: FloatArray) -> Score | None:
     plant = SimulatedPlant(level=problem.level)
     try:
-        return verify(problem.transmission, plant, "", force_N, problem.reference).score
+        return verify(problem.transmission, plant, "", Profile(force_N=force_N), problem.reference).score
     except SolveError:
         return None

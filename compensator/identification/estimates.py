@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.stats import t as student
@@ -23,6 +24,9 @@ POOR_SHARE = 0.35
 
 TWINS = 0.985
 """Correlation from which on two values are told only together."""
+
+BIASES = (D.INPUT_BIAS, D.OUTPUT_BIAS)
+EXPONENTS = {"mu_dynamic": "mu_theta", "mu_dynamic_release": "mu_theta_release"}
 
 LOAD_TERMS = (P.PULL, P.RELEASE, P.ADHESION)
 
@@ -73,14 +77,13 @@ def static_estimates(scenario: Scenario, stage: StaticSelection, now: Excitation
         own = _scenario_value(scenario, name)
         if source.value not in free:
             if parameter in (P.ADHESION, P.INPUT_BIAS, P.OUTPUT_BIAS):
-                text = _constants(fit.model.constants, parameter)
-                estimates.append(_kept(name, own or 0.0, own, text))
+                estimates.append(_kept(name, 0.0, own, _constants(fit.model.constants, parameter)))
             elif own is not None:
                 estimates.append(_kept(name, own, own, reason(D.BRISTLE, now, scenario.transmission)))
             continue
         value, error = solution.values[source.value], solution.standard_error(source.value)
         low, high = solution.interval(source.value)
-        size = relevant_size(D.ADHESION, value, 1.0) if parameter in (P.INPUT_BIAS, P.OUTPUT_BIAS) else abs(value)
+        size = abs(value)
         told = error < POOR_SHARE * size or parameter in (P.INPUT_BIAS, P.OUTPUT_BIAS, P.GUIDE)
         partner = _partner(free, correlation, source.value)
         if parameter in LOAD_TERMS and partner in LOAD_TERMS:
@@ -91,13 +94,14 @@ def static_estimates(scenario: Scenario, stage: StaticSelection, now: Excitation
             share = error / size if size > 0 else float("inf")
             twin = f" It goes with {partner}: the files tell only their combination." if partner else ""
             key = {P.PULL: D.MU_PULL, P.RELEASE: D.MU_RELEASE, P.ADHESION: D.ADHESION, P.BRISTLE: D.BRISTLE}
-            why = reason(key.get(parameter, D.INPUT_BIAS), now, scenario.transmission, share) + "." + twin
+            kind = key.get(parameter, D.INPUT_BIAS)
+            why = reason(kind, now, scenario.transmission, share, fitted=True) + "." + twin
             if parameter in LOAD_TERMS and partner in LOAD_TERMS:
                 why = f"it goes with {partner}, these files tell only their combination; repeat at several loads"
         else:
             why = "static stage" + (f"; mu theta = {value:.4g}" if factor != 1 else "")
         told = bool(told and described and math.isfinite(error))
-        shown = factor * value if told or own is None else own
+        shown = factor * value if described or own is None else own
         estimates.append(
             Estimate(
                 name=name,
@@ -107,8 +111,10 @@ def static_estimates(scenario: Scenario, stage: StaticSelection, now: Excitation
                 identifiable=told,
                 why=why,
                 scenario=own,
+                fitted=described,
             )
         )
+    estimates = [*_exponents(estimates, theta), *estimates]
     if described and P.ADHESION.value in free:
         estimates.append(_without_load(stage))
     for dynamic_name in (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME, D.STRIBECK_VELOCITY, D.VISCOUS, D.DAMPING):
@@ -195,27 +201,52 @@ def dynamic_estimates(scenario: Scenario, fit: DynamicFit, now: ExcitationSummar
             continue
         value, error = solution.values[source], solution.standard_error(source)
         interval = solution.interval(source)
-        size = relevant_size(source, value, float(max(fit.values[D.ADHESION], 1.0)))
-        told = described and bool(math.isfinite(error)) and (error < POOR_SHARE * size or source is D.INPUT_BIAS)
-        share = error / size if size > 0 else float("inf")
-        why = "dynamic stage" if told else reason(parameter, now, scenario.transmission, share)
+        size = relevant_size(source, value, fit.mean_N)
+        told = described and bool(math.isfinite(error)) and (error < POOR_SHARE * size or source in BIASES)
+        share = error / abs(value) if value else float("inf")
+        why = "dynamic stage" if told else reason(parameter, now, scenario.transmission, share, fitted=True)
         if not described:
             why = NOT_DESCRIBED
         if parameter is D.STATIC_EXCESS:
-            estimates += _static_coefficients(scenario, fit, value, error, interval, told=told, why=why)
+            estimates += _static_coefficients(
+                scenario, fit, value, error, interval, told=told, fitted=described, why=why
+            )
             continue
         estimates.append(
             Estimate(
                 name=name,
-                value=value if told or own is None else own,
+                value=value if described or own is None else own,
                 standard_error=error,
-                interval=interval,
+                interval=_feasible(source, interval),
                 identifiable=told,
                 why=why,
                 scenario=own,
+                fitted=described,
             )
         )
-    return tuple(estimates), tuple(solution.values), solution.correlation()
+    theta = scenario.transmission.path.total_angle_rad
+    return (*_exponents(estimates, theta), *estimates), tuple(solution.values), solution.correlation()
+
+
+def _exponents(estimates: Sequence[Estimate], theta: float) -> list[Estimate]:
+    """Friction as ln(T_in/T_out) in gross sliding, mu theta: it needs no wrap angle."""
+    return [
+        replace(
+            e,
+            name=EXPONENTS[e.name],
+            value=theta * e.value,
+            standard_error=None if e.standard_error is None else theta * e.standard_error,
+            interval=None if e.interval is None else (theta * e.interval[0], theta * e.interval[1]),
+            scenario=None if e.scenario is None else theta * e.scenario,
+        )
+        for e in estimates
+        if e.name in EXPONENTS
+    ]
+
+
+def _feasible(parameter: DynamicParameter, interval: tuple[float, float]) -> tuple[float, float]:
+    """No interval of a positive value reaches below zero."""
+    return interval if parameter in BIASES else (max(interval[0], 0.0), interval[1])
 
 
 def _static_coefficients(
@@ -226,6 +257,7 @@ def _static_coefficients(
     interval: tuple[float, float],
     *,
     told: bool,
+    fitted: bool,
     why: str,
 ) -> list[Estimate]:
     """mu_static of both directions from their common ratio to the dynamic coefficients."""
@@ -235,12 +267,13 @@ def _static_coefficients(
         found.append(
             Estimate(
                 name=name,
-                value=mu * (1 + excess) if told or own is None else own,
+                value=mu * (1 + excess) if fitted or own is None else own,
                 standard_error=mu * error,
-                interval=(mu * (1 + interval[0]), mu * (1 + interval[1])),
+                interval=(mu * (1 + max(interval[0], 0.0)), mu * (1 + interval[1])),
                 identifiable=told,
                 why=why,
                 scenario=own,
+                fitted=fitted,
             )
         )
     return found

@@ -38,7 +38,7 @@ def draw(found: IdentificationData, folder: Path) -> list[Path]:
     """
     shown = _chosen(found.comparisons)
     with figure_style():
-        written = [*_over_time(found, shown, folder), *_loops(found, shown, folder), *_residuals(found, shown, folder)]
+        written = [*_over_time(found, shown, folder), *_loops(found, shown, folder), *_residuals(shown, folder)]
         if any(c.elongation_m is not None for c in shown):
             written += _relaxation(shown, folder)
     return written
@@ -59,8 +59,12 @@ def _thin(*columns: Array) -> list[Array]:
     return [c[::step] for c in columns]
 
 
-def _measured(found: IdentificationData, piece: PieceComparison) -> Array:
-    return piece.output_N if found.explain is Explain.OUTPUT else piece.input_N
+CHANNELS = {
+    Explain.OUTPUT: ("output tension", "input tension", 1.0, "N"),
+    Explain.INPUT: ("input tension", "output tension", 1.0, "N"),
+    Explain.POSITION: ("actuator position", "input tension", 1e3, "mm"),
+}
+"""What is explained, what it is explained from, and the factor and unit of its axis."""
 
 
 def _title(piece: PieceComparison) -> str:
@@ -69,15 +73,15 @@ def _title(piece: PieceComparison) -> str:
 
 def _over_time(found: IdentificationData, comparisons: Sequence[PieceComparison], folder: Path) -> list[Path]:
     figure, axes = new_figure(len(comparisons), 1)
-    other = "input" if found.explain is Explain.OUTPUT else "output"
+    name, other, scale, unit = CHANNELS[found.explain]
     for ax, piece in zip(axes[:, 0], comparisons, strict=True):
-        given = piece.input_N if found.explain is Explain.OUTPUT else piece.output_N
-        t, x, y, m = _thin(piece.time_s, given, _measured(found, piece), piece.model_N)
-        ax.plot(t, x, color=GREY, lw=0.8, label=f"{other}, measured")
-        ax.plot(t, y, color=INK, lw=1.4, label=f"{found.explain}, measured")
-        ax.plot(t, m, color=VERMILION, lw=1.0, ls="--", label=f"{found.explain}, model")
+        t, x, y, m = _thin(piece.time_s, piece.given, scale * piece.measured, scale * piece.model)
+        if found.explain is not Explain.POSITION:
+            ax.plot(t, x, color=GREY, lw=0.8, label=f"{other}, measured")
+        ax.plot(t, y, color=INK, lw=1.4, label=f"{name}, measured")
+        ax.plot(t, m, color=VERMILION, lw=1.0, ls="--", label=f"{name}, model")
         ax.set_title(_title(piece))
-        ax.set_ylabel("tension [N]")
+        ax.set_ylabel(f"{'position' if found.explain is Explain.POSITION else 'tension'} [{unit}]")
         ax.margins(x=0.01)
     axes[-1, 0].set_xlabel("time [s]")
     handles, labels = axes[0, 0].get_legend_handles_labels()
@@ -89,16 +93,15 @@ def _loops(found: IdentificationData, comparisons: Sequence[PieceComparison], fo
     columns = min(2, len(comparisons))
     rows = -(-len(comparisons) // columns)
     figure, axes = new_figure(rows, columns, height_in=2.8 * rows + 0.5)
+    name, other, scale, unit = CHANNELS[found.explain]
     for ax, piece in zip(axes.ravel(), comparisons, strict=False):
-        x, y, m = _thin(piece.input_N, piece.output_N, piece.model_N)
-        ax.plot(x, y, color=INK, lw=0.9, label="measured")
-        if found.explain is Explain.OUTPUT:
-            ax.plot(x, m, color=VERMILION, lw=0.9, ls="--", label="model")
-        else:
-            ax.plot(m, y, color=VERMILION, lw=0.9, ls="--", label="model")
+        x, y, m = _thin(piece.given, scale * piece.measured, scale * piece.model)
+        ends = [f"{other} [N]", f"{name} [{unit}]"]
+        for label, values, look in (("measured", y, {"color": INK}), ("model", m, {"color": VERMILION, "ls": "--"})):
+            ax.plot(*((values, x) if found.explain is Explain.INPUT else (x, values)), lw=0.9, label=label, **look)
         ax.set_title(_title(piece))
-        ax.set_xlabel("input tension [N]")
-        ax.set_ylabel("output tension [N]")
+        ax.set_xlabel(ends[found.explain is Explain.INPUT])
+        ax.set_ylabel(ends[found.explain is not Explain.INPUT])
     for ax in axes.ravel()[len(comparisons) :]:
         ax.set_axis_off()
     handles, labels = axes[0, 0].get_legend_handles_labels()
@@ -106,12 +109,11 @@ def _loops(found: IdentificationData, comparisons: Sequence[PieceComparison], fo
     return save_figure(figure, folder / "loop")
 
 
-def _residuals(found: IdentificationData, comparisons: Sequence[PieceComparison], folder: Path) -> list[Path]:
+def _residuals(comparisons: Sequence[PieceComparison], folder: Path) -> list[Path]:
     figure, axes = new_figure(len(comparisons), 1, height_in=1.7 * len(comparisons) + 0.5)
     for ax, piece in zip(axes[:, 0], comparisons, strict=True):
-        measured = _measured(found, piece)
-        span = max(float(np.ptp(measured)), 1e-300)
-        t, left = _thin(piece.time_s, 100 * (piece.model_N - measured) / span)
+        span = max(float(np.ptp(piece.measured)), 1e-300)
+        t, left = _thin(piece.time_s, 100 * (piece.model - piece.measured) / span)
         ax.axhline(0, color=INK, lw=0.6)
         ax.plot(t, left, color=BLUE, lw=0.8)
         rms = float(np.sqrt(np.mean(left**2)))

@@ -26,13 +26,16 @@ class ExcitationSummary:
     speed_m_per_s : float
         Usual top speed of the input end; 0 if not measured.
     load_swing : float
-        Range of the output tension over its mean.
+        Range of the output tension over its mean; of the input's where the output was not measured.
+    proximal : bool
+        Nothing was measured at the far end.
     """
 
     positions: bool
     hold_s: float
     speed_m_per_s: float
     load_swing: float
+    proximal: bool
 
 
 def summarise_excitation(records: Sequence[Record]) -> ExcitationSummary:
@@ -43,17 +46,24 @@ def summarise_excitation(records: Sequence[Record]) -> ExcitationSummary:
         for p in r.pieces
         if p.input_m is not None
     ]
-    output = np.concatenate([r.joined("output_N") for r in records])
+    proximal = not all(r.has_output for r in records)
+    output = np.concatenate([r.joined("input_N" if proximal else "output_N") for r in records])
     return ExcitationSummary(
         positions=all(r.has_positions for r in records),
         hold_s=longest_hold_s(records),
         speed_m_per_s=max(speeds, default=0.0),
         load_swing=float(np.ptp(output) / max(abs(output.mean()), 1e-12)),
+        proximal=proximal,
     )
 
 
 def reason(
-    name: DynamicParameter, now: ExcitationSummary, transmission: Transmission, relative_error: float | None = None
+    name: DynamicParameter,
+    now: ExcitationSummary,
+    transmission: Transmission,
+    relative_error: float | None = None,
+    *,
+    fitted: bool = False,
 ) -> str:
     """Why a value is not identifiable, with the way out.
 
@@ -63,14 +73,15 @@ def reason(
     now : ExcitationSummary
     transmission : Transmission
     relative_error : float, optional
-        Standard error it would have, as a share of the value.
+        Standard error it has or would have, as a share of the value.
+    fitted : bool, optional
+        It is part of the law, and doubtful; else it does not reduce the validation error.
     """
     tau = transmission.tendon.relaxation_time_s
     known = relative_error is not None and np.isfinite(relative_error)
     doubt = f"standard error {100 * float(relative_error or 0):.3g} %; " if known else ""
-    if name in (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME) and not now.positions:
-        what = "tensions alone do not show elongation"
-        return f"no positions of both ends were measured: {name} is not identifiable ({what}); measure both positions"
+    if unmeasured := _unmeasured(name, now, doubt):
+        return unmeasured
     if name in (D.RELAXATION_TIME, D.RELAXING):
         if now.hold_s < 3 * tau:
             return (
@@ -83,14 +94,17 @@ def reason(
     if name in (D.STATIC_EXCESS, D.STRIBECK_VELOCITY):
         omega = transmission.friction.stribeck_velocity_m_per_s
         speed = f" (the input end moved at up to {now.speed_m_per_s:.2g} m/s)" if now.speed_m_per_s else ""
+        useless = doubt.removesuffix("; ") if fitted else "adding a Stribeck term does not reduce the validation error"
         return (
-            f"adding a Stribeck term does not reduce the validation error{speed}; "
+            f"{useless}{speed}; "
             f"add strokes at speeds from {0.2 * omega:.2g} to {5 * omega:.2g} m/s, around the Stribeck velocity"
         )
     if name is D.VISCOUS:
-        return f"{doubt}adding viscous friction does not reduce the validation error; add faster strokes (10 times)"
+        useless = "" if fitted else "adding viscous friction does not reduce the validation error; "
+        return f"{doubt}{useless}add faster strokes (10 times)"
     if name is D.ADHESION:
-        return f"{doubt}load-independent friction does not reduce the validation error; add strokes at low tension"
+        useless = "" if fitted else "load-independent friction does not reduce the validation error; "
+        return f"{doubt}{useless}add strokes at low tension"
     if name is D.DAMPING:
         return f"{doubt}it acts on fast changes only; add excitation above 20 Hz"
     if name is D.BRISTLE:
@@ -100,3 +114,13 @@ def reason(
     if now.load_swing < 0.3:
         return f"{doubt}the output tension varies too little; repeat at several loads"
     return f"{doubt}repeat with full strokes in both directions at several loads"
+
+
+def _unmeasured(name: DynamicParameter, now: ExcitationSummary, doubt: str) -> str:
+    """Which sensor would tell a value; empty where it is not for want of one."""
+    if now.proximal and name in (D.STIFFNESS, D.OUTPUT_BIAS, D.INPUT_BIAS):
+        return f"{doubt}nothing was measured at the far end; measure the output tension to tell {name}"
+    if name in (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME) and not now.positions and not now.proximal:
+        what = "tensions alone do not show elongation"
+        return f"no positions of both ends were measured: {name} is not identifiable ({what}); measure both positions"
+    return ""

@@ -4,7 +4,7 @@ import shlex
 from dataclasses import fields
 from pathlib import Path
 
-from tendonff.compensator.identification.result import IdentificationData
+from tendonff.compensator.identification.result import Estimate, IdentificationData
 from tendonff.compensator.reporting.page import Block, FileNote, PictureFile, Provenance, Report, Section, Table, Text
 from tendonff.compensator.scenario.measurement import Measurement
 
@@ -33,11 +33,9 @@ def identification_report(found: IdentificationData, folder: Path) -> Report:
         else f"No law describes the device. Best: {found.law}: RMS error {found.fit_percent:.2g} % of range{judged}."
     )
     estimates = Table(
-        caption="Estimates; a value that is not identifiable is kept at the scenario's value",
+        caption="Estimates; not identifiable: kept at the scenario's value; doubtful: fitted together with the others",
         columns=("value", "estimate", "standard error", "95 % interval", "identifiable", "why"),
-        rows=[
-            (e.name, e.value, e.standard_error, _interval(e.interval), e.identifiable, e.why) for e in found.estimates
-        ],
+        rows=[(e.name, e.value, e.standard_error, _interval(e.interval), _standing(e), e.why) for e in found.estimates],
         digits=4,
     )
     laws = Table(
@@ -52,8 +50,8 @@ def identification_report(found: IdentificationData, folder: Path) -> Report:
             (
                 f.error.name,
                 f.role,
-                f.error.rms_N,
-                f.error.range_N,
+                f.error.rms,
+                f.error.span,
                 f.error.percent,
                 "; ".join(finding.text for finding in f.findings) or "none",
             )
@@ -63,7 +61,7 @@ def identification_report(found: IdentificationData, folder: Path) -> Report:
     sliding = Table(
         caption="Gross sliding, before any model: ln of input over output tension",
         columns=("branch", "ln ratio", "5 to 95 %", "samples", "remark"),
-        rows=[(str(g.branch), g.log_ratio, _interval(g.interval), g.rows, g.reason) for g in found.gross],
+        rows=[(str(g.branch), g.log_ratio, _interval(g.interval), g.rows, g.reason) for g in found.sliding],
     )
     pictures: list[Block] = [
         PictureFile(path=folder / f"{name}.png", caption=caption)
@@ -121,11 +119,19 @@ def _options(how: Measurement) -> str:
             words.append(f"--{name.replace('_', '-')} {shlex.quote(value)}")
         elif name.endswith("_scale"):
             words.append(f"--scale {name.removesuffix('_scale')}={value:g}")
+        elif name.endswith("_offset_N"):
+            words.append(f"--offset {name.removesuffix('_offset_N')}={value:g}")
+        elif name == "tare_s":
+            words.append(f"--tare {value[0]:g}:{value[1]:g}")
         elif name == "skip_s":
             words.append(f"--skip {value:g}")
         elif name == "explain":
             words.append(f"--explain {value}")
     return "".join(f" {word}" for word in words)
+
+
+def _standing(estimate: Estimate) -> str:
+    return "yes" if estimate.identifiable else "doubtful" if estimate.fitted else "no"
 
 
 def _interval(bounds: tuple[float, float] | None) -> str | None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tendonff.compensator.identification.between_files import ByFile
 from tendonff.compensator.identification.fitting.sliding_ratio import SlidingRatio
 from tendonff.compensator.identification.fitting.static import FileError
 from tendonff.compensator.identification.measured.reading import Array, Finding
@@ -25,15 +26,18 @@ class Estimate:
     name : str
         Key of the scenario file, or what it is.
     value : float
-        Estimate, or the scenario's value where the data cannot tell.
+        Estimate; the scenario's value where it was not fitted.
     standard_error : float or None
     interval : tuple of 2 floats, or None
         95 %.
     identifiable : bool
+        The data tell it by itself.
     why : str
         Where the value comes from, or what keeps the data from telling and which experiment would tell.
     scenario : float or None
         The scenario's own value.
+    fitted : bool
+        The value is the joint estimate, which fitted.toml has; else it is the scenario's.
     """
 
     name: str
@@ -43,6 +47,7 @@ class Estimate:
     identifiable: bool
     why: str
     scenario: float | None = None
+    fitted: bool = False
 
     def as_json(self) -> dict[str, Any]:
         """Plain values; what is not a finite number becomes null."""
@@ -52,6 +57,7 @@ class Estimate:
             "standard_error": self.standard_error if _is_finite(self.standard_error) else None,
             "interval_95": list(self.interval) if finite and self.interval is not None else None,
             "identifiable": self.identifiable,
+            "fitted": self.fitted,
             "why": self.why,
             "scenario": self.scenario,
         }
@@ -109,8 +115,9 @@ class PieceComparison:
     ----------
     name, role : str
         Of the file.
-    time_s, input_N, output_N, model_N : ndarray, shape (n,)
-        `model_N` is the explained channel.
+    time_s, input_N : ndarray, shape (n,)
+    given, measured, model : ndarray, shape (n,)
+        The tension that drives the law; what it explains, measured and by the law, in N or m.
     elongation_m, model_elongation_m : ndarray, shape (n,), or None
     """
 
@@ -118,8 +125,9 @@ class PieceComparison:
     role: str
     time_s: Array
     input_N: Array
-    output_N: Array
-    model_N: Array
+    given: Array
+    measured: Array
+    model: Array
     elongation_m: Array | None = None
     model_elongation_m: Array | None = None
 
@@ -144,12 +152,18 @@ class IdentificationData:
     laws : tuple of CandidateLaw
     files : tuple of FileResult
     fit_percent, validation_percent : float or None
-        Rms over all files of that role in percent of their common range; None without validation files.
-    gross : tuple of SlidingRatio
+        RMS error over all files of that role in percent of their common range; None without validation files.
+    replay_percent : float or None
+        The same for `scenario`, simulated again over the fitted files; None where no law describes the device.
+    sliding : tuple of SlidingRatio
     warnings : tuple of str
     comparisons : tuple of PieceComparison
     inputs : tuple of Path
         The measured files.
+    by_file : tuple of ByFile
+        What each of several files says alone.
+    output_delay_s : float or None
+        How much later the output is read than the input.
     comparable : bool
         The measured tensions are of the scenario's size; else no excitation is suggested.
     """
@@ -165,10 +179,13 @@ class IdentificationData:
     files: tuple[FileResult, ...]
     fit_percent: float
     validation_percent: float | None
-    gross: tuple[SlidingRatio, ...]
+    replay_percent: float | None
+    sliding: tuple[SlidingRatio, ...]
     warnings: tuple[str, ...]
     comparisons: tuple[PieceComparison, ...]
     inputs: tuple[Path, ...]
+    by_file: tuple[ByFile, ...] = ()
+    output_delay_s: float | None = None
     comparable: bool = True
 
     def estimate(self, name: str) -> Estimate:
@@ -184,21 +201,31 @@ class IdentificationData:
             "law_describes_the_device": self.described,
             "fit_percent_of_range": self.fit_percent,
             "validation_percent_of_range": self.validation_percent,
-            "files": [_file(f) for f in self.files],
+            "fitted_toml_percent_of_range": self.replay_percent,
+            "files": [_file(f, "m" if self.explain is Explain.POSITION else "N") for f in self.files],
             "estimates": {e.name: e.as_json() for e in self.estimates},
             "correlation": {"names": list(self.correlation_names), "matrix": self.correlation.tolist()},
+            "by_file": {
+                f.file: {
+                    "condition": f.condition or None,
+                    "started_s": f.started_s,
+                    "estimates": {n: {"estimate": v, "standard_error": f.errors[n]} for n, v in f.values.items()},
+                }
+                for f in self.by_file
+            },
+            "output_delay_s": self.output_delay_s,
             "laws": [_law(law) for law in self.laws],
-            "gross_sliding": {str(g.branch): _gross(g) for g in self.gross},
+            "gross_sliding": {str(g.branch): _gross(g) for g in self.sliding},
             "warnings": list(self.warnings),
         }
 
 
-def _file(result: FileResult) -> dict[str, Any]:
+def _file(result: FileResult, unit: str) -> dict[str, Any]:
     return {
         "name": result.error.name,
         "role": result.role,
-        "rms_N": result.error.rms_N,
-        "range_N": result.error.range_N,
+        f"rms_{unit}": result.error.rms,
+        f"range_{unit}": result.error.span,
         "rms_percent_of_range": result.error.percent,
         "findings": [
             {"kind": str(f.issue), "count": f.count, "times_s": list(f.times_s), "text": f.text}
@@ -242,5 +269,11 @@ def summary_lines(found: IdentificationData) -> Sequence[str]:
         if e.identifiable and e.interval is not None
     ]
     if found.described:
-        lines += [f"  {e.name} = {e.value:.5g} kept: {e.why}" for e in found.estimates if not e.identifiable]
+        lines += [
+            f"  {e.name} = {e.value:.5g} {'doubtful, fitted with the others' if e.fitted else 'kept'}: {e.why}"
+            for e in found.estimates
+            if not e.identifiable
+        ]
+    if found.replay_percent is not None:
+        lines.append(f"fitted.toml, simulated again: error {found.replay_percent:.2f} % of range on fitted files")
     return lines

@@ -1,47 +1,47 @@
 """`identify`: parameters of a transmission, with confidence intervals, from measured files."""
 
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.identification.estimates import dynamic_estimates, static_estimates
+from tendonff.compensator.identification.between_files import by_file
+from tendonff.compensator.identification.estimates import Answer, dynamic_estimates, static_estimates
+from tendonff.compensator.identification.fitted import Fitted, replay, scenario_of_chain, scenario_of_static
 from tendonff.compensator.identification.fitting import dynamic, tendon
-from tendonff.compensator.identification.fitting.model_selection import StaticSelection, choose_explain, select_static
-from tendonff.compensator.identification.fitting.residuals import fit_pieces
+from tendonff.compensator.identification.fitting.model_selection import (
+    StaticSelection,
+    choose_explain,
+    select_static,
+)
 from tendonff.compensator.identification.fitting.sliding_ratio import SlidingRatio, sliding_ratios
-from tendonff.compensator.identification.fitting.static import FileError, errors_of, middle_of, pooled_percent, respond
+from tendonff.compensator.identification.fitting.static import pooled_percent
 from tendonff.compensator.identification.identifiability import summarise_excitation
 from tendonff.compensator.identification.measured.cleaning import Record, clean
+from tendonff.compensator.identification.measured.plan import check_plan
 from tendonff.compensator.identification.measured.reading import DataIssue, read_measurement
-from tendonff.compensator.identification.measured.smoothing import low_pass
 from tendonff.compensator.identification.measured.units import magnitude_warning, unit_warnings
+from tendonff.compensator.identification.moments import moved_inside
+from tendonff.compensator.identification.outcome import Outcome, compared, outcome_of
 from tendonff.compensator.identification.output import Identification
-from tendonff.compensator.identification.result import (
-    POOR_PERCENT,
-    CandidateLaw,
-    FileResult,
-    PieceComparison,
-)
+from tendonff.compensator.identification.result import POOR_PERCENT, FileResult
+from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.models.fidelity import Level
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.chain import DynamicParameter
 from tendonff.ocp.fits.static import StaticParameter
 
 P, D = StaticParameter, DynamicParameter
 
-NOT_IN_A_SCENARIO = (P.INPUT_BIAS.value, P.OUTPUT_BIAS.value, P.GUIDE.value)
-
 MOST_ALIKE = 3
 """So many files may each have a line about the same kind of data issue."""
 
+MOST_MOMENTS = 5
 
-def _quiet(_: str) -> None:
-    pass
+SMALL_SHARE = 0.03
+"""A file whose error is below this share of the common range is described, however little it moves itself."""
 
 
 def identify(
@@ -50,7 +50,9 @@ def identify(
     validate: Sequence[str | os.PathLike[str]] = (),
     *,
     static_only: bool = False,
-    say: Callable[[str], None] = _quiet,
+    conditions: Mapping[str, str] | None = None,
+    say: Callable[[str], None] = lambda _: None,
+    confirm: Callable[[str], bool] = lambda _: False,
 ) -> Identification:
     """Fit the scenario's transmission to measured files.
 
@@ -65,8 +67,12 @@ def identify(
         Files that decide which law is chosen; without them the last third of each file of `data` does.
     static_only : bool, optional
         Stop after the static stage.
+    conditions : mapping of str to str, optional
+        Labels by file name: estimates are told for each label.
     say : callable, optional
-        Told what is being done.
+        Told what was read, before any work, and what is being done.
+    confirm : callable, optional
+        Asked before a fit that takes very many steps; the default declines.
 
     Raises
     ------
@@ -79,70 +85,185 @@ def identify(
         raise InputError(
             "total_angle_rad is 0: without a wrap angle friction has no coefficient; give the path's angle"
         )
-    fitted, judging = [Path(file) for file in data], [Path(file) for file in validate]
-    if twice := sorted({p.name for p in fitted if p.resolve() in {v.resolve() for v in judging}}):
+    fit_files, judging = [Path(file) for file in data], [Path(file) for file in validate]
+    if twice := sorted({p.name for p in fit_files if p.resolve() in {v.resolve() for v in judging}}):
         raise InputError(f"{', '.join(twice)}: given with --data and with --validate; a file cannot judge its own fit")
     how = scenario.measurement
-    say("reading")
-    records = [clean(read_measurement(path, how), how) for path in fitted]
-    judges = [clean(read_measurement(path, how), how) for path in judging]
-    warnings = [*unit_warnings(how, _positions_of(records)), *_issues_of([*records, *judges])]
+    raw = [read_measurement(path, how) for path in (*fit_files, *judging)]
+    check_plan(raw, how, static_only=static_only, say=say, confirm=confirm)
+    everything = [clean(one, how) for one in raw]
+    records, judges = everything[: len(fit_files)], everything[len(fit_files) :]
+    warnings = [*unit_warnings(how, _positions_of(records)), *_issues_of(everything)]
     foreign = _foreign(scenario, records)
     warnings += [foreign] if foreign else []
-    gross = sliding_ratios(records)
-    say("first look")
-    explain, coarse = choose_explain(records, how.explain, scenario.transmission)
-    say("static stage")
-    stage = select_static(records, judges, explain)
-    chain: dynamic.DynamicFit | None = None
-    if coarse is not None and not static_only and coarse.percent < 3 * POOR_PERCENT:
-        start = _start(scenario, stage)
-        try:
-            if all(r.has_positions for r in records):
-                say("tendon stage")
-                lengths = tendon.fit_tendon(records, stage.fit.values, scenario.transmission.tendon)
-                if lengths.explained >= tendon.EXPLAINED_ENOUGH:
-                    coarse = _better(coarse, dynamic.fit_coarse(records, scenario.transmission, _with(start, lengths)))
-            chain = dynamic.fit_dynamic(coarse, start, validation=judges, biases=_biased(stage, records), say=say)
-            answer = _Answer(records, judges, stage, chain)
-        except SolveError as error:
-            warnings.append(f"the dynamic stage found no answer ({error}); the static law is reported")
-            chain = None
-    if chain is None:
-        answer = _Answer(records, judges, stage, None)
-    left = answer.judged_percent if answer.validation_percent is None else answer.validation_percent
-    described = left <= POOR_PERCENT
-    if not described:
-        warnings.append(_no_law(left, stage, gross, records))
-    now = summarise_excitation(records)
-    if chain is not None:
-        estimates, names, correlation = dynamic_estimates(scenario, chain, now, described=described)
-    else:
-        estimates, names, correlation = static_estimates(scenario, stage, now, described=described)
-    lost = [e.name for e in estimates if e.identifiable and e.name in NOT_IN_A_SCENARIO]
-    if described and lost:
+    stage: StaticSelection | None = None
+    chain: dynamic.DynamicFit | None
+    if _proximal(scenario, everything, static_only=static_only):
+        chain = _fit_proximal(scenario, records, judges, say)
         warnings.append(
-            f"a scenario has no key for {', '.join(lost)}: fitted.toml leaves them out, and so does a design with it; "
-            "subtract a cell's offset from its readings, add the guide's friction force by hand"
+            "nothing was measured at the far end: the load is the scenario's, "
+            f"{scenario.transmission.load.stiffness_N_per_m:g} N/m; an error of it goes into the estimates"
         )
+    else:
+        stage, chain, trouble = _fit(scenario, records, judges, static_only=static_only, say=say)
+        warnings += trouble
+    explain = Explain.POSITION if stage is None else stage.fit.explain
+    laws = compared(stage, chain, records)
+    if chain is not None and not any(law.chosen and law.stage == "dynamic" for law in laws):
+        chain = None
+    outcome = outcome_of(laws, stage, chain, records, judges)
+    files, said = by_file(chain, records, conditions or {})
+    warnings += [*said, *_delay(chain), *_touched(outcome)]
+    sliding = sliding_ratios(records)
+    failure = _failure(outcome)
+    if failure:
+        warnings.append(_no_law(outcome, failure, sliding, records))
+    estimates, names, correlation = _estimates(scenario, stage, chain, records, described=not failure)
+    fitted, replayed = Fitted(scenario=scenario), None
+    if not failure:
+        say("replay of the fitted scenario")
+        fitted, replayed = _carried_on(scenario, stage, chain, records, static_only=static_only)
+        warnings += _not_in_a_scenario(fitted, stage, chain, records)
     return Identification(
-        scenario=_fitted(scenario, {e.name: e.value for e in estimates if e.identifiable}, described=described),
+        scenario=fitted.scenario,
         explain=explain,
-        law=answer.law,
-        described=described,
+        law=outcome.law,
+        described=not failure,
         estimates=estimates,
         correlation_names=names,
         correlation=correlation,
-        laws=answer.laws,
-        files=answer.files,
-        fit_percent=answer.fit_percent,
-        validation_percent=answer.validation_percent,
-        gross=gross,
+        laws=outcome.laws,
+        files=outcome.files,
+        fit_percent=outcome.fit_percent,
+        validation_percent=outcome.validation_percent,
+        replay_percent=replayed,
+        sliding=sliding,
         warnings=tuple(warnings),
-        comparisons=answer.comparisons,
-        inputs=(*fitted, *judging),
+        comparisons=outcome.comparisons,
+        inputs=(*fit_files, *judging),
+        by_file=files,
+        output_delay_s=None if chain is None or chain.delay is None else chain.delay.seconds,
         comparable=foreign is None,
     )
+
+
+def _proximal(scenario: Scenario, records: Sequence[Record], *, static_only: bool) -> bool:
+    """Nothing is compared at the far end: the output tension was not measured, or its position is to be explained."""
+    without = [r.name for r in records if not r.has_output]
+    if without and len(without) < len(records):
+        raise InputError(
+            f"{', '.join(without)}: no output tension, which the other files have; fit them apart, or leave it out of "
+            'all with explain = "position"'
+        )
+    if not without and scenario.measurement.explain is not Explain.POSITION:
+        return False
+    if static_only:
+        raise InputError("the static law needs the output tension; without it leave --static out")
+    if not all(r.has_input_position for r in records):
+        raise InputError(
+            "without the output tension the position of the input end is needed; name it with --input-position-column"
+        )
+    return True
+
+
+def _fit_proximal(
+    scenario: Scenario, records: Sequence[Record], judges: Sequence[Record], say: Callable[[str], None]
+) -> dynamic.DynamicFit:
+    """The chain between the measured input tension and the scenario's load, against the position of the input end."""
+    say("first look")
+    coarse = dynamic.fit_coarse(records, scenario.transmission, {}, Explain.POSITION)
+    return dynamic.fit_dynamic(coarse, {}, validation=judges, say=say)
+
+
+def _fit(
+    scenario: Scenario,
+    records: Sequence[Record],
+    judges: Sequence[Record],
+    *,
+    static_only: bool,
+    say: Callable[[str], None],
+) -> tuple[StaticSelection, dynamic.DynamicFit | None, list[str]]:
+    """Static law, and the chain where it can be tried, with what went wrong."""
+    transmission = scenario.transmission
+    say("first look")
+    explain, coarse = choose_explain(records, scenario.measurement.explain, transmission, static_only=static_only)
+    say("static stage")
+    stage = select_static(records, judges, explain)
+    if coarse is None or coarse.percent >= 3 * POOR_PERCENT:
+        return stage, None, []
+    start = _start(scenario, stage)
+    try:
+        if all(r.has_positions for r in records):
+            say("tendon stage")
+            lengths = tendon.fit_tendon(records, stage.fit.values, transmission.tendon)
+            if lengths.explained >= tendon.EXPLAINED_ENOUGH:
+                other = dynamic.fit_coarse(records, transmission, start | {D(k): v for k, v in lengths.values.items()})
+                coarse = min(coarse, other, key=lambda c: c.solution.cost)
+        chain = dynamic.fit_dynamic(coarse, start, validation=judges, biases=_biased(stage, records), say=say)
+    except SolveError as error:
+        return stage, None, [f"the dynamic stage found no answer ({error}); the static law is reported"]
+    return stage, chain, []
+
+
+def _estimates(
+    scenario: Scenario,
+    stage: StaticSelection | None,
+    chain: dynamic.DynamicFit | None,
+    records: Sequence[Record],
+    *,
+    described: bool,
+) -> Answer:
+    """Estimates of the law that won."""
+    excitation = summarise_excitation(records)
+    if chain is not None:
+        return dynamic_estimates(scenario, chain, excitation, described=described)
+    if stage is None:
+        raise InputError("no law could be fitted to these files")
+    return static_estimates(scenario, stage, excitation, described=described)
+
+
+def _carried_on(
+    scenario: Scenario,
+    stage: StaticSelection | None,
+    chain: dynamic.DynamicFit | None,
+    records: Sequence[Record],
+    *,
+    static_only: bool,
+) -> tuple[Fitted, float]:
+    """The scenario that goes on, and its own error in percent of range."""
+    fitted = Fitted(scenario=scenario)
+    if chain is not None:
+        fitted = scenario_of_chain(scenario, chain, records)
+    elif stage is not None:
+        fitted = scenario_of_static(scenario, stage, records, static_only=static_only)
+    errors = replay(fitted, None if stage is None else stage.fit, records, static_only=static_only)
+    return fitted, pooled_percent(errors, records, Explain.POSITION if stage is None else stage.fit.explain)
+
+
+def _delay(chain: dynamic.DynamicFit | None) -> list[str]:
+    """What to say where one channel is read later than the other."""
+    if chain is None or chain.delay is None or not chain.delay.told:
+        return []
+    late = chain.delay.seconds
+    told = (
+        f"the output is read {1e3 * abs(late):.3g} ms {'later' if late > 0 else 'earlier'} than the input "
+        f"(+-{1e3 * chain.delay.error_s:.2g} ms): shift its time stamps, or log both with one clock"
+    )
+    return [told]
+
+
+def _touched(outcome: Outcome) -> list[str]:
+    """Moments at which the output moved although the law holds it."""
+    moments = moved_inside(outcome.comparisons)
+    if not moments:
+        return []
+    shown = ", ".join(f"{name} {time:.4g} s" for name, time in moments[:MOST_MOMENTS])
+    more = " ..." if len(moments) > MOST_MOMENTS else ""
+    told = (
+        f"the output moves inside the dead band {len(moments)} times ({shown}{more}): was the far end touched or moved "
+        "there? Leave these times out, or hold it"
+    )
+    return [told]
 
 
 def _positions_of(records: Sequence[Record]) -> list[str]:
@@ -153,7 +274,8 @@ def _positions_of(records: Sequence[Record]) -> list[str]:
 
 def _foreign(scenario: Scenario, records: Sequence[Record]) -> str | None:
     """What to say where the measured tensions are far from those of the scenario."""
-    largest = max(float(np.abs(r.joined(name)).max()) for r in records for name in ("input_N", "output_N"))
+    names = ("input_N", "output_N") if all(r.has_output for r in records) else ("input_N",)
+    largest = max(float(np.abs(r.joined(name)).max()) for r in records for name in names)
     return magnitude_warning(largest, scenario.transmission.actuator.force_max_N)
 
 
@@ -185,14 +307,6 @@ def _start(scenario: Scenario, stage: StaticSelection) -> dict[DynamicParameter,
     }
 
 
-def _with(start: dict[DynamicParameter, float], lengths: tendon.TendonFit) -> dict[DynamicParameter, float]:
-    return start | {D(name): value for name, value in lengths.values.items()}
-
-
-def _better(one: dynamic.CoarseFit, other: dynamic.CoarseFit) -> dynamic.CoarseFit:
-    return one if one.solution.cost <= other.solution.cost else other
-
-
 def _biased(stage: StaticSelection, records: Sequence[Record]) -> bool:
     """The static law wants a bias of the input cell beyond its doubt."""
     name = P.INPUT_BIAS.value
@@ -203,19 +317,59 @@ def _biased(stage: StaticSelection, records: Sequence[Record]) -> bool:
     return size > 3 * stage.fit.solution.standard_error(name) and size > 0.005 * span
 
 
-def _no_law(left: float, stage: StaticSelection, gross: Sequence[SlidingRatio], records: Sequence[Record]) -> str:
+def _failure(outcome: Outcome) -> str:
+    """Why the law does not describe the device, by the errors that are printed; empty where it does."""
+    for percent, which in ((outcome.fit_percent, "fitted"), (outcome.validation_percent, "validation")):
+        if percent is not None and not percent <= POOR_PERCENT:
+            return f"an RMS error of {percent:.3g} % of range on {which} files (more than {POOR_PERCENT:g} %)"
+    widest = max(f.error.span for f in outcome.files)
+    poor = [f for f in outcome.files if _is_poor(f, widest)]
+    if poor:
+        worst = max(poor, key=lambda f: f.error.percent)
+        return (
+            f"an RMS error of {worst.error.percent:.3g} % of its own range on {worst.error.name} (more than "
+            f"{POOR_PERCENT:g} %; {len(poor)} of {len(outcome.files)} files)"
+        )
+    return ""
+
+
+def _is_poor(file: FileResult, widest_N: float) -> bool:
+    return file.error.percent > POOR_PERCENT and file.error.rms > SMALL_SHARE * widest_N
+
+
+def _no_law(outcome: Outcome, failure: str, sliding: Sequence[SlidingRatio], records: Sequence[Record]) -> str:
     shown = [
         f"{g.branch} {g.log_ratio:.3g} ({g.interval[0]:.3g} to {g.interval[1]:.3g})"
-        for g in gross
+        for g in sliding
         if g.log_ratio is not None and g.interval is not None
     ]
     ratios = f"; ln(T_in/T_out) in gross sliding: {', '.join(shown)}" if shown else ""
     return (
-        f"no law explains these files: the best, {stage.fit.model.name}, has an RMS error of {left:.3g} % of "
-        f"range (more than {POOR_PERCENT:g} %). A transmission driven at its input end alone behaves differently: "
-        f"is the output end, or the path itself, driven? No value was taken over into the fitted scenario{ratios}"
-        f"{_positions_wanted(records)}"
+        f"no law explains these files: the best, {outcome.law}, has {failure}. A transmission driven at its input end "
+        "alone behaves differently: is the output end, or the path itself, driven, or the loop pre-tensioned? No value "
+        f"was taken over into the fitted scenario{ratios}{_positions_wanted(records)}"
     )
+
+
+def _not_in_a_scenario(
+    fitted: Fitted, stage: StaticSelection | None, chain: dynamic.DynamicFit | None, records: Sequence[Record]
+) -> list[str]:
+    """What the law has and a scenario has no place for, or a place that is easily overlooked."""
+    found = []
+    if chain is None and stage is not None and stage.fit.values[P.GUIDE] != 0:
+        found.append(
+            "a scenario has no key for guide_stiffness_N_per_m: fitted.toml leaves it out, and so does a design with "
+            "it; add the guide's friction force by hand"
+        )
+    if any(fitted.offsets_N):
+        shown = ", ".join(f"{end} {v:.4g} N" for end, v in zip(("input", "output"), fitted.offsets_N, strict=True) if v)
+        place = (
+            "beyond what was taken off; a design with fitted.toml does not have it"
+            if any(r.zeroed for r in records)
+            else "kept in [measurement] of fitted.toml for reading files; it is no part of a design"
+        )
+        found.append(f"the cells' readings without tension (input_bias_N, output_bias_N): {shown}, {place}")
+    return found
 
 
 def _positions_wanted(records: Sequence[Record]) -> str:
@@ -227,115 +381,4 @@ def _positions_wanted(records: Sequence[Record]) -> str:
     return (
         "; laws for a driven output need the motion of the input end, which was not read: name it with "
         f"--input-position-column{offered}"
-    )
-
-
-class _Answer:
-    """Errors, laws and comparisons of the final law."""
-
-    def __init__(
-        self,
-        records: Sequence[Record],
-        judges: Sequence[Record],
-        stage: StaticSelection,
-        chain: dynamic.DynamicFit | None,
-    ) -> None:
-        self._stage, self._chain = stage, chain
-        self._explain = stage.fit.explain
-        self._middle = middle_of(records)
-        fitted, judged = self._errors(records), self._errors(judges)
-        self.files = (
-            *(FileResult(role="fit", error=e, findings=r.findings) for e, r in zip(fitted, records, strict=True)),
-            *(FileResult(role="validate", error=e, findings=r.findings) for e, r in zip(judged, judges, strict=True)),
-        )
-        self.fit_percent = pooled_percent(fitted, records, self._explain)
-        self.validation_percent = pooled_percent(judged, judges, self._explain) if judges else None
-        self.laws: tuple[CandidateLaw, ...] = stage.laws
-        self.law = stage.fit.model.name
-        self.judged_percent = stage.validation_percent
-        if chain is not None:
-            span = max(float(np.ptp(np.concatenate([r.joined("output_N") for r in records]))), 1e-300)
-            found = [
-                CandidateLaw(
-                    name=law.name,
-                    stage="dynamic",
-                    free_values=law.size,
-                    fit_percent=100 * law.fit_rms_N / span,
-                    validation_percent=100 * law.validation_rms_N / span,
-                    chosen=law.chosen,
-                )
-                for law in chain.laws
-            ]
-            self.laws = (*(replace(law, chosen=False) for law in stage.laws), *found)
-            chosen = next(law for law in found if law.chosen)
-            self.law, self.judged_percent = chosen.name, chosen.validation_percent
-        self.comparisons = tuple(
-            piece
-            for role, some in (("fit", records), ("validate", judges))
-            for r in some
-            for piece in self._curves(r, role)
-        )
-
-    def _errors(self, records: Sequence[Record]) -> tuple[FileError, ...]:
-        if not records:
-            return ()
-        if self._chain is not None:
-            return dynamic.errors_of(self._chain, records)
-        return errors_of(self._stage.fit, records, self._middle)
-
-    def _curves(self, record: Record, role: str) -> list[PieceComparison]:
-        found = []
-        for run, piece in zip(fit_pieces([record]), record.pieces, strict=True):
-            moved = modelled = None
-            if self._chain is not None:
-                response = self._chain.model.respond(self._chain.values, run.drive)
-                model = low_pass(response.output_N, record.step_s, record.cutoff_Hz)
-                if record.has_positions:
-                    moved = run.elongation - run.elongation.mean()
-                    modelled = low_pass(response.elongation_m, record.step_s, record.cutoff_Hz)
-                    modelled = modelled - modelled.mean()
-            else:
-                model = respond(self._stage.fit.values, piece, self._explain, self._middle).prediction_N
-            found.append(
-                PieceComparison(
-                    name=record.name,
-                    role=role,
-                    time_s=piece.time_s,
-                    input_N=piece.input_N,
-                    output_N=piece.output_N,
-                    model_N=model,
-                    elongation_m=moved,
-                    model_elongation_m=modelled,
-                )
-            )
-        return found
-
-
-def _fitted(scenario: Scenario, values: dict[str, float], *, described: bool) -> Scenario:
-    """The scenario with the identified values; ratios of what was not identified to what was stay as they are."""
-    if not described or not values:
-        return scenario
-    t = scenario.transmission
-    f = t.friction
-    mu = values.get("mu_dynamic", f.mu_dynamic)
-    release = values.get("mu_dynamic_release", f.release_dynamic)
-    ratio = f.mu_static / f.mu_dynamic if f.mu_dynamic > 0 else 1.0
-    release_ratio = f.release_static / f.release_dynamic if f.release_dynamic > 0 else ratio
-    friction = replace(
-        f,
-        mu_dynamic=mu,
-        mu_static=max(values.get("mu_static", ratio * mu), mu),
-        mu_dynamic_release=release,
-        mu_static_release=max(values.get("mu_static_release", release_ratio * release), release),
-        soft_bristle_stiffness_N_per_m=values.get("soft_bristle_stiffness_N_per_m", f.soft_bristle_stiffness_N_per_m),
-        **{k: values.get(k, getattr(f, k)) for k in ("stribeck_velocity_m_per_s", "viscous_N_s_per_m", "adhesion_N")},
-    )
-    names = ("stiffness_N_per_m", "relaxing_stiffness_N_per_m", "relaxation_time_s", "damping_N_s_per_m")
-    cable = replace(t.tendon, **{k: values.get(k, getattr(t.tendon, k)) for k in names})
-    level = Level.PRESLIDING if "soft_bristle_stiffness_N_per_m" in values else scenario.run.level
-    return replace(
-        scenario,
-        name=f"{scenario.name}, fitted",
-        transmission=replace(t, friction=friction, tendon=cable),
-        run=replace(scenario.run, level=level),
     )

@@ -18,11 +18,15 @@ class Explain(StrEnum):
         Output tension from the history of the input tension: one driven end, a load that moves only with the tendon.
     INPUT
         Input tension from output tension and input position: the output tension is imposed by something else.
+    POSITION
+        Position of the input end from the history of its tension: nothing is measured at the far end, whose load is
+        the scenario's.
     """
 
     AUTO = "auto"
     OUTPUT = "output"
     INPUT = "input"
+    POSITION = "position"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +45,10 @@ class Measurement:
         Default 1.
     input_position_scale, output_position_scale : float, optional
         The same for the positions, to give m (or rad where the tensions are torques). Default 1.
+    input_offset_N, output_offset_N : float, optional
+        What the cells read without tension, after the scale [N]; it is subtracted. Default: found from slack samples.
+    tare_s : list of 2 numbers, optional
+        From and to: over this time of every file the tendon is slack, and the cells are set to zero [s].
     skip_s : float, optional
         Left out at the start of every file [s], >= 0. Default: until the start-up transient has decayed.
     cutoff_Hz : float, optional
@@ -59,6 +67,9 @@ class Measurement:
     output_scale: float = 1.0
     input_position_scale: float = 1.0
     output_position_scale: float = 1.0
+    input_offset_N: float | None = None
+    output_offset_N: float | None = None
+    tare_s: tuple[float, float] | None = None
     skip_s: float | None = None
     cutoff_Hz: float | None = None
     explain: Explain = Explain.AUTO
@@ -70,6 +81,13 @@ class Measurement:
             require_number(name, getattr(self, name), hint="9.81 turns kg into N")
             if getattr(self, name) == 0:
                 raise ParameterError(f"{name} must not be 0, which would erase the channel; leave it out for no factor")
+        for name in ("input_offset_N", "output_offset_N"):
+            if getattr(self, name) is not None:
+                require_number(name, getattr(self, name), hint="leave it out to have it found from slack samples")
+        if self.tare_s is not None and not 0 <= self.tare_s[0] < self.tare_s[1]:
+            raise ParameterError(
+                f"tare_s must be from and to, 0 <= from < to, got {list(self.tare_s)}; give when the tendon is slack"
+            )
         if self.skip_s is not None:
             require_number("skip_s", self.skip_s, least=0, hint="use 0 to keep every row")
         if self.cutoff_Hz is not None:

@@ -25,19 +25,90 @@ class Shape(StrEnum):
 
 
 def _require_tension(name: str, value: float) -> None:
-    require_number(name, value, above=0, hint="a tendon cannot push, so the reference must stay above 0")
+    require_number(name, value, least=0, hint="a tendon cannot push, so the wanted tension cannot lie below 0")
+
+
+class Hold(StrEnum):
+    """What the force does while the reference rests.
+
+    Attributes
+    ----------
+    EXACT
+        What the exact inverse asks for, which may let the force go through the whole dead zone.
+    KEEP
+        It stays: inside the dead zone nothing need move.
+    """
+
+    EXACT = "exact"
+    KEEP = "keep"
+
+
+class Quantity(StrEnum):
+    """What is wanted at the far end.
+
+    Attributes
+    ----------
+    TENSION
+        The output tension.
+    POSITION
+        The load's position relative to the start; the tension follows from the load's own balance.
+    """
+
+    TENSION = "tension"
+    POSITION = "position"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SineReference:
+class Wish:
+    """What every kind of reference may say besides.
+
+    Parameters
+    ----------
+    quantity : Quantity, optional
+        tension (default) or position.
+    periodic : bool, optional
+        The reference is one period of a cycle that goes on for ever.
+    hold : Hold, optional
+        exact (default) or keep.
+    least_tension_N : float, optional
+        Tension that is kept where less is wanted [N], > 0; default: 2 % of the range, where the reference touches 0.
+    """
+
+    quantity: Quantity = Quantity.TENSION
+    periodic: bool = False
+    hold: Hold = Hold.EXACT
+    least_tension_N: float | None = None
+
+    def _check_wish(self) -> None:
+        if self.least_tension_N is not None:
+            require_number("least_tension_N", self.least_tension_N, above=0, hint="a tendon cannot push")
+
+    def _check_series(self, tensions: str, positions: str) -> None:
+        """Exactly the series of the wanted quantity is given."""
+        wanted, other = (positions, tensions) if self.wants_position else (tensions, positions)
+        if getattr(self, wanted) is None:
+            raise ParameterError(f'{wanted} is missing: quantity = "{self.quantity}" asks for it')
+        if getattr(self, other) is not None:
+            raise ParameterError(f'{other} is not for quantity = "{self.quantity}"; give {wanted} alone')
+        if self.wants_position and getattr(self, "initial_tension_N", None) is None:
+            raise ParameterError('initial_tension_N is missing: quantity = "position" counts from a rest under it')
+
+    @property
+    def wants_position(self) -> bool:
+        """The load's position is wanted."""
+        return self.quantity is Quantity.POSITION
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SineReference(Wish):
     """T_ref(t) = T0 + min(t/fade_in_s, 1) sum_i amplitudes_N[i] sin(2 pi frequencies_Hz[i] t).
 
     Parameters
     ----------
     initial_tension_N : float
-        Tension T0 at rest and in the middle of the oscillation [N], > 0.
-    amplitudes_N : tuple of float
-        Amplitude of each sine [N].
+        Tension T0 at rest and in the middle of the oscillation [N], >= 0.
+    amplitudes_N, amplitudes_m : tuple of float
+        Amplitude of each sine, of the tension [N] or of the load's position [m], as `quantity` says.
     frequencies_Hz : tuple of float
         Frequency of each sine [Hz], > 0; as many as amplitudes.
     duration_s : float
@@ -47,21 +118,30 @@ class SineReference:
     """
 
     initial_tension_N: float
-    amplitudes_N: tuple[float, ...]
     frequencies_Hz: tuple[float, ...]
     duration_s: float
     fade_in_s: float
+    amplitudes_N: tuple[float, ...] | None = None
+    amplitudes_m: tuple[float, ...] | None = None
+
+    @property
+    def amplitudes(self) -> tuple[float, ...]:
+        """Amplitudes of the wanted quantity [N or m]."""
+        return (self.amplitudes_m if self.wants_position else self.amplitudes_N) or ()
 
     def __post_init__(self) -> None:
+        self._check_wish()
         _require_tension("initial_tension_N", self.initial_tension_N)
-        if not self.amplitudes_N or len(self.amplitudes_N) != len(self.frequencies_Hz):
+        self._check_series("amplitudes_N", "amplitudes_m")
+        name = "amplitudes_m" if self.wants_position else "amplitudes_N"
+        if not self.amplitudes or len(self.amplitudes) != len(self.frequencies_Hz):
             raise ParameterError(
-                f"amplitudes_N must be as many as frequencies_Hz and at least one, got {len(self.amplitudes_N)} and "
+                f"{name} must be as many as frequencies_Hz and at least one, got {len(self.amplitudes)} and "
                 f"{len(self.frequencies_Hz)}; give one amplitude for each frequency"
             )
-        for k, amplitude in enumerate(self.amplitudes_N):
+        for k, amplitude in enumerate(self.amplitudes):
             if not math.isfinite(amplitude):
-                raise ParameterError(f"amplitudes_N[{k}] must be a finite number, got {amplitude}; use 0 for none")
+                raise ParameterError(f"{name}[{k}] must be a finite number, got {amplitude}; use 0 for none")
         for k, frequency in enumerate(self.frequencies_Hz):
             require_number(f"frequencies_Hz[{k}]", frequency, above=0, hint="leave the sine out if it is not needed")
         require_number("duration_s", self.duration_s, above=0, hint="a few periods of the slowest sine")
@@ -69,15 +149,15 @@ class SineReference:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WaypointReference:
+class WaypointReference(Wish):
     """Tensions at given times, joined by lines or smooth steps.
 
     Parameters
     ----------
     times_s : tuple of float
         Times of the waypoints [s], rising from 0.
-    tensions_N : tuple of float
-        Tension at each of them [N], > 0.
+    tensions_N, positions_m : tuple of float
+        Tension [N], >= 0, or the load's position relative to the start [m] at each of them, as `quantity` says.
     shape : Shape
         Course between them: linear or smooth.
     initial_tension_N : float, optional
@@ -85,15 +165,24 @@ class WaypointReference:
     """
 
     times_s: tuple[float, ...]
-    tensions_N: tuple[float, ...]
     shape: Shape
+    tensions_N: tuple[float, ...] | None = None
+    positions_m: tuple[float, ...] | None = None
     initial_tension_N: float | None = None
 
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Values of the wanted quantity [N or m]."""
+        return (self.positions_m if self.wants_position else self.tensions_N) or ()
+
     def __post_init__(self) -> None:
-        if len(self.times_s) < 2 or len(self.times_s) != len(self.tensions_N):
+        self._check_wish()
+        self._check_series("tensions_N", "positions_m")
+        name = "positions_m" if self.wants_position else "tensions_N"
+        if len(self.times_s) < 2 or len(self.times_s) != len(self.values):
             raise ParameterError(
-                f"times_s must be as many as tensions_N and at least two, got {len(self.times_s)} and "
-                f"{len(self.tensions_N)}; give one tension for each time"
+                f"times_s must be as many as {name} and at least two, got {len(self.times_s)} and "
+                f"{len(self.values)}; give one value for each time"
             )
         for k, time in enumerate(self.times_s):
             require_number(f"times_s[{k}]", time, least=0, hint="waypoints are counted from the start of the run")
@@ -102,14 +191,32 @@ class WaypointReference:
         for earlier, later in pairwise(self.times_s):
             if not later > earlier:
                 raise ParameterError(f"times_s must increase, got {later} after {earlier}; sort the waypoints")
-        for k, tension in enumerate(self.tensions_N):
-            _require_tension(f"tensions_N[{k}]", tension)
+        for k, value in enumerate(self.values):
+            if self.wants_position:
+                require_number(f"positions_m[{k}]", value, hint="it counts from the start at rest")
+            else:
+                _require_tension(f"tensions_N[{k}]", value)
         if self.initial_tension_N is not None:
             _require_tension("initial_tension_N", self.initial_tension_N)
 
 
+class Interpolation(StrEnum):
+    """Course between two samples of a file.
+
+    Attributes
+    ----------
+    MONOTONE
+        Piecewise cubic Hermite (Fritsch-Carlson): the rate is continuous, and no piece leaves the range of its ends.
+    LINEAR
+        Straight line: the rate jumps at every sample.
+    """
+
+    MONOTONE = "monotone"
+    LINEAR = "linear"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CsvReference:
+class CsvReference(Wish):
     """Samples from a file with the columns time_s, tension_N.
 
     Parameters
@@ -120,13 +227,26 @@ class CsvReference:
         Corner frequency of a zero-phase low-pass [Hz], > 0; left out, the samples are taken as they are.
     initial_tension_N : float, optional
         Tension at rest before the start [N], > 0; default: the first sample.
+    time_column, tension_column, position_column : str, optional
+        Columns of the file; default: time_s and tension_N (position_m), or what their names and units tell.
+    interpolation : Interpolation, optional
+        Course between the samples: monotone (default) or linear.
     """
 
     file: str
     cutoff_Hz: float | None = None
     initial_tension_N: float | None = None
+    time_column: str | None = None
+    tension_column: str | None = None
+    position_column: str | None = None
+    interpolation: Interpolation = Interpolation.MONOTONE
 
     def __post_init__(self) -> None:
+        self._check_wish()
+        if self.wants_position and self.initial_tension_N is None:
+            raise ParameterError(
+                'initial_tension_N is missing: quantity = "position" counts from a rest under a tension'
+            )
         if not self.file.strip() or "\0" in self.file:
             raise ParameterError(f"file must name a CSV file, got {self.file!r}; it is relative to the scenario file")
         if self.cutoff_Hz is not None:

@@ -1,24 +1,24 @@
 """The desired tension at the far end, sampled on the grid of the run."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import assert_never
 
 import numpy as np
 
-from tendonff.compensator.files.reading import FloatArray, InputError, read_csv
-from tendonff.compensator.scenario.reference import CsvReference, Shape, SineReference, WaypointReference
+from tendonff.compensator.files.reading import FloatArray, InputError
+from tendonff.compensator.scenario.from_file import read_samples, resample
+from tendonff.compensator.scenario.plausibility import questions
+from tendonff.compensator.scenario.reference import CsvReference, Hold, Shape, SineReference, WaypointReference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.parameters import Transmission
+from tendonff.ocp.load import tension_of_motion
 
-_ORDER = 2  # of the Butterworth filter, run forwards and backwards: -6 dB at the cut-off, 24 dB per octave above
 _MAX_STEPS = 50_000_000
+_LONG_RUN = 200_000
 _MANY_TURNS_RAD = 20.0
-_TRIAL_CUTOFFS_HZ = (100.0, 50.0, 20.0, 10.0, 5.0)
-_MOST_NOISE = 0.05  # of the range; a larger share is signal
-_GAP_ROWS, _LOGGED_ROWS = 10, 100  # a logged trace, not one written by hand, whose interval is so many usual ones
+_LEAST_SHARE = 0.02  # of the range: a taut tendon where no tension is wanted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +37,14 @@ class Reference:
         Uniform tension at rest before the start [N].
     removed_noise_N : float
         Root mean square of what the low-pass took away [N]; 0 without one.
+    sample_interval_s : float
+        Usual time between the samples of a file [s]; 0 for the other kinds.
+    position_m : ndarray, shape (n + 1,), or None
+        Wanted position of the load relative to the start [m], where that is wanted.
+    periodic : bool
+        One period of a cycle: the last row is the first of the next.
+    hold : Hold
+        What the force does while the reference rests.
     warnings : tuple of str
         What the user should know.
     """
@@ -46,6 +54,10 @@ class Reference:
     step_s: float
     initial_tension_N: float
     removed_noise_N: float = 0.0
+    sample_interval_s: float = 0.0
+    position_m: FloatArray | None = None
+    periodic: bool = False
+    hold: Hold = Hold.EXACT
     warnings: tuple[str, ...] = ()
 
     @property
@@ -69,16 +81,20 @@ def sample_reference(scenario: Scenario, *, strict: bool = True) -> Reference:
         The reference reaches 0 or below, or, strictly, above the largest tension that force_max_N delivers through
         the friction.
     """
-    spec = scenario.reference
-    time, tension, initial, removed, notes = _sample(scenario)
+    spec, step = scenario.reference, scenario.run.step_s
+    sampled = _sample(scenario)
+    time, tension, initial, notes = sampled.time_s, sampled.tension_N, sampled.initial_N, list(sampled.notes)
+    removed = sampled.removed
     beyond = _check_deliverable(scenario.transmission, time, tension, scenario.source.name)
     if beyond and strict:
         raise InputError(beyond)
     notes += [beyond] if beyond else []
+    notes += questions(scenario.transmission)
     if removed > 0 and isinstance(spec, CsvReference):
+        span, unit = (tension, "N") if sampled.position_m is None else (sampled.position_m, "m")
         notes.append(
-            f"{spec.file}: the low-pass at {spec.cutoff_Hz:g} Hz removed {removed:.3g} N rms "
-            f"({100 * removed / max(float(np.ptp(tension)), 1e-300):.2g} % of range)"
+            f"{spec.file}: the low-pass at {spec.cutoff_Hz:g} Hz removed {removed:.3g} {unit} rms "
+            f"({100 * removed / max(float(np.ptp(span)), 1e-300):.2g} % of range)"
         )
     if abs(initial - tension[0]) > 1e-3 * max(float(np.ptp(tension)), 1e-9):
         notes.append(
@@ -87,9 +103,13 @@ def sample_reference(scenario: Scenario, *, strict: bool = True) -> Reference:
     return Reference(
         time_s=time,
         tension_N=tension,
-        step_s=scenario.run.step_s,
+        step_s=step,
         initial_tension_N=initial,
         removed_noise_N=removed,
+        sample_interval_s=sampled.interval_s,
+        position_m=sampled.position_m,
+        periodic=spec.periodic,
+        hold=spec.hold,
         warnings=tuple(notes),
     )
 
@@ -101,14 +121,50 @@ def initial_tension(scenario: Scenario) -> float:
     ----------
     scenario : Scenario
     """
-    given = scenario.reference.initial_tension_N
-    return given if given is not None else _sample(scenario)[2]
+    return _sample(scenario).initial_N
 
 
-def _sample(scenario: Scenario) -> tuple[FloatArray, FloatArray, float, float, list[str]]:
-    """Times, tensions, initial tension, the rms of what a filter removed, and what the user should know of a file."""
+def work_ahead(scenario: Scenario) -> str | None:
+    """What to say before a long run starts; None for an ordinary one.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    """
+    step, spec = scenario.run.step_s, scenario.reference
+    match spec:
+        case SineReference():
+            duration = spec.duration_s
+        case WaypointReference():
+            duration = spec.times_s[-1]
+        case CsvReference():
+            duration = float(read_samples(spec, scenario.source.parent / spec.file, step).time_s[-1])
+        case _:
+            assert_never(spec)
+    if not duration > _LONG_RUN * step:
+        return None
+    return (
+        f"{duration:g} s in steps of {step:g} s are {duration / step:.0f} steps, which takes long: is the length in "
+        "seconds? A larger step_s, a part of the reference  takes less"
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Sampled:
+    """The wish on the grid of the run, before it is checked."""
+
+    time_s: FloatArray
+    tension_N: FloatArray
+    position_m: FloatArray | None
+    initial_N: float
+    removed: float
+    interval_s: float
+    notes: tuple[str, ...]
+
+
+def _sample(scenario: Scenario) -> _Sampled:
     spec, step, file = scenario.reference, scenario.run.step_s, scenario.source.name
-    removed, notes = 0.0, list[str]()
+    removed, interval, notes = 0.0, 0.0, list[str]()
     match spec:
         case SineReference():
             time = _grid(spec.duration_s, step, file)
@@ -119,17 +175,79 @@ def _sample(scenario: Scenario) -> tuple[FloatArray, FloatArray, float, float, l
                     f"step_s = {step:g}), "
                     f"got {highest:g}; use a step of {0.02 / highest:.2g} s or less"
                 )
-            tension = _sine(spec, time)
+            course = _sine(spec, time)
         case WaypointReference():
             time = _grid(spec.times_s[-1], step, file)
-            tension = _waypoints(spec, time)
+            course = along_waypoints(spec.times_s, spec.values, spec.shape, time)
         case CsvReference():
-            time, tension, removed, notes = _csv(spec, scenario.source.parent / spec.file, step, file)
+            samples = read_samples(spec, scenario.source.parent / spec.file, step)
+            time = _grid(float(samples.time_s[-1]), step, file)
+            course, removed = resample(spec, samples, time, step, file)
+            interval = samples.interval_s
+            notes += samples.notes
         case _:
             assert_never(spec)
+    if spec.periodic:
+        course = _closed(course, file)
+    position = course if spec.wants_position else None
+    if position is not None:
+        # The first of a periodic course is not at rest: its tension is that of the cycle.
+        rest = spec.initial_tension_N or 0.0
+        course = tension_of_motion(scenario.transmission.load, position, step, rest, periodic=spec.periodic)
     # The first sample of the filtered course, where there is a filter: the run then starts without a jump.
-    initial = float(tension[0]) if spec.initial_tension_N is None else spec.initial_tension_N
-    return time, tension, initial, removed, notes
+    initial = float(course[0]) if spec.initial_tension_N is None else spec.initial_tension_N
+    tension, floor, note = keep_taut(course, spec.least_tension_N)
+    return _Sampled(
+        time_s=time,
+        tension_N=tension,
+        position_m=position,
+        initial_N=max(initial, floor),
+        removed=removed,
+        interval_s=interval,
+        notes=(*notes, *note),
+    )
+
+
+def _closed(course: FloatArray, file: str) -> FloatArray:
+    """One period, its last row the first of the next."""
+    first, last, span = float(course[0]), float(course[-1]), float(np.ptp(course))
+    if abs(last - first) > 1e-3 * span:
+        raise InputError(
+            f"{file} [reference]: periodic = true, but the reference starts at {first:.4g} and ends at {last:.4g}; let "
+            "one period end where it starts (sines: whole periods and fade_in_s = 0)"
+        )
+    closed = course.copy()
+    closed[-1] = first
+    return closed
+
+
+def keep_taut(tension_N: FloatArray, least_N: float | None) -> tuple[FloatArray, float, tuple[str, ...]]:
+    """A wish that touches zero, lifted to a least tension; that tension, and what to say.
+
+    Parameters
+    ----------
+    tension_N : ndarray, shape (n,)
+        Wanted tension [N].
+    least_N : float or None
+        Tension to be kept [N]; None: 2 % of the range where the wish touches zero, else none.
+    """
+    lowest, span = float(np.min(tension_N)), float(np.ptp(tension_N))
+    if lowest < -1e-6 * span or (least_N is None and lowest > 0) or (least_N is not None and lowest >= least_N):
+        return tension_N, 0.0, ()
+    least = _LEAST_SHARE * span if least_N is None else least_N
+    if least <= 0:
+        return tension_N, 0.0, ()
+    # A hyperbola between wish and floor: a corner there would make the inverse jump.
+    lifted: FloatArray = 0.5 * (tension_N + least + np.hypot(tension_N - least, 0.5 * least))
+    floor = float(np.min(lifted))
+    default = f"{100 * _LEAST_SHARE:g} % of the range; least_tension_N sets it"
+    kept = default if least_N is None else "least_tension_N"
+    share = 100 * float(np.mean(lifted - tension_N > 0.1 * least))
+    note = (
+        f"the wanted tension falls to {lowest:.3g} N: at least {floor:.3g} N is kept instead ({kept}), which lifts it "
+        f"in {share:.2g} % of the samples; errors refer to the lifted one"
+    )
+    return lifted, floor, (note,)
 
 
 def _grid(duration_s: float, step_s: float, file: str) -> FloatArray:
@@ -152,84 +270,33 @@ def _grid(duration_s: float, step_s: float, file: str) -> FloatArray:
 def _sine(spec: SineReference, time: FloatArray) -> FloatArray:
     fade = np.minimum(time / spec.fade_in_s, 1.0) if spec.fade_in_s > 0 else np.ones_like(time)
     waves = np.zeros_like(time)
-    for amplitude, frequency in zip(spec.amplitudes_N, spec.frequencies_Hz, strict=True):
+    for amplitude, frequency in zip(spec.amplitudes, spec.frequencies_Hz, strict=True):
         waves += amplitude * np.sin(2 * np.pi * frequency * time)
-    result: FloatArray = spec.initial_tension_N + fade * waves
+    result: FloatArray = (0.0 if spec.wants_position else spec.initial_tension_N) + fade * waves
     return result
 
 
-def _waypoints(spec: WaypointReference, time: FloatArray) -> FloatArray:
-    times, tensions = np.array(spec.times_s), np.array(spec.tensions_N)
-    if spec.shape is Shape.LINEAR:
-        straight: FloatArray = np.interp(time, times, tensions)
+def along_waypoints(
+    times_s: Sequence[float], waypoints: Sequence[float], shape: Shape, time_s: FloatArray
+) -> FloatArray:
+    """A course through waypoints, held beyond them.
+
+    Parameters
+    ----------
+    times_s, waypoints : sequence of float
+    shape : Shape
+    time_s : ndarray
+        Where it is wanted [s].
+    """
+    times, values, time = np.array(times_s), np.array(waypoints), time_s
+    if shape is Shape.LINEAR:
+        straight: FloatArray = np.interp(time, times, values)
         return straight
     # 10 u^3 - 15 u^4 + 6 u^5 is the lowest polynomial with zero velocity and acceleration at both ends: the pieces
     # join with two continuous derivatives, and each is monotone, so no piece leaves the range of its two waypoints.
     piece = np.clip(np.searchsorted(times, time, side="right") - 1, 0, len(times) - 2)
     u = np.clip((time - times[piece]) / (times[piece + 1] - times[piece]), 0.0, 1.0)
-    result: FloatArray = tensions[piece] + (tensions[piece + 1] - tensions[piece]) * u**3 * (10 - 15 * u + 6 * u * u)
-    return result
-
-
-def _gaps(time: FloatArray, name: str) -> list[str]:
-    """What is missing of a logged trace, and what stands in for it."""
-    intervals = np.diff(time)
-    usual = float(np.median(intervals))
-    wide = np.flatnonzero(intervals > _GAP_ROWS * usual)
-    if len(time) < _LOGGED_ROWS or not len(wide):
-        return []
-    longest = int(wide[np.argmax(intervals[wide])])
-    message = (
-        f"{name}: {len(wide)} {'gap' if len(wide) == 1 else 'gaps'} in rows that are {usual:.3g} s apart, the longest "
-        f"from {time[longest]:.4g} to {time[longest + 1]:.4g} s; a straight line bridges it"
-    )
-    return [message]
-
-
-def _csv(spec: CsvReference, path: Path, step: float, file: str) -> tuple[FloatArray, FloatArray, float, list[str]]:
-    """Samples on the grid of the run, the rms of what the filter removed, and what the user should know."""
-    data = read_csv(path, ("time_s", "tension_N"), starts_at_zero=True)
-    measured_time, measured = data["time_s"], data["tension_N"]
-    if len(measured) < 2:
-        raise InputError(f"{path.name} has {len(measured)} row; a reference needs at least two")
-    time = _grid(float(measured_time[-1]), step, file)
-    raw, notes = np.interp(time, measured_time, measured), _gaps(measured_time, path.name)
-    if spec.cutoff_Hz is None:
-        return time, raw, 0.0, notes
-    # Filtered on a grid at least as fine as the samples, so that nothing above the run's rate folds down.
-    finer = max(1, min(math.ceil(step / float(np.median(np.diff(measured_time))) - 1e-9), 1000))
-    fine_time = np.arange((len(time) - 1) * finer + 1) * (step / finer)
-    rate = finer / step
-    if not spec.cutoff_Hz < rate / 2:
-        raise InputError(
-            f"{file} [reference]: cutoff_Hz must be < {rate / 2:g} (half the sampling rate), got {spec.cutoff_Hz:g}; "
-            "leave it out to take the samples as they are"
-        )
-    fine = np.interp(fine_time, measured_time, measured)
-    filtered = low_pass(fine, spec.cutoff_Hz, rate)
-    return time, filtered[::finer], float(np.sqrt(np.mean((fine - filtered) ** 2))), notes
-
-
-def low_pass(values: FloatArray, cutoff_Hz: float, rate_Hz: float) -> FloatArray:
-    """Zero-phase low-pass: Butterworth of second order, forwards and backwards.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        Evenly spaced samples.
-    cutoff_Hz, rate_Hz : float
-        Corner frequency (-6 dB) and sampling rate [Hz].
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
-    from scipy import signal  # costs a second to import, and most references need none of it
-
-    sections = signal.butter(_ORDER, cutoff_Hz, fs=rate_Hz, output="sos")
-    # Both ends are continued by point reflection, for longer than the filter remembers.
-    pad = min(len(values) - 1, math.ceil(3 * rate_Hz / cutoff_Hz))
-    result: FloatArray = signal.sosfiltfilt(sections, values, padtype="odd", padlen=pad)
+    result: FloatArray = values[piece] + (values[piece + 1] - values[piece]) * u**3 * (10 - 15 * u + 6 * u * u)
     return result
 
 
@@ -263,105 +330,3 @@ def _check_deliverable(transmission: Transmission, time: FloatArray, tension: Fl
         f"force_max_N = {transmission.actuator.force_max_N:g} delivers at most {reachable:.4g} N through the "
         f"friction; lower the reference or raise force_max_N{degrees if angle > _MANY_TURNS_RAD else ''}"
     )
-
-
-# --- noise -----------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NoiseAdvice:
-    """What to do about a noisy reference.
-
-    Parameters
-    ----------
-    cutoff_Hz : float
-        Proposed corner frequency [Hz].
-    noise_N : float
-        Noise of the samples, root mean square [N].
-    force_noise_N : float
-        What that noise makes of the force, root mean square [N].
-    message : str
-        The warning for the user.
-    """
-
-    cutoff_Hz: float
-    noise_N: float
-    force_noise_N: float
-    message: str
-
-
-def noise_advice(
-    reference: Reference, force_of: Callable[[FloatArray], FloatArray], *, file: str = "reference", share: float = 0.05
-) -> NoiseAdvice | None:
-    """Propose a cut-off where noise in the reference would dominate the force.
-
-    The inverse differentiates its reference twice and reverses the friction with every change of direction, so noise
-    that is hard to see in the tension can rule the force. The samples are compared with themselves after the gentlest
-    low-pass that removes the noise; both go through the inverse.
-
-    Parameters
-    ----------
-    reference : Reference
-        Samples as they were taken.
-    force_of : callable
-        The inverse: reference tension [N], shape (n + 1,), to force [N], shape (n + 1,).
-    file : str
-        Name for the message.
-    share : float
-        How much of the force's range the noise may make up before it is worth a warning [-].
-
-    Returns
-    -------
-    NoiseAdvice or None
-        None when the noise does not matter.
-    """
-    tension, rate = reference.tension_N, 1 / reference.step_s
-    found = _cutoff_at_the_noise_floor(tension, rate)
-    # Noise that was logged slowly and interpolated has no floor: then the gentlest of a few filters that matters.
-    for cutoff in (found,) if found is not None else [f for f in _TRIAL_CUTOFFS_HZ if f < rate / 4]:
-        smooth = low_pass(tension, cutoff, rate)
-        if not (smooth > 0).all():
-            return None  # the filter's own overshoot would be judged, not the noise
-        quiet = force_of(smooth)
-        force_noise = float(np.sqrt(np.mean((force_of(tension) - quiet) ** 2)))
-        # Percentiles: a jump at the start makes one huge force that says nothing of the rest.
-        spread = float(np.subtract(*np.percentile(quiet, (99, 1))))
-        if force_noise > share * spread:
-            break
-    else:
-        return None
-    noise = float(np.sqrt(np.mean((tension - smooth) ** 2)))
-    if noise > _MOST_NOISE * float(np.ptp(tension)):
-        return None  # what the filter removes is the reference itself
-    message = (
-        f"{file}: noise of {noise:.2g} N rms in the samples becomes {force_noise:.3g} N rms in the force "
-        f"({100 * force_noise / max(spread, 1e-300):.0f} % of its range); "
-        f"set cutoff_Hz = {cutoff:.2g} in [reference] to filter it"
-    )
-    return NoiseAdvice(cutoff_Hz=float(f"{cutoff:.2g}"), noise_N=noise, force_noise_N=force_noise, message=message)
-
-
-def _cutoff_at_the_noise_floor(tension: FloatArray, rate: float) -> float | None:
-    """Frequency where the spectrum of the samples flattens out into noise [Hz]; None when there is no floor above 0.
-
-    The floor is the median power of the upper third of the spectrum below the rate at which the samples really vary;
-    the cut-off is where the smoothed spectrum last stands ten times above it.
-    """
-    from scipy import signal
-
-    if len(tension) < 64:
-        return None
-    frequency, power = signal.welch(np.asarray(tension), fs=rate, nperseg=min(len(tension), 4096), detrend="linear")
-    frequency, power = frequency[1:], power[1:]
-    # A trace logged slower than the run and interpolated carries no noise near the top: look below the fall.
-    running = np.maximum.accumulate(power[::-1])[::-1]
-    total = float(np.sum(power))
-    carrying = np.nonzero(running > 1e-9 * total)[0]
-    if len(carrying) < 16:
-        return None
-    top = carrying[-1] + 1
-    floor = float(np.median(power[top // 2 : top]))
-    above = np.nonzero(signal.medfilt(power[:top], 5) > 10 * floor)[0]
-    last = above[-1] if len(above) else 0
-    cutoff = 1.5 * float(frequency[last])
-    return cutoff if cutoff < 0.8 * float(frequency[top - 1]) else None

@@ -5,6 +5,7 @@ A scenario is a TOML file (schema 1) with the tables [path], [tendon], [friction
 """
 
 import hashlib
+import math
 import os
 import tomllib
 from collections.abc import Mapping
@@ -14,11 +15,21 @@ from pathlib import Path
 from tendonff.compensator.files.reading import InputError, read_text, suggestion
 from tendonff.compensator.scenario.adaptation import Adaptation
 from tendonff.compensator.scenario.experiment import Experiment
+from tendonff.compensator.scenario.joints import KINDS as JOINT_KINDS
+from tendonff.compensator.scenario.joints import Joint, read_joints
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.optimal import OptimalSettings
 from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec, SineReference, WaypointReference
 from tendonff.compensator.scenario.run import Run
-from tendonff.compensator.scenario.tables import descriptions, read_table, show, toml_table, toml_value
+from tendonff.compensator.scenario.shorthand import expand, further_keys
+from tendonff.compensator.scenario.tables import (
+    check_names,
+    missing_keys,
+    read_table,
+    show,
+    toml_table,
+    toml_value,
+)
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import (
     Actuator,
@@ -28,6 +39,7 @@ from tendonff.models.parameters import (
     Transmission,
 )
 from tendonff.models.parameters import Path as TendonPath
+from tendonff.models.section import Section
 from tendonff.models.uncertainty import Uncertainty
 
 SCHEMA = 1
@@ -53,6 +65,9 @@ _OPTIONAL: dict[str, type] = {
 }
 _ON_REQUEST: dict[str, type] = {"adaptation": Adaptation}
 """Tables whose absence means that there is none of it."""
+
+_HELD_BY_JOINT = {"mass_kg": 1e-3, "stiffness_N_per_m": 1e3, "damping_N_s_per_m": 0.0}
+"""What a load has that a joint moves: numbers without effect."""
 
 _REQUIRED_TABLES = ("path", "tendon", "friction", "actuator", "load", "reference", "run")
 
@@ -81,6 +96,8 @@ class Scenario:
         How measured files are to be read.
     adaptation : Adaptation or None
         Self-tuning on the controller.
+    joints : dict of str to Joint
+        What the joints of a moving path do.
     source : Path
         The file it was read from, which a CSV reference is relative to.
     """
@@ -94,6 +111,7 @@ class Scenario:
     experiment: Experiment = field(default_factory=Experiment)
     measurement: Measurement = field(default_factory=Measurement)
     adaptation: Adaptation | None = None
+    joints: dict[str, Joint] = field(default_factory=dict)
     source: Path = Path("scenario.toml")
 
     def reference_file(self) -> Path | None:
@@ -143,15 +161,16 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
     name = raw.get("name", source.stem)
     if not isinstance(name, str):
         raise InputError(f'{file}: name must be text in quotes ("..."), got {show(name)}')
-    missing = [table for table in _REQUIRED_TABLES if table not in raw]
-    if missing:
-        hint = _keys_of(missing[0])
-        raise InputError(f"{file}: table [{missing[0]}] is missing; it holds {hint}")
+    raw = _complete(raw, file)
 
     def table(cls: type, key: str) -> object:
         return read_table(cls, raw.get(key, {}), file=file, table=key)
 
+    sections, path = _path_keys(raw["path"], file)
+    raw = {**raw, "path": path, "load": _load_keys(raw["load"], file)}
     parts = {key: table(cls, key) for key, cls in (_TABLES | _OPTIONAL).items()}
+    if sections:
+        parts["path"] = replace(parts["path"], sections=sections)  # type: ignore[type-var]
     run = parts.pop("run")
     optional = {key: parts.pop(key) for key in _OPTIONAL}
     optional |= {key: table(cls, key) for key, cls in _ON_REQUEST.items() if key in raw}
@@ -159,14 +178,63 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
         transmission = Transmission(**parts)  # type: ignore[arg-type]
     except ParameterError as error:
         raise InputError(f"{file}: {error}") from None
+    joints = read_joints(raw.get("joints", {}), file)
+    for joint in (*(section.joint for section in sections), transmission.load.joint):
+        if joint is not None and joint not in joints:
+            given = ", ".join(joints) or "none"
+            raise InputError(
+                f'{file}: the joint "{joint}" is named but not given (given: {given}); add [joints.{joint}]'
+            )
     return Scenario(
         name=name,
         transmission=transmission,
         reference=_read_reference(raw["reference"], file),
         run=run,  # type: ignore[arg-type]
         source=source,
+        joints=joints,
         **optional,  # type: ignore[arg-type]
     )
+
+
+def _path_keys(raw: object, file: str) -> tuple[tuple[Section, ...], object]:
+    """The sections of [path], and its other keys with the total angle that they add up to."""
+    if not isinstance(raw, Mapping) or "sections" not in raw:
+        return (), raw
+    if "total_angle_rad" in raw:
+        raise InputError(
+            f"{file} [path]: give total_angle_rad or [[path.sections]], not both; the sections add up to it"
+        )
+    sections = _sections(raw["sections"], file)
+    others = {key: value for key, value in raw.items() if key != "sections"}
+    return sections, {**others, "total_angle_rad": math.fsum(section.angle_rad for section in sections)}
+
+
+def _sections(raw: object, file: str) -> tuple[Section, ...]:
+    if not isinstance(raw, list) or not raw:
+        raise InputError(f"{file} [path]: sections must be tables, got {show(raw)}; write [[path.sections]]")
+    for k, item in enumerate(raw, start=1):
+        if isinstance(item, Mapping) and isinstance(item.get("joint"), list):
+            raise InputError(
+                f"{file} [path.sections {k}]: joint must be one name, got {show(item['joint'])}; a section that "
+                "two joints move must be cut into two"
+            )
+    sections = tuple(read_table(Section, item, file=file, table=f"path.sections {k}") for k, item in enumerate(raw, 1))
+    names = [section.name for section in sections]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise InputError(f'{file} [path]: two sections are named "{twice[0]}"; each needs a name of its own')
+    return sections
+
+
+def _load_keys(raw: object, file: str) -> object:
+    """[load] without its kind; a joint needs neither mass nor spring."""
+    if not isinstance(raw, Mapping):
+        return raw
+    kind, keys = raw.get("kind", "spring"), {key: value for key, value in raw.items() if key != "kind"}
+    if kind not in ("spring", "joint"):
+        raise InputError(f'{file} [load]: kind must be "spring" or "joint", got {show(kind)}')
+    if (kind == "joint") != ("joint" in keys):
+        raise InputError(f'{file} [load]: kind = "joint" and the key joint belong together; give both or none')
+    return {**_HELD_BY_JOINT, **keys} if kind == "joint" else keys
 
 
 def _check_schema(raw: Mapping[str, object], file: str) -> None:
@@ -178,21 +246,36 @@ def _check_schema(raw: Mapping[str, object], file: str) -> None:
 
 
 def _check_names(raw: Mapping[str, object], file: str) -> None:
-    known = ["schema", "name", *_REQUIRED_TABLES, *_OPTIONAL, *_ON_REQUEST]
+    known = ["schema", "name", *_REQUIRED_TABLES, "joints", *_OPTIONAL, *_ON_REQUEST]
     for key, value in raw.items():
         if key in known:
             continue
         if isinstance(value, Mapping):
-            near = suggestion(key, [*_REQUIRED_TABLES, *_OPTIONAL, *_ON_REQUEST]).replace('"', "")
+            near = suggestion(key, [*_REQUIRED_TABLES, "joints", *_OPTIONAL, *_ON_REQUEST]).replace('"', "")
             raise InputError(f"{file}: unknown table [{key}]{near}")
         raise InputError(f'{file}: unknown key "{key}"{suggestion(key, known)}')
 
 
-def _keys_of(table: str) -> str:
-    """Keys of a required table, for the message that misses it."""
-    if table == "reference":
-        return 'kind ("sine", "waypoints" or "csv") and the keys of that kind'
-    return ", ".join(descriptions(_TABLES[table])) or "its keys"
+def _complete(raw: Mapping[str, object], file: str) -> dict[str, object]:
+    """The tables with what follows from their keys; all keys that are missing then are named in one message."""
+    complete: dict[str, object] = dict(raw)
+    lacking: dict[str, list[str]] = {}
+    for key, cls in _TABLES.items():
+        given = raw.get(key, {})
+        check_names(cls, given, file=file, table=key, extra_keys=further_keys(key))
+        expanded = expand(key, given, file=file)  # type: ignore[arg-type]
+        if missing := missing_keys(cls, expanded):
+            lacking[key] = missing
+        if key in raw:
+            complete[key] = expanded
+    if "reference" not in raw:
+        lacking["reference"] = ['kind ("sine", "waypoints" or "csv") and the keys of that kind']
+    if sum(map(len, lacking.values())) > 1 or "reference" in lacking:
+        listed = "; ".join(f"[{key}] {', '.join(names)}" for key, names in lacking.items())
+        stiffness = "stiffness_N_per_m" in lacking.get("tendon", ())
+        rope = "; elastic_modulus_Pa, length_m and diameter_m may stand for stiffness_N_per_m" if stiffness else ""
+        raise InputError(f'{file}: missing: {listed}{rope}; "tendonff new" writes a file that explains every key')
+    return complete
 
 
 def _read_reference(raw: object, file: str) -> ReferenceSpec:
@@ -242,9 +325,20 @@ def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | Non
         if value is None:
             continue
         lines = f'kind = "{kind}"\n' if table == "reference" else ""
-        lines += toml_table(value)
+        if table == "load" and transmission.load.joint is not None:
+            lines = 'kind = "joint"\n'
+        if table == "path" and transmission.path.sections:
+            plain = replace(transmission.path, sections=())
+            lines += toml_table(plain, table).replace(f"total_angle_rad = {toml_value(plain.total_angle_rad)}\n", "")
+            sections = "".join(f"\n[[path.sections]]\n{toml_table(part)}" for part in transmission.path.sections)
+            parts.append(f"\n[{table}]\n{lines}{sections}")
+            continue
+        lines += toml_table(value, table)
         if lines:
             parts.append(f"\n[{table}]\n{lines}")
+    for name, joint in scenario.joints.items():
+        known = next(kind for kind, cls in JOINT_KINDS.items() if isinstance(joint, cls))
+        parts.append(f'\n[joints.{name}]\nkind = "{known}"\n{toml_table(joint)}')
     return "".join(parts)
 
 

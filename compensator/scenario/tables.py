@@ -41,23 +41,79 @@ def read_table(cls: type[T], raw: object, *, file: str, table: str, extra_keys: 
         Unknown key, missing key, wrong type or a value out of bounds: `file [table]: message`.
     """
     where = f"{file} [{table}]"
-    if not isinstance(raw, Mapping):
-        raise InputError(f"{file}: {table} must be a table, got {show(raw)}; write [{table}] on a line of its own")
-    keys = {key: value for key, value in raw.items() if key not in extra_keys}
-    known = [field.name for field in dataclasses.fields(cls)]  # type: ignore[arg-type]
-    for key in keys:
-        if key not in known:
-            if not known:
-                raise InputError(f'{where}: unknown key "{key}"; this table has no keys yet')
-            raise InputError(f'{where}: unknown key "{key}"{suggestion(key, [*known, *extra_keys])}')
+    check_names(cls, raw, file=file, table=table, extra_keys=extra_keys)
+    keys = {key: value for key, value in dict(raw).items() if key not in extra_keys}  # type: ignore[call-overload]
+    inner: dict[str, Any] = {
+        name: read_table(part, keys.pop(name), file=file, table=f"{table}.{name}")
+        for name, part in _tables_within(cls).items()
+        if name in keys
+    }
     try:
         values = _validator(cls).model_validate(keys)
     except ValidationError as error:
         raise InputError(f"{where}: {_explain(cls, error)}") from None
+    known = [field.name for field in dataclasses.fields(cls)]  # type: ignore[arg-type]
     try:
-        return cls(**{name: getattr(values, name) for name in known})
+        return cls(**{name: getattr(values, name) for name in known if name not in inner}, **inner)
     except ParameterError as error:
         raise InputError(f"{where}: {error}") from None
+
+
+def check_names(cls: type, raw: object, *, file: str, table: str, extra_keys: tuple[str, ...] = ()) -> None:
+    """Refuse what is no table, and keys that the dataclass does not know.
+
+    Parameters
+    ----------
+    cls : type
+        Frozen dataclass.
+    raw : object
+        What tomllib read.
+    file, table : str
+        For messages.
+    extra_keys : tuple of str
+        Keys that are known besides.
+
+    Raises
+    ------
+    InputError
+        With the nearest valid name.
+    """
+    if not isinstance(raw, Mapping):
+        raise InputError(f"{file}: {table} must be a table, got {show(raw)}; write [{table}] on a line of its own")
+    known = [*(field.name for field in dataclasses.fields(cls)), *extra_keys]
+    for key in raw:
+        if key not in known:
+            raise InputError(f'{file} [{table}]: unknown key "{key}"{suggestion(key, known)}')
+
+
+def missing_keys(cls: type, raw: Mapping[str, object]) -> list[str]:
+    """Keys without a default that a table lacks.
+
+    Parameters
+    ----------
+    cls : type
+        Frozen dataclass.
+    raw : mapping
+        What tomllib read.
+    """
+    return [
+        field.name
+        for field in dataclasses.fields(cls)
+        if field.name not in raw
+        and field.default is dataclasses.MISSING
+        and field.default_factory is dataclasses.MISSING
+    ]
+
+
+def _tables_within(cls: type) -> dict[str, type]:
+    """Fields that are tables of their own, by name."""
+    found: dict[str, type] = {}
+    for name, hint in get_type_hints(cls).items():
+        parts = get_args(hint) if get_origin(hint) in (UnionType, Union) else (hint,)
+        for part in parts:
+            if dataclasses.is_dataclass(part) and isinstance(part, type):
+                found[name] = part
+    return found
 
 
 def show(value: object) -> str:
@@ -86,10 +142,21 @@ def toml_value(value: object) -> str:
     raise TypeError(f"{type(value).__name__} cannot be written to a scenario file")
 
 
-def toml_table(instance: object) -> str:
-    """All keys of a dataclass that are set, one per line."""
-    pairs = ((field.name, getattr(instance, field.name)) for field in dataclasses.fields(instance))  # type: ignore[arg-type]
-    return "".join(f"{name} = {toml_value(value)}\n" for name, value in pairs if value is not None)
+def toml_table(instance: object, name: str = "") -> str:
+    """All keys of a dataclass that are set, one per line, and after them the tables within it.
+
+    Parameters
+    ----------
+    instance : object
+        Frozen dataclass.
+    name : str
+        Name of its own table, which those of the tables within begin with.
+    """
+    pairs = [(field.name, getattr(instance, field.name)) for field in dataclasses.fields(instance)]  # type: ignore[arg-type]
+    given = [(key, value) for key, value in pairs if value not in (None, ())]
+    inner = [(f"{name}.{key}", value) for key, value in given if dataclasses.is_dataclass(value)]
+    lines = [f"{key} = {toml_value(value)}\n" for key, value in given if not dataclasses.is_dataclass(value)]
+    return "".join(lines) + "".join(f"\n[{table}]\n{toml_table(value, table)}" for table, value in inner)
 
 
 def descriptions(cls: type) -> dict[str, str]:
@@ -106,7 +173,11 @@ def _validator(cls: type) -> type[BaseModel]:
     """A pydantic model with the fields of the dataclass: strict, so that text is no number and true is not 1."""
     hints = get_type_hints(cls)
     fields: dict[str, Any] = {}
+    inner = _tables_within(cls)
     for field in dataclasses.fields(cls):
+        if field.name in inner:
+            fields[field.name] = (Any, None)
+            continue
         default = ... if field.default is dataclasses.MISSING else field.default
         fields[field.name] = (_relaxed(hints[field.name]), default)
     return create_model(cls.__name__, __config__=ConfigDict(strict=True, extra="forbid"), **fields)

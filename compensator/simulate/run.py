@@ -1,19 +1,33 @@
 """Simulate the chain under a force file: row by row into a file, in bounded memory."""
 
 import math
+import re
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from tendonff.compensator.compensators.motion import servo
+from tendonff.compensator.files.dialect import find_dialect
 from tendonff.compensator.files.progress import Progress, silent
-from tendonff.compensator.files.reading import FloatArray, InputError, read_csv
+from tendonff.compensator.files.quantities import (
+    FORCE_UNITS,
+    LENGTH_UNITS,
+    TIME_UNITS,
+    TIME_WORDS,
+    Quantity,
+    read_quantities,
+)
+from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.writing import open_csv
+from tendonff.compensator.scenario.joints import moved
+from tendonff.compensator.scenario.plausibility import questions
 from tendonff.compensator.scenario.sampling import initial_tension
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.simulate.result import SimulatedForce
 from tendonff.models.chain import Chain
+from tendonff.models.drive import Drive
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
 from tendonff.ocp.crosscheck import StepHalving
@@ -33,11 +47,17 @@ class ForceProfile:
         Piecewise linear force of the actuator; time rises from 0.
     name : str
         File name, for messages.
+    notes : tuple of str
+        What was taken for granted when it was read.
+    is_command : bool
+        It holds the command of a position drive relative to the start [m] instead of a force.
     """
 
     time_s: FloatArray
     force_N: FloatArray
     name: str
+    notes: tuple[str, ...] = ()
+    is_command: bool = False
 
     def steps(self, step_s: float) -> int:
         """Number of whole steps until the last row."""
@@ -49,15 +69,49 @@ class ForceProfile:
         return force
 
 
-def read_force(path: Path) -> ForceProfile:
-    """Read a force file: columns time_s, force_N, first row at 0.
+def read_force(path: Path, column: str | None = None, drive: Drive = Drive.FORCE) -> ForceProfile:
+    """Read what drives the actuator: columns time_s and force_N, or command_m for a position drive, first row at 0.
 
     Parameters
     ----------
     path : Path
+    column : str, optional
+        Column of the force or command. Default: force_N or command_m, and of a `profile.csv` the optimal one.
+    drive : Drive, optional
+        What the actuator is told.
+
+    Raises
+    ------
+    InputError
+        The file is refused, or its columns do not tell which is the force.
     """
-    columns = read_csv(path, ("time_s", "force_N"), starts_at_zero=True)
-    return ForceProfile(time_s=columns["time_s"], force_N=columns["force_N"], name=path.name)
+    word, unit, units = ("force", "N", FORCE_UNITS) if drive is Drive.FORCE else ("command", "m", LENGTH_UNITS)
+    plain, usual = f"{word}_{unit}", f"{word}_optimal_{unit}"
+    names = find_dialect(path, ("time_s", plain, *([column] if column else []))).names
+    profiles = [name for name in names if re.fullmatch(rf"{word}_\w+_{unit}", name)]
+    note: tuple[str, ...] = ()
+    if column is None and plain not in names and usual in profiles:
+        column = usual
+        others = ", ".join(name for name in profiles if name != column)
+        note = (f"{path.name}: simulating {column}" + (f" (--force-column for {others})" if others else ""),)
+    wanted = (
+        Quantity(name="time_s", words=TIME_WORDS, units=TIME_UNITS, option='the name "time_s"'),
+        Quantity(
+            name=plain,
+            words=(word, f"actuator_{word}", *(name.removesuffix(f"_{unit}") for name in profiles)),
+            units=units,
+            option='--force-column "{}"',
+            column=column,
+        ),
+    )
+    read = read_quantities(path, wanted, starts_at_zero=True)
+    return ForceProfile(
+        time_s=read.values["time_s"],
+        force_N=read.values[plain],
+        name=path.name,
+        notes=(*note, *read.notes),
+        is_command=drive is Drive.POSITION,
+    )
 
 
 def simulate_force(
@@ -95,7 +149,11 @@ def simulate_force(
             f"{profile.name}: {profile.time_s[-1]:g} s at step_s = {step:g} are {total} rows; use a larger step"
         )
     start_tension = initial_tension(scenario)
-    chain = Chain.of(scenario.transmission, level)
+    chain = Chain.of(moved(scenario, float(profile.time_s[-1])), level)
+    actuator = scenario.transmission.actuator
+    if profile.is_command:
+        chain, drive = servo(chain, actuator, start_tension, profile.force_N)
+        profile = replace(profile, force_N=drive)
     names = ["time_s", "force_N", *(f"tension_{k}_N" for k in range(1, chain.count + 2))]
     size = max(1, _CHUNK_VALUES // (chain.count + 5))
     pieces = [(first, min(first + size, total)) for first in range(1, total, size)]
@@ -111,13 +169,13 @@ def simulate_force(
             coming = next(computed, None)
             stream.write(rows)
             progress(round(rows[-1, 0] / step) + 1, total)
-    warnings = []
+    warnings = questions(scenario.transmission)
     if (jump := abs(run.first_force - start_tension)) > 1e-6 * max(start_tension, 1.0):
         warnings.append(
             f"{profile.name} starts at {run.first_force:.6g} N, but the run starts at rest at {start_tension:.6g} N: "
             f"the force jumps by {jump:.3g} N at t = 0"
         )
-    warnings += _beyond(scenario, profile)
+    warnings += [] if profile.is_command else _beyond(scenario, profile)
     if run.slack_rows:
         warnings.append(
             f"the tendon goes slack at t = {run.first_slack_s:.6g} s, and in {100 * run.slack_rows / total:.2g} % of "
@@ -146,11 +204,13 @@ class _Run:
     ) -> None:
         self._chain, self._profile, self._step = chain, profile, step_s
         state = chain.rest_state(start_tension)
-        self.first_force = float(profile.force_N[0])
-        start = ChainInputs.of_force(np.array([self.first_force]))
+        first_drive = float(profile.force_N[0])
+        self._spring = chain.near.stiffness_N_per_m  # of a servo, whose force is what the actuator gives
+        self.first_force = first_drive - self._spring * state.near_position_m
+        start = ChainInputs.of_force(np.array([first_drive]))
         self._first = state.vector()
         self._simulator = Simulator(chain, step_s, state, start)
-        self.halving = StepHalving(chain, step_s, state, self.first_force) if check else None
+        self.halving = StepHalving(chain, step_s, state, first_drive) if check else None
         self.slack_rows = 0
         self.first_slack_s = math.nan
 
@@ -170,7 +230,7 @@ class _Run:
         self._note_slack(rows.tension_N, time)
         if self.halving is not None:
             self.halving.add(time, rows.tension_N[:, -1], self._profile.at)
-        return np.column_stack([time, force, rows.tension_N, rows.ends_m])
+        return np.column_stack([time, force - self._spring * rows.ends_m[:, 0], rows.tension_N, rows.ends_m])
 
     def _note_slack(self, tension: FloatArray, time: FloatArray) -> None:
         slack = (tension <= 0).any(axis=1)

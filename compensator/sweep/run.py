@@ -7,7 +7,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem
+from tendonff.compensator.compensators.base import Compensator, Problem, Profile
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
 from tendonff.compensator.compensators.score import SimulatedPlant, verify
 from tendonff.compensator.files.progress import Progress, silent
@@ -38,13 +38,13 @@ class Job:
     ----------
     units : tuple of Unit
     compensators : tuple of str
-    forces_N : tuple of ndarray or None
+    profiles : tuple of Profile or None
         Profiles to try on every unit; None: design anew for each.
     """
 
     units: tuple[Unit, ...]
     compensators: tuple[str, ...]
-    forces_N: tuple[FloatArray, ...] | None
+    profiles: tuple[Profile, ...] | None
 
 
 def run_job(job: Job) -> tuple[Row, ...]:
@@ -66,9 +66,9 @@ def _score(unit: Unit, job: Job) -> Row:
     scores = []
     for k, name in enumerate(job.compensators):
         try:
-            force = compensator(name).profile(problem).force_N if job.forces_N is None else job.forces_N[k]
+            profile = compensator(name).profile(problem) if job.profiles is None else job.profiles[k]
             plant = SimulatedPlant(level=problem.level)
-            found = verify(problem.transmission, plant, name, force, problem.reference).score
+            found = verify(problem.transmission, plant, name, profile, problem.reference).score
             scores.append((found.rmse_percent_of_range, found.peak_error_N))
         except TendonffError:
             scores.append((math.nan, math.nan))
@@ -125,11 +125,11 @@ def sweep(
     done = store.read(len(keys))
     left = [unit for unit in units if unit.index not in done]
     progress(len(done), len(units))
-    forces = _nominal(scenario, [compensator(name) for name in names]) if random else None
+    profiles = _nominal(scenario, [compensator(name) for name in names]) if random else None
     pieces = [left[k : k + _UNITS_OF_JOB] for k in range(0, len(left), _UNITS_OF_JOB)]
     for start in range(0, len(pieces), _JOBS_OF_WAVE):
         jobs = [
-            Job(units=tuple(piece), compensators=names, forces_N=forces)
+            Job(units=tuple(piece), compensators=names, profiles=profiles)
             for piece in pieces[start : start + _JOBS_OF_WAVE]
         ]
         found = [row for result in run_jobs(run_job, jobs, executor=executor) for row in result.require()]
@@ -145,19 +145,19 @@ def sweep(
         keys=keys,
         compensators=names,
         rows=tuple(done[unit.index] for unit in units),
-        budget=_budget(scenario, names, forces) if forces is not None else (),
+        budget=_budget(scenario, names, profiles) if profiles is not None else (),
         is_random=random,
     )
 
 
-def _nominal(scenario: Scenario, compensators: Sequence[Compensator]) -> tuple[FloatArray, ...]:
+def _nominal(scenario: Scenario, compensators: Sequence[Compensator]) -> tuple[Profile, ...]:
     """The profiles that `design` makes for the scenario."""
     problem = Problem.of(scenario, reference=sample_reference(scenario, strict=False))
-    return tuple(each.profile(problem).require().force_N for each in compensators)
+    return tuple(each.profile(problem).require() for each in compensators)
 
 
 def _budget(
-    scenario: Scenario, names: tuple[str, ...], forces: tuple[FloatArray, ...]
+    scenario: Scenario, names: tuple[str, ...], profiles: tuple[Profile, ...]
 ) -> tuple[tuple[str, float, float, tuple[float, ...], tuple[float, ...]], ...]:
     """What each parameter costs alone: errors at both ends of its range."""
     robust, found = scenario.robust, []
@@ -172,6 +172,6 @@ def _budget(
             sample = transmission_at(scenario.transmission, tuple(factors))
             varied = replace(scenario, robust=Uncertainty(), transmission=sample.transmission)
             unit = Unit(index=0, values=factors_of(sample), scenario=varied)
-            ends.append(_score(unit, Job(units=(unit,), compensators=names, forces_N=forces)).percent)
+            ends.append(_score(unit, Job(units=(unit,), compensators=names, profiles=profiles)).percent)
         found.append((key, 1 - width, 1 + width, ends[0], ends[1]))
     return tuple(found)

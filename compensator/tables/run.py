@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.motion import with_motion
 from tendonff.compensator.compensators.score import SimulatedPlant, verify
 from tendonff.compensator.compensators.table import CompensationTable, table_of, table_range
 from tendonff.compensator.files.reading import InputError
@@ -55,8 +56,8 @@ def make_tables(
                 )
                 for rate in sorted(rates_N_per_s or [own.rate_N_per_s])
             ]
-    force = CompensationTable(own.table).profile(problem).force_N
-    scores = {on: verify(transmission, SimulatedPlant(level=on), "table", force, reference).score for on in Level}
+    profile = with_motion(problem, "table", CompensationTable(own.table).profile(problem))
+    scores = {on: verify(transmission, SimulatedPlant(level=on), "table", profile, reference).score for on in Level}
     options = {"level": level, "bound": bound_N, "angles": _listed(angles_rad), "rates": _listed(rates_N_per_s)}
     return Tables(
         scenario=scenario,

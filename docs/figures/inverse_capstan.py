@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.smoothed import Smoothed
 from tendonff.compensator.reporting.plots import BLUE, GREY, ORANGE, VERMILION, figure_style, new_figure
 from tendonff.compensator.scenario.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
@@ -25,7 +27,6 @@ def draw() -> Figure:
     law, chain = CapstanLaw.of(transmission), Chain.of(transmission, Level.PRESLIDING)
     jumping = law.input_history_N(reference.tension_N, reference.initial_tension_N)
     limits = replace(ForceLimits.of(transmission.actuator), rate_N_per_s=500.0)
-    slope = np.gradient(reference.tension_N, reference.step_s)
 
     def output(force: np.ndarray) -> np.ndarray:
         return simulate(chain, force, reference.step_s, initial_tension_N=reference.initial_tension_N).output_tension_N
@@ -33,9 +34,7 @@ def draw() -> Figure:
     def rms(force: np.ndarray) -> float:
         return float(100 * np.sqrt(np.mean((output(force) - reference.tension_N) ** 2)) / reference.range_N)
 
-    widths = np.geomspace(1, 100, 13)  # slopes over which the sign changes smoothly [N/s]
-    smoothed = [reference.tension_N * np.exp(law.pull_exponent * np.tanh(slope / width)) for width in widths]
-    best = min(smoothed, key=rms)
+    best = Smoothed().profile(Problem.of(scenario)).force_N
     forces = {
         "reference as force": (reference.tension_N, GREY, ":"),
         "inverted law, jumping": (jumping, VERMILION, "-"),

@@ -5,6 +5,7 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.reporting.plots import BLUE, INK, ORANGE, figure_style, new_figure
 from tendonff.models.capstan import CapstanLaw
+from tendonff.ocp.adaptation.bounds import CertifiedInterval
 
 NOMINAL, HALF_WIDTH = 0.628, 0.126
 
@@ -17,14 +18,15 @@ def draw() -> Figure:
     def output(exponent: float) -> np.ndarray:
         return CapstanLaw(pull_exponent=exponent, release_exponent=exponent).output_history_N(force)
 
-    middle = output(NOMINAL)
+    law = CapstanLaw(pull_exponent=NOMINAL, release_exponent=NOMINAL)
+    low, high = CertifiedInterval(law=law, spread=HALF_WIDTH / NOMINAL, noise_N=0.0).history_N(force)
     with figure_style():
         figure, axes = new_figure(height_in=3.0)
         panel = axes[0, 0]
         panel.fill_between(
             time,
-            middle * np.exp(-HALF_WIDTH),
-            middle * np.exp(HALF_WIDTH),
+            low,
+            high,
             color=ORANGE,
             alpha=0.3,
             linewidth=0,

@@ -214,6 +214,7 @@ def _host_text(tuned: TunedChain) -> str:
         "model": PREFIX,
         "inverse": PREFIX,
         "model_rows": f"{PREFIX.upper()}_ROWS",
+        "inverse_rows": 4,
         "shifted": False,
         "inverse_rest": lambda array: rest_statements(zero, one, array, precision),
         "gain_calls": {PREFIX: gain},
@@ -230,7 +231,6 @@ def _gain_arguments(laws: ElementLaws) -> list[str]:
     return [f"c->{symbol.name()}" for symbol in laws.link_gain().inputs]
 
 
-@functools.lru_cache(maxsize=32)
 def _loaded(text: str) -> ctypes.CDLL:
     library = load_library(text)
     library.tff_tuner_bytes.restype = ctypes.c_long
@@ -242,6 +242,7 @@ def _loaded(text: str) -> ctypes.CDLL:
     return library
 
 
+@functools.lru_cache(maxsize=32)
 def host_library(tuned: TunedChain) -> ctypes.CDLL:
     """The compiled tuner of the host; double.
 

@@ -14,10 +14,11 @@ from tendonff.ocp.adaptation.code import (
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal, real_type
+from tendonff.ocp.step.c_engine import link_ratios
 from tendonff.ocp.step.laws import ElementLaws, end_mass, end_mass_tangent, far_velocity, near_force
 from tendonff.ocp.step.render import Limits, StepCode, law_calls
 from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT
-from tendonff.ocp.step.target import controller_limits
+from tendonff.ocp.step.target import controller_limits, link_compliances
 
 Weights = tuple[tuple[float, float], ...]
 
@@ -100,11 +101,10 @@ def inverse_free_code(
     )
     compliances: dict[str, float | str] | None = None
     if shifted:
-        stretch, states = chain.link.rest(1.0)
-        links = dict(zip(chain.link.states, map(float, states), strict=True))
+        of_links = link_compliances(chain, precision)
         one, load = literal(1.0, precision), float(chain.far.stiffness_N_per_m)
         free_load = f"({one} / c->{LOAD_STIFFNESS})" if LOAD_STIFFNESS in names else 1 / load
-        compliances = {"q_l": free_load, "e": float(stretch), **links}
+        compliances = {"q_l": free_load, **of_links}
     return _free_code(chain, folder, weights, folded, names, ("inverse.c.j2",), compliances=compliances)
 
 
@@ -166,7 +166,8 @@ def tuner_code(tuned: TunedChain, step_s: float, prefix: str, precision: Precisi
     context |= {
         "model": model_prefix,
         "inverse": inverse_prefix,
-        "model_rows": 2 + limits.splits,
+        "model_rows": 2 * (2 + limits.splits),
+        "inverse_rows": 4,
         "shifted": shifted,
         "inverse_rest": lambda array: rest_statements(zero, one, array, precision),
         "gain_calls": {model_prefix: model.gain_call, inverse_prefix: inverse.gain_call},
@@ -205,8 +206,10 @@ def tuner_code(tuned: TunedChain, step_s: float, prefix: str, precision: Precisi
 def _specialiser(
     chain: Chain, weights: Weights, prefix: str, precision: Precision, free: tuple[str, ...]
 ) -> Specialiser:
-    parameters = {name: (value,) * len(weights) for name, value in chain.numbers().items() if name not in free}
-    parameters["H"] = tuple(weight for weight, _ in weights)
+    ratios = link_ratios(chain.elements.ratio)
+    rows = [(weight, ratio) for weight, _ in weights for ratio in ratios]
+    parameters = {name: (value,) * len(rows) for name, value in chain.numbers().items() if name not in free}
+    parameters["H"], parameters["ratio"] = tuple(weight for weight, _ in rows), tuple(ratio for _, ratio in rows)
     reorder = precision is Precision.FLOAT
     if not any(name.startswith("link_") for name in free):
         whole = Specialiser(prefix=prefix, precision=precision, parameters=parameters)
@@ -230,7 +233,6 @@ def _code(
         laws=laws,
         count=f"{prefix.upper()}_COUNT",
         size=f"{prefix.upper()}_COUNT",
-        solve="solve_target.c.j2",
         numbers={name: literal(value, precision) for name, value in chain.numbers().items()},
         limits=limits or Limits(),
         compliances=compliances,
@@ -253,6 +255,7 @@ def _free_code(
     used = [law for law in folded if law is not gain or linked]
     code = _code(chain, folder.prefix, folder.precision, laws, limits=limits, compliances=compliances)
     real, numbers = real_type(folder.precision), chain.numbers()
+    weights = tuple(weight for weight in weights for _ in range(2))  # of inner links, and of those at the ends
     columns: dict[str, tuple[float, ...]] = {"H": tuple(w for w, _ in weights), "carry": tuple(c for _, c in weights)}
     columns |= dict(folder.coefficients)
     columns |= {name: (numbers[name],) * len(weights) for name in free}

@@ -22,6 +22,7 @@ from tendonff.models.chain import Chain
 from tendonff.models.elements import Whole, whole_of
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
+from tendonff.ocp.errors import SolveError
 from tendonff.ocp.sensitivity import Parameter, force_sensitivity, parameter_sensitivity
 from tendonff.ocp.simulate import simulate
 
@@ -111,14 +112,18 @@ class ChainResponse:
         Output as the cell would read it.
     elongation_m : ndarray, shape (n,)
         q_a - q_l.
-    output_slopes, elongation_slopes : ndarray, shape (n, k)
+    near_m : ndarray, shape (n,)
+        q_a.
+    output_slopes, elongation_slopes, near_slopes : ndarray, shape (n, k)
         Over the parameters asked for.
     """
 
     output_N: Array
     elongation_m: Array
+    near_m: Array
     output_slopes: Array
     elongation_slopes: Array
+    near_slopes: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -200,10 +205,10 @@ class ChainModel:
         force, step, lead, thin, refine, rest = self._force(values, drive)
         if not over:
             run = simulate(chain, force, step, initial_tension_N=rest).require()
-            output, elongation = run.output_tension_N, run.near_position_m - run.far_position_m
-            slopes = np.zeros((len(force), 2, 0))
+            output, near, far = run.output_tension_N, run.near_position_m, run.far_position_m
+            slopes = np.zeros((len(force), 3, 0))
         else:
-            output, elongation, slopes = self._differentiate(values, whole, chain, force, step, rest, over)
+            output, near, far, slopes = self._differentiate(values, whole, chain, force, step, rest, over)
         rows = np.arange(len(drive.input_N))
 
         def sampled(x: Array) -> Array:
@@ -217,9 +222,11 @@ class ChainModel:
 
         return ChainResponse(
             output_N=sampled(output) + values[D.OUTPUT_BIAS],
-            elongation_m=sampled(elongation),
+            elongation_m=sampled(near - far),
+            near_m=sampled(near),
             output_slopes=sampled(slopes[:, 0]),
             elongation_slopes=sampled(slopes[:, 1]),
+            near_slopes=sampled(slopes[:, 2]),
         )
 
     def _force(
@@ -252,15 +259,17 @@ class ChainModel:
         step: float,
         rest: float,
         over: Sequence[DynamicParameter],
-    ) -> tuple[Array, Array, Array]:
-        """Output, elongation and their slopes, shape (rows, 2, k)."""
+    ) -> tuple[Array, Array, Array, Array]:
+        """Output, positions of both ends, and slopes of output, elongation and near position, shape (rows, 3, k)."""
         wanted = [p for k, p in _DIRECT.items() if k in over]
         if {D.MU_PULL, D.MU_RELEASE, D.STATIC_EXCESS} & set(over):
             wanted += _MUS
-        slopes = np.zeros((len(force), 2, len(over)))
+        slopes = np.zeros((len(force), 3, len(over)))
         run = parameter_sensitivity(whole, chain, force, step, tuple(wanted), initial_tension_N=rest)
-        assert run.ends_slopes is not None  # noqa: S101 - parameter_sensitivity always gives them
-        both = np.stack([run.tension_slopes[:, 0], run.ends_slopes[:, 0] - run.ends_slopes[:, 1]], axis=1)
+        if run.ends_slopes is None:
+            raise SolveError("the sensitivities of the ends' positions are missing")
+        near, far = run.ends_slopes[:, 0], run.ends_slopes[:, 1]
+        both = np.stack([run.tension_slopes[:, 0], near - far, near], axis=1)
         column = {p: both[:, :, i] for i, p in enumerate(wanted)}
         excess = 1 + values[D.STATIC_EXCESS]
         for k, name in enumerate(over):
@@ -284,4 +293,4 @@ class ChainModel:
                         whole.value(Parameter.MU_DYNAMIC_PULL) * column[Parameter.MU_STATIC_PULL]
                         + whole.value(Parameter.MU_DYNAMIC_RELEASE) * column[Parameter.MU_STATIC_RELEASE]
                     )
-        return run.tension_N[:, -1], run.ends_m[:, 0] - run.ends_m[:, 1], slopes
+        return run.tension_N[:, -1], run.ends_m[:, 0], run.ends_m[:, 1], slopes

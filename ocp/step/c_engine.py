@@ -37,14 +37,62 @@ def chain_struct(chain: Chain) -> ctypes.Structure:
     ----------
     chain : Chain
     """
-    numbers = chain.numbers()
-    return _struct_type(tuple(numbers))(chain.count, 0.0, 0.0, 0.0, *numbers.values())
+    numbers, elements = chain.numbers(), chain.elements
+    of_masses = np.ascontiguousarray(np.stack(list(chain.of_masses().values())))
+    inner, ends = link_ratios(elements.ratio)
+    struct = _struct_type(tuple(numbers))(
+        *(chain.count, 0.0, 0.0, 0.0, inner, ends, of_masses.ctypes.data),
+        *(elements.path.total_angle_rad, chain.far_joint is not None, *numbers.values()),
+    )
+    struct.kept_alive = of_masses
+    return struct
+
+
+def link_ratios(ratio: Array) -> tuple[float, float]:
+    """Length of the whole over that of an inner link, and over that of an end link, where all masses are alike.
+
+    Parameters
+    ----------
+    ratio : ndarray, shape (N + 1,)
+        As `Elements.ratio`.
+    """
+    return float(ratio[1]) if len(ratio) > 2 else float(ratio[0]), float(ratio[0])
 
 
 @functools.cache
 def _struct_type(names: tuple[str, ...]) -> type[ctypes.Structure]:
-    fields = [("count", ctypes.c_int), *((name, ctypes.c_double) for name in ("H", "carry", "gain", *names))]
+    fields = [
+        ("count", ctypes.c_int),
+        *((name, ctypes.c_double) for name in ("H", "carry", "gain", "ratio", "ratio_of_ends")),
+        ("of_masses", ctypes.c_void_p),
+        ("total_angle_rad", ctypes.c_double),
+        ("far_driven", ctypes.c_int),
+        *((name, ctypes.c_double) for name in names),
+    ]
     return type("Weights", (ctypes.Structure,), {"_fields_": fields})
+
+
+def places_of(chain: Chain, time_s: float, step_s: float, rows: int) -> list[Array]:
+    """Where the path is one step before an instant, at it, and at the ends of the steps that follow; as arguments in C.
+
+    Parameters
+    ----------
+    chain : Chain
+    time_s : float
+        The instant [s].
+    step_s : float
+    rows : int
+        Steps.
+
+    Returns
+    -------
+    list
+        Empty where all masses are alike and nothing moves.
+    """
+    if not chain.moving:
+        return []
+    table = np.ascontiguousarray(chain.path_at(time_s + step_s * np.arange(-1.0, rows + 1)).table())
+    return [table]
 
 
 def host_source(chain: Chain, laws: tuple[Law, ...], templates: tuple[str, ...]) -> str:
@@ -58,7 +106,10 @@ def host_source(chain: Chain, laws: tuple[Law, ...], templates: tuple[str, ...])
         What follows the laws.
     """
     printer = Specialiser(prefix=PREFIX, precision=Precision.DOUBLE, parameters={})
-    printed = {law.name: printer.fold(law) for law in laws}
+    elements = ElementLaws.of(chain, folded=True)
+    moved = (elements.contact(),) if chain.moving else ()
+    printed = {law.name: printer.fold(law) for law in (*laws, *moved)}
+    templates = ("moving.c.j2", *templates) if chain.moving else templates
     code = StepCode(
         prefix=PREFIX,
         precision=Precision.DOUBLE,
@@ -66,9 +117,10 @@ def host_source(chain: Chain, laws: tuple[Law, ...], templates: tuple[str, ...])
         laws=printed,
         count="c->count",
         size="n",
-        solve="solve_host.c.j2",
         numbers={name: f"c->{name}" for name in chain.numbers()},
         host=True,
+        moving=chain.moving,
+        of_masses=tuple(chain.of_masses()),
     )
     parts = ["#include <math.h>\n#include <stddef.h>\n", *(code.render(name) for name in ("types.h.j2", "host.h.j2"))]
     return "\n".join([*parts, *(law.code for law in printed.values()), *(code.render(name) for name in templates)])
@@ -83,7 +135,8 @@ def library_of(chain: Chain, make_source: Callable[[Chain], str]) -> ctypes.CDLL
     make_source : callable
         Chain to C source.
     """
-    key = (make_source.__name__, type(chain.friction), type(chain.link), frozenset(chain.friction.aliases().items()))
+    aliases = frozenset(chain.friction.aliases().items())
+    key = (make_source.__name__, type(chain.friction), type(chain.link), aliases, chain.moving)
     if (known := _LIBRARIES.get(key)) is None:
         known = _LIBRARIES[key] = load_library(make_source(chain))
         known.tff_work_reals.restype = ctypes.c_int
@@ -145,12 +198,14 @@ class CompiledStepper:
         tension, ends = np.empty((rows, self._chain.count + 1)), np.empty((rows, 2))
         states = np.empty((rows, self._chain.layout.size)) if record else None
         report, worst = ReportStruct(), ctypes.c_int()
+        places = places_of(self._chain, memory.time_s, self._step_s, rows)
         done = self._library.tff_run(
             ctypes.byref(self._struct),
             ctypes.c_double(self._step_s),
             pointer(table),
             ctypes.c_long(rows),
             ctypes.c_int(memory.fresh),
+            *map(pointer, places),
             pointer(memory.x),
             pointer(memory.x_old),
             pointer(self._work),
@@ -162,6 +217,7 @@ class CompiledStepper:
         )
         if done:
             memory.fresh = False
+            memory.time_s += done * self._step_s
             memory.inputs = inputs[done - 1 : done]
         return Rows(
             tension_N=tension[:done],
@@ -190,21 +246,24 @@ class CompiledInverse:
     """
 
     def __init__(self, chain: Chain, step_s: float) -> None:
-        self._struct, self._step_s = chain_struct(chain), step_s
+        self._chain, self._struct, self._step_s = chain, chain_struct(chain), step_s
         self._library = _library_of(chain)
 
-    def invert(self, x: Array, reference: Array, record: bool) -> InverseRows:
+    def invert(self, x: Array, time_s: float, reference: Array, record: bool) -> InverseRows:
         """See `protocol.Inverse`."""
         rows, now, old = len(reference), x.copy(), x.copy()
         reference = np.ascontiguousarray(reference, dtype=np.float64)
         force, least = np.empty(rows), np.empty(rows)
         states = np.empty((rows, len(x))) if record else None
+        places = places_of(self._chain, time_s, self._step_s, rows)
+        work = np.empty(self._library.tff_work_reals(ctypes.c_int(self._chain.count)))
         self._library.tff_invert_run(
             ctypes.byref(self._struct),
             ctypes.c_double(self._step_s),
             pointer(reference),
             ctypes.c_long(rows),
             ctypes.c_int(1),
+            *map(pointer, [*places, work] if places else []),
             pointer(now),
             pointer(old),
             pointer(force),

@@ -5,15 +5,16 @@ the scheme is the same: second-order backward differences, implicit Euler at the
 must be split.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from tendonff.models.assembly import end_force, near_tension, normal_force, path_force
-from tendonff.models.chain import Chain
+from tendonff.models.chain import Chain, laws_at
 from tendonff.models.friction import from_far_side
-from tendonff.models.layout import INPUT_NAMES, ChainInputs
+from tendonff.models.layout import INPUT_NAMES, ChainInputs, fields_of
 from tendonff.models.link import tendon_force
 from tendonff.ocp.step.protocol import Array, InverseRows, Rows, StepperMemory
 from tendonff.ocp.step.scheme import (
@@ -41,6 +42,8 @@ class StepExpressions:
     ----------
     v, base, u, H : ca.SX
         Velocities at the end of the step, base of the scheme, inputs, weight of the rates.
+    move : ca.SX
+        How the path moves: a column of `path_moves`, its first 4 N + 5 entries.
     balance : ca.SX, shape (N + 2, 1)
         Force balance of every mass [N].
     end : ca.SX, shape (size, 1)
@@ -55,6 +58,7 @@ class StepExpressions:
     base: ca.SX
     u: ca.SX
     H: ca.SX
+    move: ca.SX
     balance: ca.SX
     end: ca.SX
     force: ca.SX
@@ -78,33 +82,81 @@ def step_expressions(chain: Chain) -> StepExpressions:
     v_base, e_base, *own, q_a, q_l = ca.vertsplit(base, layout.cuts)
     links, masses = own[: len(layout.link_states)], own[len(layout.link_states) :]
     f_c1, x_c1, f_c2, x_c2 = ca.vertsplit(u)
+    move = ca.SX.sym("move", 4 * n + 5)
+    place, drift = move[: 3 * n + 3], move[3 * n + 3 :]
+    friction, link = laws_at(chain, place)
 
-    rate, on_path = v[:-1] - v[1:], v[1:-1]
+    rate, on_path = v[:-1] - v[1:] + drift[: n + 1], v[1:-1]
     e = e_base + H * rate
-    links = chain.link.implicit(e, tuple(links), H)
-    force = tendon_force(chain.link.unclipped_force(e, rate, links))
+    links = link.implicit(e, tuple(links), H)
+    unclipped = link.unclipped_force(e, rate, links)
+    force = tendon_force(unclipped)
     f_n = normal_force(force[:-1], force[1:], piece.adhesion_N)
-    masses = chain.friction.implicit(on_path, tuple(masses), H, f_n)
-    f_f = chain.friction.state_force(masses) + chain.friction.viscous_force(on_path)
+    masses = friction.implicit(on_path, tuple(masses), H, f_n)
+    f_f = friction.state_force(masses) + friction.viscous_force(on_path)
     q_a, q_l = q_a + H * v[0], q_l + H * v[n + 1]
     sums = ca.vertcat(
         end_force(v[0], q_a, force[0], -1, f_c1, x_c1, near),
         path_force(force[:-1], force[1:], f_f),
         end_force(v[n + 1], q_l, force[n], 1, f_c2, x_c2, far),
     )
-    mass = ca.vertcat(near.mass_kg, piece.mass_kg * ca.DM.ones(n), far.mass_kg)
-    start = ca.substitute(chain.link.unclipped_force(e, rate, links), v, ca.SX.zeros(n + 2))
+    mass = ca.vertcat(near.mass_kg, _column(piece.mass_kg, n), far.mass_kg)
+    balance = mass / H * (v - v_base) - sums
+    if chain.far_joint is not None:  # the joint says how fast the far end moves
+        balance[n + 1] = far.mass_kg / H * (v[n + 1] - drift[n + 1])
+    start = ca.substitute(unclipped, ca.vertcat(v, drift), ca.SX.zeros(2 * n + 4))
     largest = ca.norm_inf(ca.vertcat(start, mass * v_base / H))
     return StepExpressions(
         v=v,
         base=base,
         u=u,
         H=H,
-        balance=mass / H * (v - v_base) - sums,
+        move=move,
+        balance=balance,
         end=ca.vertcat(v, e, *links, *masses, q_a, q_l),
         force=force,
         tolerance=RESIDUAL_TOLERANCE_N + RESIDUAL_ROUNDING * largest,
     )
+
+
+def _column(value: object, n: int) -> ca.DM:
+    """A number or one for each mass, as a column; symbols stay."""
+    return value * ca.DM.ones(n) if not isinstance(value, np.ndarray) else ca.DM(value)
+
+
+def path_moves(chain: Chain, places: Array, step_s: float, *, fresh: bool) -> Array:
+    """How the path moves in each step: its place at the end, drifts, and what masses keep of their bristle forces.
+
+    Parameters
+    ----------
+    chain : Chain
+    places : ndarray, shape (rows + 2, 3 N + 3)
+        Rows of `PathRows.table`, the first one step before the start.
+    step_s : float
+        h [s].
+    fresh : bool
+        The first step is implicit Euler.
+
+    Returns
+    -------
+    ndarray, shape (6 N + 5, rows)
+        Place (3 N + 3); rates of gained lengths and far end (N + 2); shares of the present and of the last bristle
+        forces that are kept, (N) each.
+    """
+    n, rows = chain.count, len(places) - 2
+    before, old, now = places[:-2], places[1:-1], places[2:]
+    carry, weight = np.full((rows, 1), BDF2_CARRY), np.full((rows, 1), BDF2_WEIGHT * step_s)
+    if fresh:
+        carry[:1], weight[:1] = 0.0, step_s
+    lengths = slice(2 * n + 1, None)
+    drift = (now[:, lengths] - old[:, lengths] - carry * (old[:, lengths] - before[:, lengths])) / weight
+    kept, earlier = (_kept(a[:, :n], b[:, :n]) for a, b in ((old, now), (before, old)))
+    return np.hstack([now, drift, kept, kept * earlier]).T
+
+
+def _kept(old: Array, now: Array) -> Array:
+    """Share of its bristle force that contact keeps."""
+    return np.where(now < old, now / np.maximum(old, 1e-300), 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,7 +182,7 @@ class CasadiStepper:
     def __init__(self, chain: Chain, step_s: float) -> None:
         self._chain, self._step_s = chain, step_s
         s, n, size = step_expressions(chain), chain.count, chain.layout.size
-        known = ca.vertcat(s.base, s.u, s.H)
+        known = ca.vertcat(s.base, s.u, s.H, s.move)
         options = {
             "line_search": True,
             "linear_solver": "tridiag",
@@ -147,24 +199,41 @@ class CasadiStepper:
         solved = ca.logic_and(good, ca.sumsqr(balance) >= 0)  # the norm overlooks what is not a number
         self._try = ca.Function("try", [guess, known], [end, force, balance, solved])
         pair, u = ca.MX.sym("pair", 2 * size), ca.MX.sym("u", s.u.numel())
-        x, change = pair[:size], pair[:size] - pair[size:]
-        base = ca.vertcat(x + BDF2_CARRY * change, u, BDF2_WEIGHT * step_s)
-        end, force, balance, solved = self._try((x + change)[: n + 2], base)
-        step = ca.Function("step", [pair, u], [ca.vertcat(end, x), force, solved])
+        x, x_old, move = pair[:size], pair[size:], ca.MX.sym("move", 6 * n + 5)
+        now, old = (
+            self._keep(part, ca.vertsplit(move, [0, 4 * n + 5, 5 * n + 5, 6 * n + 5])[k])
+            for part, k in ((x, 1), (x_old, 2))
+        )
+        base = ca.vertcat(now + BDF2_CARRY * (now - old), u, BDF2_WEIGHT * step_s, move[: 4 * n + 5])
+        end, force, balance, solved = self._try((2 * x - x_old)[: n + 2], base)
+        step = ca.Function("step", [pair, u, move], [ca.vertcat(end, x), force, solved])
         self._chunk = step.mapaccum("chunk", _CHUNK)
+
+    def _keep(self, x: Any, kept: Any) -> Any:
+        """The state with what masses keep of the states of their friction."""
+        layout = self._chain.layout
+        first, last = layout.part(layout.friction_states[0]).start, layout.size - 2
+        whole = [kept] * len(layout.friction_states)
+        if isinstance(x, np.ndarray):
+            return np.concatenate([x[:first], np.concatenate(whole) * x[first:last], x[last:]])
+        return ca.vertcat(x[:first], ca.vertcat(*whole) * x[first:last], x[last:])
 
     def advance(self, memory: StepperMemory, inputs: ChainInputs, record: bool) -> Rows:
         """See `protocol.Stepper`."""
         table, size, n = inputs.table(), self._chain.layout.size, self._chain.count
+        times = memory.time_s + self._step_s * np.arange(-1.0, len(table) + 1)
+        places = self._chain.path_at(times).table()
+        moves = path_moves(self._chain, places, self._step_s, fresh=memory.fresh)
         states, tensions = np.empty((len(table), size)), np.empty((len(table), n + 1))
         splits, row, last = 0, 0, np.zeros(n + 2)
         while row < len(table):
+            part = slice(row, row + _CHUNK)
             if not memory.fresh and len(table) - row >= _CHUNK:
-                row += self._advance_chunk(memory, table[row : row + _CHUNK], states[row:], tensions[row:])
+                row += self._advance_chunk(memory, table[part], moves[:, part], states[row:], tensions[row:])
                 if row == len(table):
                     break
             old = memory.inputs.table()[0] if row == 0 else table[row - 1]
-            end, split = self._advance_one(memory, old, table[row])
+            end, split = self._advance_one(memory, old, table[row], moves[:, row], places[row + 1 : row + 3])
             splits, last = splits + split, end.balance_N
             if not end.solved:
                 break
@@ -172,6 +241,7 @@ class CasadiStepper:
             row += 1
         if row:
             memory.inputs = inputs[row - 1 : row]
+            memory.time_s += row * self._step_s
         sizes = np.abs(last)
         worst = int(np.argmax(sizes))  # to numpy too, NaN is largest
         return Rows(
@@ -184,10 +254,11 @@ class CasadiStepper:
             worst_mass=worst,
         )
 
-    def _advance_chunk(self, memory: StepperMemory, table: Array, states: Array, tensions: Array) -> int:
+    def _advance_chunk(self, memory: StepperMemory, table: Array, moves: Array, states: Array, tensions: Array) -> int:
         """Advance a whole chunk; return the number of leading steps that are solved."""
         size = len(memory.x)
-        pairs, f, solved = (np.asarray(m) for m in self._chunk(np.concatenate([memory.x, memory.x_old]), table.T))
+        pair = np.concatenate([memory.x, memory.x_old])
+        pairs, f, solved = (np.asarray(m) for m in self._chunk(pair, table.T, moves))
         unsolved = np.flatnonzero(solved.ravel() != 1)
         good = int(unsolved[0]) if unsolved.size else len(table)
         if good:
@@ -195,28 +266,38 @@ class CasadiStepper:
             memory.x, memory.x_old = pairs[:size, good - 1].copy(), pairs[size:, good - 1].copy()
         return good
 
-    def _advance_one(self, memory: StepperMemory, old: Array, now: Array) -> tuple[_Outcome, int]:
+    def _advance_one(
+        self, memory: StepperMemory, old: Array, now: Array, move: Array, places: Array
+    ) -> tuple[_Outcome, int]:
         """One step, split into implicit Euler pieces where it does not converge, and whether it was split."""
-        x = memory.x
+        x, n = memory.x, self._chain.count
         change = np.zeros_like(x) if memory.fresh else x - memory.x_old
+        base = self._keep(x, move[4 * n + 5 : 5 * n + 5])
+        if not memory.fresh:
+            base = base + BDF2_CARRY * (base - self._keep(memory.x_old, move[5 * n + 5 :]))
         weight = self._step_s * (1.0 if memory.fresh else BDF2_WEIGHT)
         split = 0
         for guess in (x + change, np.zeros_like(x), x):  # extrapolated, then at rest, then as before
-            end = self._solve(guess, x + BDF2_CARRY * change, now, weight)
+            end = self._solve(guess, base, now, weight, move[: 4 * n + 5])
             if end.solved:
                 break
         else:
-            end, split = self._pieces(x, old, now), 1
+            end, split = self._pieces(x, old, now, places), 1
         if end.solved:
             memory.x, memory.x_old, memory.fresh = end.x.copy(), x.copy(), False
         return end, split
 
-    def _pieces(self, x: Array, old: Array, now: Array) -> _Outcome:
+    def _pieces(self, x: Array, old: Array, now: Array, places: Array) -> _Outcome:
         """A step in pieces: halved until one converges, doubled again as soon as the time reached allows."""
         level, left = 1, 2  # pieces of h/2^level until the end of the step
         for _ in range(MAX_PIECES):
-            u = old + (now - old) * (1 - (left - 1) * 0.5**level)
-            end = self._solve(x, x, u, self._step_s * 0.5**level)
+            length = 0.5**level
+            share = 1 - (left - 1) * length
+            way = places[0] + np.array([[share - length], [share]]) * (places[1] - places[0])
+            move = path_moves(self._chain, way[[0, 0, 1]], self._step_s * length, fresh=True)[:, 0]
+            base = self._keep(x, move[-2 * self._chain.count : -self._chain.count])
+            u = old + (now - old) * share
+            end = self._solve(x, base, u, self._step_s * length, move[: -2 * self._chain.count])
             if end.solved:
                 x, left = end.x, left - 1
                 if left == 0:
@@ -229,10 +310,16 @@ class CasadiStepper:
                     break
         return _Outcome(solved=False, x=end.x, tension_N=end.tension_N, balance_N=end.balance_N)
 
-    def _solve(self, guess: Array, base: Array, inputs: Array, weight: float) -> _Outcome:
-        v, known = guess[: self._chain.count + 2], np.concatenate([base, inputs, [weight]])
+    def _solve(self, guess: Array, base: Array, inputs: Array, weight: float, move: Array) -> _Outcome:
+        v, known = guess[: self._chain.count + 2], np.concatenate([base, inputs, [weight], move])
         x, force, balance, solved = (np.asarray(m).ravel() for m in self._try(v, known))
         return _Outcome(solved=bool(solved[0] == 1), x=x, tension_N=force, balance_N=balance)
+
+
+def _each(law: Any, count: int) -> list[Any]:
+    """A law whose fields are numbers or columns, as one law for each element."""
+    columns = {name: value for name, value in fields_of(law).items() if getattr(value, "numel", lambda: 1)() > 1}
+    return [replace(law, **{name: value[k] for name, value in columns.items()}) for k in range(count)]
 
 
 class CasadiInverse:
@@ -246,17 +333,25 @@ class CasadiInverse:
     """
 
     def __init__(self, chain: Chain, step_s: float) -> None:
-        self._chain = chain
+        self._chain, self._step_s = chain, step_s
         self._first = self._make(step_s, carry=0.0)
         self._next = self._make(BDF2_WEIGHT * step_s, carry=BDF2_CARRY)
 
     def _make(self, H: float, carry: float) -> ca.Function:
-        """Function (pair (x, x_old), reference) -> (pair, force, least tension)."""
+        """Function (pair (x, x_old), reference, move) -> (pair, force, least tension)."""
         chain, n, layout = self._chain, self._chain.count, self._chain.layout
-        link, friction, piece = chain.link, chain.friction, chain.elements.piece
+        piece, mass = chain.elements.piece, _column(chain.elements.piece.mass_kg, n)
         pair, reference = ca.SX.sym("pair", 2 * layout.size), ca.SX.sym("reference")
-        x, x_old = pair[: layout.size], pair[layout.size :]
-        v_base, e_base, *own, q_a, q_l = ca.vertsplit(x + carry * (x - x_old), layout.cuts)
+        x, x_old, move = pair[: layout.size], pair[layout.size :], ca.SX.sym("move", 6 * n + 5)
+        place, drift, kept, kept_old = ca.vertsplit(move, [0, 3 * n + 3, 4 * n + 5, 5 * n + 5, 6 * n + 5])
+        frictions, links = (_each(law, count) for law, count in zip(laws_at(chain, place), (n, n + 1), strict=True))
+        ones = ca.SX.ones(layout.part(layout.friction_states[0]).start)
+        of_states = len(layout.friction_states)
+        x_now, x_last = (
+            ca.vertcat(ones, ca.repmat(share, of_states, 1), 1, 1) * part
+            for share, part in ((kept, x), (kept_old, x_old))
+        )
+        v_base, e_base, *own, q_a, q_l = ca.vertsplit(x_now + carry * (x_now - x_last), layout.cuts)
         border = len(layout.link_states)
         f, least, unknown = reference, reference, ca.SX.sym("unknown")
 
@@ -267,20 +362,22 @@ class CasadiInverse:
         far, near = chain.far, chain.near
         balance = far.mass_kg / H * (unknown - v_base[n + 1])
         v = root(balance - end_force(unknown, q_l + H * unknown, f, 1, 0, 0, far))
+        v = v if chain.far_joint is None else drift[n + 1]
         q_l = q_l + H * v
         speeds, stretches = [v], []
         link_ends: list[tuple[ca.SX, ...]] = []
         mass_ends: list[tuple[ca.SX, ...]] = []
         for i in range(n, -1, -1):
-            base = tuple(part[i] for part in own[:border])
+            base, link = tuple(part[i] for part in own[:border]), links[i]
             e = e_base[i] + H * unknown
             rate = root(link.unclipped_force(e, unknown, link.implicit(e, base, H)) - f)
             stretches.append(e_base[i] + H * rate)
             link_ends.append(link.implicit(stretches[-1], base, H))
-            v = v + rate
+            v = v + rate - drift[i]
             speeds.append(v)
             if i > 0:
-                inertia = piece.mass_kg / H * (v - v_base[i])
+                friction = frictions[i - 1]
+                inertia = mass[i - 1] / H * (v - v_base[i])
                 without = near_tension(f, friction.viscous_force(v), inertia)
                 base = tuple(part[i - 1] for part in own[border:])
                 states = from_far_side(friction, v, base, H, f + without + 2 * piece.adhesion_N)
@@ -292,16 +389,18 @@ class CasadiInverse:
         force = root(balance - end_force(v, q_a, f, -1, unknown, 0, near))
         blocks = [speeds, stretches, *zip(*link_ends, strict=True), *zip(*mass_ends, strict=True)]
         end = ca.vertcat(*(s for block in blocks for s in block[::-1]), q_a, q_l)
-        return ca.Function("invert", [pair, reference], [ca.vertcat(end, x), force, least], {"cse": True})
+        return ca.Function("invert", [pair, reference, move], [ca.vertcat(end, x), force, least], {"cse": True})
 
-    def invert(self, x: Array, reference: Array, record: bool) -> InverseRows:
+    def invert(self, x: Array, time_s: float, reference: Array, record: bool) -> InverseRows:
         """See `protocol.Inverse`."""
         if not len(reference):
             return InverseRows(force_N=np.empty(0), least_tension_N=np.empty(0), states=None)
-        pair, force, least = self._first(np.concatenate([x, x]), reference[0])
+        times = time_s + self._step_s * np.arange(-1.0, len(reference) + 1)
+        moves = path_moves(self._chain, self._chain.path_at(times).table(), self._step_s, fresh=True)
+        pair, force, least = self._first(np.concatenate([x, x]), reference[0], moves[:, 0])
         pairs, forces, leasts = [pair], [force], [least]
         if len(reference) > 1:
-            rest = self._next.mapaccum("invert_run", len(reference) - 1)(pair, reference[1:])
+            rest = self._next.mapaccum("invert_run", len(reference) - 1)(pair, reference[1:], moves[:, 1:])
             for whole, part in zip((pairs, forces, leasts), rest, strict=True):
                 whole.append(part)
         states = np.hstack([np.asarray(p) for p in pairs])[: len(x)].T

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from tendonff.models.chain import Chain
 from tendonff.models.layout import ChainInputs
-from tendonff.ocp.step.casadi_engine import CasadiStepper, step_expressions
+from tendonff.ocp.step.casadi_engine import CasadiStepper, path_moves, step_expressions
 from tendonff.ocp.step.protocol import Array, Rows, StepperMemory
 from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT
 
@@ -32,7 +32,7 @@ class CasadiTangent:
     """
 
     def __init__(self, chain: Chain, symbolic: Chain, numbers: ca.SX, values: Array, step_s: float) -> None:
-        self._stepper = CasadiStepper(chain, step_s)
+        self._stepper, self._chain = CasadiStepper(chain, step_s), chain
         self._step_s, self._count = step_s, chain.count
         step = step_expressions(symbolic)
         outputs = [
@@ -40,12 +40,19 @@ class CasadiTangent:
             for expression in (step.balance, step.end, step.force)
             for argument in (step.v, step.base, step.u[0], numbers)
         ]
-        inputs = [step.v, step.base, step.u, step.H, numbers]
+        inputs = [step.v, step.base, step.u, step.H, step.move, numbers]
         self._slopes = ca.Function("slopes", inputs, outputs, {"cse": True})
         self._values = values
 
     def run(
-        self, x: Array, inputs: ChainInputs, start: Array, numbers: Array, drive: Array, forgotten: NDArray[np.int_]
+        self,
+        x: Array,
+        time_s: float,
+        inputs: ChainInputs,
+        start: Array,
+        numbers: Array,
+        drive: Array,
+        forgotten: NDArray[np.int_],
     ) -> tuple[Rows, Array, Array]:
         """Simulate and differentiate.
 
@@ -53,6 +60,8 @@ class CasadiTangent:
         ----------
         x : ndarray, shape (size,)
             State before the first step.
+        time_s : float
+            When that is [s].
         inputs : ChainInputs, rows + 1 of them
             At that state, then at the ends of the steps.
         start : ndarray, shape (size, d)
@@ -71,24 +80,35 @@ class CasadiTangent:
         tension_slopes : ndarray, shape (rows, N + 1, d)
         ends_slopes : ndarray, shape (rows, 2, d)
         """
-        memory = StepperMemory(x=x.copy(), x_old=x.copy(), inputs=inputs[:1], fresh=True)
+        memory = StepperMemory(x=x.copy(), x_old=x.copy(), inputs=inputs[:1], time_s=time_s, fresh=True)
         rows = self._stepper.advance(memory, inputs[1:], record=True)
         if rows.states is None:
             raise AssertionError("the stepper was asked to record its states")
         states, done, n = np.vstack([x, x, rows.states]), len(rows.states), self._count
-        bases = states[1:-1] + BDF2_CARRY * (states[1:-1] - states[:-2])
+        times = time_s + self._step_s * np.arange(-1.0, done + 1)
+        moves = path_moves(self._chain, self._chain.path_at(times).table(), self._step_s, fresh=True).T
+        layout = self._chain.layout
+        kept, kept_old = np.ones((2, done, layout.size))
+        for name in layout.friction_states:
+            kept[:, layout.part(name)] = moves[:, 4 * n + 5 : 5 * n + 5]
+            kept_old[:, layout.part(name)] = moves[:, 5 * n + 5 :]
+        bases = kept * states[1:-1] + BDF2_CARRY * (kept * states[1:-1] - kept_old * states[:-2])
+        bases[:1] = kept[:1] * states[1:2]
         weights = np.full(done, BDF2_WEIGHT * self._step_s)
         weights[:1] = self._step_s  # the first step is implicit Euler: its base is the state itself
         tension, ends = np.empty((done, n + 1, start.shape[1])), np.empty((done, 2, start.shape[1]))
         now, old = start, start
         for first in range(0, done, _CHUNK):
             part = slice(first, min(first + _CHUNK, done))
-            blocks = self._evaluate(rows.states[part, : n + 2], bases[part], inputs.table()[1:][part], weights[part])
+            blocks = self._evaluate(
+                rows.states[part, : n + 2], bases[part], inputs.table()[1:][part], weights[part], moves[part]
+            )
             for k, row in enumerate(range(part.start, part.stop)):
                 (r_v, r_base, r_u, r_p), (x_v, x_base, _, x_p), (f_v, f_base, _, f_p) = (
                     [block[k] for block in group] for group in blocks
                 )
-                base = now + BDF2_CARRY * (now - old)
+                transported, earlier = kept[row][:, None] * now, kept_old[row][:, None] * old
+                base = transported + (BDF2_CARRY * (transported - earlier) if row else 0.0)
                 known = r_base @ base + r_u @ drive[row][None, :] + r_p @ numbers
                 move = -np.linalg.solve(r_v, known)
                 now, old = x_v @ move + x_base @ base + x_p @ numbers, now
@@ -97,11 +117,11 @@ class CasadiTangent:
                 ends[row] = now[-2:]
         return rows, tension, ends
 
-    def _evaluate(self, v: Array, base: Array, inputs: Array, weights: Array) -> list[list[Array]]:
+    def _evaluate(self, v: Array, base: Array, inputs: Array, weights: Array, moves: Array) -> list[list[Array]]:
         """Jacobians of balance, end and force over v, base, f_c1 and numbers, each of shape (rows, ., .)."""
-        rows = len(v)
+        rows, place = len(v), moves[:, : 4 * self._count + 5].T
         mapped = self._slopes.map(rows)(
-            v.T, base.T, inputs.T, weights[None, :], np.repeat(self._values[:, None], rows, axis=1)
+            v.T, base.T, inputs.T, weights[None, :], place, np.repeat(self._values[:, None], rows, axis=1)
         )
         blocks = []
         for k, block in enumerate(mapped):

@@ -96,23 +96,23 @@ class ElementLaws:
 
     def link_gain(self) -> Law:
         """Slope of a link's unclipped force over the rate of elongation: one number per weight and length."""
-        rate, *_, step = known = self._link_known()
+        rate, *_, ratio, step = known = self._link_known()
         return Law(
             name="link_gain",
             comment="Slope of a link's force over its rate of elongation in an implicit step [N s/m], eqs. (6), (7).",
-            inputs=(step, *self.link_symbols),
+            inputs=(ratio, step, *self.link_symbols),
             outputs={"gain": ca.jacobian(self._link(known)[0], rate)},
         )
 
     def _link_known(self) -> tuple[ca.SX, ...]:
-        return (*symbols("rate e_base"), *_based(self.link.states), ca.SX.sym("H"))
+        return (*symbols("rate e_base"), *_based(self.link.states), *symbols("ratio H"))
 
     def _link(self, known: tuple[ca.SX, ...]) -> tuple[ca.SX, ca.SX, tuple[ca.SX, ...]]:
         """Unclipped force, elongation and own states at the end of a step."""
-        rate, e_base, *base, step = known
-        e = e_base + step * rate
-        states = self.link.implicit(e, tuple(base), step)
-        return self.link.unclipped_force(e, rate, states), e, states
+        rate, e_base, *base, ratio, step = known
+        e, link = e_base + step * rate, self.link.shortened(ratio)
+        states = link.implicit(e, tuple(base), step)
+        return link.unclipped_force(e, rate, states), e, states
 
     def link_start(self) -> Law:
         """A link's unclipped force at zero rate of elongation: one number per link and step."""
@@ -160,7 +160,7 @@ class ElementLaws:
         """Slopes of a link's unclipped force (`u_by_X`) and own states (`STATE_by_X`)."""
         known = self._link_known()
         force, _, states = self._link(known)
-        over = [s for s in (*known, *self.link_symbols) if s.name() != "H"]
+        over = [s for s in (*known, *self.link_symbols) if s.name() not in ("H", "ratio")]
         outputs = {f"u_by_{s.name()}": ca.jacobian(force, s) for s in over}
         for name, state in zip(self.link.states, states, strict=True):
             outputs |= {f"{name}_by_{s.name()}": ca.jacobian(state, s) for s in over}
@@ -249,6 +249,18 @@ class ElementLaws:
             comment=f"{'Friction and inertia' if drop else 'Near tension'} of a mass [N], and its states.",
             inputs=(v, f_far, v_base, *base, step, piece.mass_kg, piece.adhesion_N, *self.friction_symbols),
             outputs={**found, **dict(zip(self.friction.states, states, strict=True))},
+        )
+
+    def contact(self) -> Law:
+        """The friction's parameters on a piece with a given wrap angle."""
+        whole = symbolic(self.friction, "contact_")
+        angle, share, length = symbols("angle_rad angle_share length_share")
+        outputs = fields_of(whole.on_piece(angle, share, length), "friction_")
+        return Law(
+            name="contact",
+            comment="Parameters of friction on a piece, eqs. (8), (9), from the whole's and a wrap angle [rad].",
+            inputs=(angle, share, length, *fields_of(whole).values()),
+            outputs=outputs,
         )
 
     def simulation(self) -> tuple[Law, ...]:

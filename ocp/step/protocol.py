@@ -21,6 +21,8 @@ class StepperMemory:
         State now and one step earlier, in the order of `StateLayout`.
     inputs : ChainInputs
         Those at the present state: one row.
+    time_s : float
+        When that is [s].
     fresh : bool
         There is no earlier state; the next step is implicit Euler.
     """
@@ -28,6 +30,7 @@ class StepperMemory:
     x: Array
     x_old: Array
     inputs: ChainInputs
+    time_s: float
     fresh: bool
 
 
@@ -87,6 +90,6 @@ class Stepper(Protocol):
 class Inverse(Protocol):
     """One engine's exact inverse, made for one chain and step."""
 
-    def invert(self, x: Array, reference: Array, record: bool) -> InverseRows:
+    def invert(self, x: Array, time_s: float, reference: Array, record: bool) -> InverseRows:
         """Force, least tension and states for tensions [N] at the ends of the steps that follow the state x."""
         ...

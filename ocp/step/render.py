@@ -30,6 +30,10 @@ _TEMPLATES = jinja2.Environment(  # noqa: S701 - C, not HTML
     trim_blocks=True,
 )
 
+_ALL_LINKS = (("c", "for (i = 0; i <= n; i++)"),)
+_LINKS_BY_KIND = (("c", "for (i = 1; i < n; i++)"), ("(&c[1])", "for (i = 0; i <= n; i += n)"))
+"""Loops over links: those at the ends are half as long, and have rows of their own."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
@@ -54,7 +58,7 @@ class Limits:
 
 
 def law_calls(prefix: str, laws: Mapping[str, SpecialisedLaw]) -> Callable[..., str]:
-    """How generated code calls its laws: arguments by name, parameters from the record `c`.
+    """How generated code calls its laws: see `StepCode.call`.
 
     Parameters
     ----------
@@ -62,20 +66,21 @@ def law_calls(prefix: str, laws: Mapping[str, SpecialisedLaw]) -> Callable[..., 
         Prefix of every C name.
     laws : mapping of str to SpecialisedLaw
         By their names; those of an end mass that differ between the ends with "_near" or "_far" behind.
-
-    Returns
-    -------
-    callable
-        (law, *arguments, end) -> C text. `arguments` hold the text of inputs that are no parameters and of outputs;
-        `end` is "near" or "far" for the laws of an end mass.
     """
 
-    def call(law: str, *parts: Mapping[str, str], end: str = "") -> str:
-        arguments = {name: text for part in parts for name, text in part.items()}
+    def call(law: str, *parts: Mapping[str, str], end: str = "", link: str = "c", own: str = "", mass: str = "") -> str:
         known = laws.get(f"{law}_{end}") or laws[law]
-        parameters = (arguments.get(name) or f"c->{name.replace('end_', f'{end}_', 1)}" for name in known.inputs)
-        passed = [*(["c"] if known.weighted else []), *parameters, *(arguments[name] for name in known.outputs)]
-        return f"{prefix}_{known.name}({', '.join(passed)})"
+        arguments = {name: text for part in parts for name, text in part.items()}
+
+        def value(name: str) -> str:
+            if (text := arguments.get(name)) is not None:
+                return text
+            if own and name.startswith(("friction_", "piece_mass")):
+                return f"{own}->{name}[{mass}]"
+            return f"{link}->{name.replace('end_', f'{end}_', 1)}"
+
+        passed = [*([link] if known.weighted else []), *map(value, known.inputs)]
+        return f"{prefix}_{known.name}({', '.join([*passed, *(arguments[name] for name in known.outputs)])})"
 
     return call
 
@@ -94,12 +99,14 @@ class StepCode:
     laws : mapping of str to SpecialisedLaw
     count, size : str
         C text of the number of masses, in functions and where arrays are declared.
-    solve : str
-        Template of one implicit step.
     numbers : mapping of str to str
         C text of each of the chain's numbers where it stands alone.
     host : bool, optional
-        Help the host's compiler: arrays do not overlap, and the numbers do not change.
+        For the host: any number of masses, numbers in a record, easy steps; else for a controller.
+    moving : bool, optional
+        Masses differ from one another, or from step to step.
+    of_masses : tuple of str, optional
+        Names of what differs from mass to mass.
     limits : Limits, optional
     compliances : mapping of str to float or C text, optional
         For an inverse that keeps states relative to what the tension alone would cause: by state, [m/N].
@@ -111,11 +118,35 @@ class StepCode:
     laws: Mapping[str, SpecialisedLaw]
     count: str
     size: str
-    solve: str
     numbers: Mapping[str, str]
     host: bool = False
+    moving: bool = False
+    of_masses: tuple[str, ...] = ()
     limits: Limits = Limits()
     compliances: Mapping[str, float | str] | None = None
+
+    def call(self, law: str, *parts: Mapping[str, str], end: str = "", link: str = "c", mass: str = "") -> str:
+        """C text of a call: arguments by name, parameters from the record `c`, or from `own` where masses differ.
+
+        Parameters
+        ----------
+        law : str
+        *parts : mapping of str to str
+            Text of inputs that are no parameters, and of outputs; what the law does not take is left out.
+        end : str, optional
+            "near" or "far" for the laws of an end mass.
+        link : str, optional
+            Record of the link that the law is for.
+        mass : str, optional
+            Index of the mass that the law is for.
+        """
+        own = "own" if self.moving and mass else ""
+        return law_calls(self.prefix, self.laws)(law, *parts, end=end, link=link, own=own, mass=mass)
+
+    @property
+    def friction_numbers(self) -> tuple[str, ...]:
+        """Names of the parameters of friction on one mass."""
+        return tuple(name for name in self.numbers if name.startswith("friction_"))
 
     def work(self) -> tuple[tuple[str, str], ...]:
         """Arrays of the work area of one step, with their sizes in C."""
@@ -123,7 +154,12 @@ class StepCode:
         links = ((name, f"{n} + 1") for name in ("start", "force", "slope"))
         own = ((f"new_{name}", n) for name in self.layout.friction_states)
         masses = ("v", "trial", "residual", "lower", "diag", "upper", "move")
-        return (("base", _text(*self.layout.offset("end"), n)), *links, *own, *((name, f"{n} + 2") for name in masses))
+        extra: list[tuple[str, str]] = []
+        if self.moving:
+            extra += [("gain", f"{n} + 1"), ("ratio", f"{n} + 1"), ("drift", f"{n} + 2")]
+            extra += [(name, n) for name in ("kept", "kept_old", "piece_mass_kg", *self.friction_numbers)]
+        base = ("base", _text(*self.layout.offset("end"), n))
+        return (base, *links, *own, *((name, f"{n} + 2") for name in masses), *extra)
 
     def render(self, template: str) -> str:
         """One of the templates in `ocp/step/templates`, filled in.
@@ -136,6 +172,9 @@ class StepCode:
         limits, precision, states = self.limits, self.precision, self.layout
         target = f"const {self.prefix}_weights *const c = given;\n    (void)c;"
 
+        real, restrict = real_type(precision), "restrict " if self.host else ""
+        own = self.friction_numbers if self.moving else ()
+
         def number(value: float) -> str:
             return literal(value, precision)
 
@@ -145,14 +184,46 @@ class StepCode:
         return _TEMPLATES.get_template(template).render(
             prefix=self.prefix,
             upper=self.prefix.upper(),
-            real=real_type(precision),
+            real=real,
             fabs="fabsf" if precision is Precision.FLOAT else "fabs",
-            restrict="restrict " if self.host else "",
+            restrict=restrict,
             # On the host a copy that nothing can change lets the compiler keep the numbers in registers.
-            enter=f"const {self.prefix}_weights own = *given, *const c = &own;" if self.host else target,
+            enter=f"const {self.prefix}_weights local[2] = {{ given[0], given[1] }}, *const c = local;"
+            if self.host
+            else target,
             count=self.count,
-            solve=self.solve,
-            call=law_calls(self.prefix, self.laws),
+            weights=f"const {self.prefix}_weights *c",
+            given=f"const {self.prefix}_weights *given",
+            solve="solve_host.c.j2" if self.host else "solve_target.c.j2",
+            host=self.host,
+            moving=self.moving,
+            call=self.call,
+            rate=lambda i, drift: (
+                f"v[{i}] - v[{i} + 1]" if not self.moving else f"(v[{i}] - v[{i} + 1]) + {drift}[{i}]"
+            ),
+            row_of=lambda k: f"2 * ({k})",
+            link_loops=_ALL_LINKS if self.moving else _LINKS_BY_KIND,
+            link_of_i="c" if self.moving else "l",
+            ratio_given=lambda record: "ratio[i]" if self.moving and record == "c" else f"{record}->ratio",
+            gain_given=lambda record: "w->gain[i]" if self.moving else f"{record}->gain",
+            per_mass=lambda name: f"c->of_masses[({self.of_masses.index(name)} * n) + i]",
+            contact_arguments={
+                **{
+                    f"contact_{n[9:]}": f"c->of_masses[({self.of_masses.index('contact_' + n[9:])} * n) + i]"
+                    for n in own
+                },
+                **{name: f"&w->{name}[i]" for name in own},
+            },
+            ratio_parameter=f"const {real} *{restrict}ratio, " if self.moving else "",
+            ratio_argument="w->ratio, " if self.moving else "",
+            gain_parameter=f", {real} *{restrict}gain" if self.moving else "",
+            gain_argument=", w->gain" if self.moving else "",
+            drift_parameter=f"const {real} *{restrict}drift, " if self.moving else "",
+            drift_argument="w->drift, " if self.moving else "",
+            own_parameter=f"const {self.prefix}_work *own, " if self.moving else "",
+            own_argument="w, " if self.moving else "",
+            place_argument="&place, " if self.moving else "",
+            of_masses=self.of_masses,
             at=lambda name: _text(*states.offset(name), "n"),
             bases=indexed,
             ends=lambda names, prefix, at: {s: f"&{prefix}{s}[{at}]" for s in names},

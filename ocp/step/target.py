@@ -1,18 +1,25 @@
 """The chain in C for a controller: element laws with the parameters folded in, and the scheme around them."""
 
+import itertools
 from dataclasses import dataclass
+
+import numpy as np
 
 from tendonff.models.chain import Chain
 from tendonff.models.layout import fields_of
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal, real_type
+from tendonff.ocp.errors import CodeError
+from tendonff.ocp.step.c_engine import link_ratios
 from tendonff.ocp.step.laws import ElementLaws, end_mass, far_velocity, near_force
-from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.step.render import Limits, StepCode
 from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT, RESIDUAL_ROUNDING, RESIDUAL_TOLERANCE_N
 
 Weights = tuple[tuple[float, float], ...]
+
+_KINDS = 2
+_LINK_KIND = "((i == 0) || (i == n))"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +78,11 @@ def inverse_code(chain: Chain, step_s: float, prefix: str, precision: Precision)
     """
     weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY))
     folder, laws = _specialiser(chain, weights, prefix, precision), ElementLaws.of(chain)
-    compliances = None if precision is Precision.DOUBLE else _compliances(chain)
+    compliances = (
+        None
+        if precision is Precision.DOUBLE
+        else {"q_l": literal(1 / chain.far.stiffness_N_per_m, precision), **link_compliances(chain, precision)}
+    )
     far, rate = {"f_c": 0.0, "x_c": 0.0, "pull": 1.0}, {}
     if compliances is not None:  # the laws depend on tension and position through their balance only
         far["f"], rate["force"] = 0.0, 0.0
@@ -134,7 +145,7 @@ def _code(
     laws: tuple[SpecialisedLaw, ...],
     *,
     limits: Limits | None = None,
-    compliances: dict[str, float] | None = None,
+    compliances: dict[str, str] | None = None,
 ) -> StepCode:
     return StepCode(
         prefix=folder.prefix,
@@ -143,29 +154,41 @@ def _code(
         laws={law.name: law for law in laws},
         count=f"{folder.prefix.upper()}_COUNT",
         size=f"{folder.prefix.upper()}_COUNT",
-        solve="solve_target.c.j2",
         numbers={name: literal(value, folder.precision) for name, value in chain.numbers().items()},
         limits=limits or Limits(),
         compliances=compliances,
     )
 
 
-def _compliances(chain: Chain) -> dict[str, float]:
-    """What a lasting newton does to the load's position and to the states of a link [m/N].
+def link_compliances(chain: Chain, precision: Precision) -> dict[str, str]:
+    """What a lasting newton does to the states of link i [m/N], as C text.
 
     A float holds a position of centimetres to nanometres only, which a stiff bristle turns into newtons over a hold.
     Relative to what the tension alone would cause, positions are small and their rounding harmless. Double code keeps
     the states themselves, and so agrees with the Python model to rounding.
+
+    Parameters
+    ----------
+    chain : Chain
+    precision : Precision
     """
-    stretch, states = chain.link.rest(1.0)
-    links = dict(zip(chain.link.states, map(float, states), strict=True))
-    return {"q_l": 1 / chain.far.stiffness_N_per_m, "e": float(stretch), **links}
+    rests = [chain.link.shortened(ratio).rest(1.0) for ratio in link_ratios(chain.elements.ratio)]
+    kinds = {"e": [stretch for stretch, _ in rests]}
+    kinds |= {name: [states[k] for _, states in rests] for k, name in enumerate(chain.link.states)}
+    return {
+        name: f"({_LINK_KIND} ? {literal(float(ends), precision)} : {literal(float(inner), precision)})"
+        for name, (inner, ends) in kinds.items()
+    }
 
 
 def _specialiser(chain: Chain, weights: Weights, prefix: str, precision: Precision) -> Specialiser:
-    numbers = _snapped(chain)
-    parameters = {name: (value,) * len(weights) for name, value in numbers.items()}
-    parameters["H"] = tuple(weight for weight, _ in weights)
+    if chain.moving:
+        raise CodeError(
+            "a path in sections, or one that moves, cannot be printed for a controller yet; use one section"
+        )
+    rows = [(weight, ratio) for weight, _ in weights for ratio in link_ratios(chain.elements.ratio)]
+    parameters = {name: (value,) * len(rows) for name, value in _snapped(chain).items()}
+    parameters["H"], parameters["ratio"] = tuple(weight for weight, _ in rows), tuple(ratio for _, ratio in rows)
     folder = Specialiser(prefix=prefix, precision=precision, parameters=parameters)
     (gain,) = folder.evaluate(ElementLaws.of(chain).link_gain())
     reorder = precision is Precision.FLOAT
@@ -191,50 +214,40 @@ def _record(folder: Specialiser, weights: Weights) -> str:
     real = real_type(folder.precision)
     fields = ["H", "carry", *folder.coefficients]
     columns = [
-        tuple(w for w, _ in weights),
-        tuple(carry for _, carry in weights),
+        tuple(w for w, _ in weights for _ in range(_KINDS)),
+        tuple(carry for _, carry in weights for _ in range(_KINDS)),
         *folder.coefficients.values(),
     ]
     lines = [
-        "/* What depends on the weight H [s] of the scheme: one row for the first step (implicit Euler), one for every",
-        " * later step (second-order backward differences; `carry` is the share of the last change in the base), and",
-        " * one for each halving of a step, where there are any. Fields are named after the law that needs them. */",
+        "/* What depends on the weight H [s] of the scheme: two rows for the first step (implicit Euler), two for",
+        " * every later step (second-order backward differences; `carry` is the share of the last change in the base),",
+        " * and two for each halving of a step, where there are any: for inner links, and for those at the ends, which",
+        " * are half as long. Fields are named after the law that needs them. */",
         "typedef struct {",
         *(f"    {real} {name};" for name in fields),
         f"}} {folder.prefix}_weights;",
         "",
         f"static const {folder.prefix}_weights *{folder.prefix}_rows(void)",
         "{",
-        f"    static const {folder.prefix}_weights rows[{len(weights)}] = {{",
+        f"    static const {folder.prefix}_weights rows[{_KINDS * len(weights)}] = {{",
     ]
-    rows = ([literal(column[k], folder.precision) for column in columns] for k in range(len(weights)))
-    lines += [f"        {{ {', '.join(row)} }}," for row in rows]
-    return "\n".join([*lines, "    };", "    return rows;", "}", ""])
+    rows = ([literal(column[k], folder.precision) for column in columns] for k in range(_KINDS * len(weights)))
+    return "\n".join(
+        [*lines, *(f"        {{ {', '.join(row)} }}," for row in rows), "    };", "    return rows;", "}", ""]
+    )
 
 
 def _rest(chain: Chain, precision: Precision, *, relative: bool = False) -> str:
     """Statements for the state at rest: affine in the tension, so two evaluations of `rest_state` say it all."""
     zero, one = chain.rest_state(0.0).vector(), chain.rest_state(1.0).vector()
-    zero_text = literal(0.0, precision)
-    layout = chain.layout
-    blocks = _merged([(layout.part(name).start, layout.part(name).stop) for name, _, _ in layout.blocks], one)
+    slopes = np.zeros(chain.layout.size) if relative else one - zero
     lines = []
-    for first, last in blocks:
-        slope = 0.0 if relative else float(one[first] - zero[first])
-        value = f"tension * {literal(slope, precision)}" if slope else zero_text
+    borders = [0, *(np.flatnonzero(np.abs(np.diff(slopes)) > 1e-14 * np.abs(slopes).max()) + 1).tolist(), len(slopes)]
+    for first, last in itertools.pairwise(borders):
+        slope = float(slopes[first])
+        value = f"tension * {literal(slope, precision)}" if slope else literal(0.0, precision)
         if last - first == 1:
             lines.append(f"    self->x[{first}] = {value};")
         else:
             lines.append(f"    for (j = {first}; j < {last}; j++) {{\n        self->x[j] = {value};\n    }}")
     return "\n".join(lines)
-
-
-def _merged(blocks: list[tuple[int, int]], values: Array) -> list[tuple[int, int]]:
-    """Neighbouring blocks with one value become one."""
-    merged = blocks[:1]
-    for first, last in blocks[1:]:
-        if values[first] == values[merged[-1][0]] and last - first > 1:
-            merged[-1] = (merged[-1][0], last)
-        else:
-            merged.append((first, last))
-    return merged

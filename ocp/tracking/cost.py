@@ -28,8 +28,10 @@ class Evaluation:
     density : ndarray, shape (n,)
         Share of each row in the merit, without penalties [N^2].
     beyond_N : float
-        Largest excess over the tension bounds [N], 0 inside.
+        Largest excess over the tension bounds, or over those of the motion by `MotionScale` [N], 0 inside.
     tensions_N : tuple of ndarray, each (n, N + 1)
+    travels_m : tuple of ndarray, each (n,)
+        Position of the near end relative to rest.
     """
 
     merit: float
@@ -37,6 +39,7 @@ class Evaluation:
     density: Array
     beyond_N: float
     tensions_N: tuple[Array, ...]
+    travels_m: tuple[Array, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,18 +99,19 @@ def evaluate(problem: TrackingProblem, force_N: Array) -> Evaluation:
     problem : TrackingProblem
     force_N : ndarray, shape (n,)
     """
-    goal, bounds, tensions = problem.goal, problem.bounds, []
+    goal, bounds, tensions, travels = problem.goal, problem.bounds, [], []
     for plant in problem.plants:
         run = simulate(plant.chain, force_N, problem.step_s, state=plant.state)
         if run.outcome is Outcome.FAILED:
             bad = np.full(len(problem.plants), np.inf)
             return Evaluation(merit=np.inf, squares=bad, density=np.empty(0), beyond_N=np.inf, tensions_N=())
         tensions.append(run.tension_N)
+        travels.append(run.near_position_m - plant.origin_m)
     errors = np.array([(t[:, -1] - goal.reference_N) ** 2 for t in tensions])
     squares = errors.mean(axis=1)
     mean, slopes = power_mean(squares, goal.power)
     low, high = min(float(t[1:].min()) for t in tensions), max(float(t[1:].max()) for t in tensions)
-    beyond = max(bounds.low_N - low, high - bounds.high_N, 0.0)
+    beyond = max(bounds.low_N - low, high - bounds.high_N, *(_motion_beyond_N(problem, x) for x in travels), 0.0)
     cost = goal.effort_weight * force_N**2 / len(force_N)
     cost[1:] += goal.travel_weight * _smooth_travel(goal, force_N)[0]
     # A slack link carries no force however slack it is, so its depth says nothing: the cost of slack is its own.
@@ -118,6 +122,7 @@ def evaluate(problem: TrackingProblem, force_N: Array) -> Evaluation:
         density=slopes @ errors / len(force_N) + cost,
         beyond_N=beyond,
         tensions_N=tuple(tensions),
+        travels_m=tuple(travels),
     )
 
 
@@ -126,6 +131,20 @@ def _smooth_travel(goal: Goal, force_N: Array) -> tuple[Array, Array]:
     steps = np.diff(force_N)
     size = np.sqrt(steps**2 + goal.least_travel_N**2)
     return size - goal.least_travel_N, 1 / size
+
+
+INSIDE = 5e-3
+"""The search aims so far inside the speed and the travel, so that other plants than the model keep them too."""
+
+
+def _motion_beyond_N(problem: TrackingProblem, travel_m: Array) -> float:
+    """Largest excess of a motion over its limits, as a tension [N]."""
+    motion, scale = problem.limits.motion, problem.newtons
+    if not motion.binds:
+        return 0.0
+    speed, range_m = motion.excess(travel_m, problem.step_s)
+    found = (float(speed.max()) * scale.per_speed_N_s_per_m, float(range_m.max()) * scale.per_travel_N_per_m)
+    return max((x for x in found if x > 0), default=0.0)  # an excess over an infinite limit is no number
 
 
 def gauss_newton_model(
@@ -145,11 +164,13 @@ def gauss_newton_model(
         Tensions that come this close to a bound are watched [N].
     """
     goal, bounds, n, k = problem.goal, problem.bounds, len(force_N), len(knots)
-    window = _memory(goal.reference_N, knots)
+    # A position remembers for ever: cut off, its slopes would jump and tell of speeds that are not there.
+    window = len(knots) if problem.limits.motion.binds else _memory(goal.reference_N, knots)
     _, slopes = power_mean(evaluation.squares, goal.power)
     hessian, gradient = np.zeros((k, k)), np.zeros(k)
     rows, lows, highs = [np.empty((0, k))], [np.empty(0)], [np.empty(0)]
-    for plant, tension, slope in zip(problem.plants, evaluation.tensions_N, slopes, strict=True):
+    plants = zip(problem.plants, evaluation.tensions_N, evaluation.travels_m, slopes, strict=True)
+    for plant, tension, travel, slope in plants:
         watched = _watched(tension, bounds, reach_N)
         found = force_sensitivity(
             plant.chain,
@@ -158,6 +179,7 @@ def gauss_newton_model(
             knots,
             state=plant.state,
             links=Links.ALL if watched.size else Links.OUTPUT,
+            ends=problem.limits.motion.binds,
             window=window,
         )
         output = found.tension_slopes[:, -1, :]
@@ -169,6 +191,11 @@ def gauss_newton_model(
             rows.append(found.tension_slopes[at, link, :])
             lows.append(bounds.low_N - tension[at, link])
             highs.append(bounds.high_N - tension[at, link])
+        if found.ends_slopes is not None and problem.limits.motion.binds:
+            for row, low, high in _motion_rows(problem, travel, found.ends_slopes[:, 0, :], knots):
+                rows.append(row)
+                lows.append(low)
+                highs.append(high)
     if goal.effort_weight > 0 or goal.travel_weight > 0:
         _add_force_cost(hessian, gradient, goal, force_N, knots)
     return GaussNewtonModel(
@@ -227,6 +254,36 @@ def _add_gram(hessian: Array, slopes: Array, knots: Knots, weight: float, window
 
 
 _PIECE_ROWS = 10  # of so many successive rows, and all links, only the worst becomes a constraint
+
+
+def _motion_rows(
+    problem: TrackingProblem, travel_m: Array, slopes: Array, knots: Knots
+) -> list[tuple[Array, Array, Array]]:
+    """Rows, low and high of the limits of the motion that come close: speed and travel, as tensions [N]."""
+    motion, scale, h = problem.limits.motion, problem.newtons, problem.step_s
+    found = []
+    speed, speed_slopes = np.diff(travel_m, prepend=travel_m[0]) / h, np.diff(slopes, axis=0, prepend=slopes[:1]) / h
+    top, span = motion.speed_m_per_s * (1 - INSIDE), motion.high_m - motion.low_m
+    inside = INSIDE * span if np.isfinite(span) else 0.0
+    for value, slope, low, high, unit in (
+        (speed, speed_slopes, -top, top, scale.per_speed_N_s_per_m),
+        (travel_m, slopes, motion.low_m + inside, motion.high_m - inside, scale.per_travel_N_per_m),
+    ):
+        if not (np.isfinite(low) or np.isfinite(high)):
+            continue
+        room = np.minimum(value - low, high - value)
+        apart = max(int(np.diff(knots).min()) // 2, 1)  # between two knots the speed may swing
+        starts = range(1, len(value), apart)
+        at = np.array([start + int(np.argmin(room[start : start + apart])) for start in starts], dtype=np.int64)
+        at = at[room[at] < _NEAR * min(abs(high), abs(low), max(float(np.ptp(value)), 1e-9))]
+        if at.size:
+            bounds = (np.nan_to_num((bound - value[at]) * unit, posinf=_FAR_N, neginf=-_FAR_N) for bound in (low, high))
+            found.append((slope[at] * unit, *bounds))
+    return found  # type: ignore[return-value]
+
+
+_FAR_N = 1e9
+_NEAR = 0.5  # of a limit of the motion: what is this close to it is watched
 
 
 def _watched(tension_N: Array, bounds: TensionBounds, reach_N: float) -> Knots:

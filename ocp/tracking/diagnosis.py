@@ -84,10 +84,15 @@ def law_of(chain: Chain) -> CapstanLaw:
     """
     pull, release = chain.friction.slip_coefficients
     return CapstanLaw(
-        pull_exponent=2 * chain.count * math.atanh(pull),
-        release_exponent=2 * chain.count * math.atanh(release),
+        pull_exponent=_exponent(pull, chain.count),
+        release_exponent=_exponent(release, chain.count),
         adhesion_N=chain.elements.piece.adhesion_N,
     )
+
+
+def _exponent(coefficient: float | Array, count: int) -> float:
+    """Mu theta of a row of elements."""
+    return float(np.sum(np.broadcast_to(2 * np.arctanh(coefficient), (count,))))
 
 
 def reversals(reference_N: Array) -> NDArray[np.int_]:

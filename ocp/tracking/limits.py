@@ -39,8 +39,56 @@ class Violation:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MotionLimits:
+    """Speed and travel of the actuator's end.
+
+    Parameters
+    ----------
+    speed_m_per_s : float, optional
+        Largest speed, either way [m/s], > 0; infinite for none.
+    low_m, high_m : float, optional
+        Range of the position relative to the start [m], low <= 0 <= high; infinite for none.
+    """
+
+    speed_m_per_s: float = math.inf
+    low_m: float = -math.inf
+    high_m: float = math.inf
+
+    @property
+    def binds(self) -> bool:
+        """Some limit is finite."""
+        return math.isfinite(self.speed_m_per_s) or math.isfinite(self.low_m) or math.isfinite(self.high_m)
+
+    def apply(self, travel_m: Array, step_s: float) -> Array:
+        """A travel that keeps the limits: clipped, and never faster than the speed.
+
+        Parameters
+        ----------
+        travel_m : ndarray, shape (n,)
+            Wanted position relative to the rest [m].
+        step_s : float
+        """
+        now, most, kept = float(travel_m[0]), self.speed_m_per_s * step_s, []
+        for target in np.clip(travel_m, self.low_m, self.high_m).tolist():
+            now = min(max(target, now - most), now + most)
+            kept.append(now)
+        return np.array(kept)
+
+    def excess(self, travel_m: Array, step_s: float) -> tuple[Array, Array]:
+        """How far a travel is beyond the speed, and beyond the range, row by row; negative inside [m/s], [m].
+
+        Parameters
+        ----------
+        travel_m : ndarray, shape (n,)
+        step_s : float
+        """
+        speed = np.abs(np.diff(travel_m, prepend=travel_m[0])) / step_s
+        return speed - self.speed_m_per_s, np.maximum(self.low_m - travel_m, travel_m - self.high_m)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ForceLimits:
-    """Range and rate of the actuator's force.
+    """Range and rate of the actuator's force, and the limits of its motion.
 
     Parameters
     ----------
@@ -48,11 +96,14 @@ class ForceLimits:
         Range [N], minimum < maximum.
     rate_N_per_s : float
         Largest rate of change, either way [N/s], > 0.
+    motion : MotionLimits, optional
+        Default: none.
     """
 
     minimum_N: float
     maximum_N: float
     rate_N_per_s: float
+    motion: MotionLimits = MotionLimits()
 
     def __post_init__(self) -> None:
         if not self.minimum_N < self.maximum_N:
@@ -77,6 +128,11 @@ class ForceLimits:
             minimum_N=actuator.force_min_N,
             maximum_N=actuator.force_max_N,
             rate_N_per_s=actuator.force_rate_max_N_per_s,
+            motion=MotionLimits(
+                speed_m_per_s=math.inf if actuator.speed_max_m_per_s is None else actuator.speed_max_m_per_s,
+                low_m=-math.inf if actuator.travel_min_m is None else actuator.travel_min_m,
+                high_m=math.inf if actuator.travel_max_m is None else actuator.travel_max_m,
+            ),
         )
 
     def start(self, tension_N: float) -> float:
@@ -135,6 +191,30 @@ class ForceLimits:
             name, bound = "force_rate_max_N_per_s", self.rate_N_per_s
             found.append(self._violation(name, fast * step_s, float(abs(rate[fast])), bound, 1.0))
         return max(found, key=lambda v: v.excess / self._size(v.name))
+
+    def worst_motion(self, travel_m: Array, step_s: float) -> Violation | None:
+        """The limit of the motion that is broken most; None where all are kept to half a percent.
+
+        Parameters
+        ----------
+        travel_m : ndarray, shape (n,)
+            Position relative to the start [m].
+        step_s : float
+            h [s].
+        """
+        motion, found = self.motion, []
+        speed = np.abs(np.diff(travel_m, prepend=travel_m[0])) / step_s
+        fast, low, high = int(np.argmax(speed)), int(np.argmin(travel_m)), int(np.argmax(travel_m))
+        size = max(float(np.ptp(travel_m)), 1e-12)
+        for name, row, value, bound, side, scale in (
+            ("speed_max_m_per_s", fast, float(speed[fast]), motion.speed_m_per_s, 1.0, motion.speed_m_per_s),
+            ("travel_min_m", low, float(travel_m[low]), motion.low_m, -1.0, size),
+            ("travel_max_m", high, float(travel_m[high]), motion.high_m, 1.0, size),
+        ):
+            if math.isfinite(bound) and side * (value - bound) > 5e-3 * scale:
+                violation = self._violation(name, row * step_s, value, bound, side)
+                found.append((violation.excess / scale, violation))
+        return max(found, key=lambda pair: pair[0])[1] if found else None
 
     def admits(self, force_N: Array, step_s: float, tolerance: float = 1e-6) -> bool:
         """Whether a profile respects range and rate, each to a share of its size.

@@ -6,6 +6,7 @@
     subject to  the chain of every plant s, from its state: T_s is its output     dynamics
                 minimum_N <= f <= maximum_N, abs(df/dt) <= rate_N_per_s           limits of the actuator
                 low_N <= tension anywhere along the tendon <= high_N              bounds of the tendon
+                abs(dq_a/dt) <= speed, low_m <= q_a - q_a(0) <= high_m            limits of the actuator's motion
 
 r is the reference and M_p the mean of order p over the plants: one plant and p = 1 for a nominal design. The dynamics
 are simulated (single shooting), so every iterate is a profile that could be used; the tension bounds carry an exact
@@ -121,10 +122,25 @@ class Goal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlantModel:
-    """A chain and where it starts."""
+    """A chain, where it starts, and where its near end was at rest [m]."""
 
     chain: Chain
     state: ChainState
+    origin_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionScale:
+    """How much tension an excess of the motion counts.
+
+    Parameters
+    ----------
+    per_speed_N_s_per_m, per_travel_N_per_m : float
+        [N s/m], [N/m].
+    """
+
+    per_speed_N_s_per_m: float
+    per_travel_N_per_m: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,6 +158,10 @@ class TrackingProblem:
     bounds : TensionBounds
     start_N : float
         Force of row 0, which is given [N].
+    rest_N : float
+        Tension of the rest that travel counts from [N].
+    newtons : MotionScale
+        What excess speed and travel count beside excess tension.
     """
 
     step_s: float
@@ -150,6 +170,8 @@ class TrackingProblem:
     limits: ForceLimits
     bounds: TensionBounds
     start_N: float
+    rest_N: float
+    newtons: MotionScale
 
     @classmethod
     def of(
@@ -193,13 +215,21 @@ class TrackingProblem:
                 power=power,
                 penalty_N=4 * span + options.effort_weight * float(reference_N.max()),
             ),
-            plants=tuple(PlantModel(chain=c, state=c.rest_state(initial_tension_N)) for c in chains),
+            plants=tuple(
+                PlantModel(chain=c, state=x, origin_m=x.near_position_m)
+                for c, x in ((c, c.rest_state(initial_tension_N)) for c in chains)
+            ),
             limits=limits,
             bounds=TensionBounds(
                 low_N=options.minimum_tension_N + margin if options.minimum_tension_N > 0 else slack,
                 high_N=options.maximum_tension_N - margin,
             ),
             start_N=limits.start(initial_tension_N),
+            rest_N=initial_tension_N,
+            newtons=MotionScale(
+                per_speed_N_s_per_m=0.01 * span / limits.motion.speed_m_per_s,
+                per_travel_N_per_m=initial_tension_N / chains[0].rest_state(initial_tension_N).near_position_m,
+            ),
         )
 
     def clipped(self, force_N: Array) -> Array:
@@ -225,7 +255,7 @@ class TrackingProblem:
         return replace(
             self,
             goal=replace(self.goal, reference_N=self.goal.reference_N[rows]),
-            plants=tuple(PlantModel(chain=p.chain, state=x) for p, x in zip(self.plants, states, strict=True)),
+            plants=tuple(replace(p, state=x) for p, x in zip(self.plants, states, strict=True)),
             start_N=start_N,
         )
 

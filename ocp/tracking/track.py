@@ -16,6 +16,7 @@ from tendonff.ocp.tracking.cost import Evaluation, evaluate
 from tendonff.ocp.tracking.diagnosis import law_of
 from tendonff.ocp.tracking.grids import GridRefinement
 from tendonff.ocp.tracking.limits import ForceLimits
+from tendonff.ocp.tracking.motion import limit_motion
 from tendonff.ocp.tracking.problem import WORST_POWER, TrackingProblem, TrackOptions, travel_N
 from tendonff.ocp.tracking.programme import programme
 from tendonff.ocp.tracking.ratcheting import disagreement, stiffened
@@ -132,15 +133,23 @@ def _pumps(problem: TrackingProblem, inversion: Inversion, force_N: Array) -> bo
 def _search(problem: TrackingProblem, inversion: Inversion, options: TrackOptions, progress: Progress | None) -> Found:
     """The best profile: of the search, or the clipped inverse or static law where that finds nothing better."""
     reference, limits = problem.goal.reference_N, problem.limits
-    clipped = problem.clipped(inversion.force_N)
+    nominal, start_N = problem.plants[0].chain, float(inversion.force_N[0])
+
+    def moderate(force: Array) -> Array:
+        state = problem.plants[0].state
+        return limit_motion(nominal, problem.clipped(force), problem.step_s, limits, problem.rest_N, state)
+
+    wanted_N = moderate(inversion.force_N)
+    clipped = problem.clipped(wanted_N)
     at_clipped = evaluate(problem, clipped)
-    law = law_of(problem.plants[0].chain).input_history_N(reference, float(inversion.force_N[0]))
+    law = moderate(law_of(nominal).input_history_N(reference, start_N))
     static = problem.clipped(law)
     exact = (
         inversion.status is InverseStatus.EXACT
         and options.effort_weight == 0
         and len(problem.plants) == 1
         and limits.admits(inversion.force_N, problem.step_s, 1e-9)
+        and np.array_equal(clipped, problem.clipped(inversion.force_N))
         and at_clipped.beyond_N == 0
     )
     if exact:  # the clipped inverse is the inverse itself, and its error is rounding, unless the rig amplifies that
@@ -151,8 +160,9 @@ def _search(problem: TrackingProblem, inversion: Inversion, options: TrackOption
     refinements: tuple[GridRefinement, ...] = ()
     note = ""
     try:
-        starts = (inversion.force_N, law, *([programme(problem)] if _differ(problem) else []))
-        force, refinements = solve(_taut(problem, inversion.force_N), starts, options, progress)
+        started = wanted_N if limits.motion.binds else inversion.force_N
+        starts = (started, law, *([programme(problem)] if _differ(problem) else []))
+        force, refinements = solve(_taut(problem, started), starts, options, progress)
         candidates.append((evaluate(problem, force), force))
     except (CodeError, SolveError) as error:
         note = f"; the search stopped: {error}"

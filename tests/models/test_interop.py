@@ -95,11 +95,12 @@ def test_the_linear_system_is_the_slope_of_the_nonlinear_one(level):
 
 
 def test_a_sticking_tendon_is_a_row_of_springs():
-    """Gain at rest, frequency zero: springs k1 (N+1) between bristles sigma0/N, against the load's spring."""
+    """Gain at rest, frequency zero: springs k1 N, 2 k1 N at the ends, between bristles sigma0/N, against the load's."""
     elements = CHAIN.elements
-    k, sigma, n = elements.link.stiffness_N_per_m, elements.friction.bristle_stiffness_N_per_m, CHAIN.count
-    stiffness = np.diag([k, *[2 * k + sigma] * n, k + FINGER.load.stiffness_N_per_m])
-    stiffness -= k * (np.eye(n + 2, k=1) + np.eye(n + 2, k=-1))
+    sigma, n = elements.friction.bristle_stiffness_N_per_m, CHAIN.count
+    k = elements.link.stiffness_N_per_m * np.array([2 * n, *[n] * (n - 1), 2 * n])
+    between = np.concatenate([k, [FINGER.load.stiffness_N_per_m]]) + np.concatenate([[0.0], k])
+    stiffness = np.diag(between + np.array([0, *[sigma] * n, 0])) - np.diag(k, 1) - np.diag(k, -1)
     positions = np.linalg.solve(stiffness, np.eye(n + 2)[0])  # one newton at the actuator
     gain = control.dcgain(linear_system(CHAIN, CHAIN.rest_state(START_N))).ravel()
     assert gain[:-2] == pytest.approx(k * -np.diff(positions), rel=1e-9)

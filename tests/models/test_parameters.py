@@ -6,12 +6,24 @@ import numpy as np
 import pytest
 
 from tendonff.models.chain import Chain, chain_equations
+from tendonff.models.drive import Drive
 from tendonff.models.elements import elements_of, whole_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs, ChainState, StateLayout
 from tendonff.models.parameters import Transmission
 
+OTHER_RULES = (
+    "segments",
+    "sections",
+    "joint",
+    "moment_arm_m",
+    "motor",
+    "drive",
+    "travel_min_m",
+    "travel_max_m",
+    "servo_stiffness_N_per_m",
+)
 PARTS = ("path", "tendon", "friction", "actuator", "load")
 
 
@@ -24,12 +36,12 @@ def test_every_number_is_refused_by_name_when_negative_or_nan(generic: Transmiss
     for part in PARTS:
         for field in fields(getattr(generic, part)):
             for bad in (-1.0, math.nan, math.inf):
-                if field.name == "segments":
+                if field.name in OTHER_RULES:
                     continue
                 with pytest.raises(ParameterError, match=f"{field.name} must be .*got {bad}"):
                     changed(generic, part, **{field.name: bad})
                 seen += 1
-    assert seen == 3 * 24
+    assert seen == 3 * 25
 
 
 def test_a_number_too_large_for_any_transmission_is_refused_instead_of_overflowing(generic: Transmission) -> None:
@@ -78,9 +90,11 @@ def test_the_parts_add_up_to_the_whole(generic: Transmission, n: int) -> None:
     assert n * e.piece.mass_kg == pytest.approx(0.002)
     assert n * friction.viscous_N_s_per_m == pytest.approx(1.0)
     assert n * friction.bristle_stiffness_N_per_m == pytest.approx(1e6)
-    assert link.stiffness_N_per_m / (n + 1) == pytest.approx(2e4)
-    assert link.relaxing_stiffness_N_per_m / (n + 1) == pytest.approx(6e3)
-    assert link.damping_N_s_per_m / (n + 1) == pytest.approx(2.0)
+    links = [link.shortened(ratio) for ratio in e.ratio]  # half as long at the ends
+    assert e.ratio == pytest.approx([2 * n, *[n] * (n - 1), 2 * n])
+    assert 1 / sum(1 / one.stiffness_N_per_m for one in links) == pytest.approx(2e4)
+    assert 1 / sum(1 / one.relaxing_stiffness_N_per_m for one in links) == pytest.approx(6e3)
+    assert 1 / sum(1 / one.damping_N_s_per_m for one in links) == pytest.approx(2.0)
     pairs = [
         (friction.mu_dynamic_pull, 0.2),
         (friction.mu_static_pull, 0.23),
@@ -169,3 +183,20 @@ def test_a_chain_is_symmetric_in_its_ends(generic: Transmission) -> None:
         rate = ca.Function("rate", [equations.state, equations.inputs], [equations.rate])
         results.append(np.asarray(rate(state, u)).ravel())
     assert mirrored(results[1], n) == pytest.approx(results[0], rel=1e-9, abs=1e-9)
+
+
+def test_a_position_drive_needs_its_stiffness_and_a_force_drive_has_none(generic: Transmission) -> None:
+    with pytest.raises(ParameterError, match=r'drive = "position" needs servo_stiffness_N_per_m'):
+        changed(generic, "actuator", drive=Drive.POSITION)
+    with pytest.raises(ParameterError, match=r'servo_stiffness_N_per_m is for drive = "position"'):
+        changed(generic, "actuator", servo_stiffness_N_per_m=1e5)
+    with pytest.raises(ParameterError, match="servo_stiffness_N_per_m must be a finite number > 0, got 0"):
+        changed(generic, "actuator", drive=Drive.POSITION, servo_stiffness_N_per_m=0.0)
+
+
+@pytest.mark.parametrize(("key", "bad"), [("travel_min_m", 0.01), ("travel_max_m", -0.01), ("travel_max_m", math.inf)])
+def test_a_travel_that_excludes_the_start_is_refused(generic: Transmission, key: str, bad: float) -> None:
+    with pytest.raises(
+        ParameterError, match=f"{key} must be a finite number .* 0, got {bad}; it counts from the start"
+    ):
+        changed(generic, "actuator", **{key: bad})

@@ -16,6 +16,7 @@ from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.friction import COEFFICIENT_FLOOR, States, equivalent_coefficient
 from tendonff.models.parameters import Transmission
+from tendonff.models.section import Section
 from tendonff.ocp.codegen.compiler import load_library
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.codegen.precision import Precision
@@ -54,13 +55,16 @@ class TwoBristles:
     def aliases(self) -> Mapping[str, str]:
         return {}
 
-    def on_piece(self, angle_rad: ca.SX, pieces: ca.SX) -> "TwoBristles":
+    def in_section(self, section: Section) -> "TwoBristles":
+        return self if section.mu_dynamic is None else replace(self, mu=section.mu_dynamic)
+
+    def on_piece(self, angle_rad: ca.SX, angle_share: ca.SX, length_share: ca.SX) -> "TwoBristles":
         return replace(
             self,
-            stiff_N_per_m=self.stiff_N_per_m / pieces,
-            soft_N_per_m=self.soft_N_per_m / pieces,
+            stiff_N_per_m=self.stiff_N_per_m * angle_share,
+            soft_N_per_m=self.soft_N_per_m * angle_share,
             mu=equivalent_coefficient(self.mu, angle_rad),
-            viscous_N_s_per_m=self.viscous_N_s_per_m / pieces,
+            viscous_N_s_per_m=self.viscous_N_s_per_m * length_share,
         )
 
     def _bristles(self) -> tuple[tuple[ca.SX, ca.SX], ...]:
@@ -93,7 +97,7 @@ class TwoBristles:
 def chain_with_two_bristles(rig: Transmission, n: int = 4, **changes: float) -> Chain:
     chain = Chain.of(rig, Level.VISCOELASTIC, n)
     law = TwoBristles(stiff_N_per_m=2e5, soft_N_per_m=1e4, mu=0.2, share=0.6, viscous_N_s_per_m=1.0)
-    on_piece = replace(law, **changes).on_piece(rig.path.total_angle_rad / n, n)
+    on_piece = replace(law, **changes).on_piece(rig.path.total_angle_rad / n, 1 / n, 1 / n)
     return replace(chain, elements=replace(chain.elements, friction=on_piece))
 
 

@@ -236,7 +236,7 @@ def test_a_step_that_does_not_converge_is_split_and_comes_out_right(
 ) -> None:
     """A bristle of 1e9 N/m at steps of milliseconds, nearly slack: splits happen, and the error still falls."""
     rig = without_stribeck(generic, bristle_stiffness_N_per_m=1e9)
-    chain = Chain.of(rig, Level.VISCOELASTIC, 6)
+    chain = Chain.of(rig, Level.VISCOELASTIC, 4)
     time = np.arange(0.0, 1.5, step)
     force = 30 + 29.9 * np.sin(2 * np.pi * time) * np.minimum(time / 0.2, 1)
     run = simulate(chain, force, step).require()

@@ -38,16 +38,19 @@ class StaticSelection:
         All that were compared.
     fit_percent, validation_percent : float
         Of the chosen law.
+    tried : tuple of StaticFit
+        The candidates as they were fitted to the training rows, in the order of `laws`.
     """
 
     fit: StaticFit
     laws: tuple[CandidateLaw, ...]
     fit_percent: float
     validation_percent: float
+    tried: tuple[StaticFit, ...]
 
 
 def choose_explain(
-    records: Sequence[Record], wanted: Explain, transmission: Transmission
+    records: Sequence[Record], wanted: Explain, transmission: Transmission, *, static_only: bool = False
 ) -> tuple[Explain, CoarseFit | None]:
     """Channel that the laws can explain, and the chain's first fit where it was tried.
 
@@ -60,6 +63,8 @@ def choose_explain(
     wanted : Explain
         The user's wish.
     transmission : Transmission
+    static_only : bool, optional
+        Do not try the chain.
 
     Raises
     ------
@@ -76,8 +81,8 @@ def choose_explain(
         return Explain.INPUT, None
     signed = any(r.signed for r in records)
     chain = None
-    if signed:
-        play = StaticModel(name="play", constants=True)
+    if signed or static_only:
+        play = StaticModel(name="play", asymmetric=not signed, constants=True)
         left = _static_percent(records, play, Explain.OUTPUT)
     else:
         try:
@@ -137,6 +142,7 @@ def select_static(records: Sequence[Record], validation: Sequence[Record], expla
         laws=laws,
         fit_percent=pooled_percent(errors_of(fit, records, middle_of(records)), records, explain),
         validation_percent=chosen_law.validation_percent,
+        tried=tuple(fit for fit, _ in tried),
     )
 
 

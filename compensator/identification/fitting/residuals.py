@@ -1,15 +1,17 @@
 """Residuals of the whole chain against measured pieces: output tension, and elongation where positions exist."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from tendonff.compensator.identification.measured.cleaning import SHORT_GAP_ROWS, Piece, Record
 from tendonff.compensator.identification.measured.reading import Array, Mask
 from tendonff.compensator.identification.measured.smoothing import low_pass
+from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.fits.chain import ChainModel, Drive, DynamicParameter
+from tendonff.ocp.fits.chain import ChainModel, ChainResponse, Drive, DynamicParameter
 from tendonff.ocp.fits.least_squares import Residuals
 
 D = DynamicParameter
@@ -31,6 +33,7 @@ TRAINING_SHARE = 0.65
 class FitPiece:
     """A piece as the residuals need it."""
 
+    file: str
     piece: Piece
     drive: Drive
     good: Mask
@@ -39,6 +42,26 @@ class FitPiece:
     step_s: float
     input_noise_N: float
     with_elongation: bool
+    explain: Explain
+
+    @property
+    def measured(self) -> Array:
+        """The explained channel: output tension, or position of the input end with an unknown zero, shape (n,)."""
+        return self.piece.travel_m() if self.explain is Explain.POSITION else self.piece.output_N
+
+    def predicted(self, response: ChainResponse) -> tuple[Array, Array]:
+        """The explained channel of a response, shape (n,), and its slopes, shape (n, k)."""
+        if self.explain is Explain.POSITION:
+            return response.near_m, response.near_slopes
+        return response.output_N, response.output_slopes
+
+    def off(self, prediction: Array) -> Array:
+        """Prediction less measurement at the fitted rows; the zero of positions is arbitrary."""
+        return self.centred((self.shaped(prediction) - self.measured[:: self.thin])[self.good])
+
+    def centred(self, x: Array) -> Array:
+        """Rows of the explained channel without what its arbitrary zero adds."""
+        return np.asarray(x - x.mean(axis=0)) if self.explain is Explain.POSITION and len(x) else x
 
     def shaped(self, x: Array) -> Array:
         """What the low-pass and the thinning leave of a prediction."""
@@ -61,8 +84,15 @@ def _gap_ends(good: Mask) -> list[int]:
     return [int(stop) for start, stop in zip(edges[::2], edges[1::2], strict=True) if stop - start > SHORT_GAP_ROWS]
 
 
-def fit_pieces(records: Sequence[Record]) -> list[FitPiece]:
-    """Pieces of all records, thinned to what their low-pass leaves."""
+def fit_pieces(records: Sequence[Record], explain: Explain = Explain.OUTPUT) -> list[FitPiece]:
+    """Pieces of all records, thinned to what their low-pass leaves.
+
+    Parameters
+    ----------
+    records : sequence of Record
+    explain : Explain, optional
+        OUTPUT or POSITION: what is compared.
+    """
     found = []
     span = max((float(np.ptp(r.joined("input_N"))) for r in records), default=0.0)
     for record in records:
@@ -79,9 +109,11 @@ def fit_pieces(records: Sequence[Record]) -> list[FitPiece]:
                 enough = FORGET_BRIDGE * span
                 known = int(np.argmax(swept >= enough)) if swept[-1] >= enough else len(swept)
                 good[end : end + min(known, int(FORGET_MOST * len(good)))] = False
-            drive = Drive(input_N=piece.input_N, step_s=record.step_s, first_output_N=float(piece.output_N[0]))
+            first = piece.input_N[0] if explain is Explain.POSITION else piece.output_N[0]
+            drive = Drive(input_N=piece.input_N, step_s=record.step_s, first_output_N=float(first))
             found.append(
                 FitPiece(
+                    file=record.name,
                     piece=piece,
                     drive=drive,
                     good=good[::thin],
@@ -89,23 +121,46 @@ def fit_pieces(records: Sequence[Record]) -> list[FitPiece]:
                     cutoff_Hz=record.cutoff_Hz,
                     step_s=record.step_s,
                     input_noise_N=record.input_noise_N,
-                    with_elongation=record.has_positions,
+                    with_elongation=record.has_positions and explain is Explain.OUTPUT,
+                    explain=explain,
                 )
             )
     return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class OutputError:
+    """Error of a predicted output over some rows.
+
+    Parameters
+    ----------
+    rms_N : float
+    robust_rms_N : float
+        With large deviations counted linearly.
+    """
+
+    rms_N: float
+    robust_rms_N: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ChainResiduals:
-    """Residuals of a chain model over runs, in given units."""
+    """Residuals of a chain model over pieces, in given units."""
 
     model: ChainModel
-    runs: Sequence[FitPiece]
+    pieces: Sequence[FitPiece]
     fixed: Mapping[DynamicParameter, float]
     free: tuple[DynamicParameter, ...]
-    output_unit_N: float
+    output_unit: float
     elongation_unit_m: float
     block_s: float
+
+    BLOCKS_A_PIECE: ClassVar[int] = 10_000_000
+
+    @property
+    def rows(self) -> int:
+        """Fitted rows of the output."""
+        return sum(int(run.good.sum()) for run in self.pieces)
 
     def complete(self, values: Mapping[str, float]) -> dict[DynamicParameter, float]:
         """All parameters from the free ones."""
@@ -123,14 +178,14 @@ class ChainResiduals:
 
     def _evaluate(self, full: Mapping[DynamicParameter, float], over: tuple[DynamicParameter, ...]) -> Residuals:
         parts: list[tuple[Array, Array, Array]] = []
-        for number, run in enumerate(self.runs):
+        for number, run in enumerate(self.pieces):
             response = self.model.respond(full, run.drive, over)
             good = run.good
             time = run.piece.time_s[:: run.thin][good]
-            block = np.floor(time / self.block_s) + 1e7 * number
-            wanted = run.piece.output_N[:: run.thin]
-            difference = (run.shaped(response.output_N) - wanted)[good] / self.output_unit_N
-            parts.append((difference, run.shaped(response.output_slopes)[good] / self.output_unit_N, block))
+            block = np.floor(time / self.block_s) + self.BLOCKS_A_PIECE * number
+            prediction, by = run.predicted(response)
+            slopes = run.centred(run.shaped(by)[good])
+            parts.append((run.off(prediction) / self.output_unit, slopes / self.output_unit, block))
             if run.with_elongation:
                 moved = (run.shaped(response.elongation_m) - run.elongation[:: run.thin])[good]
                 slopes = run.shaped(response.elongation_slopes)[good]
@@ -141,7 +196,7 @@ class ChainResiduals:
         return Residuals(values=values, slopes=slopes, blocks=blocks.astype(np.int64))
 
     def _failed(self) -> Residuals:
-        rows = sum(int(r.good.sum()) * (2 if r.with_elongation else 1) for r in self.runs)
+        rows = sum(int(r.good.sum()) * (2 if r.with_elongation else 1) for r in self.pieces)
         return Residuals(
             values=np.full(rows, FAILED_RESIDUAL),
             slopes=np.zeros((rows, len(self.free))),
@@ -151,33 +206,67 @@ class ChainResiduals:
     def split(self, validation: Sequence[FitPiece]) -> tuple["ChainResiduals", "ChainResiduals"]:
         """A task to fit and one to judge: on `validation`, or on the last part of each piece."""
         if validation:
-            return self, replace(self, runs=validation)
+            return self, replace(self, pieces=validation)
         early, late = [], []
-        for run in self.runs:
+        for run in self.pieces:
             usable = np.flatnonzero(run.good)
             border = usable[int(TRAINING_SHARE * (len(usable) - 1))] if usable.size else 0
             rows = np.arange(len(run.good))
             early.append(replace(run, good=run.good & (rows <= border)))
             late.append(replace(run, good=run.good & (rows > border)))
-        return replace(self, runs=early), replace(self, runs=late)
+        return replace(self, pieces=early), replace(self, pieces=late)
 
-    def robust_rms_N(self, full: Mapping[DynamicParameter, float]) -> float:
-        """Error of the output with large deviations counted linearly [N]."""
-        total, rows = 0.0, 0
-        for run in self.runs:
+    def rms_of_chain(self, full: Mapping[DynamicParameter, float]) -> "OutputError":
+        """Error of the chain's output."""
+        return self.rms_of(lambda run: run.predicted(self.model.respond(full, run.drive))[0])
+
+    def rms_of(self, predict: Callable[[FitPiece], Array]) -> "OutputError":
+        """Error of a prediction of the output over the fitted rows: one measure for all laws.
+
+        Parameters
+        ----------
+        predict : callable
+        """
+        total, squares, rows = 0.0, 0.0, 0
+        for run in self.pieces:
             try:
-                response = self.model.respond(full, run.drive)
+                found = predict(run)
             except SolveError:
-                return float("inf")
-            off = (run.shaped(response.output_N) - run.piece.output_N[:: run.thin])[run.good] / self.output_unit_N
+                return OutputError(rms_N=float("inf"), robust_rms_N=float("inf"))
+            off = run.off(found) / self.output_unit
             total += float(np.sum(2 * (np.sqrt(1 + off**2) - 1)))
+            squares += float(np.sum(off**2))
             rows += len(off)
-        return self.output_unit_N * float(np.sqrt(total / max(rows, 1)))
+        robust, plain = (self.output_unit * float(np.sqrt(x / max(rows, 1))) for x in (total, squares))
+        return OutputError(rms_N=plain, robust_rms_N=robust)
+
+    def independent_rows(self, residuals: Residuals) -> float:
+        """Rows of the output that are independent of each other, by the residuals' autocorrelation.
+
+        Parameters
+        ----------
+        residuals : Residuals
+        """
+        total, at = 0.0, 0
+        for run in self.pieces:
+            rows = int(run.good.sum())
+            off = residuals.values[at : at + rows]
+            at += rows * (2 if run.with_elongation else 1)
+            off = off / np.sqrt(np.sqrt(1 + off**2))
+            if rows > 8 and float(np.ptp(off)) > 0:
+                size = 2 ** int(np.ceil(np.log2(2 * rows)))
+                power = np.abs(np.fft.rfft(off, size)) ** 2
+                correlation = np.fft.irfft(power)[:rows] / (power.sum() / size * 2)
+                correlation = correlation / correlation[0]
+                turn = np.flatnonzero(correlation < 0)
+                reach = int(turn[0]) if len(turn) else rows
+                total += rows / (1 + 2 * float(correlation[1:reach].sum()))
+        return max(total, 1.0)
 
     def channel_rms(self, residuals: Residuals) -> tuple[float, float]:
         """Robust size of the output's and the elongation's residuals [N], [m]."""
         outputs, moves, at = [], [], 0
-        for run in self.runs:
+        for run in self.pieces:
             rows = int(run.good.sum())
             outputs.append(residuals.values[at : at + rows])
             at += rows
@@ -190,11 +279,11 @@ class ChainResiduals:
                 return unit
             return max(float(1.4826 * np.median(np.abs(np.concatenate(parts)))) * unit, 1e-6 * unit)
 
-        return size(outputs, self.output_unit_N), size(moves, self.elongation_unit_m)
+        return size(outputs, self.output_unit), size(moves, self.elongation_unit_m)
 
 
-def spans_of(runs: Sequence[FitPiece]) -> tuple[float, float]:
-    """Ranges of the output tension [N] and of the elongation [m] over all runs."""
-    output = max(r.piece.output_N.max() for r in runs) - min(r.piece.output_N.min() for r in runs)
-    travel = max((float(np.ptp(r.elongation)) for r in runs if r.with_elongation), default=1.0)
-    return max(float(output), 1e-12), max(travel, 1e-15)
+def spans_of(pieces: Sequence[FitPiece]) -> tuple[float, float]:
+    """Ranges of the explained channel and of the elongation [m] over all pieces."""
+    output = max(r.measured.max() for r in pieces) - min(r.measured.min() for r in pieces)
+    travel = max((float(np.ptp(r.elongation)) for r in pieces if r.with_elongation), default=1.0)
+    return max(float(output), 1e-15), max(travel, 1e-15)

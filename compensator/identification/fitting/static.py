@@ -61,19 +61,20 @@ class FileError:
     Parameters
     ----------
     name : str
-    rms_N : float
-    range_N : float
-        Largest less smallest value of the explained channel.
+    rms : float
+        RMS error of the explained channel, N or m.
+    span : float
+        Its largest less its smallest value.
     """
 
     name: str
-    rms_N: float
-    range_N: float
+    rms: float
+    span: float
 
     @property
     def percent(self) -> float:
         """Rms in percent of the file's own range."""
-        return 100 * self.rms_N / self.range_N if self.range_N > 0 else 0.0
+        return 100 * self.rms / self.span if self.span > 0 else 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,6 +113,8 @@ class _Run:
 
 def explained(piece: Piece, explain: Explain) -> Array:
     """The channel that the model explains, shape (n,)."""
+    if explain is Explain.POSITION:
+        return piece.travel_m()
     return piece.output_N if explain is Explain.OUTPUT else piece.input_N
 
 
@@ -183,8 +186,10 @@ def _runs(records: Sequence[Record], explain: Explain) -> Iterator[_Run]:
 
 
 def span_of(records: Sequence[Record], explain: Explain) -> float:
-    """Range of the explained channel over all records [N]."""
+    """Range of the explained channel over all records, N or m."""
     parts = [explained(p, explain) for r in records for p in r.pieces]
+    if explain is Explain.POSITION:  # the zero may differ from piece to piece
+        return max(float(np.ptp(x)) for x in parts)
     return float(max(x.max() for x in parts) - min(x.min() for x in parts))
 
 
@@ -355,7 +360,7 @@ def errors_of(fit: StaticFit, records: Sequence[Record], middle_m: float) -> tup
         given = np.concatenate([respond(fit.values, p, fit.explain, middle_m).prediction_N for p in record.pieces])
         good = record.joined("good")
         rms = float(np.sqrt(np.mean((given - wanted)[good] ** 2)))
-        found.append(FileError(name=record.name, rms_N=rms, range_N=float(np.ptp(wanted))))
+        found.append(FileError(name=record.name, rms=rms, span=float(np.ptp(wanted))))
     return tuple(found)
 
 
@@ -369,5 +374,5 @@ def pooled_percent(errors: Sequence[FileError], records: Sequence[Record], expla
     explain : Explain
     """
     rows = np.array([sum(len(p.time_s) for p in r.pieces) for r in records], dtype=np.float64)
-    square = float(np.average([e.rms_N**2 for e in errors], weights=rows))
+    square = float(np.average([e.rms**2 for e in errors], weights=rows))
     return 100 * float(np.sqrt(square)) / max(span_of(records, explain), 1e-300)

@@ -37,6 +37,9 @@ SPIKE_SIGMAS, SPIKE_ROWS, SPIKE_RANGE, SPIKE_WINDOW_ROWS = 10.0, 2, 0.02, 101
 least a share of the range: what rings or chatters for longer is the measurement's own."""
 
 LEAST_PIECE_S = 0.25
+NOISE_SHARE = 0.005
+"""Readings below zero by less than this share of the range are the scatter of a slack cell around its zero."""
+
 SIGNED_SHARE = 0.05
 """Readings below zero by more than this share of the range are signed data, not a slack cell's offset."""
 
@@ -112,6 +115,8 @@ class Record:
         Readings far below zero: torques of a pre-tensioned loop, or the like.
     unread : tuple of str
         Columns of the file that have no use.
+    started_s : float or None
+        Seconds from 1970 to its first row, where its time stamps are dates.
     findings : tuple of Finding
     """
 
@@ -123,7 +128,18 @@ class Record:
     output_noise_N: float
     signed: bool
     unread: tuple[str, ...]
+    started_s: float | None
     findings: tuple[Finding, ...]
+
+    @property
+    def zeroed(self) -> bool:
+        """What the cells read without tension was taken off."""
+        return any(f.issue is DataIssue.OFFSET for f in self.findings)
+
+    @property
+    def has_output(self) -> bool:
+        """The output tension was measured; else it is NaN."""
+        return bool(np.isfinite(self.pieces[0].output_N).all())
 
     @property
     def has_positions(self) -> bool:
@@ -197,7 +213,8 @@ def clean(raw: RawMeasurement, how: Measurement) -> Record:
             f"{raw.name}: no piece longer than {min(LEAST_PIECE_S, 50 * step):g} s without a gap; nothing to fit"
         )
     longest = max(grids, key=lambda g: len(g["time_s"]))
-    cutoff = how.cutoff_Hz or find_cutoff_Hz([longest["input_N"], longest["output_N"]], step)
+    judged = [longest[name] for name in ("input_N", "output_N") if np.isfinite(longest[name]).all()]
+    cutoff = how.cutoff_Hz or find_cutoff_Hz(judged, step)
     for grid, good in zip(grids, goods, strict=True):
         input_filter = find_adaptive_low_pass(grid["input_N"], step)
         smooth = {k: v if k == "time_s" else low_pass(v, step, cutoff) for k, v in grid.items()}
@@ -223,6 +240,7 @@ def clean(raw: RawMeasurement, how: Measurement) -> Record:
         output_noise_N=float(np.average([b for _, b, _ in noises], weights=weights)),
         signed=signed,
         unread=raw.unread,
+        started_s=raw.started_s,
         findings=tuple(findings),
     )
 
@@ -291,7 +309,7 @@ def _spikes_of(raw: RawMeasurement, starts: list[int], findings: list[Finding]) 
     marked = np.zeros(len(raw.time_s), dtype=bool)
     channels = {
         "input": raw.input_N,
-        "output": raw.output_N,
+        "output": raw.output_N if raw.has_output else None,
         "input position": raw.input_m,
         "output position": raw.output_m,
     }
@@ -342,6 +360,7 @@ def _judge_signs(pieces: list[Piece], findings: list[Finding]) -> bool:
             continue
         span = float(np.ptp(values))
         share = 100 * float(below.mean())
+        noise = NOISE_SHARE * span
         if -values.min() > SIGNED_SHARE * span and share > 1:
             signed = True
             findings.append(
@@ -353,7 +372,7 @@ def _judge_signs(pieces: list[Piece], findings: list[Finding]) -> bool:
                     int(below.sum()),
                 )
             )
-        elif share > 10:
+        elif share > 10 and -values.min() > noise:
             findings.append(
                 issue_found(
                     DataIssue.BIAS,

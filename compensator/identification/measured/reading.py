@@ -1,17 +1,17 @@
 """Measured files as they are: columns found, units made SI, rows that cannot be used taken out and reported."""
 
-import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.compensator.files.reading import InputError, nearest_column, open_text
+from tendonff.compensator.files.reading import InputError, nearest_column
+from tendonff.compensator.identification.measured.offsets import slack_offsets
 from tendonff.compensator.identification.measured.onset import switched_on_s
+from tendonff.compensator.identification.measured.tables import MeasuredTable, read_table, unit_factor
 from tendonff.compensator.scenario.measurement import Measurement
 
 Array = NDArray[np.float64]
@@ -20,6 +20,8 @@ Mask = NDArray[np.bool_]
 OUT_OF_ORDER_ROWS = 5
 """A clock that is back on its way after so many rows had rows out of order; one that stays behind has jumped."""
 
+
+LEAST_TARE_ROWS = 10
 
 LEAST_RISING = 0.5
 """A clock that rises in fewer of the rows is none."""
@@ -42,6 +44,9 @@ class DataIssue(StrEnum):
     SHORT = "short pieces"
     SKIPPED = "rows left out at the start"
     ONSET = "load switched on at the start"
+    OFFSET = "zero of the cells"
+    UNITS = "row of units"
+    DATES = "time stamps are dates"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,13 +99,15 @@ class RawMeasurement:
     name : str
         File name.
     time_s, input_N, output_N : ndarray, shape (n,)
-        Time rises strictly.
+        Time rises strictly; `output_N` is NaN where the output tension was not measured.
     input_m, output_m : ndarray, shape (n,), or None
         Positions, where the file has them.
     breaks : tuple of int
         First rows after a clock that jumped back.
     unread : tuple of str
         Columns of the file that have no use.
+    started_s : float or None
+        Seconds from 1970 to its first row, where its time stamps are dates.
     findings : tuple of Finding
     """
 
@@ -112,52 +119,83 @@ class RawMeasurement:
     output_m: Array | None
     breaks: tuple[int, ...]
     unread: tuple[str, ...]
+    started_s: float | None
     findings: tuple[Finding, ...]
 
-
-def _without_long_rows(stream: IO[str]) -> tuple[io.StringIO, int]:
-    """The text without rows that have more cells than the header, and their number; empty last cells do not count."""
-    header = stream.readline()
-    width, kept, long_rows = header.rstrip().rstrip(",").count(","), [header.rstrip().rstrip(",")], 0
-    for line in stream:
-        row = line.rstrip()
-        while row.endswith(",") and row.count(",") > width:
-            row = row[:-1].rstrip()
-        if row.count(",") > width:
-            long_rows += 1
-        else:
-            kept.append(row)
-    return io.StringIO("\n".join(kept)), long_rows
+    @property
+    def has_output(self) -> bool:
+        """The output tension was measured."""
+        return bool(np.isfinite(self.output_N).all())
 
 
-def _table(path: Path, columns: dict[str, str]) -> tuple[dict[str, Array], int, tuple[str, ...]]:
-    """The wanted columns as numbers, NaN where a cell is none; rows with too many cells; names of the other columns."""
-    import pandas as pd
-
-    try:
-        with open_text(path) as stream:
-            kept, long_rows = _without_long_rows(stream)
-        frame = pd.read_csv(kept, skipinitialspace=True, low_memory=False, index_col=False)
-    except InputError:
-        raise
-    except UnicodeDecodeError:
-        raise InputError(f"{path.name} is not UTF-8 text; save it as UTF-8 with commas") from None
-    except pd.errors.EmptyDataError:
-        raise InputError(f"{path.name} is empty; the first line must name the columns") from None
-    except (ValueError, pd.errors.ParserError) as error:
-        raise InputError(f"{path.name} cannot be read as a table: {error}") from None
-    frame.columns = [str(name).strip() for name in frame.columns]
+def _columns(
+    path: Path, names: Mapping[str, str], findings: list[Finding]
+) -> tuple[dict[str, Array], dict[str, float], tuple[str, ...], float | None]:
+    """The wanted columns as numbers, factors from a row of units, names of the other columns, and the date it began."""
+    table = read_table(path)
+    started: float | None = None
     found: dict[str, Array] = {}
-    for key, name in columns.items():
-        if name in frame.columns:
-            found[key] = pd.to_numeric(frame[name], errors="coerce").to_numpy(dtype=np.float64)
-        elif key in ("time", "input", "output"):
-            option = f"--{key}-column"
-            near = nearest_column(name, [str(c) for c in frame.columns])
+    factors: dict[str, float] = {}
+    for key, name in names.items():
+        if name not in table.columns:
+            if key in ("time", "input") or (key == "output" and not _proximal(table, names)):
+                near = nearest_column(name, list(table.columns))
+                raise InputError(
+                    f'{path.name}: column "{name}" is missing{near} (choose one with --{key}-column, and its unit with '
+                    "--scale)"
+                )
+            continue
+        if key == "time":
+            found[key], started = table.seconds(name)
+            if started is not None:
+                findings.append(issue_found(DataIssue.DATES, [], "read as seconds since the first one", 1))
+        else:
+            found[key] = table.numbers(name)
+        unit = table.units.get(name, "")
+        factor = unit_factor(key, unit) if unit else None
+        if factor is not None:
+            factors[key] = factor
+    if table.units:
+        read = ", ".join(f"{names[key]} [{table.units[names[key]]}] x {factor:g}" for key, factor in factors.items())
+        text = f"below the header; {read or 'none of them known'} (--scale overrides)"
+        findings.append(issue_found(DataIssue.UNITS, [], text, 1))
+    if table.long_rows:
+        findings.append(issue_found(DataIssue.LONG, [], "rows left out", table.long_rows))
+    return found, factors, tuple(name for name in table.columns if name not in names.values()), started
+
+
+def _proximal(table: MeasuredTable, names: Mapping[str, str]) -> bool:
+    """No output tension was measured, and nobody asked for a column of it: the input end explains itself."""
+    return names["output"] == Measurement().output_column and names["input_position"] in table.columns
+
+
+def _zeroed(name: str, data: dict[str, Array], how: Measurement, findings: list[Finding]) -> dict[str, Array]:
+    """Tensions less the cells' offsets: as given, over a slack time as given, or where slack is seen."""
+    ends = [key for key in ("input", "output") if key in data]
+    given: dict[str, float | None] = {"input": how.input_offset_N, "output": how.output_offset_N}
+    offsets: dict[str, float] = {key: value for key in ends if (value := given[key]) is not None}
+    if how.tare_s is not None:
+        start, stop = how.tare_s
+        time = data["time"] - data["time"][0]
+        rows = (time >= start) & (time <= stop)
+        if rows.sum() < LEAST_TARE_ROWS:
             raise InputError(
-                f'{path.name}: column "{name}" is missing{near} (choose one with {option}, and its unit with --scale)'
+                f"{name}: {int(rows.sum())} samples between {start:g} and {stop:g} s, {LEAST_TARE_ROWS} are needed to "
+                "set the cells to zero; give --tare a longer time within the file"
             )
-    return found, long_rows, tuple(name for name in frame.columns if name not in columns.values())
+        offsets = {key: float(np.median(data[key][rows])) for key in ends} | offsets
+        why = f"their median from {start:g} to {stop:g} s"
+    elif not offsets and len(ends) == 2 and (slack := slack_offsets(data["input"], data["output"])) is not None:
+        offsets = dict(zip(ends, slack.offsets_N, strict=True))
+        why = (
+            f"both cells stay near zero in {slack.rows} samples, read as a slack tendon; --offset 0 keeps the readings"
+        )
+    else:
+        why = "as given"
+    if any(offsets.values()):
+        shown = ", ".join(f"{key} {value:.4g} N" for key, value in offsets.items())
+        findings.append(issue_found(DataIssue.OFFSET, [], f"subtracted: {shown} ({why})", 1))
+    return {key: values - offsets.get(key, 0.0) for key, values in data.items()}
 
 
 def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
@@ -185,7 +223,8 @@ def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
     for key, name in columns.items():
         if twin := next((k for k, n in columns.items() if n == name and k != key), None):
             raise InputError(f'"{name}" is named as the column of {key} and of {twin}; each needs its own')
-    table, long_rows, unread = _table(path, columns)
+    findings: list[Finding] = []
+    table, factors, unread, started = _columns(path, columns, findings)
     scales = {
         "time": how.time_scale,
         "input": how.input_scale,
@@ -193,10 +232,7 @@ def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
         "input_position": how.input_position_scale,
         "output_position": how.output_position_scale,
     }
-    data = {key: values * scales[key] for key, values in table.items()}
-    findings: list[Finding] = []
-    if long_rows:
-        findings.append(issue_found(DataIssue.LONG, [], "rows left out", long_rows))
+    data = {k: values * (scales[k] if scales[k] != 1 else factors.get(k, 1.0)) for k, values in table.items()}
     bad: Mask = np.asarray(~np.isfinite(np.stack(list(data.values()))).all(axis=0))
     if bad.any():
         findings.append(issue_found(DataIssue.MISSING, _times(data["time"], bad), "rows left out", int(bad.sum())))
@@ -215,8 +251,8 @@ def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
             f"{path.name} has {int(keep.sum())} usable rows of {len(bad)}; at least 10 are needed"
             + (f" ({'; '.join(f.text for f in findings)})" if findings else "")
         )
-    kept = {key: np.ascontiguousarray(values[keep]) for key, values in data.items()}
-    if how.skip_s is None and (length := switched_on_s(time, kept["input"], kept["output"])) > 0:
+    kept = _zeroed(path.name, {key: np.ascontiguousarray(values[keep]) for key, values in data.items()}, how, findings)
+    if "output" in kept and how.skip_s is None and (length := switched_on_s(time, kept["input"], kept["output"])) > 0:
         late = int(np.searchsorted(time, time[0] + length))
         findings.append(
             issue_found(
@@ -230,7 +266,7 @@ def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
         kept, time = {key: values[late:] for key, values in kept.items()}, time[late:]
         breaks = tuple(k - late for k in breaks if k > late)
     for key in ("input", "output"):
-        if float(np.ptp(kept[key])) == 0:
+        if key in kept and float(np.ptp(kept[key])) == 0:
             raise InputError(
                 f"{path.name}: {columns[key]} is {kept[key][0]:g} N in all {len(kept[key])} usable rows; nothing can "
                 "be identified from a tension that never moves: drive the tendon, or check the column"
@@ -239,11 +275,12 @@ def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
         name=path.name,
         time_s=time,
         input_N=kept["input"],
-        output_N=kept["output"],
+        output_N=kept.get("output", np.full(len(time), np.nan)),
         input_m=kept.get("input_position"),
         output_m=kept.get("output_position"),
         breaks=breaks,
         unread=unread,
+        started_s=started,
         findings=tuple(findings),
     )
 

@@ -1,9 +1,14 @@
 """Blind, with the loop closed through the exported C: 40 masses, hidden friction, noise, 2 ms of delay."""
 
+import shutil
+import subprocess
+
 import numpy as np
 import pytest
 
 from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.export.c_project import export_project
+from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable
 from tendonff.ocp.codegen.precision import Precision
 
@@ -55,3 +60,15 @@ def test_estimates_are_kept_over_a_restart(exported, finger):
     plain = exported(TENSION)
     forces = np.array([[t.step(w, np.nan) for t in (second, plain)] for w in reference.tension_N[1:800]])
     assert np.abs(forces[:, 0] - forces[:, 1]).max() > 0.1
+
+
+@pytest.mark.parametrize("precision", Precision)
+def test_the_whole_folder_passes_its_own_test(examples, tmp_path, precision):
+    if shutil.which("make") is None or shutil.which("cc") is None:
+        pytest.skip("make or cc is not installed")
+    scenario = load_scenario(examples / "finger_adaptive.toml")
+    start = Problem.of(scenario).reference.initial_tension_N
+    export_project(scenario, precision=precision, profile_N=np.full(3, start)).write(tmp_path)
+    done = subprocess.run(["make", "test"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    assert "adaptive" in done.stdout

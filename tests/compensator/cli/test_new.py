@@ -12,6 +12,17 @@ def test_a_new_scenario_is_valid_and_can_be_delivered(tmp_path: Path) -> None:
     assert sample_reference(load_scenario(tmp_path / "mine.toml")).range_N > 0
 
 
+@pytest.mark.parametrize("rig", ["finger", "bowden", "surgical", "exosuit"])
+def test_a_scenario_for_a_rig_has_plausible_values_that_can_be_delivered(tmp_path: Path, rig: str) -> None:
+    path = tmp_path / "mine.toml"
+    assert run(["new", str(path), "--for", rig]) == 0
+    scenario = load_scenario(path)
+    assert all("least_tension_N sets it" in note for note in sample_reference(scenario).warnings)
+    assert scenario.transmission.actuator.motor is not None
+    text = path.read_text(encoding="utf-8")
+    assert all("#" in line for line in text.splitlines() if line.startswith(("elastic", "mu_dynamic", "drum_radius")))
+
+
 def test_a_scenario_that_exists_is_replaced_only_on_request(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "mine.toml"
     path.write_text("precious", encoding="utf-8")

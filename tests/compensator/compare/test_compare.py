@@ -15,7 +15,7 @@ from tendonff.compensator.compare.levels import level_traits, parameters_of
 from tendonff.compensator.compare.recommendation import recommend
 from tendonff.compensator.compare.result import CAPSTAN_PLANT, Entry, plants
 from tendonff.compensator.compare.run import compare, lag
-from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.base import Problem, Profile
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
 from tendonff.compensator.compensators.score import SimulatedPlant, simulate_profile
 from tendonff.compensator.scenario.sampling import sample_reference
@@ -80,7 +80,7 @@ def test_the_spread_covers_what_a_finer_step_changes(finger, result):
         reference = result.reference
         force = compensator(name).profile(Problem.of(finger, level=design)).force_N
         plant = SimulatedPlant(level=Level.ELASTIC, refinement=3)
-        other = simulate_profile(finger.transmission, plant, force, reference).output_tension_N[::3]
+        other = simulate_profile(finger.transmission, plant, Profile(force_N=force), reference).output_tension_N[::3]
         shown = result.outputs_N[name, design, Level.ELASTIC.value]
         difference = 100 * float(np.sqrt(np.mean((other - shown) ** 2))) / reference.range_N
         assert 0 < difference <= result.entry(name, design, Level.ELASTIC).spread_percent_of_range

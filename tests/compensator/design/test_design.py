@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from tendonff.compensator.cli import run
-from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.base import Problem, Profile
 from tendonff.compensator.compensators.capstan import Capstan
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import SimulatedPlant, score, simulate_profile
@@ -31,6 +31,8 @@ COLUMNS = [
     "force_inverse_N",
     "force_optimal_N",
     "force_table_N",
+    "travel_inverse_m",
+    "travel_optimal_m",
 ]
 
 
@@ -113,9 +115,11 @@ def test_a_refined_plant_reads_the_profile_as_linear_between_its_rows(examples):
     scenario = load_scenario(examples / "finger.toml")
     reference = sample_reference(scenario)
     force = 30.0 + 1.2 * (reference.tension_N - 30.0)
-    coarse = simulate_profile(scenario.transmission, SimulatedPlant(level=Level.PRESLIDING), force, reference)
+    coarse = simulate_profile(
+        scenario.transmission, SimulatedPlant(level=Level.PRESLIDING), Profile(force_N=force), reference
+    )
     fine = simulate_profile(
-        scenario.transmission, SimulatedPlant(level=Level.PRESLIDING, refinement=4), force, reference
+        scenario.transmission, SimulatedPlant(level=Level.PRESLIDING, refinement=4), Profile(force_N=force), reference
     )
     difference = coarse.output_tension_N - fine.output_tension_N[::4]
     assert np.sqrt(np.mean(difference**2)) < 5e-4 * np.ptp(coarse.output_tension_N)
@@ -135,7 +139,7 @@ def test_the_command_writes_everything_in_the_contract(examples, tmp_path, capsy
             assert set(written["compensators"][name][level]) == {"rmse_N", "rmse_percent_of_range", "peak_error_N"}
     assert {"status", "iterations", "build_s", "solve_s"} <= set(written["ocp"])
     assert isinstance(written["warnings"], list)
-    for figure in ("tension", "force", "loop", "error"):
+    for figure in ("tension", "force", "drive", "loop", "error"):
         assert (tmp_path / "out" / f"{figure}.png").stat().st_size > 10_000
     assert "presliding*" in capsys.readouterr().out
 

@@ -95,7 +95,7 @@ def test_a_band_driven_by_its_drum_is_recognised_as_no_transmission(band, scenar
 
 
 def test_the_ratios_of_the_band_in_gross_sliding_are_reported_for_each_direction(band):
-    pull, release = (next(g for g in band.gross if g.branch is b) for b in (Branch.PULL, Branch.RELEASE))
+    pull, release = (next(g for g in band.sliding if g.branch is b) for b in (Branch.PULL, Branch.RELEASE))
     assert pull.log_ratio == pytest.approx(4.2, abs=0.15)
     assert release.log_ratio == pytest.approx(-3.6, abs=0.15)
     assert pull.interval[0] < 4.14 < pull.interval[1]

@@ -53,7 +53,7 @@ class _Page(HTMLParser):
         self.tags.append(tag)
         self.loaded += [value for name, value in attrs if name in ("src", "srcset", "data", "action")]
         self.loaded += [value for name, value in attrs if tag == "link" and name == "href"]
-        if tag not in ("meta", "link", "img", "br", "input"):
+        if tag not in ("meta", "link", "img", "br", "wbr", "input"):
             self.open.append(tag)
 
     def handle_endtag(self, tag):
@@ -162,6 +162,12 @@ def test_numbers_of_one_column_have_the_same_number_of_decimals(column, shown):
 def test_figures_are_numbered_through_all_sections(report):
     twice = replace(report, sections=(*report.sections, *report.sections))
     assert re.findall(r"<b>(Figure \d+)", render_report(twice)) == ["Figure 1", "Figure 2"]
+
+
+def test_a_long_name_may_break_after_its_underscores_and_is_still_escaped(report):
+    table = Table(caption="t", columns=("value", "estimate"), rows=(("bristle_<b>_N", 1.0),))
+    text = render_report(replace(report, sections=(Section(title="s", blocks=(table,)),)))
+    assert "bristle_<wbr>&lt;b&gt;_<wbr>N</th>" in text
 
 
 def test_a_table_whose_rows_do_not_fit_is_refused():

@@ -10,18 +10,27 @@ from hypothesis import strategies as st
 
 from tendonff.compensator.files.reading import InputError, read_csv
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec, Shape, SineReference, WaypointReference
+from tendonff.compensator.scenario.filters import low_pass, noise_advice, ripple_advice
+from tendonff.compensator.scenario.reference import (
+    CsvReference,
+    Interpolation,
+    Quantity,
+    ReferenceSpec,
+    Shape,
+    SineReference,
+    WaypointReference,
+)
 from tendonff.compensator.scenario.run import Run
 from tendonff.compensator.scenario.sampling import (
     Reference,
     initial_tension,
     largest_tension,
-    low_pass,
-    noise_advice,
     sample_reference,
+    work_ahead,
 )
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 from tendonff.models.chain import Chain
+from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.ocp.inverse import invert
 
@@ -95,18 +104,68 @@ def csv_reference(folder: Path, time: np.ndarray, tension: np.ndarray, cutoff: f
 def test_a_file_without_cut_off_is_taken_as_it_is(finger: Scenario, tmp_path: Path) -> None:
     time = np.array([0.0, 0.013, 0.5, 1.0])
     reference = sampled(finger, csv_reference(tmp_path, time, np.array([20.0, 30.0, 10.0, 40.0])))
-    assert reference.tension_N[13] == 30.0
-    assert reference.tension_N[750] == pytest.approx(25.0)
+    assert reference.tension_N[[0, 13, 500, 1000]] == pytest.approx([20.0, 30.0, 10.0, 40.0], rel=1e-15)
     assert reference.removed_noise_N == 0.0
     assert reference.initial_tension_N == 20.0
+
+
+@pytest.mark.parametrize("kind", Interpolation)
+def test_the_course_between_samples_has_the_continuity_of_its_kind(
+    finger: Scenario, tmp_path: Path, kind: Interpolation
+) -> None:
+    """The largest jump of the rate shrinks with the step for the cubic, and stays for straight lines."""
+    time = np.arange(0, 1.01, 0.05)
+    spec = replace(csv_reference(tmp_path, time, 30 + 10 * np.sin(2 * np.pi * time)), interpolation=kind)
+    jumps = [float(np.abs(np.diff(sampled(finger, spec, step).tension_N, 2)).max() / step) for step in (1e-3, 0.25e-3)]
+    assert jumps[1] < 0.3 * jumps[0] if kind is Interpolation.MONOTONE else jumps[1] > 0.9 * jumps[0]
+
+
+def test_the_cubic_never_leaves_the_range_of_two_samples(finger: Scenario, tmp_path: Path) -> None:
+    time = np.array([0.0, 0.1, 0.2, 0.9, 1.0])
+    reference = sampled(finger, csv_reference(tmp_path, time, np.array([20.0, 20.0, 60.0, 60.0, 20.0])))
+    assert reference.tension_N.min() >= 20.0
+    assert reference.tension_N.max() <= 60.0
+    assert np.ptp(reference.tension_N[:100]) == 0.0
+
+
+def test_times_that_seem_to_be_milliseconds_are_asked_about_and_a_named_column_is_the_answer(
+    finger: Scenario, tmp_path: Path
+) -> None:
+    time = np.arange(0, 991.0)
+    spec = csv_reference(tmp_path, time, 30 + 5 * np.sin(time / 50))
+    with pytest.raises(InputError, match=r"991 rows 1 s apart are 990000 steps .* are the times milliseconds\?"):
+        sampled(finger, spec)
+    answered = sampled(finger, replace(spec, time_column="time_s"), step_s=0.1)
+    assert answered.time_s[-1] == pytest.approx(990.0)
+
+
+def test_a_long_run_is_announced_with_its_number_of_steps(finger: Scenario) -> None:
+    assert work_ahead(finger) is None
+    note = work_ahead(replace(finger, reference=replace(WAYPOINTS, times_s=(0.0, 1.0, 2.0, 990.0))))
+    assert note is not None
+    assert note.startswith("990 s in steps of 0.001 s are 990000 steps")
+
+
+def test_ripple_of_the_force_rate_is_warned_of_with_straight_lines_and_not_with_the_cubic(
+    finger: Scenario, tmp_path: Path
+) -> None:
+    smooth = sample_reference(finger)
+    spec = csv_reference(tmp_path, smooth.time_s[::10], smooth.tension_N[::10])
+    force_of = inverse_of(finger)
+    found = {}
+    for kind in Interpolation:
+        reference = sampled(finger, replace(spec, interpolation=kind))
+        assert reference.sample_interval_s == pytest.approx(0.01)
+        found[kind] = ripple_advice(force_of(reference.tension_N), 1e-3, reference.sample_interval_s, file="wanted.csv")
+    assert found[Interpolation.MONOTONE] is None
+    assert found[Interpolation.LINEAR] is not None
+    assert "within the 0.01 s between two samples" in found[Interpolation.LINEAR]
 
 
 def test_a_gap_in_a_logged_trace_is_named(finger: Scenario, tmp_path: Path) -> None:
     time = np.delete(np.arange(1001) * 2e-3, slice(400, 550))
     [note] = sampled(finger, csv_reference(tmp_path, time, 30 + 5 * np.sin(2 * np.pi * time))).warnings
-    assert note == (
-        "wanted.csv: 1 gap in rows that are 0.002 s apart, the longest from 0.798 to 1.1 s; a straight line bridges it"
-    )
+    assert note == ("wanted.csv: 1 gap in rows that are 0.002 s apart, the longest from 0.798 to 1.1 s; interpolated")
 
 
 def test_a_few_rows_written_by_hand_have_no_gaps(finger: Scenario, tmp_path: Path) -> None:
@@ -220,7 +279,7 @@ def noisy(noise_N: float) -> Reference:
 
 def test_a_cut_off_is_proposed_that_quietens_the_force(finger: Scenario) -> None:
     force_of = inverse_of(finger)
-    advice = noise_advice(noisy(0.3), force_of, file="wanted.csv")
+    advice = noise_advice(noisy(0.3).tension_N, 1e-3, force_of, file="wanted.csv")
     assert advice is not None
     assert advice.noise_N == pytest.approx(0.3, rel=0.1)
     assert "wanted.csv: noise of 0.3" in advice.message
@@ -232,11 +291,11 @@ def test_a_cut_off_is_proposed_that_quietens_the_force(finger: Scenario) -> None
 
 
 def test_a_clean_reference_gets_no_advice(finger: Scenario) -> None:
-    assert noise_advice(noisy(0.0), inverse_of(finger)) is None
+    assert noise_advice(noisy(0.0).tension_N, 1e-3, inverse_of(finger)) is None
 
 
 def test_noise_that_the_force_does_not_feel_gets_no_advice() -> None:
-    assert noise_advice(noisy(0.05), lambda tension: 2 * tension) is None
+    assert noise_advice(noisy(0.05).tension_N, 1e-3, lambda tension: 2 * tension) is None
 
 
 def test_a_measured_trace_becomes_a_reference(finger: Scenario, measured_data: Path, tmp_path: Path) -> None:
@@ -248,3 +307,63 @@ def test_a_measured_trace_becomes_a_reference(finger: Scenario, measured_data: P
     reference = sampled(finger, spec)
     assert 0 < reference.removed_noise_N < 2.0
     assert reference.tension_N.min() > 5.0
+
+
+# --- what else a reference may say
+
+
+def test_a_reference_that_touches_zero_is_lifted_smoothly_and_says_so(finger: Scenario) -> None:
+    touching = WaypointReference(times_s=(0.0, 0.5, 1.0), tensions_N=(0.0, 50.0, 0.0), shape=Shape.SMOOTH)
+    default, chosen = sampled(finger, touching), sampled(finger, replace(touching, least_tension_N=4.0))
+    assert default.tension_N.min() == pytest.approx(1.0, rel=0.1)  # 2 % of the range
+    assert chosen.tension_N.min() == pytest.approx(4.0, rel=0.1)
+    assert chosen.tension_N.min() >= 4.0
+    assert chosen.initial_tension_N == chosen.tension_N.min()
+    assert chosen.tension_N.max() == pytest.approx(50.0, rel=1e-3)
+    assert "at least 4.24 N is kept instead (least_tension_N)" in chosen.warnings[0]
+    assert "2 % of the range; least_tension_N sets it" in default.warnings[0]
+
+
+def test_a_reference_that_stays_above_zero_is_not_lifted(finger: Scenario) -> None:
+    assert np.array_equal(
+        sampled(finger, replace(WAYPOINTS, least_tension_N=5.0)).tension_N, sampled(finger, WAYPOINTS).tension_N
+    )
+
+
+def test_a_cycle_that_does_not_close_is_refused(finger: Scenario) -> None:
+    with pytest.raises(InputError, match="starts at 20 and ends at 10; let one period end where it starts"):
+        sampled(finger, replace(WAYPOINTS, periodic=True))
+    closed = sampled(finger, replace(WAYPOINTS, tensions_N=(20.0, 40.0, 40.0, 20.0), periodic=True))
+    assert closed.tension_N[0] == closed.tension_N[-1]
+
+
+def test_a_wanted_position_asks_for_the_tension_of_the_loads_balance(finger: Scenario) -> None:
+    """At rest in the new place T = T0 + k_l q."""
+    wish = WaypointReference(
+        times_s=(0.0, 0.5, 1.0),
+        positions_m=(0.0, 0.004, 0.004),
+        shape=Shape.SMOOTH,
+        quantity=Quantity.POSITION,
+        initial_tension_N=30.0,
+    )
+    reference = sampled(finger, wish)
+    assert reference.position_m is not None
+    assert reference.position_m[-1] == 0.004
+    assert reference.tension_N[-1] == pytest.approx(30.0 + 0.004 * finger.transmission.load.stiffness_N_per_m)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"quantity": Quantity.POSITION}, 'positions_m is missing: quantity = "position" asks for it'),
+        ({"positions_m": (0.0, 0.0, 0.0, 0.0)}, 'positions_m is not for quantity = "tension"; give tensions_N alone'),
+        (
+            {"quantity": Quantity.POSITION, "tensions_N": None, "positions_m": (0.0, 0.0, 0.0, 0.0)},
+            "initial_tension_N is missing",
+        ),
+        ({"least_tension_N": 0.0}, "least_tension_N must be a finite number > 0, got 0"),
+    ],
+)
+def test_what_does_not_fit_the_quantity_is_refused(changes: dict[str, object], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        replace(WAYPOINTS, **changes)

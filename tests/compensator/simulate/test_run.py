@@ -108,7 +108,7 @@ def test_a_force_that_jumps_at_the_start_or_lets_the_tendon_go_slack_is_warned_o
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("time_s,force\n0,1\n", 'F.csv: column "force_N" is missing, did you mean "force"?'),
+        ("time_s,force\n0,1\n", 'F.csv: column "force_N" is missing; is it "force"?'),
         ("time_s,force_N\n0,30\n0.1,30\n0.1,30\n", "F.csv row 4: time_s must increase, got 0.1 after 0.1"),
         ("time_s,force_N\n0,30\n0.1,x\n", 'F.csv row 3: force_N must be a number, got "x"'),
         ("time_s,force_N\n1,30\n2,30\n", "F.csv row 2: time_s must start at 0, got 1"),
@@ -155,3 +155,42 @@ def test_an_interrupted_run_exits_130_and_leaves_nothing(
     assert process.returncode == 130
     assert message.strip() == "interrupted; nothing was written"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["F.csv"]
+
+
+PROFILE = "time_s,reference_N,force_none_N,force_inverse_N,force_optimal_N\n0,30,30,30,30\n0.2,31,31,40,50\n"
+
+
+@pytest.mark.parametrize(("options", "last"), [((), 50.0), (("--force-column", "force_inverse_N"), 40.0)])
+def test_a_profile_is_played_by_its_optimal_column_unless_another_is_named(
+    examples: Path, tmp_path: Path, capsys: Capture, options: tuple[str, ...], last: float
+) -> None:
+    write_text(tmp_path / "profile.csv", PROFILE)
+    assert play(examples, tmp_path / "profile.csv", tmp_path / "O.csv", *options) == 0
+    assert read_csv(tmp_path / "O.csv", COLUMNS)["force_N"][-1] == pytest.approx(last)
+    said = "profile.csv: simulating force_optimal_N (--force-column for force_none_N, force_inverse_N)"
+    assert (said in capsys.readouterr().err) is not bool(options)
+
+
+def test_a_file_whose_force_cannot_be_told_is_asked_about(examples: Path, tmp_path: Path, capsys: Capture) -> None:
+    write_text(tmp_path / "p.csv", "time_s,force_none_N,force_capstan_N\n0,30,30\n0.1,31,31\n")
+    assert play(examples, tmp_path / "p.csv", tmp_path / "O.csv") == 2
+    assert 'choose with --force-column "force_none_N"' in capsys.readouterr().err
+
+
+SERVO = 'drive = "position"\nservo_stiffness_N_per_m = 2e5\n'
+
+
+def test_a_servo_is_simulated_under_its_command(examples: Path, tmp_path: Path) -> None:
+    """The force that a force drive is given is what the servo gives under travel + (F - T0)/k."""
+    text = (examples / "finger.toml").read_text(encoding="utf-8")
+    write_text(tmp_path / "servo.toml", text.replace("force_rate_max", f"{SERVO}force_rate_max", 1))
+    write_text(tmp_path / "F.csv", FORCE)
+    assert play(examples, tmp_path / "F.csv", tmp_path / "forced.csv") == 0
+    forced = read_csv(tmp_path / "forced.csv", COLUMNS)
+    travel = forced["actuator_position_m"] - forced["actuator_position_m"][0]
+    command = travel + (forced["force_N"] - 30.0) / 2e5
+    write_csv(tmp_path / "C.csv", {"time_s": forced["time_s"], "command_m": command})
+    assert play(tmp_path, tmp_path / "C.csv", tmp_path / "commanded.csv", name="servo") == 0
+    commanded = read_csv(tmp_path / "commanded.csv", COLUMNS)
+    for name in COLUMNS[1:]:
+        assert commanded[name] == pytest.approx(forced[name], abs=1e-6)

@@ -298,7 +298,9 @@ def unbalanced_rows(chain: Chain, run: Simulation, step_s: float) -> Array:
     now, v = x[2:], np.abs(x[2:, : n + 2])
     mass = np.concatenate([[chain.near.mass_kg], np.full(n, piece.mass_kg), [chain.far.mass_kg]])
     stretch = np.abs(x[2:, n + 2 : 2 * n + 3]).max(axis=1, keepdims=True)  # also of slack links, which round as much
-    largest = np.maximum(link.stiffness_N_per_m * stretch, np.abs(run.force_N[2:, None])) + 1.0
+    largest = (
+        np.maximum(link.stiffness_N_per_m * chain.elements.ratio.max() * stretch, np.abs(run.force_N[2:, None])) + 1.0
+    )
     momentum = mass * np.maximum(v, np.abs(x[1:-1, : n + 2])).max(axis=1, keepdims=True) / weight
     bound = np.empty_like(defect)
     bound[:, : n + 2] = (largest + momentum) * weight / mass
@@ -313,7 +315,7 @@ def unbalanced_rows(chain: Chain, run: Simulation, step_s: float) -> Array:
     return np.flatnonzero((defect > 1e-9 * bound).any(axis=1))
 
 
-@pytest.mark.parametrize("seed", [30, 113])
+@pytest.mark.parametrize("seed", [101, 113])
 def test_engines_agree_where_a_step_is_split_deeply(seed: int) -> None:
     """Into pieces down to 1/64 and 1/512 of the step, and longer ones after them; a tenth of the step agrees."""
     chain, force, step = random_rig(np.random.default_rng(seed))

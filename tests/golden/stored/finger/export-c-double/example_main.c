@@ -1,6 +1,6 @@
 /* example_main.c: the control loop, 1000 samples a second, with the chain in place of the rig.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 32a28291451430fe, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash f3d8b61dd5010fb8, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * On the controller the body of the loop goes into the timer interrupt, and the two lines marked RIG give way to the
  * amplifier and to nothing: the compensators are feedforward and need no measurement.

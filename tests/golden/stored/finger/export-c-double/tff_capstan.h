@@ -1,6 +1,6 @@
 /* tff_capstan.h: static inverse of the capstan law on the branch of the reference's last change.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 32a28291451430fe, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash f3d8b61dd5010fb8, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * (force + p) = (reference + p) e^{+mu theta} while the reference rises, e^{-mu theta} while it falls, p the adhesion.
  */

@@ -1,6 +1,6 @@
 /* tff_inverse.c: see tff_inverse.h.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 32a28291451430fe, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash f3d8b61dd5010fb8, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The element laws are printed from the symbolic models with the parameters of this transmission folded in.
  */
@@ -8,14 +8,17 @@
 
 #include <math.h>
 
-/* What depends on the weight H [s] of the scheme: one row for the first step (implicit Euler), one for every
- * later step (second-order backward differences; `carry` is the share of the last change in the base), and
- * one for each halving of a step, where there are any. Fields are named after the law that needs them. */
+/* What depends on the weight H [s] of the scheme: two rows for the first step (implicit Euler), two for
+ * every later step (second-order backward differences; `carry` is the share of the last change in the base), and
+ * two for each halving of a step, where there are any: for inner links, and for those at the ends, which are
+ * half as long. Fields are named after the law that needs them. */
 typedef struct {
     double H;
     double carry;
     double link_start_1;
     double link_start_2;
+    double link_start_3;
+    double link_start_4;
     double link_rate_1;
     double far_velocity_1;
     double far_velocity_2;
@@ -23,33 +26,28 @@ typedef struct {
     double path_mass_inverse_1;
 } tff_inverse_weights;
 
-<<<<<<< HEAD
-static const tff_inverse_weights tff_inverse_rows[2] = {
-    { 0.001, 0.0, 0.001, 1.0024999999999999, 195.89526184538653, 20.0, 31.0, 150.0, 0.33333333333333331 },
-    { 0.00066666666666666664, 0.33333333333333331, 0.00066666666666666664, 1.0016666666666667, 135.28674431503049, 30.0, 40.0, 225.0, 0.5 },
-};
-=======
 static const tff_inverse_weights *tff_inverse_rows(void)
 {
-    static const tff_inverse_weights rows[2] = {
-        { 0.001, 0.0, 0.001, 1.0024999999999999, 195.89526184538653, 20.0, 31.0, 150.0, 0.33333333333333331 },
-        { 0.00066666666666666664, 0.33333333333333331, 0.00066666666666666664, 1.0016666666666667, 135.28674431503049, 30.0, 40.0, 225.0, 0.5 },
+    static const tff_inverse_weights rows[4] = {
+        { 0.001, 0.0, 120000.0, 36000.0, 0.001, 1.0024999999999999, 167.91022443890273, 20.0, 31.0, 150.0, 0.33333333333333331 },
+        { 0.001, 0.0, 240000.0, 72000.0, 0.001, 1.0024999999999999, 335.82044887780546, 20.0, 31.0, 150.0, 0.33333333333333331 },
+        { 0.00066666666666666664, 0.33333333333333331, 120000.0, 36000.0, 0.00066666666666666664, 1.0016666666666667, 115.96006655574044, 30.0, 40.0, 225.0, 0.5 },
+        { 0.00066666666666666664, 0.33333333333333331, 240000.0, 72000.0, 0.00066666666666666664, 1.0016666666666667, 231.92013311148088, 30.0, 40.0, 225.0, 0.5 },
     };
     return rows;
 }
->>>>>>> house
 
 /* A link's force at zero rate of elongation, before slack [N], eqs. (6), (7). */
 static void tff_inverse_link_start(
     const tff_inverse_weights *w, double e_base, double z_base, double *start)
 {
-    const double t0 = 140000.0 * e_base;
+    const double t0 = w->link_start_1 * e_base;
     const double t1 = e_base / 0.40000000000000002;
-    const double t2 = w->link_start_1 * t1;
+    const double t2 = w->link_start_3 * t1;
     const double t3 = z_base + t2;
-    const double t4 = t3 / w->link_start_2;
+    const double t4 = t3 / w->link_start_4;
     const double t5 = e_base - t4;
-    const double t6 = 42000.0 * t5;
+    const double t6 = w->link_start_2 * t5;
     const double t7 = t0 + t6;
     *start = t7;
 }
@@ -68,13 +66,13 @@ static void tff_inverse_link_rate(
 static void tff_inverse_link_states(
     const tff_inverse_weights *w, double rate, double e_base, double z_base, double *e, double *z)
 {
-    const double t0 = w->link_start_1 * rate;
+    const double t0 = w->link_start_3 * rate;
     const double t1 = e_base + t0;
     *e = t1;
     const double t2 = t1 / 0.40000000000000002;
-    const double t3 = w->link_start_1 * t2;
+    const double t3 = w->link_start_3 * t2;
     const double t4 = z_base + t3;
-    const double t5 = t4 / w->link_start_2;
+    const double t5 = t4 / w->link_start_4;
     *z = t5;
 }
 
@@ -117,11 +115,11 @@ static void tff_inverse_path_mass_inverse(
     const double t5 = f_far + t4;
     const double t6 = fabs(v);
     const double t7 = t6 / 0.052312080781770152;
-    const double t8 = 8333.3333333333339 * t7;
-    const double t9 = w->link_start_1 * t8;
+    const double t8 = 8333.3333333333321 * t7;
+    const double t9 = w->link_start_3 * t8;
     const double t10 = t5 + t9;
-    const double t11 = 8333.3333333333339 * v;
-    const double t12 = w->link_start_1 * t11;
+    const double t11 = 8333.3333333333321 * v;
+    const double t12 = w->link_start_3 * t11;
     const double t13 = f_s_base + t12;
     const double t14 = t10 - t13;
     const double t15 = t14 / 2.0;
@@ -148,7 +146,7 @@ static void tff_inverse_path_mass_inverse(
 static double tff_inverse_invert_step(
     const tff_inverse_weights *rows, double reference, int fresh, double *x, double *x_old, double *least)
 {
-    const tff_inverse_weights *const c = &rows[(fresh != 0) ? 0 : 1];
+    const tff_inverse_weights *const c = &rows[2 * ((fresh != 0) ? 0 : 1)];
     const int n = TFF_INVERSE_COUNT;
     const double carry = c->carry;
     double start;
@@ -171,28 +169,19 @@ static double tff_inverse_invert_step(
     x[((4 * n) + 5)] += c->H * v;
     x[n + 1] = v;
     for (i = n; i >= 0; i--) { /* link i between mass i and mass i + 1 */
+        const tff_inverse_weights *const l = &c[((i == 0) || (i == n)) ? 1 : 0];
         double *const e = &x[(n + 2) + i];
         double *const z = &x[((2 * n) + 3) + i];
-<<<<<<< HEAD
-        tff_inverse_link_start(c, *e, *z, &start);
-        tff_inverse_link_rate(c, f, start, &rate);
-        tff_inverse_link_states(c, rate, *e, *z, e, z);
-        v += rate;
-        if (i > 0) {
-            double *const f_s = &x[((3 * n) + 4) + (i - 1)];
-            tff_inverse_path_mass_inverse(c, v, f, x[i], *f_s, &near_f, f_s);
-=======
         const double e_base = *e;
         const double z_base = *z;
-        tff_inverse_link_start(c, e_base, z_base, &start);
-        tff_inverse_link_rate(c, f, start, &rate);
-        tff_inverse_link_states(c, rate, e_base, z_base, e, z);
+        tff_inverse_link_start(l, e_base, z_base, &start);
+        tff_inverse_link_rate(l, f, start, &rate);
+        tff_inverse_link_states(l, rate, e_base, z_base, e, z);
         v += rate;
         if (i > 0) {
             double *const f_s = &x[((3 * n) + 4) + (i - 1)];
             const double f_s_base = *f_s;
             tff_inverse_path_mass_inverse(c, v, f, x[i], f_s_base, &near_f, f_s);
->>>>>>> house
             x[i] = v;
             f = near_f;
             *least = (f < *least) ? f : *least;
@@ -220,13 +209,21 @@ void tff_inverse_init(tff_inverse *self, tff_real initial_tension)
     for (j = 0; j < 8; j++) {
         self->x[j] = 0.0;
     }
-    for (j = 8; j < 22; j++) {
-        self->x[j] = tension * 7.1428571428571427e-06;
+    self->x[8] = tension * 4.1666666666666669e-06;
+    for (j = 9; j < 14; j++) {
+        self->x[j] = tension * 8.3333333333333337e-06;
     }
+    for (j = 14; j < 16; j++) {
+        self->x[j] = tension * 4.1666666666666669e-06;
+    }
+    for (j = 16; j < 21; j++) {
+        self->x[j] = tension * 8.3333333333333337e-06;
+    }
+    self->x[21] = tension * 4.1666666666666669e-06;
     for (j = 22; j < 28; j++) {
         self->x[j] = 0.0;
     }
-    self->x[28] = tension * 0.00038333333333333329;
+    self->x[28] = tension * 0.00038333333333333334;
     self->x[29] = tension * 0.00033333333333333332;
     for (j = 0; j < TFF_INVERSE_REALS; j++) {
         self->x_old[j] = self->x[j];
@@ -247,11 +244,7 @@ tff_real tff_inverse_step(tff_inverse *self, tff_real reference)
         force = tff_output_set(&self->output, self->output.force);
     } else {
         const tff_real exact = tff_inverse_invert_step(
-<<<<<<< HEAD
-            tff_inverse_rows, reference, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &self->least);
-=======
             tff_inverse_rows(), reference, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &self->least);
->>>>>>> house
         self->fresh = 0;
         force = tff_output_set(&self->output, exact);
         if (self->least <= 0.0) {

@@ -1,6 +1,6 @@
 /* tff_inverse.h: the force whose response on the chain is a given output tension.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 32a28291451430fe, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash f3d8b61dd5010fb8, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * Exact inverse of the presliding chain with 6 masses: closed form, causal, no iteration, the same work in
  * every call but the first. Scheme: second-order backward differences, implicit Euler in the first step.

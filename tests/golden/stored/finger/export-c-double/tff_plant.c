@@ -1,6 +1,6 @@
 /* tff_plant.c: see tff_plant.h.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 32a28291451430fe, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash f3d8b61dd5010fb8, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The element laws are printed from the symbolic models with the parameters of this transmission folded in.
  */
@@ -50,14 +50,17 @@ typedef struct {
 } tff_chain_work;
 
 
-/* What depends on the weight H [s] of the scheme: one row for the first step (implicit Euler), one for every
- * later step (second-order backward differences; `carry` is the share of the last change in the base), and
- * one for each halving of a step, where there are any. Fields are named after the law that needs them. */
+/* What depends on the weight H [s] of the scheme: two rows for the first step (implicit Euler), two for
+ * every later step (second-order backward differences; `carry` is the share of the last change in the base), and
+ * two for each halving of a step, where there are any: for inner links, and for those at the ends, which are
+ * half as long. Fields are named after the law that needs them. */
 typedef struct {
     double H;
     double carry;
     double link_start_1;
     double link_start_2;
+    double link_start_3;
+    double link_start_4;
     double link_force_1;
     double path_mass_1;
     double path_mass_2;
@@ -67,39 +70,34 @@ typedef struct {
     double end_mass_far_2;
 } tff_chain_weights;
 
-<<<<<<< HEAD
-static const tff_chain_weights tff_chain_rows[5] = {
-    { 0.001, 0.0, 0.001, 1.0024999999999999, 195.89526184538653, 0.33333333333333331, 8.3333333333333339, 150.0, 155.0, 20.0, 31.0 },
-    { 0.00066666666666666664, 0.33333333333333331, 0.00066666666666666664, 1.0016666666666667, 135.28674431503049, 0.5, 5.5555555555555554, 225.0, 230.0, 30.0, 40.0 },
-    { 0.00050000000000000001, 0.0, 0.00050000000000000001, 1.00125, 104.97378277153558, 0.66666666666666663, 4.166666666666667, 300.0, 305.0, 40.0, 49.5 },
-    { 0.00025000000000000001, 0.0, 0.00025000000000000001, 1.0006250000000001, 59.493441599000626, 1.3333333333333333, 2.0833333333333335, 600.0, 605.0, 80.0, 88.75 },
-    { 0.000125, 0.0, 0.000125, 1.0003124999999999, 36.748359887535145, 2.6666666666666665, 1.0416666666666667, 1200.0, 1205.0, 160.0, 168.375 },
-};
-=======
 static const tff_chain_weights *tff_chain_rows(void)
 {
-    static const tff_chain_weights rows[5] = {
-        { 0.001, 0.0, 0.001, 1.0024999999999999, 195.89526184538653, 0.33333333333333331, 8.3333333333333339, 150.0, 155.0, 20.0, 31.0 },
-        { 0.00066666666666666664, 0.33333333333333331, 0.00066666666666666664, 1.0016666666666667, 135.28674431503049, 0.5, 5.5555555555555554, 225.0, 230.0, 30.0, 40.0 },
-        { 0.00050000000000000001, 0.0, 0.00050000000000000001, 1.00125, 104.97378277153558, 0.66666666666666663, 4.166666666666667, 300.0, 305.0, 40.0, 49.5 },
-        { 0.00025000000000000001, 0.0, 0.00025000000000000001, 1.0006250000000001, 59.493441599000626, 1.3333333333333333, 2.0833333333333335, 600.0, 605.0, 80.0, 88.75 },
-        { 0.000125, 0.0, 0.000125, 1.0003124999999999, 36.748359887535145, 2.6666666666666665, 1.0416666666666667, 1200.0, 1205.0, 160.0, 168.375 },
+    static const tff_chain_weights rows[10] = {
+        { 0.001, 0.0, 120000.0, 36000.0, 0.001, 1.0024999999999999, 167.91022443890273, 0.33333333333333331, 8.3333333333333321, 150.0, 155.0, 20.0, 31.0 },
+        { 0.001, 0.0, 240000.0, 72000.0, 0.001, 1.0024999999999999, 335.82044887780546, 0.33333333333333331, 8.3333333333333321, 150.0, 155.0, 20.0, 31.0 },
+        { 0.00066666666666666664, 0.33333333333333331, 120000.0, 36000.0, 0.00066666666666666664, 1.0016666666666667, 115.96006655574044, 0.5, 5.5555555555555545, 225.0, 230.0, 30.0, 40.0 },
+        { 0.00066666666666666664, 0.33333333333333331, 240000.0, 72000.0, 0.00066666666666666664, 1.0016666666666667, 231.92013311148088, 0.5, 5.5555555555555545, 225.0, 230.0, 30.0, 40.0 },
+        { 0.00050000000000000001, 0.0, 120000.0, 36000.0, 0.00050000000000000001, 1.00125, 89.977528089887642, 0.66666666666666663, 4.1666666666666661, 300.0, 305.0, 40.0, 49.5 },
+        { 0.00050000000000000001, 0.0, 240000.0, 72000.0, 0.00050000000000000001, 1.00125, 179.95505617977528, 0.66666666666666663, 4.1666666666666661, 300.0, 305.0, 40.0, 49.5 },
+        { 0.00025000000000000001, 0.0, 120000.0, 36000.0, 0.00025000000000000001, 1.0006250000000001, 50.994378513429105, 1.3333333333333333, 2.083333333333333, 600.0, 605.0, 80.0, 88.75 },
+        { 0.00025000000000000001, 0.0, 240000.0, 72000.0, 0.00025000000000000001, 1.0006250000000001, 101.98875702685821, 1.3333333333333333, 2.083333333333333, 600.0, 605.0, 80.0, 88.75 },
+        { 0.000125, 0.0, 120000.0, 36000.0, 0.000125, 1.0003124999999999, 31.498594189315838, 2.6666666666666665, 1.0416666666666665, 1200.0, 1205.0, 160.0, 168.375 },
+        { 0.000125, 0.0, 240000.0, 72000.0, 0.000125, 1.0003124999999999, 62.997188378631677, 2.6666666666666665, 1.0416666666666665, 1200.0, 1205.0, 160.0, 168.375 },
     };
     return rows;
 }
->>>>>>> house
 
 /* A link's force at zero rate of elongation, before slack [N], eqs. (6), (7). */
 static void tff_chain_link_start(
     const tff_chain_weights *w, double e_base, double z_base, double *start)
 {
-    const double t0 = 140000.0 * e_base;
+    const double t0 = w->link_start_1 * e_base;
     const double t1 = e_base / 0.40000000000000002;
-    const double t2 = w->link_start_1 * t1;
+    const double t2 = w->link_start_3 * t1;
     const double t3 = z_base + t2;
-    const double t4 = t3 / w->link_start_2;
+    const double t4 = t3 / w->link_start_4;
     const double t5 = e_base - t4;
-    const double t6 = 42000.0 * t5;
+    const double t6 = w->link_start_2 * t5;
     const double t7 = t0 + t6;
     *start = t7;
 }
@@ -120,13 +118,13 @@ static void tff_chain_link_force(
 static void tff_chain_link_states(
     const tff_chain_weights *w, double rate, double e_base, double z_base, double *e, double *z)
 {
-    const double t0 = w->link_start_1 * rate;
+    const double t0 = w->link_start_3 * rate;
     const double t1 = e_base + t0;
     *e = t1;
     const double t2 = t1 / 0.40000000000000002;
-    const double t3 = w->link_start_1 * t2;
+    const double t3 = w->link_start_3 * t2;
     const double t4 = z_base + t3;
-    const double t5 = t4 / w->link_start_2;
+    const double t5 = t4 / w->link_start_4;
     *z = t5;
 }
 
@@ -137,16 +135,16 @@ static void tff_chain_path_mass(
     const double t0 = v - v_base;
     const double t1 = w->path_mass_1 * t0;
     const double t2 = f_near - f_far;
-    const double t3 = 8333.3333333333339 * v;
-    const double t4 = w->link_start_1 * t3;
+    const double t3 = 8333.3333333333321 * v;
+    const double t4 = w->link_start_3 * t3;
     const double t5 = f_s_base + t4;
     const double t6 = f_near + f_far;
     const double t7 = (1.0000000000000001e-09 < t6) ? t6 : 1.0000000000000001e-09;
     const double t8 = t5 * t7;
     const double t9 = fabs(v);
     const double t10 = t9 / 0.052312080781770152;
-    const double t11 = 8333.3333333333339 * t10;
-    const double t12 = w->link_start_1 * t11;
+    const double t11 = 8333.3333333333321 * t10;
+    const double t12 = w->link_start_3 * t11;
     const double t13 = t7 + t12;
     const double t14 = t8 / t13;
     const double t15 = 0.16666666666666666 * v;
@@ -159,8 +157,8 @@ static void tff_chain_path_mass(
     const double t21 = t14 / t13;
     const double t22 = (v > 0.0) ? 1.0 : ((v < 0.0) ? -1.0 : 0.0);
     const double t23 = t22 / 0.052312080781770152;
-    const double t24 = 8333.3333333333339 * t23;
-    const double t25 = w->link_start_1 * t24;
+    const double t24 = 8333.3333333333321 * t23;
+    const double t25 = w->link_start_3 * t24;
     const double t26 = t21 * t25;
     const double t27 = t20 - t26;
     const double t28 = t27 + 0.16666666666666666;
@@ -203,7 +201,7 @@ static void tff_chain_end_mass_far(
     const double t1 = w->end_mass_far_1 * t0;
     const double t2 = 8.0 * v;
     const double t3 = f - t2;
-    const double t4 = w->link_start_1 * v;
+    const double t4 = w->link_start_3 * v;
     const double t5 = q_base + t4;
     const double t6 = 3000.0 * t5;
     const double t7 = t3 - t6;
@@ -226,8 +224,11 @@ static void tff_chain_link_starts(const tff_chain_weights *given, int n, const d
     int i;
     const tff_chain_weights *const c = given;
     (void)c;
-    for (i = 0; i <= n; i++) {
+    for (i = 1; i < n; i++) {
         tff_chain_link_start(c, base[(n + 2) + i], base[((2 * n) + 3) + i], &start[i]);
+    }
+    for (i = 0; i <= n; i += n) {
+        tff_chain_link_start((&c[1]), base[(n + 2) + i], base[((2 * n) + 3) + i], &start[i]);
     }
 }
 
@@ -239,8 +240,11 @@ static void tff_chain_link_ends(
     int i;
     const tff_chain_weights *const c = given;
     (void)c;
-    for (i = 0; i <= n; i++) {
+    for (i = 1; i < n; i++) {
         tff_chain_link_states(c, v[i] - v[i + 1], base[(n + 2) + i], base[((2 * n) + 3) + i], &e[i], &z[i]);
+    }
+    for (i = 0; i <= n; i += n) {
+        tff_chain_link_states((&c[1]), v[i] - v[i + 1], base[(n + 2) + i], base[((2 * n) + 3) + i], &e[i], &z[i]);
     }
 }
 
@@ -270,8 +274,11 @@ static void tff_chain_tensions(const tff_chain_weights *given, int n, const doub
     int i;
     const tff_chain_weights *const c = given;
     (void)c;
-    for (i = 0; i <= n; i++) {
+    for (i = 1; i < n; i++) {
         tff_chain_link_force(c, v[i] - v[i + 1], w->start[i], &w->force[i], &w->slope[i]);
+    }
+    for (i = 0; i <= n; i += n) {
+        tff_chain_link_force((&c[1]), v[i] - v[i + 1], w->start[i], &w->force[i], &w->slope[i]);
     }
 }
 
@@ -454,14 +461,10 @@ static void tff_chain_solve(const tff_chain_weights *c, const tff_chain_input *u
     tolerance = tff_chain_tolerance(c, w);
     norm = tff_chain_evaluate(c, u, w->v, w);
     norm = tff_chain_newton(c, u, norm, tolerance, w, report, &moves);
-<<<<<<< HEAD
-    report->converged = (norm <= tolerance) ? 1 : 0;
-=======
     report->converged = 0;
     if (norm <= tolerance) {
         report->converged = 1;
     }
->>>>>>> house
     report->residual_N = norm;
 }
 
@@ -499,7 +502,7 @@ static void tff_chain_step(
     const tff_chain_weights *rows, const tff_chain_input *u_old, const tff_chain_input *u, int fresh,
     double *x, double *x_old, tff_chain_work *w, tff_chain_report *report)
 {
-    const tff_chain_weights *c = &rows[(fresh != 0) ? 0 : 1];
+    const tff_chain_weights *c = &rows[2 * ((fresh != 0) ? 0 : 1)];
     const int n = TFF_CHAIN_COUNT;
     const int size = ((4 * n) + 6);
     int guess;
@@ -536,7 +539,7 @@ static void tff_chain_step(
             for (j = 0; j <= (n + 1); j++) {
                 w->v[j] = x[j];
             }
-            c = &rows[1 + split];
+            c = &rows[2 * (1 + split)];
             tff_chain_solve(c, &u_part, w, report);
             if (report->converged != 0) {
                 tff_chain_finish(c, w, x);
@@ -552,14 +555,10 @@ static void tff_chain_step(
                 length *= 0.5;
             }
         }
-<<<<<<< HEAD
-        report->converged = (left == 0) ? 1 : 0; /* also where the pieces ran out */
-=======
         report->converged = 0; /* also where the pieces ran out */
         if (left == 0) {
             report->converged = 1;
         }
->>>>>>> house
     }
 }
 
@@ -577,13 +576,21 @@ void tff_plant_init(tff_plant *self, tff_real initial_tension)
     for (j = 0; j < 8; j++) {
         self->x[j] = 0.0;
     }
-    for (j = 8; j < 22; j++) {
-        self->x[j] = tension * 7.1428571428571427e-06;
+    self->x[8] = tension * 4.1666666666666669e-06;
+    for (j = 9; j < 14; j++) {
+        self->x[j] = tension * 8.3333333333333337e-06;
     }
+    for (j = 14; j < 16; j++) {
+        self->x[j] = tension * 4.1666666666666669e-06;
+    }
+    for (j = 16; j < 21; j++) {
+        self->x[j] = tension * 8.3333333333333337e-06;
+    }
+    self->x[21] = tension * 4.1666666666666669e-06;
     for (j = 22; j < 28; j++) {
         self->x[j] = 0.0;
     }
-    self->x[28] = tension * 0.00038333333333333329;
+    self->x[28] = tension * 0.00038333333333333334;
     self->x[29] = tension * 0.00033333333333333332;
     for (j = 0; j < TFF_PLANT_REALS; j++) {
         self->x_old[j] = self->x[j];
@@ -608,11 +615,7 @@ tff_real tff_plant_step(tff_plant *self, tff_real force)
         const tff_chain_input before = { self->force, 0.0, 0.0, 0.0 };
         const tff_chain_input now = { force, 0.0, 0.0, 0.0 };
 
-<<<<<<< HEAD
-        tff_chain_step(tff_chain_rows, &before, &now, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &work, &report);
-=======
         tff_chain_step(tff_chain_rows(), &before, &now, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &work, &report);
->>>>>>> house
         self->solves = (int32_t)report.iterations;
         if (report.converged != 0) {
             self->fresh = 0;

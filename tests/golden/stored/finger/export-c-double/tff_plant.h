@@ -1,6 +1,6 @@
 /* tff_plant.h: the tendon chain itself, for hardware-in-the-loop.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 32a28291451430fe, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash f3d8b61dd5010fb8, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * presliding chain with 6 masses, 7 links and the end masses. Implicit steps (second-order backward
  * differences), solved by a tridiagonal Newton iteration with a line search; every loop is bounded.

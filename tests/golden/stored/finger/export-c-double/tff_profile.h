@@ -1,6 +1,6 @@
 /* tff_profile.h: plays the optimal force profile of the design, sample by sample.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 32a28291451430fe, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash f3d8b61dd5010fb8, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  */
 #ifndef TFF_PROFILE_H

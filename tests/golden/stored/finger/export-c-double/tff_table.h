@@ -1,6 +1,6 @@
 /* tff_table.h: force from the compensation table tff_table_data.h.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 32a28291451430fe, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash f3d8b61dd5010fb8, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The branch and the tension travelled since the last reversal come from the reference alone, never from a measured
  * velocity. Bilinear in the reference and in (tension since the reversal)/(reference + adhesion). A reversal out of an

@@ -1,6 +1,6 @@
 /* tff_types.h: what the files of this folder share.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 32a28291451430fe, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash f3d8b61dd5010fb8, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * Units are SI: N, m, s. One call of a step function is one sample of 0.001 s.
  */

@@ -1,0 +1,206 @@
+"""How a table of text is written: its separator, its decimal mark, and where header, units and numbers stand.
+
+Spreadsheets, loggers and oscilloscopes write the same numbers in many ways. What the text tells is taken from it and
+said in notes; what it does not tell is asked about.
+"""
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+from tendonff.compensator.files.text import InputError, open_text
+
+_COMMENTS = ("#", "%", "//")
+_LOOKED_AT = 200  # lines that the way of writing is told from
+_LONGEST = 100_000  # characters of a line that are looked at
+_SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces"}
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dialect:
+    """How a table is written.
+
+    Parameters
+    ----------
+    separator : str
+        Character between cells; a space stands for any number of them.
+    decimal : str
+        Decimal mark, "." or ",".
+    names : tuple of str
+        Columns of the header, without blanks around them.
+    units : tuple of str
+        What a line of units below the header says, one text a column; all empty where there is none.
+    skipped : int
+        Lines before the first row of numbers.
+    notes : tuple of str
+        In what the file differs from the plain form: header in the first line, commas, decimal points.
+    """
+
+    separator: str = ","
+    decimal: str = "."
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    skipped: int
+    notes: tuple[str, ...] = ()
+
+    def cells(self, line: str) -> list[str]:
+        """Cells of a line, without blanks around them; csv.Error where its quotes make no sense."""
+        return _split(line, self.separator)
+
+    def number(self, text: str) -> float:
+        """A cell as a number; ValueError where it is none."""
+        if self.decimal == "," and "." in text:
+            raise ValueError(text)
+        return float(text.replace(self.decimal, "."))
+
+
+def is_comment(line: str) -> bool:
+    """Whether a line is a remark.
+
+    Parameters
+    ----------
+    line : str
+    """
+    return line.lstrip(' "').startswith(_COMMENTS)
+
+
+def find_dialect(path: Path, expected: Sequence[str] = ()) -> Dialect:
+    """Find out from its first lines how a table is written.
+
+    Parameters
+    ----------
+    path : Path
+    expected : sequence of str
+        Names of columns that the header may have; they tell it from a heading.
+
+    Raises
+    ------
+    InputError
+        The file is empty, is no text, or its first line is a row of numbers.
+    """
+    lines = _first_lines(path)
+    try:
+        return _dialect_of(lines, expected, path.name)
+    except csv.Error as error:
+        raise InputError(f"{path.name} row 1: the header cannot be read ({error})") from None
+
+
+def _first_lines(path: Path) -> list[str]:
+    with open_text(path) as stream:
+        try:
+            return [line.rstrip("\r\n") for line in islice(iter(lambda: stream.readline(_LONGEST), ""), _LOOKED_AT)]
+        except UnicodeDecodeError:
+            raise InputError(f"{path.name} is not UTF-8 text; save it as UTF-8 with commas") from None
+        except OSError as error:
+            raise InputError(f"{path.name} cannot be read: {error.strerror or error}") from None
+
+
+def _dialect_of(lines: Sequence[str], expected: Sequence[str], file: str) -> Dialect:
+    written = [k for k, line in enumerate(lines) if line.strip() and not is_comment(line)]
+    if not written:
+        raise InputError(f"{file} is empty; the first line must name the columns")
+    separator = _separator([lines[k] for k in written], expected)
+    cells = {k: _split(lines[k], separator) for k in written}
+    header = _header(cells, expected)
+    if all(_is_number(cell) for cell in cells[header]):
+        remark = _commented_header(lines, written[0], separator, len(cells[header]))
+        if remark is None:
+            first = cells[header][0]
+            raise InputError(f"{file} row 1: the first line must name the columns, got numbers ({first}, ...)")
+        header = remark
+        cells[header] = _split(lines[header].lstrip(' "#%/'), separator)
+    names = tuple(cells[header])
+    if not any(names):
+        raise InputError(f"{file} is empty; the first line must name the columns")
+    below = [k for k in written if k > header]
+    units: tuple[str, ...] = ("",) * len(names)
+    first_row = header + 1
+    if below and _are_units(cells[below[0]], len(names)):
+        units, first_row = tuple(cell.strip("[]() ") for cell in cells[below[0]]), below[0] + 1
+    rows = [cells[k] for k in below if k >= first_row]
+    comma = separator != "," and any(_DECIMAL_COMMA.fullmatch(cell) for row in rows for cell in row)
+    notes = []
+    if separator != ",":
+        notes.append(f"cells separated by {_SEPARATORS[separator]}")
+    if comma:
+        notes.append("decimal commas")
+    if left_out := sum(1 for k in written if k < header):
+        notes.append(f"{left_out} {'line' if left_out == 1 else 'lines'} above the header left out")
+    return Dialect(
+        separator=separator,
+        decimal="," if comma else ".",
+        names=names,
+        units=units,
+        skipped=first_row,
+        notes=tuple(notes),
+    )
+
+
+def _separator(lines: Sequence[str], expected: Sequence[str]) -> str:
+    """The separator that finds the expected names, else the one that cuts most lines into equally many cells."""
+
+    def rank(separator: str) -> tuple[int, int]:
+        rows = [_split(line, separator) for line in lines]
+        known = max(len(set(row) & set(expected)) for row in rows)
+        width, count = Counter(len(row) for row in rows).most_common(1)[0]
+        return known, count if width > 1 else 0
+
+    return max(_SEPARATORS, key=rank)  # the first of equals
+
+
+def _header(cells: dict[int, list[str]], expected: Sequence[str]) -> int:
+    """Line of the header: the one with expected names, else the words right above the rows of numbers."""
+    known = {k: len(set(row) & set(expected)) for k, row in cells.items()}
+    if max(known.values()) > 0:
+        return max(known, key=lambda k: (known[k], -k))
+    order = sorted(cells)
+    rows = len(order)  # where the rows of numbers begin that go on to the end
+    while rows > 0 and any(_is_number(cell.replace(",", ".")) for cell in cells[order[rows - 1]]):
+        rows -= 1
+    if 1 < rows < len(order) and _are_units(cells[order[rows - 1]], len(cells[order[rows - 2]])):
+        rows -= 1
+    if not 0 < rows < len(order) or len(cells[order[rows - 1]]) != len(cells[order[rows]]):
+        return order[0]
+    return order[rows - 1]
+
+
+def _commented_header(lines: Sequence[str], first: int, separator: str, width: int) -> int | None:
+    """The last remark above the numbers, where it names as many columns as they have."""
+    above = [k for k in range(first) if lines[k].strip()]
+    if not above:
+        return None
+    names = _split(lines[above[-1]].lstrip(' "#%/'), separator)
+    return above[-1] if len(names) == width and not any(_is_number(name) for name in names) else None
+
+
+def _are_units(row: Sequence[str], width: int) -> bool:
+    """A line below the header that says units: short words and no number."""
+    if len(row) != width or any(_is_number(cell.replace(",", ".")) for cell in row):
+        return False
+    return all(re.fullmatch(r"[\[(]?[^\W\d_]{0,4}[-%°µ/²^·*\w]{0,6}[\])]?", cell) for cell in row) and any(
+        cell.strip("[]() ") in _UNIT_WORDS for cell in row
+    )
+
+
+_UNIT_WORDS = frozenset(
+    re.split(" ", "s sec ms us µs min h N mN kN lbf m mm cm um µm rad deg ° Nm mNm V mV A mA -"),
+)
+
+
+def _split(line: str, separator: str) -> list[str]:
+    if separator == " ":
+        return line.split()
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,167 @@
+"""Columns with a meaning: found by their own name, by the user's, or by a name that tells quantity and unit."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from tendonff.compensator.files.dialect import Dialect, find_dialect
+from tendonff.compensator.files.reading import FloatArray, nearest_column, read_csv
+from tendonff.compensator.files.text import InputError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quantity:
+    """A quantity that a file must hold.
+
+    Parameters
+    ----------
+    name : str
+        Name of its column in the plain form, which ends in the SI unit: "time_s".
+    words : tuple of str
+        What its column may be called instead, small letters, when a unit is given as well.
+    units : mapping of str to float
+        Known units and what one of each is in SI.
+    option : str
+        How a user names a column of his own: `time_column = "{}" in [reference]`.
+    column : str, optional
+        The column that the user named.
+    """
+
+    name: str
+    words: tuple[str, ...]
+    units: Mapping[str, float]
+    option: str
+    column: str | None = None
+
+    @property
+    def si(self) -> str:
+        """SI unit."""
+        return self.name.rpartition("_")[2]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quantities:
+    """What was read of a file.
+
+    Parameters
+    ----------
+    values : dict of str to ndarray, shape (rows,)
+        In SI units, by `Quantity.name`.
+    notes : tuple of str
+        What was taken for granted; empty for a file in the plain form.
+    """
+
+    values: dict[str, FloatArray]
+    notes: tuple[str, ...]
+
+
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0, "sec": 1.0}
+FORCE_UNITS = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "lbf": 4.4482216152605}
+LENGTH_UNITS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "um": 1e-6, "µm": 1e-6}
+TIME_WORDS = ("time", "t", "timestamp", "zeit")
+
+
+def read_quantities(path: Path, wanted: Sequence[Quantity], *, starts_at_zero: bool = False) -> Quantities:
+    """Read quantities from a table, the first of which must increase from row to row.
+
+    Parameters
+    ----------
+    path : Path
+    wanted : sequence of Quantity
+    starts_at_zero : bool
+        The first quantity must start at 0.
+
+    Raises
+    ------
+    InputError
+        A column or its unit cannot be told, with the way to say it; or what `read_csv` refuses.
+    """
+    named = [q.column for q in wanted if q.column is not None]
+    dialect = find_dialect(path, (*named, *(q.name for q in wanted)))
+    found = [_resolve(path, dialect, quantity) for quantity in wanted]
+    for k, (column, _, _) in enumerate(found):
+        if column in [other for other, _, _ in found[:k]]:
+            raise InputError(f'{path.name}: column "{column}" stands for two quantities; name a column for each')
+    columns = [column for column, _, _ in found]
+    table = read_csv(path, columns, increasing=columns[0], starts_at_zero=starts_at_zero, dialect=dialect)
+    notes = [*dialect.notes, *(note for _, _, note in found if note)]
+    return Quantities(
+        values={q.name: table[column] * scale for q, (column, scale, _) in zip(wanted, found, strict=True)},
+        notes=(f"{path.name}: {', '.join(notes)}",) if notes else (),
+    )
+
+
+def _resolve(path: Path, dialect: Dialect, quantity: Quantity) -> tuple[str, float, str]:
+    """Column of a quantity, what its unit is in SI, and what to say about it."""
+    names = dialect.names
+    if quantity.column is not None and quantity.column not in names:
+        raise InputError(f'{path.name}: column "{quantity.column}" is missing{nearest_column(quantity.column, names)}')
+    if quantity.column is not None or quantity.name in names:
+        return _named(path, dialect, quantity)
+    guesses = [(name, *_unit_of(dialect, name)) for name in names]
+    meant = [(name, unit) for name, stem, unit in guesses if stem in quantity.words]
+    known = [(name, unit) for name, unit in meant if unit in quantity.units]
+    if len(known) == 1:
+        name, unit = known[0]
+        return name, quantity.units[unit], f'column "{name}" read as {quantity.words[0]} in {unit}'
+    head = f'{path.name}: column "{quantity.name}" is missing'
+    if len(meant) > 1:
+        listed = ", ".join(f'"{name}"' for name, _ in meant)
+        raise InputError(f"{head}; {listed} could be meant: choose with {quantity.option.format(meant[0][0])}")
+    if meant:
+        name, unit = meant[0]
+        if unit:
+            raise _unknown_unit(path, quantity, name, unit)
+        raise InputError(
+            f'{head}; is it "{name}"? If it is in {quantity.si}, say so with {quantity.option.format(name)}, '
+            f'else put the unit into its name: "{name} [{next(u for u in quantity.units if u != quantity.si)}]"'
+        )
+    raise InputError(f"{head}{nearest_column(quantity.name, names)} (another name: {quantity.option.format('...')})")
+
+
+def _named(path: Path, dialect: Dialect, quantity: Quantity) -> tuple[str, float, str]:
+    """The column that the user named, or that has the plain form's name."""
+    column = quantity.column or quantity.name
+    unit, said = _unit_of(dialect, column)[1], _stated_unit(dialect, column)
+    if quantity.column is None:
+        if said and said != quantity.si:
+            raise InputError(
+                f'{path.name}: column "{column}" has the unit {said} below its name; rename it, or correct the unit'
+            )
+        return column, 1.0, ""
+    if unit in quantity.units:
+        return column, quantity.units[unit], "" if unit == quantity.si else f'column "{column}" read in {unit}'
+    if said:
+        raise _unknown_unit(path, quantity, column, said)
+    return column, 1.0, f'column "{column}" read in {quantity.si}'
+
+
+def _unknown_unit(path: Path, quantity: Quantity, column: str, unit: str) -> InputError:
+    return InputError(
+        f'{path.name}: column "{column}" has the unit {unit}, which is none of {", ".join(quantity.units)}; '
+        "convert it, or correct the unit"
+    )
+
+
+_NAME = re.compile(r"\s*(.+?)\s*(?:\[(.*?)\]|\((.*?)\)|/\s*(\S+)|[_ ]([^\s_]+))\s*")
+
+
+def _unit_of(dialect: Dialect, name: str) -> tuple[str, str]:
+    """Word and unit of a column: from the line of units, else from its name; "" where there is none."""
+    below = dialect.units[dialect.names.index(name)]
+    match = _NAME.fullmatch(name)
+    if match is None:
+        return name.lower(), below
+    unit = next((group for group in match.groups()[1:] if group is not None), "")
+    bracketed = match[5] is None
+    if below:
+        return (match[1] if bracketed or unit == below else name).lower(), below
+    return match[1].lower(), unit
+
+
+def _stated_unit(dialect: Dialect, name: str) -> str:
+    """A unit that stands in brackets or in the line of units, so that it can be nothing else; "" where none does."""
+    match = _NAME.fullmatch(name)
+    bracketed = "" if match is None else match[2] or match[3] or ""
+    return dialect.units[dialect.names.index(name)] or bracketed

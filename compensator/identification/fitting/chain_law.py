@@ -1,0 +1,291 @@
+"""Which law of the chain the data supports: one coefficient or two, adhesion, offsets, speed terms."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece, OutputError
+from tendonff.compensator.identification.fitting.static import SIMPLER_WITHIN
+from tendonff.ocp.fits.chain import DynamicParameter
+from tendonff.ocp.fits.least_squares import Solution, Unknown, solve
+
+D = DynamicParameter
+
+CORE = (D.MU_PULL, D.MU_RELEASE, D.BRISTLE)
+CONSTANTS = (D.ADHESION, D.OUTPUT_BIAS, D.INPUT_BIAS)
+SPEED_TERMS = (D.STATIC_EXCESS, D.VISCOUS)
+NUDGES = {D.ADHESION: 0.01, D.STATIC_EXCESS: 0.02}
+LAW_NAMES = {
+    D.ADHESION: "adhesion",
+    D.STATIC_EXCESS: "Stribeck effect",
+    D.VISCOUS: "viscous friction",
+    D.INPUT_BIAS: "input bias",
+    D.OUTPUT_BIAS: "output bias",
+}
+IDENTIFIABLE = 0.5
+"""A further value is kept when its standard error is below this share of it."""
+
+WORTH_A_CONSTANT = 4.0
+"""A constant is worth having where it improves the information criterion by more than this. The criterion's sample size
+counts rows that are independent of each other; most simulated rigs without adhesion stay below."""
+
+WORTH_A_VALUE, SLIGHTLY = 1.4, 1.1
+"""A term that depends on speed is worth having where it lowers the validation error by the first factor, or by the
+second where it lowers the fit error by the first ..."""
+
+SURE_OF_EXTRA, WORTH_A_DOUBT = 4.0, 1.8
+"""... and is this many standard errors away from nothing, for noise on the input imitates such effects; or where it
+lowers the error by more than that. A lower threshold finds Stribeck effects that are not there."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChainCandidate:
+    """A candidate law of the chain, and how it did.
+
+    Parameters
+    ----------
+    name : str
+    size : int
+        Number of free values.
+    fit, validation : OutputError
+        Where it was fitted, and where it was not.
+    chosen : bool
+    """
+
+    name: str
+    size: int
+    fit: OutputError
+    validation: OutputError
+    chosen: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChosenLaw:
+    """The law that was chosen, fitted to all rows on few masses.
+
+    Parameters
+    ----------
+    task : ChainResiduals
+        With its free parameters; the others are fixed.
+    solution : Solution
+    candidates : tuple of ChainCandidate
+    train, judge : ChainResiduals
+        Rows that the candidates were fitted to, and rows that decided.
+    """
+
+    task: ChainResiduals
+    solution: Solution
+    candidates: tuple[ChainCandidate, ...]
+    train: ChainResiduals
+    judge: ChainResiduals
+
+
+def unknown(name: DynamicParameter, start: float, span_N: float) -> Unknown:
+    """Bounds and search scale of one parameter.
+
+    Parameters
+    ----------
+    name : DynamicParameter
+    start : float
+    span_N : float
+        Range of the output tension.
+    """
+    if name is D.STATIC_EXCESS:
+        return Unknown(name=name, start=start, low=0, high=3, scale=0.1)
+    if name is D.ADHESION:
+        return Unknown(name=name, start=start, low=0, high=20 * span_N, scale=0.05 * span_N)
+    if name in (D.INPUT_BIAS, D.OUTPUT_BIAS):
+        return Unknown(name=name, start=start, low=-span_N, high=span_N, scale=0.05 * span_N)
+    if name is D.VISCOUS:
+        return Unknown(name=name, start=start, low=0, high=1e6, scale=max(start, 1.0))
+    factor = 20.0 if name in (D.MU_PULL, D.MU_RELEASE, D.STRIBECK_VELOCITY) else 1e3
+    safe = max(start, 1e-9)
+    scale = 0.2 if name in (D.MU_PULL, D.MU_RELEASE, D.STIFFNESS) else 0.7
+    return Unknown(name=name, start=safe, low=safe / factor, high=safe * factor, scale=scale, logarithmic=True)
+
+
+def fit_free(
+    task: ChainResiduals, start: Mapping[DynamicParameter, float], span_N: float, most: int, tolerance: float
+) -> Solution:
+    """Fit the free parameters of a task.
+
+    Parameters
+    ----------
+    task : ChainResiduals
+    start : mapping of DynamicParameter to float
+    span_N : float
+        Range of the output tension.
+    most : int
+        Largest number of evaluations.
+    tolerance : float
+    """
+    return solve(
+        task.evaluate, [unknown(name, start[name], span_N) for name in task.free], most=most, tolerance=tolerance
+    )
+
+
+class _Search:
+    """Candidates one after the other, each judged where it was not fitted."""
+
+    def __init__(self, task: ChainResiduals, validation: Sequence[FitPiece], span_N: float) -> None:
+        self.train, self.judge = task.split(validation)
+        self.span_N = span_N
+        self.name = "symmetric with presliding" if task.model.symmetric else "asymmetric with presliding"
+        self.candidates: list[ChainCandidate] = []
+        self.best, self.fitted, self.least = self.attempt(self.train, self.train.fixed, self.name)
+
+    @property
+    def values(self) -> dict[DynamicParameter, float]:
+        """Of the best law so far."""
+        return self.train.complete(self.best.values)
+
+    def attempt(
+        self, task: ChainResiduals, at: Mapping[DynamicParameter, float], name: str
+    ) -> tuple[Solution, float, float]:
+        """Fit a candidate; its solution, its error where it was fitted, and where not."""
+        found = fit_free(task, at, self.span_N, 15, 1e-4)
+        full = task.complete(found.values)
+        fit, validation = task.rms_of_chain(full), replace(self.judge, model=task.model).rms_of_chain(full)
+        self.candidates.append(ChainCandidate(name=name, size=len(task.free), fit=fit, validation=validation))
+        return found, fit.robust_rms_N, validation.robust_rms_N
+
+    def accept(self, task: ChainResiduals, found: tuple[Solution, float, float], name: str) -> None:
+        """Go on from a candidate."""
+        self.train, self.name = task, name
+        self.best, self.fitted, self.least = found
+
+    def gain(self, found: tuple[Solution, float, float]) -> float:
+        """Information that another law gains, or loses: Bayes' criterion without the price of its values.
+
+        Its sample size counts rows that are independent of each other, rows that judge included.
+        """
+        rows = self.train.independent_rows(self.best.residuals)
+        more = rows * self.judge.rows / max(self.train.rows, 1)
+        fit, judged = self.fitted / max(found[1], 1e-300), self.least / max(found[2], 1e-300)
+        return float(2 * (rows * np.log(fit) + more * np.log(judged)))
+
+    @property
+    def price(self) -> float:
+        """Bayes' price of a value: the logarithm of the sample size."""
+        rows = self.train.independent_rows(self.best.residuals)
+        return float(np.log(max(rows * (1 + self.judge.rows / max(self.train.rows, 1)), 2.0)))
+
+    def extended(self, extra: DynamicParameter) -> ChainResiduals:
+        """The best law with one more free value; a Stribeck effect comes with its velocity."""
+        more = (extra, D.STRIBECK_VELOCITY) if extra is D.STATIC_EXCESS else (extra,)
+        return replace(self.train, fixed=self.values, free=(*self.train.free, *more))
+
+
+def choose_law(
+    task: ChainResiduals,
+    validation: Sequence[FitPiece],
+    start: Mapping[DynamicParameter, float],
+    span_N: float,
+    mean_N: float,
+    *,
+    biases: bool,
+) -> ChosenLaw:
+    """Add to the law what the data supports.
+
+    Parameters
+    ----------
+    task : ChainResiduals
+        On few masses, its residuals in units of their size.
+    validation : sequence of FitPiece
+        Rows that judge; without them the last third of each piece does.
+    start : mapping of DynamicParameter to float
+        From the stages before.
+    span_N, mean_N : float
+        Range and mean of the output tension.
+    biases : bool
+        The cells' offsets may be free.
+    """
+    scenario = task.model.values()
+    base = tuple(n for n in (D.ADHESION, D.STATIC_EXCESS) if scenario[n] > 0 and n not in task.free)
+    if D.STATIC_EXCESS in base:
+        base = (*base, D.STRIBECK_VELOCITY)
+    extras = (*CONSTANTS, *SPEED_TERMS, D.STRIBECK_VELOCITY)
+    fixed: dict[DynamicParameter, float] = {**task.fixed, **{n: scenario[n] for n in extras}}
+    task = replace(task, fixed=fixed, free=(*task.free, *base))
+    search = _Search(task, validation, span_N)
+    if not task.model.symmetric:
+        same = replace(
+            search.train,
+            model=replace(task.model, symmetric=True),
+            free=tuple(n for n in task.free if n is not D.MU_RELEASE),
+        )
+        found = search.attempt(same, search.values, "symmetric with presliding")
+        if found[2] <= SIMPLER_WITHIN * search.least and search.gain(found) + search.price > 0:
+            search.accept(same, found, "symmetric with presliding")
+    _add_constants(search, CONSTANTS if biases else (D.ADHESION,), start, mean_N)
+    for extra in SPEED_TERMS:
+        if extra not in search.train.free:
+            _try_speed_term(search, extra, start, mean_N)
+    chosen = replace(task, model=search.train.model, free=search.train.free, fixed=search.values)
+    candidates = tuple(replace(law, chosen=law.name == search.name) for law in search.candidates)
+    solution = fit_free(chosen, chosen.fixed, span_N, 20, 1e-4)
+    for _ in range(2):
+        poor: list[DynamicParameter] = [
+            n
+            for n in chosen.free
+            if n not in (*CORE, *CONSTANTS, D.STRIBECK_VELOCITY)
+            and not solution.standard_error(n) < IDENTIFIABLE * abs(solution.values[n])
+        ]
+        if not poor:
+            break
+        if D.STATIC_EXCESS in poor and D.STRIBECK_VELOCITY in chosen.free:
+            poor.append(D.STRIBECK_VELOCITY)
+        known = chosen.complete(solution.values)
+        known.update({n: scenario[n] for n in poor})
+        chosen = replace(chosen, fixed=known, free=tuple(n for n in chosen.free if n not in poor))
+        solution = fit_free(chosen, known, span_N, 20, 1e-4)
+    judge = replace(search.judge, model=chosen.model)
+    return ChosenLaw(task=chosen, solution=solution, candidates=candidates, train=search.train, judge=judge)
+
+
+def _add_constants(
+    search: _Search, offered: Sequence[DynamicParameter], start: Mapping[DynamicParameter, float], mean_N: float
+) -> None:
+    """Adhesion and offsets, the most useful first; two at most, for a third acts like the two together."""
+    for _ in range(2):
+        tried = []
+        for extra in offered:
+            if extra not in search.train.free:
+                task, name = search.extended(extra), f"{search.name}, {LAW_NAMES[extra]}"
+                found = search.attempt(task, _nudged(search.values, extra, start, mean_N), name)
+                gain = search.gain(found) - search.price
+                if gain > WORTH_A_CONSTANT:
+                    tried.append((gain, task, found, name))
+        if not tried:
+            return
+        _, task, found, name = max(tried, key=lambda one: one[0])
+        search.accept(task, found, name)
+        if len(offered) == 1:
+            return
+
+
+def _try_speed_term(
+    search: _Search, extra: DynamicParameter, start: Mapping[DynamicParameter, float], mean_N: float
+) -> None:
+    task, name = search.extended(extra), f"{search.name}, {LAW_NAMES[extra]}"
+    found = search.attempt(task, _nudged(search.values, extra, start, mean_N), name)
+    solution, fitted, error = found
+    told = abs(solution.values[extra]) > SURE_OF_EXTRA * solution.standard_error(extra)
+    agreed = fitted * WORTH_A_VALUE < search.fitted and error * SLIGHTLY < search.least
+    if search.least > (WORTH_A_VALUE if told else WORTH_A_DOUBT) * error or (told and agreed):
+        search.accept(task, found, name)
+
+
+def _nudged(
+    at: Mapping[DynamicParameter, float],
+    extra: DynamicParameter,
+    start: Mapping[DynamicParameter, float],
+    mean_N: float,
+) -> dict[DynamicParameter, float]:
+    """A start that has something of a further effect, the friction at the mean tension being the same."""
+    if extra is not D.ADHESION:
+        return {**at, extra: at[extra] + NUDGES.get(extra, 0.0)}
+    more = float(np.clip(start.get(extra, 0.0), NUDGES[extra] * mean_N, 0.1 * mean_N))
+    share = (mean_N + at[extra]) / (mean_N + at[extra] + more)
+    return {**at, extra: at[extra] + more, D.MU_PULL: share * at[D.MU_PULL], D.MU_RELEASE: share * at[D.MU_RELEASE]}

@@ -1,0 +1,156 @@
+"""What each file says by itself: estimates, their scatter between files, and a delay between the channels."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tendonff.compensator.identification.fitting.residuals import ChainResiduals
+from tendonff.compensator.identification.measured.reading import Array
+from tendonff.compensator.scenario.measurement import Explain
+from tendonff.ocp.fits.chain import DynamicParameter
+from tendonff.ocp.fits.least_squares import Residuals, Solution, block_covariance
+
+D = DynamicParameter
+
+LEAST_FILES = 3
+"""So many files show a scatter between them."""
+
+SURE, LEAST_STEPS = 4.0, 1.0
+"""A delay is told when it is so many standard errors from nothing, and at least so many sampling steps."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FileEstimate:
+    """Values by one file alone, the laws and the other values as in the joint fit.
+
+    Parameters
+    ----------
+    file : str
+    values, errors : dict of DynamicParameter to float
+        Estimates and standard errors; what a file does not tell has an infinite one.
+    """
+
+    file: str
+    values: dict[DynamicParameter, float]
+    errors: dict[DynamicParameter, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Delay:
+    """How much later the output is read than the input.
+
+    Parameters
+    ----------
+    seconds, error_s : float
+    told : bool
+        Beyond doubt, and more than a sampling step.
+    """
+
+    seconds: float
+    error_s: float
+    told: bool
+
+
+def file_estimates(task: ChainResiduals, found: Residuals, solution: Solution) -> tuple[FileEstimate, ...]:
+    """One Gauss-Newton step from the joint solution for each file alone.
+
+    Parameters
+    ----------
+    task : ChainResiduals
+    found : Residuals
+        At the joint solution, its first columns over the values of `solution`.
+    solution : Solution
+    """
+    free = [D(n) for n in solution.values]
+    names = list(dict.fromkeys(run.file for run in task.pieces))
+    if len(names) < 2:
+        return ()
+    own = found.slopes[:, : len(free)]
+    of_piece = found.blocks // task.BLOCKS_A_PIECE
+    joint = _step(found.values, own)
+    estimates = []
+    for name in names:
+        rows = np.isin(of_piece, [k for k, run in enumerate(task.pieces) if run.file == name])
+        part = Residuals(values=found.values[rows], slopes=own[rows], blocks=found.blocks[rows])
+        covariance, _ = block_covariance(part, robust=True)
+        errors = np.sqrt(np.diag(covariance))
+        moved = _step(part.values, part.slopes) - joint
+        estimates.append(
+            FileEstimate(
+                file=name,
+                values={n: solution.values[n] + float(m) for n, m in zip(free, moved, strict=True)},
+                errors={n: float(e) for n, e in zip(free, errors, strict=True)},
+            )
+        )
+    return tuple(estimates)
+
+
+def _step(residuals: Array, slopes: Array) -> Array:
+    weight = 1 / np.sqrt(1 + residuals**2)
+    scale = np.maximum(np.sqrt((slopes**2).sum(axis=0)), 1e-300)
+    scaled = slopes / scale
+    return np.asarray(-np.linalg.lstsq(np.sqrt(weight)[:, None] * scaled, np.sqrt(weight) * residuals)[0] / scale)
+
+
+def scatter_of(estimates: Sequence[FileEstimate], name: DynamicParameter) -> float:
+    """Standard deviation between files beyond what their own errors explain; 0 with few files.
+
+    Parameters
+    ----------
+    estimates : sequence of FileEstimate
+    name : DynamicParameter
+    """
+    told = [(e.values[name], e.errors[name]) for e in estimates if np.isfinite(e.errors.get(name, np.inf))]
+    if len(told) < LEAST_FILES:
+        return 0.0
+    values, errors = (np.array(x) for x in zip(*told, strict=True))
+    weight = 1 / np.maximum(errors, 1e-300) ** 2
+    mean = float((weight * values).sum() / weight.sum())
+    excess = float((weight * (values - mean) ** 2).sum()) - (len(values) - 1)
+    return float(np.sqrt(max(excess / float(weight.sum() - (weight**2).sum() / weight.sum()), 0.0)))
+
+
+def with_scatter(solution: Solution, estimates: Sequence[FileEstimate]) -> Solution:
+    """Add the scatter between files to the covariance, over their number.
+
+    Parameters
+    ----------
+    solution : Solution
+    estimates : sequence of FileEstimate
+    """
+    if len(estimates) < LEAST_FILES:
+        return solution
+    extra = [scatter_of(estimates, D(n)) ** 2 / len(estimates) for n in solution.values]
+    return replace(solution, covariance=solution.covariance + np.diag(extra))
+
+
+def delay_of(task: ChainResiduals, found: Residuals, count: int) -> Delay:
+    """Delay of the output channel against the input, fitted together with the values.
+
+    Parameters
+    ----------
+    task : ChainResiduals
+    found : Residuals
+        At the joint solution, its first `count` columns over the free values.
+    count : int
+    """
+    rates = []
+    for run in task.pieces:
+        response = task.model.respond(task.fixed, run.drive)
+        prediction, _ = run.predicted(response)
+        rate = np.gradient(run.shaped(prediction), run.step_s * run.thin)[run.good]
+        rates.append(-run.centred(rate) / task.output_unit)
+        if run.with_elongation:
+            rates.append(np.zeros(int(run.good.sum())))
+    slopes = np.column_stack([found.slopes[:, :count], np.concatenate(rates)])
+    seconds = float(_step(found.values, slopes)[-1])
+    weight = 1 / np.sqrt(1 + found.values**2)
+    scale = np.maximum(np.sqrt((slopes**2).sum(axis=0)), 1e-300)
+    inverse = np.linalg.pinv((slopes / scale).T @ (slopes / scale * weight[:, None]), rcond=1e-12)
+    # Rows that are independent of each other count: a delay shows at every stroke alike.
+    share = float((weight * found.values**2).sum()) / task.independent_rows(found)
+    error = float(np.sqrt(max(inverse[-1, -1], 0.0) * share) / scale[-1])
+    step = max(run.step_s for run in task.pieces)
+    told = abs(seconds) > max(SURE * error, LEAST_STEPS * step) and task.pieces[0].explain is Explain.OUTPUT
+    return Delay(seconds=seconds, error_s=error, told=told)

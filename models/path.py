@@ -1,0 +1,289 @@
+"""The path in sections, joints that move it, and its cutting into pieces: who gets how many masses, and which lengths.
+
+A section is cut into equal pieces with a mass in the middle of each; a link joins two neighbouring middles, the first
+and the last link are the half pieces at the ends::
+
+    actuator |--o----o----o--|-------|---o-------o---| load        o mass in the middle of its piece
+              link 1  2    3       4         5     6               sections: arc, straight, arc
+
+Wrap angles and lengths of the sections are affine in the joint angles, so those of pieces and links are too.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonff.models.errors import ParameterError
+from tendonff.models.section import Section
+
+Array = NDArray[np.float64]
+
+_MOST_TURNS = 100.0
+
+ANGLE_FLOOR_RAD = 1e-12
+"""Below this wrap angle there is no contact whose loss could be told."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class JointMotion:
+    """Joint angles over time, linear between instants and held beyond them.
+
+    Parameters
+    ----------
+    names : tuple of str
+    time_s : ndarray, shape (rows,)
+        Strictly increasing.
+    angle_rad : ndarray, shape (rows, joints)
+    """
+
+    names: tuple[str, ...]
+    time_s: Array
+    angle_rad: Array
+
+    def at(self, time_s: Array) -> Array:
+        """Joint angles at instants, shape (len(time_s), joints) [rad].
+
+        Parameters
+        ----------
+        time_s : ndarray
+        """
+        return np.column_stack([np.interp(time_s, self.time_s, column) for column in self.angle_rad.T])
+
+    def held(self, angle_rad: Array) -> "JointMotion":
+        """Joints that stand still.
+
+        Parameters
+        ----------
+        angle_rad : ndarray, shape (joints,)
+        """
+        return JointMotion(names=self.names, time_s=np.zeros(1), angle_rad=np.asarray(angle_rad, float)[None, :])
+
+    @property
+    def moves(self) -> bool:
+        """Whether any joint ever moves."""
+        return bool(np.ptp(self.angle_rad, axis=0).any())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PathRows:
+    """The path at successive instants.
+
+    Parameters
+    ----------
+    angle_rad : ndarray, shape (rows, N)
+        phi_i: wrap angle of each mass's piece.
+    ratio : ndarray, shape (rows, N + 1)
+        Length of the whole tendon at joint angle zero over that of each link [-].
+    gained_m : ndarray, shape (rows, N + 1)
+        What the path gained between the two ends of each link since joint angle zero [m].
+    far_m : ndarray, shape (rows,)
+        What a joint does to the far end's position since joint angle zero [m]; 0 where it hangs on its spring.
+    """
+
+    angle_rad: Array
+    ratio: Array
+    gained_m: Array
+    far_m: Array
+
+    def table(self) -> Array:
+        """All of it in one array, a row an instant."""
+        return np.column_stack([self.angle_rad, self.ratio, self.gained_m, self.far_m])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CutPath:
+    """A path cut into N pieces and N + 1 links.
+
+    Parameters
+    ----------
+    sections : tuple of Section
+    lengths : ndarray, shape (sections,)
+        Of the sections at joint angle zero, as shares of the whole [-].
+    length_m : float or None
+        Of the whole; None where no length is given: then only angles and gained lengths move.
+    section_of : ndarray of int, shape (N,)
+        Section of each mass.
+    parts : ndarray, shape (N + 1, sections)
+        Share of each section's length that belongs to each link.
+    """
+
+    sections: tuple[Section, ...]
+    lengths: Array
+    length_m: float | None
+    section_of: NDArray[np.int_]
+    parts: Array
+
+    @property
+    def count(self) -> int:
+        """N."""
+        return len(self.section_of)
+
+    @property
+    def pieces(self) -> Array:
+        """Number of pieces of each mass's section, shape (N,)."""
+        return np.bincount(self.section_of, minlength=len(self.sections))[self.section_of].astype(float)
+
+    @property
+    def length_share(self) -> Array:
+        """Length of each mass's piece as a share of all of them, shape (N,) [-]."""
+        length = self.lengths[self.section_of] / self.pieces
+        total = float(length.sum())
+        return length / total if total > 0 else np.full(self.count, 1 / self.count)
+
+    @property
+    def total_angle_rad(self) -> float:
+        """Theta at joint angle zero [rad]."""
+        return math.fsum(section.angle_rad for section in self.sections)
+
+    def at(self, joints: dict[str, Array] | None = None, far_m: Array | None = None) -> PathRows:
+        """The path for joint angles.
+
+        Parameters
+        ----------
+        joints : dict of str to ndarray of shape (rows,), optional
+            Angles by name [rad]; default: one row with all of them zero.
+        far_m : ndarray, shape (rows,), optional
+            What a joint does to the far end's position [m].
+        """
+        rows = len(next(iter(joints.values()))) if joints else 1
+        angle, gained = np.empty((rows, len(self.sections))), np.zeros((rows, len(self.sections)))
+        for k, section in enumerate(self.sections):
+            q = joints[section.joint] if joints and section.joint is not None else np.zeros(rows)
+            angle[:, k] = np.maximum(section.angle_rad + section.angle_per_rad * q, 0.0)
+            gained[:, k] = section.length_per_rad_m * q
+        lengths = self.lengths if self.length_m is None else self.lengths + gained / self.length_m
+        of_links = np.broadcast_to(lengths, gained.shape) @ self.parts.T
+        return PathRows(
+            angle_rad=angle[:, self.section_of] / self.pieces,
+            ratio=1 / of_links,
+            gained_m=gained @ self.parts.T,
+            far_m=np.zeros(rows) if far_m is None else far_m,
+        )
+
+
+def check_motion(sections: tuple[Section, ...], length_m: float | None, motion: JointMotion) -> None:
+    """Refuse a motion under which the path has no meaning.
+
+    Parameters
+    ----------
+    sections : tuple of Section
+    length_m : float or None
+        Length of the whole where lengths are given.
+    motion : JointMotion
+
+    Raises
+    ------
+    ParameterError
+    """
+    for section in sections:
+        if section.joint is None:
+            continue
+        if section.joint not in motion.names:
+            given = ", ".join(motion.names) or "none"
+            raise ParameterError(
+                f'section "{section.name}" names the joint "{section.joint}", which is not given (given: {given}); '
+                f"add a table [joints.{section.joint}]"
+            )
+        q = motion.angle_rad[:, motion.names.index(section.joint)]
+        most = float((section.angle_rad + section.angle_per_rad * q).max())
+        if most > 2 * math.pi * _MOST_TURNS:
+            raise ParameterError(
+                f'section "{section.name}": the wrap angle would reach {most:g} rad, more than {_MOST_TURNS:g} turns; '
+                f'check angle_per_rad and the motion of "{section.joint}", which is in radians'
+            )
+        least = (section.length_m or 0.0) + float((section.length_per_rad_m * q).min())
+        if section.length_m is not None and length_m is not None and least < 0:
+            raise ParameterError(
+                f'section "{section.name}": its length would become {least:g} m; check length_m, length_per_rad_m and '
+                f'the motion of "{section.joint}"'
+            )
+
+
+def cut_path(
+    sections: tuple[Section, ...], count: int, radius_m: float | None = None, motion: JointMotion | None = None
+) -> CutPath:
+    """Cut a path into pieces: masses by the largest wrap angle over the motion, at least one where it ever touches.
+
+    Parameters
+    ----------
+    sections : tuple of Section
+        At least one.
+    count : int
+        N.
+    radius_m : float, optional
+        Gives lengths to sections that have none.
+    motion : JointMotion, optional
+
+    Raises
+    ------
+    ParameterError
+        If there are fewer masses than sections that touch.
+    """
+    known = [_length_of(section, radius_m) for section in sections]
+    if any(length is None for length in known):
+        if any(length is not None for length in known if length != 0) and radius_m is None:
+            missing = sections[known.index(None)].name
+            raise ParameterError(f'section "{missing}": length_m is missing; give it for every section or for none')
+        lengths, total = np.array([section.angle_rad for section in sections]), None
+    else:
+        lengths = np.array(known, dtype=float)
+        total = float(lengths.sum()) or None
+    if motion is not None:
+        check_motion(sections, total, motion)
+    if not lengths.sum() > 0:
+        lengths = np.ones(len(sections))
+    most = np.array([_largest_angle(section, motion) for section in sections])
+    if not most.any():  # nothing touches: the masses go by length
+        most = lengths
+    counts = _apportion(most, count, sections)
+    section_of = np.repeat(np.arange(len(sections)), counts)
+    parts = np.zeros((count + 1, len(sections)))
+    link = 0
+    for k, pieces in enumerate(counts):
+        if pieces == 0:
+            parts[link, k] = 1.0
+            continue
+        parts[link, k] += 0.5 / pieces
+        for _ in range(pieces - 1):
+            link += 1
+            parts[link, k] += 1.0 / pieces
+        link += 1
+        parts[link, k] += 0.5 / pieces
+    if not (parts @ lengths > 0).all():
+        raise ParameterError(
+            "a link between two masses would have no length; give every section that touches a length_m"
+        )
+    return CutPath(
+        sections=sections, lengths=lengths / lengths.sum(), length_m=total, section_of=section_of, parts=parts
+    )
+
+
+def _length_of(section: Section, radius_m: float | None) -> float | None:
+    if section.length_m is not None:
+        return section.length_m
+    return None if radius_m is None else section.angle_rad * radius_m
+
+
+def _largest_angle(section: Section, motion: JointMotion | None) -> float:
+    if motion is None or section.joint is None:
+        return section.angle_rad
+    q = motion.angle_rad[:, motion.names.index(section.joint)]
+    return float(np.maximum(section.angle_rad + section.angle_per_rad * q, 0.0).max())
+
+
+def _apportion(weights: Array, count: int, sections: tuple[Section, ...]) -> list[int]:
+    """Whole numbers in proportion to weights, at least one where there is any."""
+    touching = np.flatnonzero(weights > 0)
+    if count < len(touching):
+        names = ", ".join(sections[k].name for k in touching)
+        raise ParameterError(
+            f"segments must be >= {len(touching)}, got {count}: each section that the tendon touches needs a mass "
+            f"({names})"
+        )
+    counts = np.zeros(len(weights), dtype=int)
+    counts[touching] = 1
+    for _ in range(count - len(touching)):  # to whom the next mass brings most
+        counts[int(np.argmax(np.where(counts > 0, weights / np.maximum(counts, 1), -1.0)))] += 1
+    return [int(c) for c in counts]

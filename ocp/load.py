@@ -1,0 +1,51 @@
+"""The tension that a motion of the load asks for: the load's own balance under the scheme of the simulation."""
+
+import numpy as np
+
+from tendonff.models.parameters import Load
+from tendonff.ocp.step.protocol import Array
+from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT
+
+
+def tension_of_motion(
+    load: Load, position_m: Array, step_s: float, initial_tension_N: float, *, periodic: bool = False
+) -> Array:
+    """Output tension under which the load takes a course, x_c2 and f_c2 at rest [N], shape (n,).
+
+    m dv/dt = f - k q - b v, counted from the rest under the initial tension. The derivatives are those of the
+    simulation, so that the chain, driven by the inverse of this tension, moves its load as wanted to rounding.
+
+    Parameters
+    ----------
+    load : Load
+    position_m : ndarray, shape (n,)
+        Wanted position relative to the start [m], positive towards the actuator, at 0, h, 2 h ...
+    step_s : float
+        h [s].
+    initial_tension_N : float
+        Uniform tension of the start at rest [N].
+    periodic : bool, optional
+        The course is one period of a cycle, its last row the first of the next.
+    """
+    course = np.asarray(position_m, dtype=np.float64)
+    if periodic:
+        course = np.concatenate([course[:-1], course[:-1], course])
+    velocity = _rate(course, step_s)
+    acceleration = _rate(velocity, step_s)
+    tension: Array = (
+        initial_tension_N
+        + load.mass_kg * acceleration
+        + load.damping_N_s_per_m * velocity
+        + load.stiffness_N_per_m * course
+    )
+    return tension[-len(position_m) :] if periodic else tension
+
+
+def _rate(course: Array, step_s: float) -> Array:
+    """Derivative under the scheme, from rest: a first-order step and then second-order ones."""
+    rate = np.zeros_like(course)
+    if len(course) > 1:
+        rate[1] = (course[1] - course[0]) / step_s
+    carried = course[1:-1] + BDF2_CARRY * (course[1:-1] - course[:-2])
+    rate[2:] = (course[2:] - carried) / (BDF2_WEIGHT * step_s)
+    return rate

@@ -1,0 +1,92 @@
+"""Optimal control of a reference that repeats: the cycle between its neighbours."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from tendonff.models.chain import Chain
+from tendonff.models.layout import ChainState
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.inverse import Inversion
+from tendonff.ocp.step.protocol import Array
+from tendonff.ocp.tracking.limits import ForceLimits
+from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
+from tendonff.ocp.tracking.receding_horizon import Progress
+from tendonff.ocp.tracking.result import Tracking, TrackStatus
+from tendonff.ocp.tracking.track import solve_tracking
+
+_CYCLES = 3
+
+
+def track_cycle(
+    chain: Chain,
+    cycle_N: Array,
+    step_s: float,
+    limits: ForceLimits,
+    options: TrackOptions,
+    *,
+    initial_tension_N: float,
+    inversion: Inversion,
+    progress: Progress | None = None,
+) -> Tracking:
+    """Find the force of a cycle within the limits: three cycles from the inverse's steady state, the middle one kept.
+
+    The first cycle settles, the third is what the second prepares.
+
+    Parameters
+    ----------
+    chain : Chain
+        Design model.
+    cycle_N : ndarray, shape (n,)
+        One period of the desired output tension, its last row the first of the next [N].
+    step_s : float
+    limits : ForceLimits
+    options : TrackOptions
+    initial_tension_N : float
+        Tension of the rest that travel counts from [N].
+    inversion : Inversion
+        `steady_inverse` of the same cycle, with its states.
+    progress : callable, optional
+        Callback(completed, total), in iterations.
+
+    Returns
+    -------
+    Tracking
+        Of one period; its figures are those of the kept cycle.
+    """
+    if inversion.states is None:
+        raise SolveError("the steady cycle kept no states")
+    state = ChainState.from_vector(inversion.states[0], chain.layout)
+
+    def repeated(rows: Array) -> Array:
+        return np.concatenate([*[rows[:-1]] * (_CYCLES - 1), rows])
+
+    problem = TrackingProblem.of(
+        (chain,),
+        repeated(cycle_N),
+        step_s,
+        limits,
+        options,
+        initial_tension_N=initial_tension_N,
+        inverse_N=repeated(inversion.force_N),
+    )
+    plants = tuple(replace(plant, state=state) for plant in problem.plants)
+    problem = replace(problem, plants=plants, start_N=limits.start(float(inversion.force_N[0])))
+    force = repeated(inversion.force_N)
+    time = np.arange(len(force), dtype=np.float64) * step_s
+    long = replace(inversion, time_s=time, force_N=force, least_tension_N=repeated(inversion.least_tension_N))
+    found = solve_tracking(problem, long, options, progress)
+    middle = slice(len(cycle_N) - 1, 2 * len(cycle_N) - 1)
+    kept, output = found.force_N[middle].copy(), found.predicted_output_N[middle]
+    if found.status is TrackStatus.EXACT:
+        kept = inversion.force_N.copy()
+    kept[0] = kept[-1]
+    error = output - cycle_N
+    return replace(
+        found,
+        time_s=inversion.time_s,
+        force_N=kept,
+        predicted_output_N=output,
+        rms_error_N=float(np.sqrt(np.mean(error**2))),
+        peak_error_N=float(np.max(np.abs(error))),
+    )

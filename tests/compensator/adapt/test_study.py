@@ -1,0 +1,73 @@
+"""`tendonff adapt`: what it writes, and that it hides nothing."""
+
+import csv
+import json
+
+import pytest
+
+from tendonff.compensator.adapt.plants import variations
+from tendonff.compensator.cli import run
+from tendonff.ocp.adaptation.tuning import Sensor
+
+pytestmark = pytest.mark.compiler
+
+
+@pytest.fixture(scope="module")
+def out(examples, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("adapt") / "out"
+    assert run(["adapt", str(examples / "finger_adaptive.toml"), "--out", str(folder)]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def summary(out):
+    return json.loads((out / "summary.json").read_text(encoding="utf-8"))
+
+
+def test_every_plant_is_in_the_summary_and_in_the_table(out, summary):
+    names = [variation.name for variation in variations(Sensor.ACTUATOR_POSITION)]
+    assert list(summary["plants"]) == names
+    with (out / "estimate.csv").open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    assert {row["plant"] for row in rows} == set(names)
+    assert set(rows[0]) == {
+        *("plant", "time_s", "reference_N", "tension_feedforward_N", "tension_self_tuning_N"),
+        *("true_mu_factor", "mu_factor"),
+    }
+    assert {"report.html", "overview.png", "drift.png"} <= {path.name for path in out.iterdir()}
+
+
+@pytest.mark.parametrize("percent", ["\N{MINUS SIGN}40", "\N{MINUS SIGN}20", "+20", "+40"])
+def test_friction_that_is_off_is_tuned_away(summary, percent):
+    plant = summary["plants"][f"friction {percent} %"]
+    assert plant["feedforward"]["settled_rmse_percent_of_range"] > 8
+    assert plant["self_tuning"]["settled_rmse_percent_of_range"] < 0.5
+    assert plant["self_tuning"]["time_to_one_percent_s"] < 2
+    assert not plant["limit"]
+
+
+def test_a_drift_by_30_percent_in_a_minute_is_followed(summary):
+    drift = summary["plants"]["friction drifts by +30 % in a minute"]["self_tuning"]
+    assert drift["settled_rmse_percent_of_range"] < 0.5
+    assert drift["factors_at_end"]["mu"] == pytest.approx(1.3, rel=0.02)
+
+
+def test_where_it_must_not_be_used_is_said(summary):
+    """A load that is not what it seems and friction that is right: the position cannot tell them apart."""
+    limits = [name for name, plant in summary["plants"].items() if plant["limit"]]
+    assert "load +20 %" in limits
+    assert all(any(f"do not use it where {name}:" in text for text in summary["warnings"]) for name in limits)
+    assert any("stopped explaining the measurement" in text for text in summary["warnings"])
+
+
+def test_what_the_reference_teaches_is_said_with_a_time(summary):
+    (sentence,) = summary["information"]["sentences"]
+    assert sentence.startswith("this reference identifies mu within 3 % after")
+    assert summary["information"]["known_after_s"]["mu"] < 1
+    assert summary["feedback"] is None
+
+
+def test_a_scenario_without_the_table_is_refused(examples, tmp_path, capsys):
+    assert run(["adapt", str(examples / "finger.toml"), "--out", str(tmp_path / "out")]) == 2
+    assert "table [adaptation] is missing" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,173 @@
+"""Drives: travel, commands, limits of the motion, cycles and positions, on a plant that shares no code with them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.motion import with_motion
+from tendonff.compensator.compensators.registry import compensator
+from tendonff.compensator.compensators.score import SimulatedPlant, verify
+from tendonff.compensator.design.drive_use import DriveUse
+from tendonff.compensator.scenario.reference import Hold, Quantity, Shape, WaypointReference
+from tendonff.compensator.scenario.run import Run
+from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.models.drive import Drive, Motor
+from tendonff.models.fidelity import Level
+from tests.independent_plant import respond
+
+pytestmark = pytest.mark.compiler
+WISH = WaypointReference(times_s=(0, 0.3, 0.45, 0.7), tensions_N=(40.0, 140.0, 140.0, 70.0), shape=Shape.SMOOTH)
+
+
+@pytest.fixture(scope="module")
+def cable(examples):
+    scenario = load_scenario(examples / "bowden.toml")
+    return replace(scenario, reference=WISH, run=Run(step_s=1e-3, level=Level.PRESLIDING))
+
+
+def answer(scenario, name="inverse"):
+    problem = Problem.of(scenario)
+    return problem, with_motion(problem, name, compensator(name).profile(problem))
+
+
+def actuated(scenario, **values):
+    rig = scenario.transmission
+    return replace(scenario, transmission=replace(rig, actuator=replace(rig.actuator, **values)))
+
+
+def percent(error, reference):
+    return 100 * float(np.sqrt(np.mean(error**2))) / reference.range_N
+
+
+def test_the_travel_of_the_inverse_is_that_of_an_independent_plant(cable, record_property):
+    problem, profile = answer(cable)
+    seen = respond(cable.transmission, problem.reference.time_s, profile.force_N, 40.0, masses=16)
+    error = np.abs(seen.actuator_m - profile.travel_m).max() / np.ptp(profile.travel_m)
+    record_property("figure", f"travel of the inverse on an independent plant: {100 * error:.2g} % of the stroke")
+    assert error < 5e-3
+    assert percent(seen.output_N - problem.reference.tension_N, problem.reference) < 0.5
+
+
+def test_a_servo_driven_by_the_command_delivers_the_reference_on_an_independent_plant(cable, record_property):
+    servo = actuated(cable, drive=Drive.POSITION, servo_stiffness_N_per_m=2e5)
+    problem, profile = answer(servo)
+    seen = respond(servo.transmission, problem.reference.time_s, profile.command_m, 40.0, masses=16, position=True)
+    error = percent(seen.output_N - problem.reference.tension_N, problem.reference)
+    record_property("figure", f"command of the inverse on an independent servo: {error:.2g} % of range")
+    assert error < 0.5
+    at_rest = profile.travel_m + (profile.force_N - 40.0) / 2e5
+    assert profile.command_m == pytest.approx(at_rest, abs=1e-12)
+
+
+def test_command_and_force_are_two_names_of_one_motion(cable):
+    servo = actuated(cable, drive=Drive.POSITION, servo_stiffness_N_per_m=2e5)
+    for name in ("inverse", "capstan"):
+        problem, profile = answer(servo, name)
+        plant = SimulatedPlant(level=Level.PRESLIDING)
+        commanded = verify(servo.transmission, plant, name, profile, problem.reference)
+        forced = verify(cable.transmission, plant, name, replace(profile, command_m=None), problem.reference)
+        assert commanded.output_N == pytest.approx(forced.output_N, abs=1e-5)
+
+
+def test_without_friction_the_uncompensated_command_is_that_of_springs_in_series(cable):
+    """x = (T - T0) (1/k_l + 1/k1 + 1/k_c1): load, tendon and servo."""
+    servo = actuated(cable, drive=Drive.POSITION, servo_stiffness_N_per_m=2e5)
+    problem, profile = answer(servo, "none")
+    rig = cable.transmission
+    series = 1 / rig.load.stiffness_N_per_m + 1 / rig.tendon.stiffness_N_per_m + 1 / 2e5
+    assert profile.command_m == pytest.approx((problem.reference.tension_N - 40.0) * series, rel=1e-9, abs=1e-12)
+
+
+def test_a_speed_limit_is_kept_on_an_independent_plant_and_costs_less_than_clipping(cable, record_property):
+    _, free = answer(cable)
+    speed = 0.85 * float(np.abs(np.diff(free.travel_m)).max()) / 1e-3
+    slow = actuated(cable, speed_max_m_per_s=speed)
+    problem, clipped = answer(slow)
+    _, best = answer(slow, "optimal")
+    reference, errors = problem.reference, {}
+    for name, profile in (("clipped", clipped), ("optimal", best)):
+        seen = respond(slow.transmission, reference.time_s, profile.force_N, 40.0, masses=16)
+        errors[name] = percent(seen.output_N - reference.tension_N, reference)
+        assert np.abs(np.diff(seen.actuator_m)).max() / 1e-3 < 1.01 * speed
+    record_property(
+        "figure", f"speed limit at 85 %: clipped {errors['clipped']:.3g}, optimal {errors['optimal']:.3g} %"
+    )
+    assert errors["optimal"] < 0.6 * errors["clipped"]
+
+
+def test_a_travel_limit_is_kept(cable):
+    _, free = answer(cable)
+    short = actuated(cable, travel_max_m=0.9 * float(free.travel_m.max()))
+    for name in ("inverse", "optimal"):
+        _, kept = answer(short, name)
+        assert kept.travel_m.max() < 1.01 * 0.9 * free.travel_m.max()
+
+
+CYCLE = WaypointReference(
+    times_s=(0, 0.2, 0.45, 0.6), tensions_N=(0.0, 150.0, 0.0, 0.0), shape=Shape.SMOOTH, periodic=True
+)
+
+
+@pytest.mark.parametrize("drive", Drive)
+def test_a_cycle_repeats_on_the_plant_and_holds_a_least_tension(cable, drive):
+    stiffness = 2e5 if drive is Drive.POSITION else None
+    scenario = actuated(replace(cable, reference=CYCLE), drive=drive, servo_stiffness_N_per_m=stiffness)
+    problem, profile = answer(scenario)
+    assert "at least" in problem.reference.warnings[0]
+    assert problem.reference.tension_N.min() == pytest.approx(0.02 * 150, rel=0.1)
+    assert profile.force_N[0] == pytest.approx(profile.force_N[-1], abs=1e-6)
+    found = verify(scenario.transmission, SimulatedPlant(level=Level.PRESLIDING), "inverse", profile, problem.reference)
+    assert found.score.rmse_percent_of_range < 0.02
+    assert found.slack == ""
+
+
+def test_a_cycle_is_reached_by_an_independent_plant_that_starts_at_rest(cable):
+    problem, profile = answer(replace(cable, reference=CYCLE))
+    force = np.concatenate([profile.force_N[:-1], profile.force_N])
+    time = np.arange(len(force)) * 1e-3
+    seen = respond(cable.transmission, time, force, problem.reference.initial_tension_N, masses=16)
+    second = seen.output_N[-len(profile.force_N) :]
+    assert percent(second - problem.reference.tension_N, problem.reference) < 0.5
+
+
+def test_a_wanted_position_arrives_at_the_load(cable):
+    wish = WaypointReference(
+        times_s=(0, 0.3, 0.5),
+        positions_m=(0.0, 0.015, 0.005),
+        shape=Shape.SMOOTH,
+        quantity=Quantity.POSITION,
+        initial_tension_N=40.0,
+    )
+    problem, profile = answer(replace(cable, reference=wish))
+    own = verify(cable.transmission, SimulatedPlant(level=Level.PRESLIDING), "inverse", profile, problem.reference)
+    assert own.position_error_m is not None
+    assert own.position_error_m[1] < 1e-8
+    seen = respond(cable.transmission, problem.reference.time_s, profile.force_N, 40.0, masses=16)
+    assert np.abs(seen.load_m - problem.reference.position_m).max() < 5e-3 * 0.015
+
+
+def test_a_kept_hold_is_named_with_its_cost_and_a_live_inverse_knows_none(cable):
+    holding = replace(cable, reference=replace(WISH, hold=Hold.KEEP))
+    problem, profile = answer(holding)
+    assert np.ptp(profile.force_N[305:445]) < 1e-9
+    assert problem.kept.drift_N < 0.02 * problem.reference.range_N
+    exact, live = Problem.of(cable), replace(problem, live=True)
+    assert live.kept is None
+    assert np.ptp(live.inversion.force_N[305:445]) > 10.0
+    assert live.inversion.force_N[:690] == pytest.approx(exact.inversion.force_N[:690], abs=1e-6)
+
+
+def test_the_motor_gets_force_times_radius_over_gear():
+    motor = Motor(drum_radius_m=0.02, gear_ratio=4.0, inertia_kg_m2=1e-5, torque_max_N_m=1.0, speed_max_rad_per_s=100.0)
+    use = DriveUse(
+        name="inverse",
+        travel_m=np.array([0.0, 0.01]),
+        speed_m_per_s=np.array([0.0, 0.1]),
+        force_N=np.array([100.0, 160.0]),
+    )
+    assert use.torque_N_m(motor) == pytest.approx([0.5, 0.8])
+    assert use.angle_rad(motor) == pytest.approx([0.0, 2.0])
+    assert use.power_W == pytest.approx([0.0, 16.0])
+    assert use.load_of_the_line(motor) == pytest.approx(0.8)

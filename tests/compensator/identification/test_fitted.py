@@ -1,0 +1,161 @@
+"""The answer is the model it reports: fitted.toml is one consistent set, and its own error is the one printed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.identification.fitting.static import FileError
+from tendonff.compensator.identification.moments import moved_inside
+from tendonff.compensator.identification.output import write_identification
+from tendonff.compensator.identification.result import PieceComparison, summary_lines
+from tendonff.compensator.identification.run import identify
+from tendonff.compensator.identification.synthetic import Faults, write_synthetic
+from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.models.chain import Chain
+from tendonff.models.fidelity import Level
+from tendonff.ocp.fits.chain import ChainModel, DynamicParameter
+from tendonff.ocp.inverse import invert
+from tendonff.ocp.simulate import simulate
+
+pytestmark = pytest.mark.compiler
+
+MU, MU_RELEASE, ADHESION = 0.25, 0.21, 2.5
+STEP = 2e-3
+
+
+@pytest.fixture(scope="module")
+def nominal(examples):
+    return load_scenario(examples / "finger.toml")
+
+
+@pytest.fixture(scope="module")
+def truth(nominal):
+    t = nominal.transmission
+    friction = replace(
+        t.friction,
+        mu_dynamic=MU,
+        mu_static=MU,
+        mu_dynamic_release=MU_RELEASE,
+        mu_static_release=MU_RELEASE,
+        adhesion_N=ADHESION,
+    )
+    return replace(t, friction=friction)
+
+
+def strokes(seed, seconds=13.0):
+    rng = np.random.default_rng(seed)
+    time = np.arange(0, seconds + 1e-9, STEP)
+    turns = np.arange(0, seconds + 1.1, 1.1)
+    levels = np.where(
+        np.arange(len(turns) + 1) % 2, rng.uniform(60, 90, len(turns) + 1), rng.uniform(8, 30, len(turns) + 1)
+    )
+    levels[0] = 40
+    k = np.clip(np.searchsorted(turns, time, side="right") - 1, 0, len(turns) - 2)
+    s = np.clip((time - turns[k]) / 1.0, 0, 1)
+    return time, levels[k] + (levels[k + 1] - levels[k]) * s**3 * (10 - 15 * s + 6 * s * s)
+
+
+@pytest.fixture(scope="module")
+def logs(truth, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("logs")
+    for k, name in enumerate(("wet.csv", "dry.csv")):
+        write_synthetic(folder / name, truth, *strokes(k + 5), Faults(noise=0.002, seed=k), step_s=STEP)
+    return [folder / "wet.csv", folder / "dry.csv"]
+
+
+@pytest.fixture(scope="module")
+def found(nominal, logs):
+    return identify(nominal, logs, conditions={"wet.csv": "wet", "dry.csv": "dry"})
+
+
+def test_adhesion_is_found_and_goes_on(found):
+    """Half of it would pass unnoticed in the error of the fit, and costs the design several percent."""
+    assert found.law == "asymmetric with presliding, adhesion"
+    estimate = found.estimate("adhesion_N")
+    assert estimate.identifiable
+    assert estimate.interval[0] <= ADHESION <= estimate.interval[1]
+    assert found.scenario.transmission.friction.adhesion_N == estimate.value == pytest.approx(ADHESION, rel=0.2)
+
+
+def test_the_fitted_scenario_has_every_value_of_the_fit(found, nominal):
+    friction, tendon = found.scenario.transmission.friction, found.scenario.transmission.tendon
+    for name in ("mu_dynamic", "soft_bristle_stiffness_N_per_m"):
+        assert getattr(friction, name) == found.estimate(name).value
+    for name in ("stiffness_N_per_m", "relaxing_stiffness_N_per_m", "relaxation_time_s"):
+        assert found.estimate(name).fitted
+        assert getattr(tendon, name) == found.estimate(name).value != getattr(nominal.transmission.tendon, name)
+    assert found.scenario.run.level is Level.PRESLIDING
+
+
+def test_simulating_the_fitted_scenario_again_gives_the_error_that_is_printed(found, tmp_path, logs):
+    write_identification(found, tmp_path / "out", logs)
+    fitted = load_scenario(tmp_path / "out" / "fitted.toml")
+    assert found.replay_percent == pytest.approx(found.fit_percent, rel=1e-3)
+    assert any(f"fitted.toml, simulated again: error {found.replay_percent:.2f} %" in s for s in summary_lines(found))
+    model = ChainModel(
+        transmission=fitted.transmission, level=fitted.run.level, count=fitted.transmission.path.segments
+    )
+    assert model.values()[DynamicParameter.ADHESION] == found.estimate("adhesion_N").value
+
+
+def test_a_design_with_it_works_on_the_hidden_plant(found, truth):
+    fitted = found.scenario
+    reference = sample_reference(fitted)
+    force = invert(Chain.of(fitted.transmission, fitted.run.level), reference.tension_N, reference.step_s).force_N
+    hidden = simulate(Chain.of(truth, Level.PRESLIDING, 40), force, reference.step_s).require()
+    off = hidden.output_tension_N - reference.tension_N
+    assert 100 * np.sqrt(np.mean(off**2)) / np.ptp(reference.tension_N) < 0.6
+
+
+def test_mu_theta_is_an_answer_of_its_own(found):
+    estimate, mu = found.estimate("mu_theta"), found.estimate("mu_dynamic")
+    assert estimate.value == pytest.approx(np.pi * MU, rel=0.01)
+    assert estimate.interval == pytest.approx((np.pi * mu.interval[0], np.pi * mu.interval[1]))
+
+
+def test_each_of_several_files_says_its_own(found):
+    assert [(f.file, f.condition) for f in found.by_file] == [("wet.csv", "wet"), ("dry.csv", "dry")]
+    for file in found.by_file:
+        assert file.values["mu_dynamic"] == pytest.approx(MU, rel=0.05)
+    assert any(w.startswith("mu_dynamic by condition: wet 0.2") for w in found.warnings)
+    assert found.as_json()["by_file"]["dry.csv"]["condition"] == "dry"
+
+
+def test_laws_are_compared_on_the_same_rows_and_range(found):
+    by_name = {law.name: law for law in found.laws}
+    assert by_name["asymmetric with presliding, adhesion"].chosen
+    assert by_name["asymmetric with adhesion"].validation_percent > by_name[found.law].validation_percent
+    assert by_name[found.law].fit_percent == pytest.approx(found.fit_percent, rel=0.35)
+
+
+def test_a_delay_of_the_output_is_measured(nominal, truth, tmp_path):
+    """The far cell is logged 12 ms later, which in short files looks much like viscous friction."""
+    write_synthetic(tmp_path / "a.csv", truth, *strokes(5), Faults(noise=0.001), step_s=STEP)
+    lines = (tmp_path / "a.csv").read_text().splitlines()
+    rows = [line.split(",") for line in lines[1:]]
+    for k in reversed(range(6, len(rows))):
+        rows[k][2], rows[k][4] = rows[k - 6][2], rows[k - 6][4]
+    (tmp_path / "a.csv").write_text("\n".join([lines[0], *(",".join(row) for row in rows)]) + "\n")
+    found = identify(nominal, [tmp_path / "a.csv"])
+    assert found.output_delay_s == pytest.approx(0.012, abs=0.004)
+
+
+def test_moments_at_which_the_output_moves_although_the_law_holds_it_are_named():
+    time = np.arange(0, 4, 0.01)
+    model = np.clip(20 * np.sin(2 * np.pi * 0.25 * time), -10, 10)
+    touched = model + np.where((time > 0.6) & (time < 0.9), 3.0, 0.0)
+
+    def piece(measured):
+        return PieceComparison(
+            name="a.csv", role="fit", time_s=time, input_N=model, given=model, measured=measured, model=model
+        )
+
+    assert moved_inside([piece(model)]) == []
+    [(name, when)] = moved_inside([piece(touched)])
+    assert (name, when) == ("a.csv", pytest.approx(0.6, abs=0.02))
+
+
+def test_an_error_in_percent_of_its_own_range():
+    assert FileError(name="a", rms=0.5, span=20.0).percent == pytest.approx(2.5)

@@ -1,0 +1,83 @@
+"""What a fit will have to do is said first, and asked about where it is very much."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.cli import run
+from tendonff.compensator.cli.progress import interruptible
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.identification.measured.plan import MANY_STEPS, check_plan
+from tendonff.compensator.scenario.measurement import Measurement
+
+
+def log(samples=70000, step_s=1.0):
+    time = np.arange(samples) * step_s
+    return SimpleNamespace(name="a.csv", time_s=time, input_N=30 + np.sin(time))
+
+
+def plan(*files, confirm=lambda _: False, static_only=False):
+    said = []
+    check_plan(files, Measurement(), static_only=static_only, say=said.append, confirm=confirm)
+    return said
+
+
+def test_milliseconds_read_as_seconds_are_asked_about_before_any_work():
+    with pytest.raises(InputError, match=r"7e\+07 steps.*milliseconds\? --scale time=0\.001.*--yes.*--static"):
+        plan(log())
+
+
+def test_the_answer_decides():
+    asked = []
+    said = plan(log(), confirm=lambda question: asked.append(question) or True)
+    assert len(asked) == 1
+    assert said == ["a.csv: 70000 samples over 7e+04 s (1 Hz), input 29 to 31 N; 69999000 steps a simulation"]
+
+
+def test_the_static_law_steps_from_sample_to_sample():
+    [line] = plan(log(), static_only=True)
+    assert line.endswith("; 70000 steps a simulation")
+    assert MANY_STEPS > 70000
+
+
+def test_an_ordinary_log_is_not_asked_about():
+    [line] = plan(log(50_000, 2e-3))
+    assert "500 Hz" in line
+
+
+def test_the_command_says_what_it_read_before_it_refuses(examples, tmp_path, capsys):
+    time = np.arange(30000.0)
+    wave = 30 + 10 * np.sin(time / 300)
+    write_csv(tmp_path / "ms.csv", {"time_s": time, "input_tension_N": wave, "output_tension_N": 0.7 * wave})
+    out = tmp_path / "out"
+    arguments = ["identify", str(examples / "finger.toml"), "--data", str(tmp_path / "ms.csv"), "--out", str(out)]
+    assert run(arguments) == 2
+    told = capsys.readouterr().err
+    assert "ms.csv: 30000 samples over 3e+04 s (1 Hz)" in told
+    assert "--scale time=0.001" in told
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "message"),
+    [
+        ("--offset", "two", "--offset must be a number"),
+        ("--offset", "time=1", 'unknown column "time"'),
+        ("--tare", "2", "--tare must be FROM:TO"),
+        ("--tare", "2:1", "tare_s must be from and to"),
+        ("--condition", "wet", "--condition must be FILE=LABEL"),
+        ("--condition", "y.csv=wet", '"y.csv" is not given with --data'),
+    ],
+)
+def test_options_that_cannot_be_read_are_one_message(examples, tmp_path, capsys, option, value, message):
+    arguments = ["identify", str(examples / "finger.toml"), "--data", "x.csv", option, value]
+    assert run([*arguments, "--out", str(tmp_path / "o")]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_what_goes_wrong_beside_the_main_thread_is_raised_in_it():
+    assert interruptible(lambda: 3) == 3
+    with pytest.raises(InputError, match="no such file"):
+        interruptible(lambda: (_ for _ in ()).throw(InputError("no such file")))

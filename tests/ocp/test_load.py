@@ -1,0 +1,30 @@
+"""The tension that a motion of the load asks for."""
+
+import numpy as np
+import pytest
+
+from tendonff.models.parameters import Load
+from tendonff.ocp.load import tension_of_motion
+
+LOAD = Load(mass_kg=0.3, stiffness_N_per_m=2000.0, damping_N_s_per_m=7.0)
+
+
+def error(step: float, *, periodic: bool) -> float:
+    """Largest distance from T0 + m a + b v + k q of a sine, away from the start."""
+    w = 2 * np.pi
+    time = np.arange(round(1 / step) + 1) * step
+    course = 0.01 * np.sin(w * time)
+    found = tension_of_motion(LOAD, course, step, 50.0, periodic=periodic)
+    exact = 50 + 0.01 * ((2000 - 0.3 * w**2) * np.sin(w * time) + 7 * w * np.cos(w * time))
+    return float(np.abs(found - exact)[0 if periodic else 10 :].max())
+
+
+@pytest.mark.parametrize("periodic", [True, False])
+def test_it_is_the_balance_of_the_load_to_second_order(periodic: bool) -> None:
+    coarse, fine = error(2e-3, periodic=periodic), error(1e-3, periodic=periodic)
+    assert fine < 1e-3
+    assert coarse / fine == pytest.approx(4.0, rel=0.1)
+
+
+def test_a_load_that_stays_keeps_its_tension() -> None:
+    assert tension_of_motion(LOAD, np.zeros(20), 1e-3, 50.0) == pytest.approx(np.full(20, 50.0))
