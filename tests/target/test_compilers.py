@@ -34,7 +34,8 @@ def test_a_copied_folder_passes_its_own_test_elsewhere(toolbox, exported, precis
     folder = shutil.copytree(exported(precision), tmp_path / "elsewhere")
     said = toolbox.run("make", "test", cwd=folder).stdout
     assert "self test passed" in said
-    assert said.count("passes") == 8
+    assert said.count("passes") > 40
+    assert "FAILS" not in said
 
 
 @pytest.mark.parametrize(
@@ -58,7 +59,7 @@ def test_cmake_builds_and_tests_the_folder(toolbox, exported, tmp_path):
     toolbox.run("cmake", "-S", exported(Precision.DOUBLE), "-B", tmp_path)
     toolbox.run("cmake", "--build", tmp_path)
     assert "100% tests passed" in toolbox.run("ctest", cwd=tmp_path).stdout
-    assert toolbox.run(tmp_path / "example").stdout.startswith("time_s,reference_N,force_N,tension_N,status\n")
+    assert toolbox.run(tmp_path / "tff_example").stdout.startswith("time_s,reference_N,force_N,tension_N,status\n")
 
 
 @pytest.mark.parametrize("precision", Precision)

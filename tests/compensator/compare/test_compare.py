@@ -89,7 +89,7 @@ def test_the_spread_covers_what_a_finer_step_changes(finger, result):
 def test_stick_slip_shows_as_spread_and_is_warned_of(examples):
     result = compare(short(load_scenario(examples / "finger_stribeck.toml")))
     stiff = result.entry("inverse", Level.PRESLIDING, Level.ELASTIC)
-    assert stiff.spread_percent_of_range > 0.5
+    assert stiff.spread_percent_of_range > 0.1
     assert any("depends on the time step" in warning for warning in result.warnings)
 
 

@@ -7,7 +7,6 @@ import pytest
 
 from tendonff.compensator.identification.fitting.static import FileError
 from tendonff.compensator.identification.moments import moved_inside
-from tendonff.compensator.identification.output import write_identification
 from tendonff.compensator.identification.result import PieceComparison, summary_lines
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.identification.synthetic import Faults, write_synthetic
@@ -90,7 +89,7 @@ def test_the_fitted_scenario_has_every_value_of_the_fit(found, nominal):
 
 
 def test_simulating_the_fitted_scenario_again_gives_the_error_that_is_printed(found, tmp_path, logs):
-    write_identification(found, tmp_path / "out", logs)
+    found.write(tmp_path / "out")
     fitted = load_scenario(tmp_path / "out" / "fitted.toml")
     assert found.replay_percent == pytest.approx(found.fit_percent, rel=1e-3)
     assert any(f"fitted.toml, simulated again: error {found.replay_percent:.2f} %" in s for s in summary_lines(found))

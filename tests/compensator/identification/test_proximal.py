@@ -7,7 +7,6 @@ import pytest
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.identification.output import write_identification
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.identification.synthetic import Faults, write_synthetic
 from tendonff.compensator.scenario.measurement import Explain, Measurement
@@ -66,7 +65,7 @@ def test_its_errors_are_those_of_the_position(found, file, tmp_path):
     assert found.replay_percent == pytest.approx(found.fit_percent, rel=0.05)
     [one] = found.as_json()["files"]
     assert one["rms_m"] == pytest.approx(found.fit_percent / 100 * one["range_m"], rel=0.01)
-    write_identification(found, tmp_path / "out", [file])
+    found.write(tmp_path / "out")
     assert (tmp_path / "out" / "loop.png").stat().st_size > 5000
 
 

@@ -67,7 +67,7 @@ def test_a_sweep_that_was_killed_goes_on_and_equals_one_that_ran_through(
 def test_a_unit_scores_what_a_single_run_on_it_scores(unsure: Scenario, tmp_path: Path) -> None:
     result = sweep(unsure, tmp_path / "s", samples=5, compensators=NAMES)
     problem = Problem.of(replace(unsure, robust=Uncertainty()))
-    force, row = Inverse().profile(problem).force_N, result.rows[3]
+    profile, row = Inverse().profile(problem), result.rows[3]
     friction = unsure.transmission.friction
     unit = varied(
         unsure,
@@ -79,7 +79,7 @@ def test_a_unit_scores_what_a_single_run_on_it_scores(unsure: Scenario, tmp_path
             unsure.transmission.tendon.relaxing_stiffness_N_per_m * row.values[1],
         ),
     ).transmission
-    alone = verify(unit, SimulatedPlant(level=problem.level), "inverse", force, problem.reference).score
+    alone = verify(unit, SimulatedPlant(level=problem.level), "inverse", profile, problem.reference).score
     assert row.percent[1] == pytest.approx(alone.rmse_percent_of_range, rel=1e-9)
     assert row.percent[1] > 1
 

@@ -70,7 +70,7 @@ def test_where_the_rate_binds_the_optimum_leaves_less_on_a_finer_plant(
     rig, bounds = steady(generic), limits(rate)
     chain = Chain.of(rig, level)
     found = track(chain, reference(), STEP, bounds)
-    assert found.status is TrackStatus.OPTIMAL
+    assert found.status in (TrackStatus.OPTIMAL, TrackStatus.ACCEPTABLE)
     assert found.iterations <= 60
     assert bounds.admits(found.force_N, STEP, 1e-6)
     again = simulate(chain, found.force_N, STEP, initial_tension_N=30.0).output_tension_N
