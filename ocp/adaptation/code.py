@@ -11,6 +11,7 @@ import numpy as np
 
 from tendonff.models.chain import Chain
 from tendonff.models.elements import Whole, whole_of
+from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.adaptation.recursion import covariance_names, update_law
