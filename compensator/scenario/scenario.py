@@ -166,13 +166,13 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
     name = raw.get("name", source.stem)
     if not isinstance(name, str):
         raise InputError(f'{file}: name must be text in quotes ("..."), got {show(name)}')
-    raw = _complete(raw, file)
+    sections, path = _path_keys(raw.get("path", {}), file)
+    expanded = {"path": path, "load": _load_keys(raw.get("load", {}), file)}
+    raw = _complete({**raw, **{key: value for key, value in expanded.items() if key in raw}}, file)
 
     def table(cls: type, key: str) -> object:
         return read_table(cls, raw.get(key, {}), file=file, table=key)
 
-    sections, path = _path_keys(raw["path"], file)
-    raw = {**raw, "path": path, "load": _load_keys(raw["load"], file)}
     parts = {key: table(cls, key) for key, cls in (_TABLES | _OPTIONAL).items()}
     if sections:
         parts["path"] = replace(parts["path"], sections=sections)  # type: ignore[type-var]
