@@ -78,14 +78,9 @@ class TunedChain:
         parameters : tuple of Tunable
         segments : int, optional
         """
-        chain = Chain.of(transmission, level, segments)
-        if chain.moving:
-            raise ParameterError(
-                "self-tuning needs a path of one section at rest; give total_angle_rad instead of sections"
-            )
         return cls(
             whole=whole_of(transmission, level),
-            chain=chain,
+            chain=Chain.of(transmission, level, segments),
             parameters=parameters,
         )
 
