@@ -122,11 +122,10 @@ def test_each_of_several_files_says_its_own(found):
     assert found.as_json()["by_file"]["dry.csv"]["condition"] == "dry"
 
 
-def test_laws_are_compared_on_the_same_rows_and_range(found):
+def test_the_law_that_validates_better_is_chosen_across_the_stages(found):
     by_name = {law.name: law for law in found.laws}
     assert by_name["asymmetric with presliding, adhesion"].chosen
     assert by_name["asymmetric with adhesion"].validation_percent > by_name[found.law].validation_percent
-    assert by_name[found.law].fit_percent == pytest.approx(found.fit_percent, rel=0.35)
 
 
 def test_a_delay_of_the_output_is_measured(nominal, truth, tmp_path):
