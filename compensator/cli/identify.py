@@ -188,15 +188,15 @@ def _say_files(line: str) -> None:
         say(line)
 
 
-def _labels(wishes: list[str], names: list[str]) -> dict[str, str]:
+def _labels(options: list[str], names: list[str]) -> dict[str, str]:
     """Labels by file name from `--condition`."""
     from tendonff.compensator.files.reading import InputError, suggestion
 
     found = {}
-    for wish in wishes:
-        name, equals, label = wish.rpartition("=")
+    for option in options:
+        name, equals, label = option.rpartition("=")
         if not equals or not label:
-            raise InputError(f'--condition must be FILE=LABEL, got "{wish}"; --condition run3.csv=wet')
+            raise InputError(f'--condition must be FILE=LABEL, got "{option}"; --condition run3.csv=wet')
         if Path(name).name not in names:
             raise InputError(f'--condition: "{name}" is not given with --data{suggestion(Path(name).name, names)}')
         found[Path(name).name] = label
@@ -208,7 +208,7 @@ def _zeroed(how: "Measurement", offsets: list[str], tare: str | None) -> "Measur
     from tendonff.compensator.files.reading import InputError, suggestion
 
     for wish in offsets:
-        column, _, text = wish.rpartition("=")
+        column, _, text = option.rpartition("=")
         try:
             value = float(text)
         except ValueError:
@@ -232,8 +232,8 @@ def _scaled(how: "Measurement", wishes: list[str]) -> "Measurement":
     """Put `--scale` into the table [measurement]."""
     from tendonff.compensator.files.reading import InputError, suggestion
 
-    for wish in wishes:
-        column, _, factor = wish.rpartition("=")
+    for option in options:
+        column, _, factor = option.rpartition("=")
         try:
             value = float(factor)
         except ValueError:

@@ -100,7 +100,7 @@ def test_the_scheme_converges_to_cvodes_with_second_order(
     generic: Transmission, level: Level, reversing: bool, least_order: float, most_percent: float
 ) -> None:
     """Slope of the rms error over the step; reversals cost some of the order. `most_percent`: of range, at 2 ms."""
-    from tendonff.ocp.crosscheck import AdaptiveIntegrator
+    from tendonff.ocp.crosscheck.adaptive import AdaptiveIntegrator
 
     chain = Chain.of(without_stribeck(generic), level)
     fine = 5e-4
