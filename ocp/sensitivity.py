@@ -89,14 +89,7 @@ class _Directions:
     start: Array
     knot: NDArray[np.intc] | None
     weight: Array | None
-    window: int
-
-    def forgotten(self, rows: int) -> NDArray[np.int_]:
-        """How many of the first knots the window has left behind at the end of each step, shape (rows,)."""
-        if self.knot is None or self.window == 0:
-            return np.zeros(rows, dtype=np.int_)
-        left: NDArray[np.int_] = np.maximum(np.minimum(self.knot + 2, self.width) - self.window, 0)
-        return left
+    forgotten: NDArray[np.intc] | None
 
     def drive(self, rows: int) -> Array:
         """Change of f_c1 at the end of each step, shape (rows, width)."""
@@ -132,7 +125,7 @@ def force_sensitivity(
     state: ChainState,
     links: Links = Links.OUTPUT,
     ends: bool = False,
-    window: int = 0,
+    wiped_rows: NDArray[np.int_] | None = None,
     engine: Engine = Engine.AUTO,
 ) -> Sensitivity:
     """How the tensions change with the force at the knots of a piecewise linear profile.
@@ -151,8 +144,8 @@ def force_sensitivity(
     links : Links, optional
     ends : bool, optional
         Report the positions of the ends too.
-    window : int, optional
-        Follow a knot's influence over so many later knots only; 0 follows it to the end.
+    wiped_rows : ndarray of int, shape (k,), optional
+        Never falling: from this row on a knot's influence is forgotten; default: it is followed to the end.
     engine : Engine, optional
 
     Returns
@@ -172,7 +165,9 @@ def force_sensitivity(
         start=np.zeros((chain.layout.size, len(rows))),
         knot=np.ascontiguousarray(left, dtype=np.intc),
         weight=np.ascontiguousarray(weight),
-        window=window,
+        forgotten=None
+        if wiped_rows is None
+        else np.minimum(np.searchsorted(wiped_rows, at, side="right"), left).astype(np.intc),
     )
     if resolve_engine(engine) is Engine.CASADI:
         fixed = _Numbers(chain=chain, symbols=ca.SX(0, 1), values=np.empty(0))
@@ -225,7 +220,9 @@ def parameter_sensitivity(
     start = ca.vertcat(ca.SX.zeros(chain.count + 2), *by_link, masses, ends)
     slopes = ca.Function("slopes", [unknowns], [ca.jacobian(numbers, unknowns), ca.jacobian(start, unknowns)])
     by_number, by_start = (np.ascontiguousarray(np.asarray(m.full())) for m in slopes(at))
-    directions = _Directions(width=len(parameters), numbers=by_number, start=by_start, knot=None, weight=None, window=0)
+    directions = _Directions(
+        width=len(parameters), numbers=by_number, start=by_start, knot=None, weight=None, forgotten=None
+    )
     state = chain.rest_state(initial_tension_N)
     if resolve_engine(engine) is Engine.CASADI or chain.moving:  # C knows the parameters of pieces, not of the whole
         free = _Numbers(chain=symbolic, symbols=unknowns, values=np.array(at))
@@ -280,7 +277,7 @@ def _run(
         pointer(directions.numbers),
         ctypes.c_void_p(None if directions.knot is None else directions.knot.ctypes.data),
         pointer(directions.weight),
-        ctypes.c_int(directions.window),
+        ctypes.c_void_p(None if directions.forgotten is None else directions.forgotten.ctypes.data),
         pointer(dx),
         pointer(dx_old),
         pointer(tangent_work),
@@ -316,7 +313,13 @@ def _run_casadi(
     tangent = CasadiTangent(chain, numbers.chain, numbers.symbols, numbers.values, step_s)
     steps = len(inputs) - 1
     rows, slopes, ends_slopes = tangent.run(
-        x, state.time_s, inputs, directions.start, changes, directions.drive(steps), directions.forgotten(steps)
+        x,
+        state.time_s,
+        inputs,
+        directions.start,
+        changes,
+        directions.drive(steps),
+        np.zeros(steps, dtype=np.intc) if directions.forgotten is None else directions.forgotten,
     )
     if len(rows.tension_N) < steps:
         raise SolveError(describe_failure(chain, rows, (len(rows.tension_N) + 1) * step_s, step_s))

@@ -52,7 +52,7 @@ class CasadiTangent:
         start: Array,
         numbers: Array,
         drive: Array,
-        forgotten: NDArray[np.int_],
+        forgotten: NDArray[np.intc],
     ) -> tuple[Rows, Array, Array]:
         """Simulate and differentiate.
 

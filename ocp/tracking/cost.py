@@ -165,7 +165,7 @@ def gauss_newton_model(
     """
     goal, bounds, n, k = problem.goal, problem.bounds, len(force_N), len(knots)
     # A position remembers for ever: cut off, its slopes would jump and tell of speeds that are not there.
-    window = len(knots) if problem.limits.motion.binds else _memory(goal.reference_N, knots)
+    wiped = np.full(k, n) if problem.limits.motion.binds else _wiped_rows(goal.reference_N, knots)
     _, slopes = power_mean(evaluation.squares, goal.power)
     hessian, gradient = np.zeros((k, k)), np.zeros(k)
     rows, lows, highs = [np.empty((0, k))], [np.empty(0)], [np.empty(0)]
@@ -180,12 +180,12 @@ def gauss_newton_model(
             state=plant.state,
             links=Links.ALL if watched.size else Links.OUTPUT,
             ends=problem.limits.motion.binds,
-            window=window,
+            wiped_rows=wiped,
         )
         output = found.tension_slopes[:, -1, :]
         weight = 2 * slope / n
-        _add_gram(hessian, output, knots, weight, window)
-        gradient += weight * (output.T @ (tension[:, -1] - goal.reference_N))
+        error = tension[:, -1] - goal.reference_N
+        _add_squares(hessian, gradient, output, weight, error, knots, wiped)
         if watched.size:
             at, link = watched.T
             rows.append(found.tension_slopes[at, link, :])
@@ -222,35 +222,40 @@ def _add_force_cost(hessian: Array, gradient: Array, goal: Goal, force_N: Array,
 
 _REVERSALS = 2  # a change of the force is followed over so many later ones: they wipe it out
 _ROWS_OF_INTERVAL = 4  # that enter the Hessian
-_TILE, _TILE_ROWS = 120, 16  # knots and rows of a block
+_TILE_ROWS = 64  # of a block
 
 
-def _memory(reference_N: Array, knots: Knots) -> int:
-    """How many knots are under way at once."""
-    turns = np.append(reversals(reference_N), np.full(_REVERSALS, knots[-1]))
-    wiped = turns[np.searchsorted(turns, knots, side="right").clip(max=len(turns) - _REVERSALS) + _REVERSALS - 1]
-    return int((np.searchsorted(knots, wiped, side="right") - np.arange(len(knots))).max()) + 2
+def _wiped_rows(reference_N: Array, knots: Knots) -> Knots:
+    """Where the influence of each knot ends."""
+    turns = np.append(reversals(reference_N), np.full(_REVERSALS + 1, knots[-1] + 1))
+    ends = np.append(knots[1:], knots[-1])
+    wiped: Knots = turns[np.searchsorted(turns, ends, side="right") + _REVERSALS - 1]
+    return wiped
 
 
-def _add_gram(hessian: Array, slopes: Array, knots: Knots, weight: float, window: int) -> None:
-    """Add weight * slopes^T slopes, shape (k, k), in blocks of the few knots that matter at a time.
+def _add_squares(
+    hessian: Array, gradient: Array, slopes: Array, weight: float, error: Array, knots: Knots, wiped: Knots
+) -> None:
+    """Add weight/2 * (error + slopes x)^2, row by row, as a function of x.
 
-    A few rows stand for all between two knots: the output moves smoothly there. The blocks are so small that the matrix
-    library starts no threads, which would wait for busy processors.
+    It goes in blocks of the few knots that matter at a time. In the Hessian a few rows stand for all between two knots:
+    the output moves smoothly there.
     """
-    for i, (first, end) in enumerate(zip(knots[:-1].tolist(), knots[1:].tolist(), strict=True)):
-        stride = max((end - first) // _ROWS_OF_INTERVAL, 1)
-        each = weight * (end - first) / len(range(end, first, -stride))
-        tiles = [slice(k, min(k + _TILE, i + 2)) for k in range(max(i + 2 - window, 0), i + 2, _TILE)]
-        for start in range(end, first, -stride * _TILE_ROWS):
-            rows = slice(start, max(start - stride * _TILE_ROWS, first), -stride)
-            parts = [each * slopes[rows, tile].T for tile in tiles]
-            for m, left in enumerate(tiles):
-                for part, right in zip(parts[: m + 1], tiles[: m + 1], strict=True):
-                    product = part @ slopes[rows, left]
-                    hessian[right, left] += product
-                    if right != left:
-                        hessian[left, right] += product.T
+    gap = np.diff(knots)
+    stride = np.maximum(gap // _ROWS_OF_INTERVAL, 1)
+    share = np.sqrt(weight * gap / -(-gap // stride))
+    rows = np.arange(len(slopes))
+    interval = np.maximum(np.searchsorted(knots, rows) - 1, 0)
+    sampled = (knots[interval + 1] - rows) % stride[interval] == 0
+    sampled[0] = False  # there the force is given
+    for start in range(1, len(slopes), _TILE_ROWS):
+        end = min(start + _TILE_ROWS, len(slopes))
+        first = int(np.searchsorted(wiped, start, side="right"))
+        alive = slice(min(first, interval[start]), interval[end - 1] + 2)
+        part, taken = slopes[start:end, alive], sampled[start:end]
+        gradient[alive] += weight * (error[start:end] @ part)
+        few = part[taken] * share[interval[start:end][taken], None]
+        hessian[alive, alive] += few.T @ few
 
 
 _PIECE_ROWS = 10  # of so many successive rows, and all links, only the worst becomes a constraint

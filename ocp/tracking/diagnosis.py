@@ -106,7 +106,10 @@ def reversals(reference_N: Array) -> NDArray[np.int_]:
     turns: list[int] = []
     low = high = 0
     direction = 0
-    for k, value in enumerate(reference_N.tolist()):
+    way = np.diff(reference_N)
+    corners = np.flatnonzero(way[1:] * way[:-1] <= 0) + 1  # nowhere else does it turn
+    for k in (*corners.tolist(), len(reference_N) - 1):
+        value = float(reference_N[k])
         low = k if value < reference_N[low] else low
         high = k if value > reference_N[high] else high
         if direction >= 0 and reference_N[high] - value > least:

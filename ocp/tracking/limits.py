@@ -68,11 +68,9 @@ class MotionLimits:
             Wanted position relative to the rest [m].
         step_s : float
         """
-        now, most, kept = float(travel_m[0]), self.speed_m_per_s * step_s, []
-        for target in np.clip(travel_m, self.low_m, self.high_m).tolist():
-            now = min(max(target, now - most), now + most)
-            kept.append(now)
-        return np.array(kept)
+        kept = np.clip(travel_m, self.low_m, self.high_m)
+        kept[0] = travel_m[0]
+        return _slowed(kept, self.speed_m_per_s * step_s)
 
     def excess(self, travel_m: Array, step_s: float) -> tuple[Array, Array]:
         """How far a travel is beyond the speed, and beyond the range, row by row; negative inside [m/s], [m].
@@ -161,14 +159,9 @@ class ForceLimits:
         -------
         ndarray, shape (n,)
         """
-        wanted = np.clip(np.asarray(force_N, dtype=np.float64), self.minimum_N, self.maximum_N)
-        now = self.start(float(wanted[0]) if start_N is None else start_N)
-        most = self.rate_N_per_s * step_s
-        given = [now]
-        for target in wanted[1:].tolist():
-            now = min(max(target, now - most), now + most)
-            given.append(now)
-        return np.array(given)
+        given = np.clip(np.asarray(force_N, dtype=np.float64), self.minimum_N, self.maximum_N)
+        given[0] = self.start(float(given[0]) if start_N is None else start_N)
+        return _slowed(given, self.rate_N_per_s * step_s)
 
     def worst(self, force_N: Array, step_s: float) -> Violation:
         """The bound that a profile breaks most, relative to its size, or comes closest to.
@@ -236,3 +229,20 @@ class ForceLimits:
     @staticmethod
     def _violation(name: str, time_s: float, value: float, bound: float, side: float) -> Violation:
         return Violation(name=name, time_s=time_s, value=value, bound=bound, excess=side * (value - bound))
+
+
+def _slowed(wanted: Array, most: float) -> Array:
+    """What follows wanted values in steps of at most so much, from the first one."""
+    fast = (np.flatnonzero(np.abs(np.diff(wanted)) > most) + 1).tolist()
+    given: list[float] = wanted.tolist()
+    row = 0
+    for start in fast:
+        if start < row:  # still on the way since an earlier one
+            continue
+        now = given[start - 1]
+        for row in range(start, len(given)):
+            target = given[row]
+            given[row] = now = min(max(target, now - most), now + most)
+            if now == target:
+                break
+    return np.array(given)

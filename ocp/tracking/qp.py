@@ -8,32 +8,29 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-import scipy.sparse as sp
 
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.cost import GaussNewtonModel, Knots
+from tendonff.ocp.tracking.interior_point import KnotProgram, solve_knots
 from tendonff.ocp.tracking.problem import TrackingProblem
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepBounds:
-    """The room that the limits leave for changes of a profile at its knots.
+    """The room that the limits leave for changes of a profile at its knots; 0 lies within.
 
     Parameters
     ----------
-    slope : csc_array, shape (k - 1, k)
-        Slope of the change between the knots.
     low_N, high_N : ndarray, shape (k,)
-        Room at the knots; the first row is fixed.
-    slope_low, slope_high : ndarray, shape (k - 1,)
-        Room for the slopes [N/s].
+        At the knots; the first row is fixed.
+    rise_low_N, rise_high_N : ndarray, shape (k - 1,)
+        From each knot to the next.
     """
 
-    slope: sp.csc_array
     low_N: Array
     high_N: Array
-    slope_low: Array
-    slope_high: Array
+    rise_low_N: Array
+    rise_high_N: Array
 
 
 def step_bounds(problem: TrackingProblem, force_N: Array, knots: Knots) -> StepBounds:
@@ -59,14 +56,11 @@ def step_bounds(problem: TrackingProblem, force_N: Array, knots: Knots) -> StepB
     low = np.maximum(np.concatenate([down_in, [-np.inf]]), np.concatenate([[-np.inf], down_in]))
     high[0] = low[0] = 0.0
     gap = np.diff(knots) * step_s
-    count = len(gap)
-    slope = sp.diags_array([-1 / gap, 1 / gap], offsets=[0, 1], shape=(count, count + 1)).tocsc()
     return StepBounds(
-        slope=slope,
         low_N=np.minimum(low, 0.0),
         high_N=np.maximum(high, 0.0),
-        slope_low=np.minimum(-limits.rate_N_per_s - slowest, 0.0),
-        slope_high=np.maximum(limits.rate_N_per_s - fastest, 0.0),
+        rise_low_N=np.minimum(-limits.rate_N_per_s - slowest, 0.0) * gap,
+        rise_high_N=np.maximum(limits.rate_N_per_s - fastest, 0.0) * gap,
     )
 
 
@@ -83,56 +77,75 @@ def solve_qp(model: GaussNewtonModel, room: StepBounds, trust_N: Array | float, 
         Largest change [N].
     penalty_N : float
     """
-    k = len(model.gradient)
-    hessian, gradient = model.hessian, model.gradient
     low, high = np.maximum(room.low_N, -trust_N), np.minimum(room.high_N, trust_N)
-    rows, row_low, row_high = room.slope, room.slope_low, room.slope_high
-    if len(model.low):
-        missed = max(float(model.low.max()), float((-model.high).max()), 0.0)  # by no change at all
-        tension = sp.csc_array(model.rows)
-        if missed > 0:  # the last unknown is the share of that which remains
-            hessian = np.pad(hessian, (0, 1))
-            hessian[k, k] = 1e-6 * float(np.diag(hessian).max())
-            gradient = np.append(gradient, penalty_N * missed)
-            low, high = np.append(low, 0.0), np.append(high, 1.0)
-            column = sp.csc_array(np.full((len(model.low), 1), missed))
-            rows = sp.hstack([rows, sp.csc_array((len(row_low), 1))])
-            tension = sp.vstack([sp.hstack([tension, column]), sp.hstack([tension, -column])])
-            open_row = np.full(len(model.low), _FAR)
-            row_low = np.concatenate([row_low, model.low, -open_row])
-            row_high = np.concatenate([row_high, open_row, np.minimum(model.high, _FAR)])
-        else:
-            row_low = np.concatenate([row_low, model.low])
-            row_high = np.concatenate([row_high, np.minimum(model.high, _FAR)])
-        rows = sp.vstack([rows, tension])
-    solution = _solve(hessian, gradient, rows, row_low, row_high, low, high)
-    return None if solution is None else solution[:k]
+    missed = max(float(model.low.max()), float((-model.high).max()), 0.0) if len(model.low) else 0.0
+    move = None if missed > 0 else _banded(model, room, low, high)
+    return _dense(model, room, low, high, penalty_N * missed, missed) if move is None else move
 
 
-_FAR = 1e9  # no bound [N]
-_PIQP: dict[str, object] = {"error_on_fail": False, "piqp": {"max_iter": 60}}
-_DAQP: dict[str, object] = {"error_on_fail": False}
+_TINY_N = 1e-9  # room below this is none
+_FAR_N = 1e9  # no bound
 
 
-def _solve(
-    hessian: Array, gradient: Array, constraint: sp.sparray, row_low: Array, row_high: Array, low: Array, high: Array
+def _banded(model: GaussNewtonModel, room: StepBounds, low: Array, high: Array) -> Array | None:
+    """By the interior-point method, in the knots that have room."""
+    move, free = np.zeros(len(low)), high - low > _TINY_N
+    at = np.flatnonzero(free)
+    if not at.size:
+        return move
+    rise_low, rise_high = room.rise_low_N - _TINY_N, room.rise_high_N + _TINY_N
+    low, high = low.copy(), high.copy()
+    before, after = np.flatnonzero(free[:-1] & ~free[1:]), np.flatnonzero(~free[:-1] & free[1:]) + 1
+    low[before], high[before] = np.maximum(low[before], -rise_high[before]), np.minimum(high[before], -rise_low[before])
+    low[after], high[after] = np.maximum(low[after], rise_low[after - 1]), np.minimum(high[after], rise_high[after - 1])
+    apart = np.diff(at) > 1  # no rise ties these together: bounds that never bind
+    rise_low = np.where(apart, 2 * (low[at[1:]] - high[at[:-1]]), rise_low[at[:-1]])
+    rise_high = np.where(apart, 2 * (high[at[1:]] - low[at[:-1]]), rise_high[at[:-1]])
+    far = 1e3 * float(np.max(high - low)) * max(float(np.abs(model.rows).max(initial=0.0)), 1.0)
+    found = solve_knots(
+        KnotProgram(
+            hessian=model.hessian[np.ix_(free, free)],
+            gradient=model.gradient[free],
+            rows=model.rows[:, free],
+            low=np.concatenate([low[at], rise_low, np.maximum(model.low, -far)]),
+            high=np.concatenate([high[at], rise_high, np.minimum(model.high, far)]),
+        )
+    )
+    if found is None:
+        return None
+    move[at] = found
+    return np.clip(move, np.where(free, low, 0.0), np.where(free, high, 0.0))
+
+
+def _dense(
+    model: GaussNewtonModel, room: StepBounds, low: Array, high: Array, price: float, missed: float
 ) -> Array | None:
-    """CasADi's interfaces to PIQP, sparse, for a knot acts only for a while; and to DAQP, dense, where that fails."""
-    scale, k = 1 / max(float(np.diag(hessian).max()), 1e-300), len(gradient)  # their tolerances are absolute
-    a = ca.DM(sp.csc_matrix(constraint))
-    bounds = {"a": a, "lba": row_low, "uba": row_high, "lbx": low, "ubx": high, "g": gradient * scale}
-    dense = ca.Sparsity.dense(k, k)
-    sparse = sp.csc_array(hessian + sp.eye_array(k) * 1e-300)
-    pattern = ca.Sparsity(k, k, sparse.indptr.tolist(), sparse.indices.tolist())
-    places = (sparse.indices, np.repeat(np.arange(k), np.diff(sparse.indptr)))
-    attempts: list[tuple[str, ca.Sparsity, float, dict[str, object]]]
-    attempts = [] if len(row_low) >= k else [("piqp", pattern, 1e-9, _PIQP)]  # tension rows are what it fails on
-    attempts += [("daqp", dense, damping, _DAQP) for damping in (1e-8, 1e-5)]
-    for name, shape, damping, options in attempts:  # where the tendon sticks the Hessian is singular
-        damped = hessian * scale + damping * np.eye(k)
-        solver = ca.conic("change", name, {"h": shape, "a": a.sparsity()}, options)
-        found = solver(h=ca.DM(shape, damped[places] if shape is pattern else damped.ravel()), **bounds)
-        x: Array = np.asarray(found["x"].full()).ravel()
+    """By CasADi's interface to DAQP: also where tension rows are missed by no change at all, by `missed` at most.
+
+    The last unknown is the share of that which remains.
+    """
+    k = len(model.gradient)
+    rise = np.diff(np.eye(k), axis=0)
+    scale = 1 / max(float(np.diag(model.hessian).max()), 1e-300)  # its tolerances are absolute
+    hessian = np.pad(model.hessian * scale, (0, 1))
+    hessian[k, k] = 1e-6
+    column = np.full((len(model.low), 1), missed)
+    tension = np.vstack([np.hstack([model.rows, column]), np.hstack([model.rows, -column])])
+    rows = np.vstack([np.pad(rise, ((0, 0), (0, 1))), tension])
+    open_row = np.full(len(model.low), _FAR_N)
+    bounds = {
+        "a": rows,
+        "g": np.append(model.gradient, price) * scale,
+        "lba": np.concatenate([room.rise_low_N, model.low, -open_row]),
+        "uba": np.concatenate([room.rise_high_N, open_row, np.minimum(model.high, _FAR_N)]),
+        "lbx": np.append(low, 0.0),
+        "ubx": np.append(high, 1.0),
+    }
+    shapes = {"h": ca.Sparsity.dense(k + 1, k + 1), "a": ca.Sparsity.dense(*rows.shape)}
+    for damping in (1e-8, 1e-5):  # where the tendon sticks the Hessian is singular
+        solver = ca.conic("change", "daqp", shapes, {"error_on_fail": False})
+        found = solver(h=hessian + damping * np.eye(k + 1), **bounds)
+        x: Array = np.asarray(found["x"].full()).ravel()[:k]
         if solver.stats()["success"] and np.all(np.isfinite(x)):
             inside: Array = np.clip(x, low, high)
             return inside

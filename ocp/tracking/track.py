@@ -5,6 +5,7 @@ import time
 from dataclasses import replace
 
 import numpy as np
+from threadpoolctl import ThreadpoolController
 
 from tendonff.models.chain import Chain
 from tendonff.ocp.errors import CodeError, SolveError
@@ -93,6 +94,18 @@ def solve_tracking(
     progress : callable, optional
         Callback(completed, total), in iterations.
     """
+    with _BLAS.limit(limits=1):
+        return _solve(problem, inversion, options, progress)
+
+
+_BLAS = ThreadpoolController().select(user_api="blas")
+"""At the size of these matrices a second thread costs a hundred times what it gives."""
+
+
+def _solve(
+    problem: TrackingProblem, inversion: Inversion, options: TrackOptions, progress: Progress | None
+) -> Tracking:
+    """As `solve_tracking`."""
     began = time.perf_counter()
     found = _search(problem, inversion, options, progress)
     cautions: tuple[str, ...] = ()
