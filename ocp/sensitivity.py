@@ -5,7 +5,7 @@ Two questions share one routine: how the tensions change with the force at the k
 """
 
 import ctypes
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import casadi as ca
@@ -72,12 +72,15 @@ class Sensitivity:
         d tension/d direction; links is 1 (the output) or N + 1.
     ends_slopes : ndarray, shape (n, 2, directions), or None
         d (q_a, q_l)/d direction.
+    watched_slopes : ndarray, shape (w, N + 1, directions)
+        Of all links, in the rows that were asked for.
     """
 
     tension_N: Array
     ends_m: Array
     tension_slopes: Array
     ends_slopes: Array | None
+    watched_slopes: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,6 +93,7 @@ class _Directions:
     knot: NDArray[np.intc] | None
     weight: Array | None
     forgotten: NDArray[np.intc] | None
+    watched: NDArray[np.int_] = field(default_factory=lambda: np.empty(0, dtype=np.int_))
 
     def drive(self, rows: int) -> Array:
         """Change of f_c1 at the end of each step, shape (rows, width)."""
@@ -126,6 +130,7 @@ def force_sensitivity(
     links: Links = Links.OUTPUT,
     ends: bool = False,
     wiped_rows: NDArray[np.int_] | None = None,
+    watched_rows: NDArray[np.int_] | None = None,
     engine: Engine = Engine.AUTO,
 ) -> Sensitivity:
     """How the tensions change with the force at the knots of a piecewise linear profile.
@@ -146,6 +151,8 @@ def force_sensitivity(
         Report the positions of the ends too.
     wiped_rows : ndarray of int, shape (k,), optional
         Never falling: from this row on a knot's influence is forgotten; default: it is followed to the end.
+    watched_rows : ndarray of int, shape (w,), optional
+        Different rows > 0 in which all links are reported, whatever `links` says.
     engine : Engine, optional
 
     Returns
@@ -168,6 +175,7 @@ def force_sensitivity(
         forgotten=None
         if wiped_rows is None
         else np.minimum(np.searchsorted(wiped_rows, at, side="right"), left).astype(np.intc),
+        watched=np.empty(0, dtype=np.int_) if watched_rows is None else watched_rows,
     )
     if resolve_engine(engine) is Engine.CASADI:
         fixed = _Numbers(chain=chain, symbols=ca.SX(0, 1), values=np.empty(0))
@@ -257,6 +265,9 @@ def _run(
     tension[0], ends[0] = tensions_of(chain, x, state.time_s)[0], x[-2:]
     if ends_slopes is not None:
         ends_slopes[0] = dx[-2:]
+    watched_slopes = np.zeros((len(directions.watched), n + 1, width))
+    slot = np.full(rows, -1, dtype=np.intc)
+    slot[directions.watched - 1] = np.arange(len(directions.watched))
     report, worst = ReportStruct(), ctypes.c_int()
     record, places = chain_struct(chain), places_of(chain, state.time_s, step_s, rows)
     done = library.tff_tangent_run(
@@ -284,6 +295,8 @@ def _run(
         ctypes.c_int(first_link),
         pointer(slopes[1:]),
         pointer(None if ends_slopes is None else ends_slopes[1:]),
+        ctypes.c_void_p(slot.ctypes.data),
+        pointer(watched_slopes),
     )
     if done < rows:
         failed = Rows(
@@ -296,7 +309,9 @@ def _run(
             worst_mass=worst.value,
         )
         raise SolveError(describe_failure(chain, failed, (done + 1) * step_s, step_s))
-    return Sensitivity(tension_N=tension, ends_m=ends, tension_slopes=slopes, ends_slopes=ends_slopes)
+    return Sensitivity(
+        tension_N=tension, ends_m=ends, tension_slopes=slopes, ends_slopes=ends_slopes, watched_slopes=watched_slopes
+    )
 
 
 def _run_casadi(
@@ -330,4 +345,5 @@ def _run_casadi(
         ends_m=np.vstack([x[-2:], rows.ends_m]),
         tension_slopes=np.concatenate([start, slopes])[:, first_link:],
         ends_slopes=np.concatenate([directions.start[None, -2:], ends_slopes]),
+        watched_slopes=slopes[directions.watched - 1],
     )

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from tendonff.ocp.sensitivity import Links, force_sensitivity
+from tendonff.ocp.sensitivity import force_sensitivity
 from tendonff.ocp.simulate import Outcome, simulate
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.diagnosis import reversals
@@ -172,13 +172,14 @@ def gauss_newton_model(
     plants = zip(problem.plants, evaluation.tensions_N, evaluation.travels_m, slopes, strict=True)
     for plant, tension, travel, slope in plants:
         watched = _watched(tension, bounds, reach_N)
+        seen, place = np.unique(watched[:, 0], return_inverse=True)
         found = force_sensitivity(
             plant.chain,
             force_N,
             problem.step_s,
             knots,
             state=plant.state,
-            links=Links.ALL if watched.size else Links.OUTPUT,
+            watched_rows=seen,
             ends=problem.limits.motion.binds,
             wiped_rows=wiped,
         )
@@ -188,7 +189,7 @@ def gauss_newton_model(
         _add_squares(hessian, gradient, output, weight, error, knots, wiped)
         if watched.size:
             at, link = watched.T
-            rows.append(found.tension_slopes[at, link, :])
+            rows.append(found.watched_slopes[place, link, :])
             lows.append(bounds.low_N - tension[at, link])
             highs.append(bounds.high_N - tension[at, link])
         if found.ends_slopes is not None and problem.limits.motion.binds:

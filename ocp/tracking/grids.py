@@ -15,7 +15,7 @@ from tendonff.ocp.tracking.cost import Evaluation, GaussNewtonModel, Knots, eval
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.problem import TrackingProblem, every
 from tendonff.ocp.tracking.qp import solve_qp, step_bounds
-from tendonff.ocp.tracking.sqp import SqpResult, SqpSettings, SqpStatus, solve_sqp
+from tendonff.ocp.tracking.sqp import Blocks, SqpResult, SqpSettings, SqpStatus, solve_sqp
 
 KNOTS_PER_SWING = 12
 """Coarse knots between two reversals of the reference."""
@@ -103,7 +103,7 @@ def limited_rows(force_N: Array, step_s: float, limits: ForceLimits) -> np.typin
 
 
 def local_knots(limited: np.typing.NDArray[np.bool_], base: Knots, reach: int, spacing: int) -> Knots:
-    """Knots closer together where a limit begins or ceases to bind.
+    """Knots closer together where a limit begins or ceases to bind, and at those edges.
 
     Parameters
     ----------
@@ -113,9 +113,27 @@ def local_knots(limited: np.typing.NDArray[np.bool_], base: Knots, reach: int, s
     reach, spacing : int
         Rows on either side of such an edge, and between the knots there.
     """
+    n = int(base[-1]) + 1
     edges = np.flatnonzero(limited[1:] != limited[:-1]) + 1
-    near = np.add.outer(edges, np.arange(-reach, reach + 1, spacing)).ravel()
-    return np.unique(np.concatenate([base, near[(near > 0) & (near < base[-1])]]))
+    near = np.zeros(n, dtype=bool)
+    for edge in edges.tolist():
+        near[max(edge - reach, 0) : edge + reach + 1] = True
+    rows = np.flatnonzero(near)
+    wanted = np.zeros(n, dtype=bool)
+    wanted[base] = wanted[edges] = True
+    wanted[rows[rows % spacing == 0]] = True
+    kept, last = [0], 0
+    firm = np.zeros(n, dtype=bool)
+    firm[edges] = True
+    for row in np.flatnonzero(wanted)[1:-1].tolist():
+        if row - last >= max(spacing // 2, 1):
+            kept.append(row)
+        elif firm[row] and last and not firm[last]:
+            kept[-1] = row
+        else:
+            continue
+        last = row
+    return np.array([*kept, n - 1])
 
 
 def straightened(force_N: Array, knots: Knots, limited: np.typing.NDArray[np.bool_]) -> Array:
@@ -205,11 +223,10 @@ class _Stage:
     iterations: int
 
 
-_LOCAL_KNOTS = 240  # at most so many near the edges of limits
-
-_STAGES = (
-    _Stage(rows=8, base=2, edge=0, iterations=12),
-    _Stage(rows=0, base=2, edge=4, iterations=16),
+_COARSE = _Stage(rows=8, base=2, edge=0, iterations=8)
+_FINE = (
+    _Stage(rows=0, base=2, edge=4, iterations=12),
+    _Stage(rows=0, base=2, edge=8, iterations=20),
 )
 
 
@@ -242,32 +259,89 @@ def refine(
     GridRefinement
         Never worse than the clipped inverse.
     """
-    n, inverse = len(starts_N[0]), starts_N[0]
-    best = _taut_start(problem, problem.clipped(inverse))
-    near = even_knots(n, max(spacing // 4, 1))
-    forces = [nearest_profile(problem, start, near) for start in starts_N]
-    searches: list[SqpResult] = []
-    first, spent = best[0], 0
-    for stage in _STAGES:
-        factor = max(spacing // stage.rows, 1) if stage.rows else 1
-        grid = problem.coarsened(factor)
-        left = settings.iterations - spent
-        rules = replace(settings, iterations=max(min(left // len(forces), stage.iterations), 1))
-        tried = []
-        for force in forces:
-            knots, start = _knots_and_start(grid, every(force, factor), stage, max(spacing // factor, 1))
-            evaluation = evaluate(grid, start)
-            if factor == 1:
-                evaluation, start = _as_far_as_taut(problem, best, start)
-            tried.append(solve_sqp(grid, start, evaluation, knots, rules, tell))
-        spent += sum(result.iterations for result in tried)
-        found = min(tried, key=lambda result: result.evaluation.merit)
+    inverse = starts_N[0]
+    search = _Search(problem=problem, settings=settings, spacing=spacing, tell=tell)
+    first = best = _taut_start(problem, problem.clipped(inverse))
+    near = even_knots(len(inverse), max(spacing // 4, 1))
+    tried = [search.on(_COARSE, nearest_profile(problem, start, near), best) for start in starts_N]
+    found = min(tried, key=lambda result: result.evaluation.merit)
+    found = replace(found, force_N=_on_rows(found.force_N, search.factor(_COARSE), inverse, problem))
+    searches = [found]
+    for stage in _FINE:
+        found = search.on(stage, found.force_N, best)
         searches.append(found)
-        if factor == 1 and found.evaluation.merit < best[0].merit:
+        if found.evaluation.merit < best[0].merit:
             best = (found.evaluation, found.force_N)
-        forces = [_on_rows(found.force_N, factor, inverse, problem)]
+    for shift in _SHIFTS[: settings.restarts]:
+        if search.left < 1:
+            break
+        moved = _shifted(problem, best, round(shift * spacing))
+        again = search.on(_FINE[-1], moved, best, _AGAIN)
+        again = _best_of_blocks(problem, again, replace(again, evaluation=best[0], force_N=best[1]))
+        if again.evaluation.merit < best[0].merit:
+            best = (again.evaluation, again.force_N)
+            searches.append(again)
     force = problem.clipped(best[1])  # what rounding of the quadratic programs left
-    return GridRefinement(force_N=force, evaluation=best[0], searches=tuple(searches), improved=best[0] is not first)
+    return GridRefinement(force_N=force, evaluation=best[0], searches=tuple(searches), improved=best is not first)
+
+
+_AGAIN = 10  # iterations of a search from a shifted profile
+_SHIFTS = (0.5, -0.5, 1.0, -1.0, 1.5, -1.5)  # of the coarse spacing, in turn: ramps that begin earlier, or later
+
+
+@dataclass(slots=True, kw_only=True)
+class _Search:
+    """Searches on the stages' grids within one limit of iterations."""
+
+    problem: TrackingProblem
+    settings: SqpSettings
+    spacing: int
+    tell: Callable[[], None] | None
+    spent: int = 0
+
+    @property
+    def left(self) -> int:
+        return self.settings.iterations - self.spent
+
+    def factor(self, stage: _Stage) -> int:
+        """Rows of time in one of the stage's."""
+        return max(self.spacing // stage.rows, 1) if stage.rows else 1
+
+    def on(self, stage: _Stage, force_N: Array, best: tuple[Evaluation, Array], most: int | None = None) -> SqpResult:
+        """The search on a stage from a profile on all rows."""
+        factor = self.factor(stage)
+        grid = self.problem.coarsened(factor)
+        knots, start = _knots_and_start(grid, every(force_N, factor), stage, max(self.spacing // factor, 1))
+        evaluation = evaluate(grid, start)
+        if factor == 1:
+            evaluation, start = _as_far_as_taut(self.problem, best, start)
+        rules = replace(self.settings, iterations=max(min(self.left, most or stage.iterations), 1))
+        found = solve_sqp(grid, start, evaluation, knots, rules, self.tell)
+        self.spent += found.iterations
+        return found
+
+
+_WORTH = 0.01  # of the merit: a block that has less is not searched again
+
+
+def _shifted(problem: TrackingProblem, best: tuple[Evaluation, Array], rows: int) -> Array:
+    """The profile so many rows earlier, or later where negative, where an error is left between two reversals."""
+    evaluation, force = best
+    every_row = np.arange(len(force))
+    blocks = Blocks.between_reversals(problem, every_row)
+    open_ = blocks.sums(evaluation.density) > _WORTH * evaluation.merit
+    return problem.clipped(np.where(open_[blocks.of_knot], force[np.clip(every_row + rows, 0, len(force) - 1)], force))
+
+
+def _best_of_blocks(problem: TrackingProblem, one: SqpResult, other: SqpResult) -> SqpResult:
+    """The best of two profiles and of what takes the better of them between each two reversals."""
+    if not (len(one.evaluation.density) and len(other.evaluation.density)):
+        return min(one, other, key=lambda result: result.evaluation.merit)
+    blocks = Blocks.between_reversals(problem, np.arange(len(one.force_N)))
+    better = blocks.sums(other.evaluation.density) < blocks.sums(one.evaluation.density)
+    force = problem.clipped(np.where(better[blocks.of_knot], other.force_N, one.force_N))
+    mixed = replace(one, force_N=force, evaluation=evaluate(problem, force))
+    return min(one, other, mixed, key=lambda result: result.evaluation.merit)
 
 
 def _knots_and_start(grid: TrackingProblem, force_N: Array, stage: _Stage, spacing: int) -> tuple[Knots, Array]:
@@ -275,9 +349,7 @@ def _knots_and_start(grid: TrackingProblem, force_N: Array, stage: _Stage, spaci
     limited = limited_rows(force_N, grid.step_s, grid.limits)
     knots = even_knots(len(force_N), max(spacing // stage.base, 1))
     if stage.edge:
-        edges = int(np.count_nonzero(limited[1:] != limited[:-1])) + 1
-        apart = max(spacing // stage.edge, 1, 2 * spacing * edges // _LOCAL_KNOTS)
-        knots = local_knots(limited, knots, spacing, apart)
+        knots = local_knots(limited, knots, spacing, max(spacing // stage.edge, 1))
     return knots, straightened(force_N, knots, limited)
 
 

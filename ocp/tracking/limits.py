@@ -231,9 +231,12 @@ class ForceLimits:
         return Violation(name=name, time_s=time_s, value=value, bound=bound, excess=side * (value - bound))
 
 
+_ROUNDING = 1e-12
+
+
 def _slowed(wanted: Array, most: float) -> Array:
-    """What follows wanted values in steps of at most so much, from the first one."""
-    fast = (np.flatnonzero(np.abs(np.diff(wanted)) > most) + 1).tolist()
+    """What follows wanted values in steps of at most so much, from the first one; done twice it changes nothing."""
+    fast = (np.flatnonzero(np.abs(np.diff(wanted)) > (1 + _ROUNDING) * most) + 1).tolist()
     given: list[float] = wanted.tolist()
     row = 0
     for start in fast:

@@ -48,6 +48,9 @@ class TrackOptions:
         Quadratic programs per window.
     tolerance : float
         Relative decrease of the mean squared error that is not worth another iteration [-].
+    restarts : int
+        Searches from the profile that was found, moved a little in time: each takes about a third of the time again,
+        and may find a better one.
     window_s : float or None
         Length of the pieces a long horizon is cut into [s]; None: chosen from the reference.
     """
@@ -56,8 +59,9 @@ class TrackOptions:
     travel_weight: float = 1e-6
     minimum_tension_N: float = 0.0
     maximum_tension_N: float = math.inf
-    max_iterations: int = 60
+    max_iterations: int = 100
     tolerance: float = 3e-3
+    restarts: int = 2
     window_s: float | None = None
 
     def __post_init__(self) -> None:
@@ -71,9 +75,11 @@ class TrackOptions:
                 f"got {self.minimum_tension_N}; 0 means no slack"
             )
         if self.max_iterations < 3:
-            raise ParameterError(f"max_iterations must be >= 3, got {self.max_iterations}; 60 is a good start")
+            raise ParameterError(f"max_iterations must be >= 3, got {self.max_iterations}; 100 is a good start")
         if not 0 < self.tolerance < 1:
             raise ParameterError(f"tolerance must lie between 0 and 1, got {self.tolerance}; 0.003 is a good start")
+        if not self.restarts >= 0:
+            raise ParameterError(f"restarts must be >= 0, got {self.restarts}; 0 for a single search")
         if self.window_s is not None and not self.window_s > 0:
             raise ParameterError(f"window_s must be > 0, got {self.window_s}; leave it out to have it chosen")
 

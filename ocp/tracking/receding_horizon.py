@@ -88,6 +88,7 @@ def solve(
         iterations=options.max_iterations,
         tolerance=options.tolerance,
         trust_N=0.1 * float(np.ptp(problem.goal.reference_N)) + 1e-6,
+        restarts=options.restarts,
     )
     counter = _Counter(progress, options.max_iterations * len(pieces))
     for piece in pieces:

@@ -50,11 +50,14 @@ class SqpSettings:
         Relative decrease of the merit that is not worth another iteration [-].
     trust_N : float
         Largest change of the force in the first step [N].
+    restarts : int
+        Searches from the profile moved in time, when the others are done.
     """
 
     iterations: int
     tolerance: float
     trust_N: float
+    restarts: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,8 +113,10 @@ def solve_sqp(
     SqpResult
         Never worse than the profile it started from.
     """
-    blocks = _Blocks.between_reversals(problem, knots)
-    trust, poor = np.full(blocks.count, settings.trust_N), np.zeros(blocks.count)
+    blocks = Blocks.between_reversals(problem, knots)
+    trust = np.full(blocks.count, settings.trust_N)
+    # A block cannot gain more than what it has.
+    poor = np.where(blocks.sums(evaluation.density) < settings.tolerance / blocks.count * evaluation.merit, _POOR, 0)
     promise, iteration, status, gain = np.inf, 0, SqpStatus.ITERATIONS, np.zeros(blocks.count)
     while iteration < settings.iterations and status is SqpStatus.ITERATIONS:
         iteration += 1
@@ -160,7 +165,7 @@ class _Unknowns:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Blocks:
+class Blocks:
     """Stretches of time, one a reversal of the reference: full slip between them wipes out what was before.
 
     So each has a trust region and a share of the step of its own: one reversal that is hard holds up no other.
@@ -179,13 +184,21 @@ class _Blocks:
     of_knot: Knots
 
     @classmethod
-    def between_reversals(cls, problem: TrackingProblem, knots: Knots) -> "_Blocks":
+    def between_reversals(cls, problem: TrackingProblem, knots: Knots) -> "Blocks":
+        """From the middle between two reversals to the next.
+
+        Parameters
+        ----------
+        problem : TrackingProblem
+        knots : ndarray of int, shape (k,)
+        """
         turns = reversals(problem.goal.reference_N)
         starts = np.unique(np.append(0, (turns[1:] + turns[:-1]) // 2))
         return cls(knots=knots, starts=starts, of_knot=np.searchsorted(starts, knots, side="right") - 1)
 
     @property
     def count(self) -> int:
+        """How many there are."""
         return len(self.starts)
 
     def free_knots(self, searched: np.typing.NDArray[np.bool_]) -> tuple[Knots, np.typing.NDArray[np.bool_]]:
@@ -231,7 +244,7 @@ def _step(
     force_N: Array,
     evaluation: Evaluation,
     model: GaussNewtonModel,
-    blocks: _Blocks,
+    blocks: Blocks,
     unknowns: _Unknowns,
     trust: Array,
     settings: SqpSettings,
