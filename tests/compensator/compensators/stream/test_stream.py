@@ -10,15 +10,15 @@ import pytest
 
 from tendonff.compensator.compensators.base import Problem, Profile
 from tendonff.compensator.compensators.score import SimulatedPlant, scale_N, score, simulate_profile
+from tendonff.compensator.compensators.stream.filter import StreamFilter
+from tendonff.compensator.compensators.stream.model import StreamDesign, smoothed
+from tendonff.compensator.compensators.stream.run import choose_stream
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.c_text import accepted_range
 from tendonff.compensator.export.host import run_on_host
 from tendonff.compensator.scenario.sampling import Reference
 from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_hash, scenario_to_toml
 from tendonff.compensator.scenario.stream import Stream
-from tendonff.compensator.stream.filter import StreamFilter
-from tendonff.compensator.stream.model import StreamDesign, smoothed
-from tendonff.compensator.stream.run import choose_stream
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
