@@ -57,6 +57,7 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
             for level, run in result.runs.items()
             for state, value in relaxation(run).items()
         ),
+        least=1e-3,
     )
     transients = Table(
         caption="Reversals: width of the transient (5 to 50 % of the change) and largest slope of the output",

@@ -87,7 +87,8 @@ def identify(
         )
     if scenario.transmission.tendon.second_relaxation_time_s is not None:
         raise InputError(
-            "second_relaxation_time_s: one relaxation time is fitted; leave it and second_relaxing_stiffness_N_per_m out"
+            "second_relaxation_time_s is given, but one relaxation time is fitted; "
+            "leave it and second_relaxing_stiffness_N_per_m out"
         )
     fit_files, judging = [Path(file) for file in data], [Path(file) for file in validate]
     if twice := sorted({p.name for p in fit_files if p.resolve() in {v.resolve() for v in judging}}):
