@@ -136,7 +136,7 @@ def library_of(chain: Chain, make_source: Callable[[Chain], str]) -> ctypes.CDLL
         Chain to C source.
     """
     aliases = frozenset(chain.friction.aliases().items())
-    key = (make_source.__name__, type(chain.friction), type(chain.link), aliases, chain.moving)
+    key = (make_source.__name__, type(chain.friction), type(chain.link), type(chain.near), aliases, chain.moving)
     if (known := _LIBRARIES.get(key)) is None:
         known = _LIBRARIES[key] = load_library(make_source(chain))
         known.tff_work_reals.restype = ctypes.c_int

@@ -79,7 +79,9 @@ def step_expressions(chain: Chain) -> StepExpressions:
         ca.SX.sym("u", len(INPUT_NAMES)),
         ca.SX.sym("H"),
     )
-    v_base, e_base, *own, q_a, q_l = ca.vertsplit(base, layout.cuts)
+    v_base, *own, q_a, q_l = ca.vertsplit(base, layout.cuts)
+    rubbing, (e_base, *own) = tuple(own[: len(near.states)]), own[len(near.states) :]
+    rubbing = near.implicit(v[0], rubbing, H)
     links, masses = own[: len(layout.link_states)], own[len(layout.link_states) :]
     f_c1, x_c1, f_c2, x_c2 = ca.vertsplit(u)
     move = ca.SX.sym("move", 4 * n + 5)
@@ -96,7 +98,7 @@ def step_expressions(chain: Chain) -> StepExpressions:
     f_f = friction.state_force(masses) + friction.viscous_force(on_path)
     q_a, q_l = q_a + H * v[0], q_l + H * v[n + 1]
     sums = ca.vertcat(
-        end_force(v[0], q_a, force[0], -1, f_c1, x_c1, near),
+        end_force(v[0], q_a, force[0], -1, f_c1, x_c1, near, rubbing),
         path_force(force[:-1], force[1:], f_f),
         end_force(v[n + 1], q_l, force[n], 1, f_c2, x_c2, far),
     )
@@ -113,7 +115,7 @@ def step_expressions(chain: Chain) -> StepExpressions:
         H=H,
         move=move,
         balance=balance,
-        end=ca.vertcat(v, e, *links, *masses, q_a, q_l),
+        end=ca.vertcat(v, *rubbing, e, *links, *masses, q_a, q_l),
         force=force,
         tolerance=RESIDUAL_TOLERANCE_N + RESIDUAL_ROUNDING * largest,
     )
@@ -351,7 +353,8 @@ class CasadiInverse:
             ca.vertcat(ones, ca.repmat(share, of_states, 1), 1, 1) * part
             for share, part in ((kept, x), (kept_old, x_old))
         )
-        v_base, e_base, *own, q_a, q_l = ca.vertsplit(x_now + carry * (x_now - x_last), layout.cuts)
+        v_base, *own, q_a, q_l = ca.vertsplit(x_now + carry * (x_now - x_last), layout.cuts)
+        dry, (e_base, *own) = tuple(own[: len(chain.near.states)]), own[len(chain.near.states) :]
         border = len(layout.link_states)
         f, least, unknown = reference, reference, ca.SX.sym("unknown")
 
@@ -386,8 +389,15 @@ class CasadiInverse:
                 least = ca.fmin(least, f)
         q_a = q_a + H * v
         balance = near.mass_kg / H * (v - v_base[0])
-        force = root(balance - end_force(v, q_a, f, -1, unknown, 0, near))
-        blocks = [speeds, stretches, *zip(*link_ends, strict=True), *zip(*mass_ends, strict=True)]
+        dry = near.implicit(v, dry, H)
+        force = root(balance - end_force(v, q_a, f, -1, unknown, 0, near, dry))
+        blocks = [
+            speeds,
+            *((state,) for state in dry),
+            stretches,
+            *zip(*link_ends, strict=True),
+            *zip(*mass_ends, strict=True),
+        ]
         end = ca.vertcat(*(s for block in blocks for s in block[::-1]), q_a, q_l)
         return ca.Function("invert", [pair, reference, move], [ca.vertcat(end, x), force, least], {"cse": True})
 
