@@ -115,6 +115,11 @@ class Chain:
         return self.motion is not None or not self.elements.uniform or self.far_joint is not None
 
     @property
+    def coulomb_N(self) -> float:
+        """Dry friction of the actuator [N]."""
+        return self.near.coulomb_N if isinstance(self.near, RubbingEnd) else 0.0
+
+    @property
     def link(self) -> LinkLaw:
         """Law of the whole tendon as a link; one of its links is `link.shortened(ratio)`."""
         return self.elements.link

@@ -17,6 +17,7 @@ class Response:
     """Rows at the times of the drive."""
 
     output_N: np.ndarray
+    input_N: np.ndarray
     actuator_m: np.ndarray
     load_m: np.ndarray
 
@@ -72,9 +73,10 @@ def respond(
     )
     assert found.success, found.message
     rows = [split(x) for x in found.y.T]
-    output = np.array([tensions(q, v, z)[0][-1] for q, v, z, _ in rows])
+    ends = np.array([tensions(q, v, z)[0][[0, -1]] for q, v, z, _ in rows])
     return Response(
-        output_N=output,
+        output_N=ends[:, 1],
+        input_N=ends[:, 0],
         actuator_m=found.y[0] - q0[0],
         load_m=found.y[n + 1] - q0[-1],
     )

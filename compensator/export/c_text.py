@@ -27,7 +27,6 @@ from tendonff.compensator.stream.model import RE_ENTRY_S
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
-from tendonff.models.friction import RubbingEnd
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
 from tendonff.ocp.step.target import inverse_code, plant_code, plant_limits
@@ -356,7 +355,7 @@ def _start_context(chain: Chain) -> dict[str, object]:
         "friction_at": layout.part(layout.friction_states[0]).start if layout.friction_states else 0,
         "link_parts": stretched,
         "near_at": layout.part("q_a").start,
-        "coulomb": chain.near.coulomb_N if isinstance(chain.near, RubbingEnd) else 0.0,
+        "coulomb": chain.coulomb_N,
         "dry_at": layout.part("v").stop,
     }
 

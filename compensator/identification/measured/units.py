@@ -13,6 +13,7 @@ OTHERS = {
     "output": ("N", _FORCES),
     "input_position": ("m", _LENGTHS),
     "output_position": ("m", _LENGTHS),
+    "actuator_force": ("N", _FORCES),
 }
 """For each column the unit it is read in, and last words of names that tell another one; `A`, `g` and `in` may as well
 name a place."""
