@@ -217,7 +217,7 @@ def _actuator_end(transmission: Transmission, level: Level) -> End:
     """The actuator as an end that acts; its dry friction has the bristle of the level."""
     actuator, friction = transmission.actuator, transmission.friction
     end = {"mass_kg": actuator.mass_kg, "damping_N_s_per_m": actuator.damping_N_s_per_m, "stiffness_N_per_m": 0.0}
-    if actuator.coulomb_N == 0:
+    if not actuator.coulomb_N:
         return End(**end)
     soft, stiff = friction.soft_bristle_stiffness_N_per_m, friction.bristle_stiffness_N_per_m
     bristle = soft if level.features.soft_bristle else stiff

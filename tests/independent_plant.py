@@ -34,7 +34,7 @@ def respond(
     phi, sigma = rig.path.total_angle_rad / n, f.soft_bristle_stiffness_N_per_m / n
     mu_pull, mu_back = (np.tanh(0.5 * mu * phi) for mu in (f.mu_dynamic, f.release_dynamic))
     assert f.mu_static == f.mu_dynamic  # no Stribeck effect here
-    rubs = a.coulomb_N > 0  # a Dahl bristle of its own, with a constant friction of slip
+    rubs = bool(a.coulomb_N)  # a Dahl bristle of its own, with a constant friction of slip
     servo = a.servo_stiffness_N_per_m if position else 0.0
     stretch = tension_N / k1
     q_load = tension_N / load.stiffness_N_per_m

@@ -100,7 +100,7 @@ class Rig:
 
     def __init__(self, spec: RigSpec, level: Level, modes: Modes, segments: int | None = None) -> None:
         self._spec = spec
-        if spec.transmission.actuator.coulomb_N > 0:
+        if spec.transmission.actuator.coulomb_N:
             raise InputError("coulomb_N must be 0 in the two-motor test, which knows motors without dry friction")
         chain = Chain.of(spec.transmission, level, segments)
         self._chain = replace(chain, far=chain.near)  # two equal motors

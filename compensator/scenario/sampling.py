@@ -278,7 +278,7 @@ def largest_tension(transmission: Transmission) -> float:
     from tendonff.models.capstan import CapstanLaw
 
     actuator = transmission.actuator
-    return CapstanLaw.of(transmission).largest_output_N(actuator.force_max_N - actuator.coulomb_N)
+    return CapstanLaw.of(transmission).largest_output_N(actuator.force_max_N - (actuator.coulomb_N or 0.0))
 
 
 def _check_deliverable(transmission: Transmission, time: FloatArray, tension: FloatArray, file: str) -> str:

@@ -14,7 +14,7 @@ from tendonff.models.friction import RubbingEnd
 from tendonff.models.linearise import Lineariser
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.codegen.engine import Engine
-from tendonff.ocp.crosscheck import AdaptiveIntegrator
+from tendonff.ocp.crosscheck.adaptive import AdaptiveIntegrator
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.sensitivity import Parameter, force_sensitivity, parameter_sensitivity
 from tendonff.ocp.simulate import simulate

@@ -34,7 +34,7 @@ def drive_estimate(scenario: Scenario, raw: Sequence[RawMeasurement]) -> Estimat
         The drive's mass, and the bristle of its level.
     raw : sequence of RawMeasurement
     """
-    own = scenario.transmission.actuator.coulomb_N
+    own = scenario.transmission.actuator.coulomb_N or 0.0
     given = [one for one in raw if one.actuator_N is not None]
     if not given:
         return None
