@@ -64,13 +64,13 @@ class Measurement:
     output_column: str = "output_tension_N"
     input_position_column: str = "input_position_m"
     output_position_column: str = "output_position_m"
-    actuator_force_column: str = "actuator_force_N"
+    actuator_force_column: str | None = None
     time_scale: float = 1.0
     input_scale: float = 1.0
     output_scale: float = 1.0
     input_position_scale: float = 1.0
     output_position_scale: float = 1.0
-    actuator_force_scale: float = 1.0
+    actuator_force_scale: float | None = None
     input_offset_N: float | None = None
     output_offset_N: float | None = None
     tare_s: tuple[float, float] | None = None
@@ -80,9 +80,8 @@ class Measurement:
 
     def __post_init__(self) -> None:
         require_number("time_scale", self.time_scale, above=0, hint="0.001 turns milliseconds into seconds")
-        for name in (
-            f"{key}_scale" for key in ("input", "output", "input_position", "output_position", "actuator_force")
-        ):
+        scales = ("input_scale", "output_scale", "input_position_scale", "output_position_scale")
+        for name in (*scales, *(("actuator_force_scale",) if self.actuator_force_scale is not None else ())):
             require_number(name, getattr(self, name), hint="9.81 turns kg into N")
             if getattr(self, name) == 0:
                 raise ParameterError(f"{name} must not be 0, which would erase the channel; leave it out for no factor")

@@ -220,7 +220,7 @@ def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
         "output": how.output_column,
         "input_position": how.input_position_column,
         "output_position": how.output_position_column,
-        "actuator_force": how.actuator_force_column,
+        "actuator_force": how.actuator_force_column or "actuator_force_N",
     }
     for key, name in columns.items():
         if twin := next((k for k, n in columns.items() if n == name and k != key), None):
@@ -233,7 +233,7 @@ def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
         "output": how.output_scale,
         "input_position": how.input_position_scale,
         "output_position": how.output_position_scale,
-        "actuator_force": how.actuator_force_scale,
+        "actuator_force": how.actuator_force_scale or 1.0,
     }
     data = {k: values * (scales[k] if scales[k] != 1 else factors.get(k, 1.0)) for k, values in table.items()}
     bad: Mask = np.asarray(~np.isfinite(np.stack(list(data.values()))).all(axis=0))

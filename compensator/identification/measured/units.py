@@ -34,7 +34,7 @@ def unit_warnings(how: Measurement, positions: Sequence[str]) -> list[str]:
     found = []
     for key, (unit, others) in OTHERS.items():
         name, scale = getattr(how, f"{key}_column"), getattr(how, f"{key}_scale")
-        if scale != 1 or (key.endswith("position") and key not in positions):
+        if name is None or (scale or 1) != 1 or (key.endswith("position") and key not in positions):
             continue
         word = re.split(r"[^A-Za-z]+", name.rstrip(" ])"))[-1]
         if word in others:
