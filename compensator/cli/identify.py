@@ -207,13 +207,13 @@ def _zeroed(how: "Measurement", offsets: list[str], tare: str | None) -> "Measur
     """Put `--offset` and `--tare` into the table [measurement]."""
     from tendonff.compensator.files.reading import InputError, suggestion
 
-    for wish in offsets:
+    for option in offsets:
         column, _, text = option.rpartition("=")
         try:
             value = float(text)
         except ValueError:
             raise InputError(
-                f'--offset must be a number or COLUMN=number, got "{wish}"; --offset output=0.4 takes 0.4 N off'
+                f'--offset must be a number or COLUMN=number, got "{option}"; --offset output=0.4 takes 0.4 N off'
             ) from None
         if column not in ("", "input", "output"):
             raise InputError(f'--offset: unknown column "{column}"{suggestion(column, ("input", "output"))}')
@@ -228,7 +228,7 @@ def _zeroed(how: "Measurement", offsets: list[str], tare: str | None) -> "Measur
     return how
 
 
-def _scaled(how: "Measurement", wishes: list[str]) -> "Measurement":
+def _scaled(how: "Measurement", options: list[str]) -> "Measurement":
     """Put `--scale` into the table [measurement]."""
     from tendonff.compensator.files.reading import InputError, suggestion
 
@@ -238,7 +238,7 @@ def _scaled(how: "Measurement", wishes: list[str]) -> "Measurement":
             value = float(factor)
         except ValueError:
             raise InputError(
-                f'--scale must be a number or COLUMN=number, got "{wish}"; --scale input=9.81 turns kg into N'
+                f'--scale must be a number or COLUMN=number, got "{option}"; --scale input=9.81 turns kg into N'
             ) from None
         if column and column not in SCALED:
             raise InputError(f'--scale: unknown column "{column}"{suggestion(column, SCALED)}')
