@@ -15,6 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+
 import tendonff as tf
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.reference import Shape, SineReference, WaypointReference
@@ -139,7 +140,9 @@ def main() -> int:
             if said := self_test(exported):
                 bad.append(f"{tried} {precision}: {said}")
                 print(bad[-1], flush=True)
-    print(f"{options.count} legal scenarios: {len(bad)} self tests of {2 * options.count} fail; refused {dict(refused)}")
+    print(
+        f"{options.count} legal scenarios: {len(bad)} self tests of {2 * options.count} fail; refused {dict(refused)}"
+    )
     print(f"modules left out because they would do harm: {dict(harmful)}")
     return 1 if bad else 0
 

@@ -111,6 +111,8 @@ class StepCode:
     of_masses : tuple of str, optional
         Names of what differs from mass to mass.
     limits : Limits, optional
+    free : tuple of str, optional
+        Numbers that the caller of the inverse hands over.
     compliances : mapping of str to float or C text, optional
         For an inverse that keeps states relative to what the tension alone would cause: by state, [m/N].
     """
@@ -126,6 +128,7 @@ class StepCode:
     moving: bool = False
     of_masses: tuple[str, ...] = ()
     limits: Limits = Limits()
+    free: tuple[str, ...] = ()
     compliances: Mapping[str, float | str] | None = None
 
     def call(self, law: str, *parts: Mapping[str, str], end: str = "", link: str = "c", mass: str = "") -> str:
@@ -144,7 +147,8 @@ class StepCode:
             Index of the mass that the law is for.
         """
         own = "own" if self.moving and mass else ""
-        return law_calls(self.prefix, self.laws)(law, *parts, end=end, link=link, own=own, mass=mass)
+        given = {name: name for name in self.free}
+        return law_calls(self.prefix, self.laws)(law, given, *parts, end=end, link=link, own=own, mass=mass)
 
     @property
     def friction_numbers(self) -> tuple[str, ...]:
@@ -217,6 +221,7 @@ class StepCode:
                 },
                 **{name: f"&w->{name}[i]" for name in own},
             },
+            free=self.free,
             ratio_parameter=f"const {real} *{restrict}ratio, " if self.moving else "",
             ratio_argument="w->ratio, " if self.moving else "",
             gain_parameter=f", {real} *{restrict}gain" if self.moving else "",
