@@ -14,6 +14,7 @@ import numpy as np
 from tendonff.compensator.experiment.machine import StatePass
 from tendonff.compensator.experiment.result import ExperimentData, ExperimentRun
 from tendonff.compensator.scenario.experiment import MotorMode
+from tendonff.models.two_ended import TwoEndedLaw
 
 _BREAKAWAY = (0.05, 0.5)
 _LEAST_CHANGE = 0.01  # of range: an output that changes less has no transient to speak of
@@ -85,6 +86,19 @@ class SlipProfile:
 
     exponent_over_law: float
     profile_deviation_percent: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LawDeviation:
+    """Difference of the tensions along the path from the two-ended static law, over all links and rows.
+
+    Parameters
+    ----------
+    rms_percent_of_range, max_percent_of_range : float
+    """
+
+    rms_percent_of_range: float
+    max_percent_of_range: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -246,21 +260,21 @@ def slip_profiles(run: ExperimentRun) -> dict[str, SlipProfile]:
     return found
 
 
-def steepest_gradient(run: ExperimentRun) -> float:
-    """Largest abs(d ln(T + p)/d theta) over mu of its direction, over all links and rows; at most 1 by the static law.
+def law_deviation(run: ExperimentRun) -> LawDeviation:
+    """Difference from the static law with two ends, given the run's own end tensions.
 
     Parameters
     ----------
     run : ExperimentRun
     """
-    friction, total_angle_rad = run.transmission.friction, run.transmission.path.total_angle_rad
-    lifted = np.log(np.maximum(run.link_tension_N + friction.adhesion_N, 1e-12))
-    drop = lifted[:, :-1] - lifted[:, 1:]
-    phi = total_angle_rad / drop.shape[1]
-    bounds = friction.mu_static * phi, friction.release_static * phi
-    if min(bounds) <= 0:
-        return 0.0
-    return float(max(drop.max() / bounds[0], -drop.min() / bounds[1]))
+    tension = run.link_tension_N
+    law = TwoEndedLaw.of(run.transmission, tension.shape[1] - 1)
+    # inertia and viscous friction may take the ends beyond full slip: no tension is too far here
+    off = law.history_N(tension[:, 0], tension[:, -1], tension[0], excess=math.inf) - tension
+    return LawDeviation(
+        rms_percent_of_range=percent_of(math.sqrt(float((off**2).mean())), run.range_N),
+        max_percent_of_range=percent_of(float(np.abs(off).max()), run.range_N),
+    )
 
 
 def refinement(coarse: ExperimentRun, fine: ExperimentRun) -> Refinement:
