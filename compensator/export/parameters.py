@@ -77,8 +77,10 @@ def parameters_of(problem: Problem) -> tuple[Parameter, ...]:
         ("force_max", "N", "largest force of the actuator", high, low, high),
         ("force_rate_max", "N/s", "largest change of the force per second", rate, 0.0, rate),
     )
-    names = ("name", "unit", "text", "value", "low", "high")
-    return tuple(Parameter(**dict(zip(names, row, strict=True))) for row in rows)
+    return tuple(
+        Parameter(name=name, unit=unit, text=text, value=value, low=least, high=largest)
+        for name, unit, text, value, least, largest in rows
+    )
 
 
 def settable_inverse(problem: Problem, precision: Precision, prefix: str) -> dict[str, object]:
