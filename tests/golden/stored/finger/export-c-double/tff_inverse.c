@@ -164,12 +164,12 @@ static double tff_inverse_invert_step(
     int j;
 
     for (j = 0; j < (((4 * n) + 6) - 3); j += 4) { /* x_old holds x, x holds the base of the step; four in one go */
-        const double now_0 = x[j + 0];
+        const double now_0 = x[j];
         const double now_1 = x[j + 1];
         const double now_2 = x[j + 2];
         const double now_3 = x[j + 3];
-        x[j + 0] = now_0 + (carry * (now_0 - x_old[j + 0]));
-        x_old[j + 0] = now_0;
+        x[j] = now_0 + (carry * (now_0 - x_old[j]));
+        x_old[j] = now_0;
         x[j + 1] = now_1 + (carry * (now_1 - x_old[j + 1]));
         x_old[j + 1] = now_1;
         x[j + 2] = now_2 + (carry * (now_2 - x_old[j + 2]));
@@ -295,7 +295,7 @@ void tff_inverse_set_mu(tff_inverse *self, tff_real mu_dynamic)
     tff_parameters wanted;
 
     tff_parameters_init(&wanted);
-    if ((tff_parameters_set_mu(&wanted, mu_dynamic, 1.0 * mu_dynamic) != 0)
+    if ((tff_parameters_set_mu(&wanted, mu_dynamic, mu_dynamic) != 0)
         && (tff_parameters_set_adhesion(&wanted, self->adhesion) != 0)) {
         const tff_output kept = self->output; /* limits stay */
 

@@ -24,7 +24,7 @@ static int32_t tff_parameters_within(tff_real value, tff_real low, tff_real high
 
 int32_t tff_parameters_are_good(const tff_parameters *self)
 {
-    int32_t good = (self->force_min < self->force_max) ? 1 : 0;
+    int32_t good = tff_parameters_within(self->force_min, self->force_min, self->force_max);
 
     good *= tff_parameters_within(self->mu_pull, 0.0, 2.0);
     good *= tff_parameters_within(self->mu_release, 0.0, 2.0);

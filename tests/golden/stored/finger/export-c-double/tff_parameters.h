@@ -27,7 +27,7 @@ typedef struct {
 /* The scenario's own values. */
 void tff_parameters_init(tff_parameters *self);
 
-/* 1 where every member is in its range and force_min is below force_max, 0 elsewhere. */
+/* 1 where every member is in its range and force_min is not above force_max, 0 elsewhere. */
 int32_t tff_parameters_are_good(const tff_parameters *self);
 
 /* Setters: 1 where the values were taken, 0 where they mean nothing and the record stays as it was. */
