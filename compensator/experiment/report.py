@@ -5,11 +5,11 @@ from matplotlib.figure import Figure
 from tendonff.compensator.experiment.numbers import (
     MEANINGS,
     holds,
+    law_deviation,
     refinement,
     relaxation,
     reversals,
     slip_profiles,
-    steepest_gradient,
     switches,
     transient,
     warnings_of,
@@ -69,14 +69,15 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
             if (value := transient(run, done)) is not None
         ),
     )
-    gradients = Table(
-        caption="Largest gradient of ln T along the path over mu; the static law allows 1",
-        columns=("model", "gradient/mu"),
-        rows=(
-            *((level.value, steepest_gradient(run)) for level, run in result.runs.items()),
-            ("quasi-static elastic", steepest_gradient(result.quasi_static)),
+    models = {**{level.value: run for level, run in result.runs.items()}, "quasi-static elastic": result.quasi_static}
+    law = Table(
+        caption="Difference from the static law with two ends, given the two end tensions [% of range]",
+        columns=("model", "RMS", "largest"),
+        rows=tuple(
+            (name, off.rms_percent_of_range, off.max_percent_of_range)
+            for name, run in models.items()
+            for off in (law_deviation(run),)
         ),
-        digits=4,
     )
     finer = refinement(result.runs[result.lead], result.fine)
     step = max(
@@ -95,7 +96,7 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
             Section(
                 title="How the models differ", blocks=(*_present(pictures, "experiment_details"), held, transients)
             ),
-            Section(title="Along the path", blocks=(*_present(pictures, "experiment_distribution"), gradients)),
+            Section(title="Along the path", blocks=(*_present(pictures, "experiment_distribution"), law)),
             Section(title="Hysteresis of the tendon", blocks=_present(pictures, "experiment_hysteresis")),
             Section(
                 title="Numerical accuracy",
