@@ -1,7 +1,7 @@
 """Run the notebooks and keep their outputs: `python notebooks/store.py [NOTEBOOK ...]`.
 
-A cell that draws says in a first line `#| fig-alt: ...` what its picture shows, for those who cannot see it. Cells whose
-numbers differ from run to run, such as times, carry the tag "varies".
+A cell that draws says in a first line `#| fig-alt: ...` what its picture shows, for those who cannot see it. Cells
+whose numbers differ from run to run, such as times, carry the tag "varies". `tests/test_notebooks.py` compares.
 """
 
 import base64

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patheffects import withStroke
+from matplotlib.patheffects import AbstractPathEffect, withStroke
 
 from tendonff.compensator.experiment.machine import StatePass
 from tendonff.compensator.experiment.numbers import driven_motor, holds, reversals
@@ -111,7 +111,7 @@ def distribution_figure(result: ExperimentData) -> Figure:
     panel: Axes = axes[0, 0]
     image = panel.pcolormesh(time, angle, tension.T, cmap=_HEAT, shading="gouraud", rasterized=True)
     lines = panel.contour(time, angle, tension.T, levels=8, colors=INK, linewidths=0.5)
-    halo = [withStroke(linewidth=2, foreground="white")]
+    halo: list[AbstractPathEffect] = [withStroke(linewidth=2, foreground="white")]
     for label in panel.clabel(lines, fontsize=7, fmt="%.0f N"):
         label.set_path_effects(halo)
     _shade_states(panel, run, named=True, shaded=False)
