@@ -65,7 +65,7 @@ class AdaptiveIntegrator:
         stretch = float(chain.link.rest(scale_N)[0]) / (chain.count + 1)
         self._scale = np.full(layout.size, stretch)
         self._scale[layout.part("v")] = 1e-2
-        for name in layout.friction_states:
+        for name in (*layout.end_states, *layout.friction_states):
             self._scale[layout.part(name)] = scale_N
         self._scale[-2:] = stretch * (chain.count + 1)
         self._solver, self._rows, self._step_s = solver, rows, step_s
