@@ -25,6 +25,7 @@ if TYPE_CHECKING:  # what editors and type checkers read; `_HOMES` says the same
     from tendonff.compensator.export.kinds import FmiVersion
     from tendonff.compensator.export.kinds import Kind as FmuKind
     from tendonff.compensator.files.reading import InputError
+    from tendonff.compensator.identification.measured.centreline.run import read_centreline
     from tendonff.compensator.identification.output import Identification
     from tendonff.compensator.identification.run import identify
     from tendonff.compensator.identification.suggest import suggest
@@ -38,6 +39,7 @@ if TYPE_CHECKING:  # what editors and type checkers read; `_HOMES` says the same
     from tendonff.models.fidelity import Level
     from tendonff.models.interop import as_iosystem, linear_system
     from tendonff.models.parameters import Actuator, Friction, Load, Path, Tendon, Transmission
+    from tendonff.models.two_ended import TwoEndedLaw
     from tendonff.ocp.batch import SimulationJob, simulate_batch
     from tendonff.ocp.codegen.precision import Precision
     from tendonff.ocp.errors import SolveError
@@ -80,6 +82,7 @@ __all__ = [
     "TendonffError",
     "TrackOptions",
     "Transmission",
+    "TwoEndedLaw",
     "__version__",
     "adapt",
     "as_iosystem",
@@ -93,6 +96,7 @@ __all__ = [
     "linear_system",
     "load_scenario",
     "make_table",
+    "read_centreline",
     "sample_reference",
     "simulate",
     "simulate_batch",
@@ -115,6 +119,7 @@ _HOMES = {
     "compensator.export.fmu": ("export_fmu:build_fmu",),
     "compensator.export.kinds": ("FmiVersion", "FmuKind:Kind"),
     "compensator.files.reading": ("InputError",),
+    "compensator.identification.measured.centreline.run": ("read_centreline",),
     "compensator.identification.output": ("Identification",),
     "compensator.identification.run": ("identify",),
     "compensator.identification.suggest": ("suggest",),
@@ -128,6 +133,7 @@ _HOMES = {
     "models.fidelity": ("Level",),
     "models.interop": ("as_iosystem", "linear_system"),
     "models.parameters": ("Actuator", "Friction", "Load", "Path", "Tendon", "Transmission"),
+    "models.two_ended": ("TwoEndedLaw",),
     "ocp.batch": ("SimulationJob", "simulate_batch"),
     "ocp.codegen.precision": ("Precision",),
     "ocp.errors": ("SolveError",),

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from tendonff.compensator.identification.output import Identification
     from tendonff.compensator.scenario.measurement import Measurement
 
-SCALED = ("time", "input", "output", "input_position", "output_position")
+SCALED = ("time", "input", "output", "input_position", "output_position", "actuator_force")
 
 
 def identify(
@@ -59,13 +59,17 @@ def identify(
             "--output-position-column", help="Name of the column of the output end's position.", show_default=False
         ),
     ] = None,
+    actuator_force_column: Annotated[
+        str | None,
+        typer.Option("--actuator-force-column", help="Name of the column of the actuator's force.", show_default=False),
+    ] = None,
     scale: Annotated[
         list[str] | None,
         typer.Option(
             "--scale",
             metavar="[COLUMN=]FACTOR",
-            help="Factor to SI units: of both tensions, or of the column time, input, output, input_position or "
-            "output_position; may be repeated.",
+            help="Factor to SI units: of both tensions, or of the column time, input, output, input_position, "
+            "output_position or actuator_force; may be repeated.",
             show_default=False,
         ),
     ] = None,
@@ -144,6 +148,7 @@ def identify(
         "output_column": output_column,
         "input_position_column": input_position_column,
         "output_position_column": output_position_column,
+        "actuator_force_column": actuator_force_column,
         "skip_s": skip,
         "explain": explain,
     }
@@ -207,13 +212,13 @@ def _zeroed(how: "Measurement", offsets: list[str], tare: str | None) -> "Measur
     """Put `--offset` and `--tare` into the table [measurement]."""
     from tendonff.compensator.files.reading import InputError, suggestion
 
-    for wish in offsets:
+    for option in offsets:
         column, _, text = option.rpartition("=")
         try:
             value = float(text)
         except ValueError:
             raise InputError(
-                f'--offset must be a number or COLUMN=number, got "{wish}"; --offset output=0.4 takes 0.4 N off'
+                f'--offset must be a number or COLUMN=number, got "{option}"; --offset output=0.4 takes 0.4 N off'
             ) from None
         if column not in ("", "input", "output"):
             raise InputError(f'--offset: unknown column "{column}"{suggestion(column, ("input", "output"))}')
@@ -228,7 +233,7 @@ def _zeroed(how: "Measurement", offsets: list[str], tare: str | None) -> "Measur
     return how
 
 
-def _scaled(how: "Measurement", wishes: list[str]) -> "Measurement":
+def _scaled(how: "Measurement", options: list[str]) -> "Measurement":
     """Put `--scale` into the table [measurement]."""
     from tendonff.compensator.files.reading import InputError, suggestion
 
@@ -238,7 +243,7 @@ def _scaled(how: "Measurement", wishes: list[str]) -> "Measurement":
             value = float(factor)
         except ValueError:
             raise InputError(
-                f'--scale must be a number or COLUMN=number, got "{wish}"; --scale input=9.81 turns kg into N'
+                f'--scale must be a number or COLUMN=number, got "{option}"; --scale input=9.81 turns kg into N'
             ) from None
         if column and column not in SCALED:
             raise InputError(f'--scale: unknown column "{column}"{suggestion(column, SCALED)}')
