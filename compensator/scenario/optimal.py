@@ -22,7 +22,9 @@ class OptimalSettings:
         What doubling the force's travel costs, as a mean squared error relative to the squared range of the reference
         [-], >= 0. Default 1e-6.
     max_iterations : int, optional
-        Quadratic programs for each window of the horizon, 3 to 10000. Default 60.
+        Quadratic programs for each window of the horizon, 3 to 10000. Default 100.
+    restarts : int, optional
+        Searches from the profile that was found, moved a little in time, 0 to 6. Default 2.
     """
 
     minimum_tension_N: float | None = None
@@ -30,6 +32,7 @@ class OptimalSettings:
     effort_weight: float | None = None
     travel_weight: float | None = None
     max_iterations: int | None = None
+    restarts: int | None = None
 
     def __post_init__(self) -> None:
         for name in ("minimum_tension_N", "effort_weight", "travel_weight"):
@@ -43,7 +46,9 @@ class OptimalSettings:
                     f"got {self.maximum_tension_N:g}; leave it out for none"
                 )
         if self.max_iterations is not None:
-            require_whole("max_iterations", self.max_iterations, least=3, most=10000, hint="60 is a good start")
+            require_whole("max_iterations", self.max_iterations, least=3, most=10000, hint="100 is a good start")
+        if self.restarts is not None:
+            require_whole("restarts", self.restarts, least=0, most=6, hint="2 is a good start")
 
     @property
     def given(self) -> dict[str, float | int]:

@@ -223,7 +223,7 @@ class _Stage:
     iterations: int
 
 
-_COARSE = _Stage(rows=8, base=2, edge=0, iterations=8)
+_COARSE = _Stage(rows=8, base=2, edge=0, iterations=12)
 _FINE = (
     _Stage(rows=0, base=2, edge=4, iterations=12),
     _Stage(rows=0, base=2, edge=8, iterations=20),
@@ -285,7 +285,7 @@ def refine(
     return GridRefinement(force_N=force, evaluation=best[0], searches=tuple(searches), improved=best is not first)
 
 
-_AGAIN = 10  # iterations of a search from a shifted profile
+_AGAIN = 6  # iterations of a search from a shifted profile
 _SHIFTS = (0.5, -0.5, 1.0, -1.0, 1.5, -1.5)  # of the coarse spacing, in turn: ramps that begin earlier, or later
 
 

@@ -78,8 +78,8 @@ class TrackOptions:
             raise ParameterError(f"max_iterations must be >= 3, got {self.max_iterations}; 100 is a good start")
         if not 0 < self.tolerance < 1:
             raise ParameterError(f"tolerance must lie between 0 and 1, got {self.tolerance}; 0.003 is a good start")
-        if not self.restarts >= 0:
-            raise ParameterError(f"restarts must be >= 0, got {self.restarts}; 0 for a single search")
+        if not 0 <= self.restarts <= 6:
+            raise ParameterError(f"restarts must lie between 0 and 6, got {self.restarts}; 0 for a single search")
         if self.window_s is not None and not self.window_s > 0:
             raise ParameterError(f"window_s must be > 0, got {self.window_s}; leave it out to have it chosen")
 
