@@ -41,9 +41,9 @@ class KnotProgram:
         """What is bounded."""
         return np.concatenate([x, np.diff(x), self.rows @ x])
 
-    def back(self, price: Array) -> Array:
-        """Transpose of `at`."""
-        k = len(self.gradient)
+    def back(self, low: Array, high: Array) -> Array:
+        """Transpose of `at`, of prices of the lower bounds less those of the upper."""
+        k, price = len(self.gradient), low - high
         found = price[:k] + self.rows.T @ price[2 * k - 1 :]
         found[1:] += price[k : 2 * k - 1]
         found[:-1] -= price[k : 2 * k - 1]
@@ -82,68 +82,76 @@ def solve_knots(program: KnotProgram) -> Array | None:
     """
     h, g = program.hessian, program.gradient
     scale = float(np.abs(g).max(initial=0.0))
+    x, width = np.zeros(len(g)), program.high - program.low
     if scale == 0:
-        return np.zeros(len(g))
+        return x
     bands = program.bands()
     bands[0] += 1e-10 * bands[0].max()  # where the tendon sticks the Hessian is singular
-    width = program.high - program.low
-    least = 0.1 * np.median(width)  # of the slacks, to begin with
-    below, above = np.maximum(-program.low, least), np.maximum(program.high, least)
-    x = np.zeros(len(g))
-    price = 0.1 * scale * float(np.median(width))
-    up, down = price / below, price / above
-    rounding = 1e-12 * price * len(width)
+    typical = float(np.median(width))
+    slack = np.maximum(np.concatenate([-program.low, program.high]), 0.1 * typical)
+    price = 0.1 * scale * typical / slack
+    rounding = 1e-12 * float(price @ slack)
     for _ in range(_ITERATIONS):
         curved, at = h @ x, program.at(x)
-        dual = curved + g - program.back(up - down)
-        low_missed, high_missed = at - program.low - below, program.high - at - above
-        gap, worth = float(up @ below + down @ above), -float(g @ x + 0.5 * x @ curved)
-        missed = max(float(np.abs(low_missed).max()), float(np.abs(high_missed).max()))
-        if (
-            gap <= _GAP * worth + rounding
-            and missed <= 1e-9 * float(width.max())
-            and float(np.abs(dual).max()) <= 1e-6 * scale
-        ):
+        dual = curved + g - program.back(*np.split(price, 2))
+        missed = np.concatenate([at - program.low, program.high - at]) - slack
+        gap, worth = float(price @ slack), -float(g @ x + 0.5 * x @ curved)
+        met = np.abs(missed).max() <= 1e-9 * width.max() and np.abs(dual).max() <= 1e-6 * scale
+        if met and gap <= _GAP * worth + rounding:
             return x
         try:
-            factor = cholesky_banded(
-                program.weighed(bands, up / below + down / above), overwrite_ab=True, lower=True, check_finite=False
-            )
+            step = _Newton.of(program, bands, slack, price, missed, dual)
         except LinAlgError:
             return None
-
-        def newton(low_push: Array, high_push: Array) -> tuple[Array, Array, Array, Array, Array]:
-            """The step whose prices times slacks change by the pushes, in first order."""
-            low, high = low_push - up * low_missed, high_push - down * high_missed  # noqa: B023 - called here
-            dx = cho_solve_banded((factor, True), program.back(low / below - high / above) - dual, check_finite=False)  # noqa: B023
-            moved = program.at(dx)
-            d_below, d_above = moved + low_missed, high_missed - moved  # noqa: B023
-            return dx, d_below, d_above, (low_push - up * d_below) / below, (high_push - down * d_above) / above  # noqa: B023
-
-        _, d_below, d_above, d_up, d_down = newton(-up * below, -down * above)
-        primal, priced = _way(below, d_below, above, d_above), _way(up, d_up, down, d_down)
-        left = float(
-            (up + priced * d_up) @ (below + primal * d_below) + (down + priced * d_down) @ (above + primal * d_above)
+        _, d_slack, d_price = step.towards(-price * slack)
+        left = float((price + _way(price, d_price) * d_price) @ (slack + _way(slack, d_slack) * d_slack))
+        aim = (left / gap) ** 3 * gap / len(slack)
+        dx, d_slack, d_price = step.towards(aim - price * slack - d_price * d_slack)
+        x = x + _STEP * _way(slack, d_slack) * dx
+        slack, price = (
+            slack + _STEP * _way(slack, d_slack) * d_slack,
+            price + _STEP * _way(price, d_price) * d_price,
         )
-        aim = (left / gap) ** 3 * gap / (2 * len(width))
-        dx, d_below, d_above, d_up, d_down = newton(
-            aim - up * below - d_up * d_below, aim - down * above - d_down * d_above
-        )
-        primal, priced = _STEP * _way(below, d_below, above, d_above), _STEP * _way(up, d_up, down, d_down)
-        x = x + primal * dx
-        below, above = below + primal * d_below, above + primal * d_above
-        up, down = up + priced * d_up, down + priced * d_down
     return None
 
 
-def _way(first: Array, d_first: Array, second: Array, d_second: Array) -> float:
-    """How much of a step keeps all of two arrays positive, at most 1."""
-    most = max(float(np.max(-d_first / first)), float(np.max(-d_second / second)), 0.0)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Newton:
+    """The linear equations of one iteration, factored; slacks and prices of the lower bounds, then of the upper."""
+
+    program: KnotProgram
+    factor: Array
+    slack: Array
+    price: Array
+    missed: Array
+    dual: Array
+
+    @classmethod
+    def of(
+        cls, program: KnotProgram, bands: Array, slack: Array, price: Array, missed: Array, dual: Array
+    ) -> "_Newton":
+        matrix = program.weighed(bands, np.add(*np.split(price / slack, 2)))
+        factor = cholesky_banded(matrix, overwrite_ab=True, lower=True, check_finite=False)
+        return cls(program=program, factor=factor, slack=slack, price=price, missed=missed, dual=dual)
+
+    def towards(self, push: Array) -> tuple[Array, Array, Array]:
+        """Changes of x, slacks and prices that change the slacks times prices by `push`, in first order."""
+        pushed = (push - self.price * self.missed) / self.slack
+        right = self.program.back(*np.split(pushed, 2)) - self.dual
+        dx = cho_solve_banded((self.factor, True), right, check_finite=False)
+        moved = self.program.at(dx)
+        d_slack = np.concatenate([moved, -moved]) + self.missed
+        return dx, d_slack, (push - self.price * d_slack) / self.slack
+
+
+def _way(values: Array, change: Array) -> float:
+    """How much of a change keeps all values positive, at most 1."""
+    most = float(np.max(-change / values))
     return min(1.0, 1 / most) if most > 0 else 1.0
 
 
 def _lower(matrix: Array, count: int) -> Array:
-    """The lowest `count` diagonals of a symmetric matrix from the main one down, shape (count, k)."""
+    """The main diagonal of a symmetric matrix and those below it, `count` in all, shape (count, k)."""
     k = len(matrix)
     padded = np.zeros((k, k + count))
     padded[:, :k] = matrix
