@@ -29,6 +29,8 @@ from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
+from tendonff.ocp.step.joints import Joints
+from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT
 from tendonff.ocp.step.target import inverse_code, plant_code, plant_limits
 
 STREAM = CModule(name="stream", content="exact inverse behind a filter, for references that arrive live")
@@ -139,9 +141,10 @@ def c_sources(
         code["inverse"] = asdict(inverse_code(chain, step, f"{prefix}_inverse", precision))
     if "plant" in names:
         code["plant"] = asdict(plant_code(chain, step, f"{prefix}_chain", precision))
-    headers = ("types", "limits", *(header for module in modules for header in (*module.headers, module.name)))
+    shared = ("limits", "path") if context["joints"] else ("limits",)
+    headers = ("types", *shared, *(header for module in modules for header in (*module.headers, module.name)))
     texts = {f"{prefix}_{name}.h": _render(f"{name}.h.j2", context | code.get(name, {})) for name in headers}
-    for name in ("limits", *names):
+    for name in (*shared, *names):
         texts[f"{prefix}_{name}.c"] = _render(f"{name}.c.j2", context | code.get(name, {}))
     return texts
 
@@ -315,7 +318,13 @@ def _context(
         design = further["stream"]
         line = design.filter.delay + design.filter.half + 1
         state["stream"] = _padded(output + state["inverse"] + (line + 3) * size + 12, size)
+    joints = Joints.of(chain) if chain.moving else None
     return _naming(scenario, problem.level, precision, prefix) | {
+        "joints": joints,
+        "joint_parameter": f", const {prefix}_real joint_rad[]" if joints and joints.names else "",
+        "carry": BDF2_CARRY,
+        "weight": BDF2_WEIGHT,
+        "friction_shares": _friction_shares(chain),
         "title": f"{prefix}: feedforward force for a tendon",
         "count": count,
         "reals": reals,
@@ -356,6 +365,14 @@ def _start_context(chain: Chain) -> dict[str, object]:
         "link_parts": stretched,
         "near_at": layout.part("q_a").start,
     }
+
+
+def _friction_shares(chain: Chain) -> list[float]:
+    """Share of each mass in what friction can hold along the path, at joint angle zero."""
+    pull, _ = chain.friction.slip_coefficients
+    exponent = np.arctanh(np.minimum(np.broadcast_to(np.asarray(pull, float), (chain.count,)), 1 - 1e-12))
+    total = float(exponent.sum())
+    return (exponent / total).tolist() if total > 0 else [1 / chain.count] * chain.count
 
 
 def _padded(size: int, alignment: int) -> int:
