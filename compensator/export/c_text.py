@@ -32,6 +32,7 @@ from tendonff.ocp.codegen.printer import literal
 from tendonff.ocp.step.joints import Joints
 from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT
 from tendonff.ocp.step.target import inverse_code, plant_code, plant_limits
+from tendonff.ocp.step.target_joints import contact_code
 
 STREAM = CModule(name="stream", content="exact inverse behind a filter, for references that arrive live")
 """What is exported for references that are not known in advance."""
@@ -57,24 +58,6 @@ _TEMPLATES = jinja2.Environment(  # noqa: S701 - C has no markup to escape
     trim_blocks=True,
     lstrip_blocks=True,
 )
-
-
-def check_fixed_path(scenario: Scenario) -> None:
-    """Refuse what cannot be printed for a controller yet: a path in sections, or one that moves.
-
-    Parameters
-    ----------
-    scenario : Scenario
-
-    Raises
-    ------
-    InputError
-    """
-    if scenario.transmission.path.sections or scenario.transmission.load.joint is not None:
-        raise InputError(
-            f"{scenario.source.name} [path]: a path in sections is not exported yet; play the profile of `design`, or "
-            "give total_angle_rad instead of [[path.sections]]"
-        )
 
 
 def check_prefix(prefix: str) -> str:
@@ -104,7 +87,9 @@ def c_modules(scenario: Scenario, with_stream: bool = False) -> tuple[CModule, .
     """
     stream = (STREAM,) if with_stream else ()
     more = () if scenario.adaptation is None else ADAPTIVE_MODULES
-    return (*(c.c_module for c in COMPENSATORS if c.c_module is not None), *stream, PLANT, *more)
+    followed = (c.c_module for c in COMPENSATORS)
+    own = (m for m in followed if m is not None and (m.knows_joints or not scenario.joints))
+    return (*own, *stream, PLANT, *more)
 
 
 def c_sources(
@@ -306,11 +291,14 @@ def _context(
     followers = [m for m in modules if not m.plays_back and m not in others]  # of a reference, without delay
     output = max(size, 4) + 8
     past = 2 * count + 2 if precision is Precision.FLOAT else 0
+    joints = Joints.of(chain) if chain.moving else None
+    path = 0 if joints is None else _path_bytes(chain, joints, prefix, precision)
+    past += count + 2 if past and joints else 0
     state = {
-        "inverse": _padded(output + (2 * reals + 4 + past) * size + 12, size),
+        "inverse": _padded(output + (2 * reals + 4 + past) * size + 12 + path, size),
         "capstan": output + 2 * size,
         "table": _padded(output + 4 * size + 4, size),
-        "plant": _padded((2 * reals + 2) * size + 16, size),
+        "plant": _padded((2 * reals + 2) * size + 16 + path, size),
         "profile": _padded(output + 4, size),
         "bounds": _padded(4 * size + 4, size),
     }
@@ -318,10 +306,10 @@ def _context(
         design = further["stream"]
         line = design.filter.delay + design.filter.half + 1
         state["stream"] = _padded(output + state["inverse"] + (line + 3) * size + 12, size)
-    joints = Joints.of(chain) if chain.moving else None
     return _naming(scenario, problem.level, precision, prefix) | {
         "joints": joints,
         "joint_parameter": f", const {prefix}_real joint_rad[]" if joints and joints.names else "",
+        "arguments": ", joint_rad" if joints and joints.names else "",
         "carry": BDF2_CARRY,
         "weight": BDF2_WEIGHT,
         "friction_shares": _friction_shares(chain),
@@ -365,6 +353,14 @@ def _start_context(chain: Chain) -> dict[str, object]:
         "link_parts": stretched,
         "near_at": layout.part("q_a").start,
     }
+
+
+def _path_bytes(chain: Chain, joints: Joints, prefix: str, precision: Precision) -> int:
+    """Where the path stands, and friction of its bends, in the state of a module."""
+    size = 4 if precision is Precision.FLOAT else 8
+    bends = len(joints.bends)
+    path = _padded((2 * len(joints.names) + 3 * bends + 3 * len(joints.links) + 1) * size + 4, size)
+    return path + bends * len(contact_code(chain, joints, f"{prefix}_inverse", precision).own) * size
 
 
 def _friction_shares(chain: Chain) -> list[float]:
