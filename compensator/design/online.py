@@ -85,8 +85,8 @@ def study_online(scenario: Scenario) -> Online:
     """
     if scenario.joints:
         raise InputError(
-            f"{scenario.source.name} [joints]: live references are for a path at rest; `export-c` gives an inverse that "
-            "takes joint angles, and `design` without --online the profile"
+            f"{scenario.source.name} [joints]: live references are for a path at rest; `export-c` gives an inverse "
+            "that takes joint angles, and `design` without --online the profile"
         )
     problem = Problem.of(scenario)
     accepted = accepted_range(problem)

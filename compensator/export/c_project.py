@@ -163,9 +163,7 @@ def export_project(
     modules, faults = _chosen(judged, c_modules(scenario, stream is not None), force_export=force_export)
     further: dict[str, object] = {
         **numbers,
-        **self_test_context(
-            problem, table, profile_N, golden, precision, found, accepted_N=accepted_range(problem)
-        ),
+        **self_test_context(problem, table, profile_N, golden, precision, found, accepted_N=accepted_range(problem)),
         "measured": measured(precision),
         "judged": judged,
         "choice": choice,
@@ -186,11 +184,10 @@ def export_project(
     texts |= folder_files(scenario, problem, modules, precision, prefix, further)
     texts["design.json"] = _design_json(
         scenario,
-        problem.level,
+        problem,
         precision,
         prefix,
         built=built,
-        joints=Joints.of(problem.chain) if scenario.joints else None,
         profile=profile_N,
         judged=judged,
         losses=losses,
@@ -244,12 +241,11 @@ def _chosen(
 
 def _design_json(
     scenario: Scenario,
-    level: Level,
+    problem: Problem,
     precision: Precision,
     prefix: str,
     *,
     built: BuiltTable | None,
-    joints: Joints | None,
     profile: FloatArray,
     judged: Sequence[Judged],
     losses: Sequence[FloatLoss],
@@ -257,13 +253,14 @@ def _design_json(
     modules: Sequence[CModule],
 ) -> str:
     transmission = scenario.transmission
+    joints = Joints.of(problem.chain) if scenario.joints else None
     law = CapstanLaw.of(transmission)
     content = {
         "schema": 1,
         "scenario": scenario.name,
         "scenario_hash": scenario_hash(scenario),
         "tendonff": __version__,
-        "level": level,
+        "level": problem.level,
         "precision": precision,
         "prefix": prefix,
         "step_s": scenario.run.step_s,

@@ -20,6 +20,7 @@ from tendonff.compensator.compensators.stream.model import RE_ENTRY_S
 from tendonff.compensator.compensators.table import table_range
 from tendonff.compensator.compensators.table_build import BuiltTable
 from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_code, tunable_inverse
+from tendonff.compensator.export.path_text import padded, path_bytes, path_context
 from tendonff.compensator.export.table_index import share_index
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampling import largest_tension
@@ -30,9 +31,7 @@ from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
 from tendonff.ocp.step.joints import Joints
-from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT
 from tendonff.ocp.step.target import inverse_code, plant_code, plant_limits
-from tendonff.ocp.step.target_joints import contact_code
 
 STREAM = CModule(name="stream", content="exact inverse behind a filter, for references that arrive live")
 """What is exported for references that are not known in advance."""
@@ -292,27 +291,22 @@ def _context(
     output = max(size, 4) + 8
     past = 2 * count + 2 if precision is Precision.FLOAT else 0
     joints = Joints.of(chain) if chain.moving else None
-    path = 0 if joints is None else _path_bytes(chain, joints, prefix, precision)
+    path = 0 if joints is None else path_bytes(chain, joints, prefix, precision)
     past += count + 2 if past and joints else 0
     state = {
-        "inverse": _padded(output + (2 * reals + 4 + past) * size + 12 + path, size),
+        "inverse": padded(output + (2 * reals + 4 + past) * size + 12 + path, size),
         "capstan": output + 2 * size,
-        "table": _padded(output + 4 * size + 4, size),
-        "plant": _padded((2 * reals + 2) * size + 16 + path, size),
-        "profile": _padded(output + 4, size),
-        "bounds": _padded(4 * size + 4, size),
+        "table": padded(output + 4 * size + 4, size),
+        "plant": padded((2 * reals + 2) * size + 16 + path, size),
+        "profile": padded(output + 4, size),
+        "bounds": padded(4 * size + 4, size),
     }
     if "stream" in names:
         design = further["stream"]
         line = design.filter.delay + design.filter.half + 1
-        state["stream"] = _padded(output + state["inverse"] + (line + 3) * size + 12, size)
+        state["stream"] = padded(output + state["inverse"] + (line + 3) * size + 12, size)
     return _naming(scenario, problem.level, precision, prefix) | {
-        "joints": joints,
-        "joint_parameter": f", const {prefix}_real joint_rad[]" if joints and joints.names else "",
-        "arguments": ", joint_rad" if joints and joints.names else "",
-        "carry": BDF2_CARRY,
-        "weight": BDF2_WEIGHT,
-        "friction_shares": _friction_shares(chain),
+        **path_context(chain, joints, prefix),
         "title": f"{prefix}: feedforward force for a tendon",
         "count": count,
         "reals": reals,
@@ -353,26 +347,6 @@ def _start_context(chain: Chain) -> dict[str, object]:
         "link_parts": stretched,
         "near_at": layout.part("q_a").start,
     }
-
-
-def _path_bytes(chain: Chain, joints: Joints, prefix: str, precision: Precision) -> int:
-    """Where the path stands, and friction of its bends, in the state of a module."""
-    size = 4 if precision is Precision.FLOAT else 8
-    bends = len(joints.bends)
-    path = _padded((2 * len(joints.names) + 3 * bends + 3 * len(joints.links) + 1) * size + 4, size)
-    return path + bends * len(contact_code(chain, joints, f"{prefix}_inverse", precision).own) * size
-
-
-def _friction_shares(chain: Chain) -> list[float]:
-    """Share of each mass in what friction can hold along the path, at joint angle zero."""
-    pull, _ = chain.friction.slip_coefficients
-    exponent = np.arctanh(np.minimum(np.broadcast_to(np.asarray(pull, float), (chain.count,)), 1 - 1e-12))
-    total = float(exponent.sum())
-    return (exponent / total).tolist() if total > 0 else [1 / chain.count] * chain.count
-
-
-def _padded(size: int, alignment: int) -> int:
-    return -(-size // alignment) * alignment
 
 
 def table_bytes(table: LookupTable, precision: Precision) -> int:

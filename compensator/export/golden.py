@@ -139,7 +139,7 @@ def _moving(problem: Problem, rows: NDArray[np.int_], count: int, precision: Pre
     there_and_back = np.concatenate([rows, rows[::-1]])
     chosen = np.resize(there_and_back, count)
     chosen[-2:] = chosen[-3:-2]
-    time = problem.reference.step_s * np.arange(count)
+    time = np.arange(count, dtype=np.float64) * problem.reference.step_s
     angle = rounded(motion.at(problem.reference.time_s[chosen]), precision)
     return replace(problem.chain, motion=replace(motion, time_s=time, angle_rad=angle))
 

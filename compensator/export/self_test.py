@@ -119,9 +119,7 @@ def self_test_context(
     exact = invert(jumps.chain, jumps.reference_N, step, initial_tension_N=float(jumps.reference_N[0]))
     high, low_end = float(course.reference_N.max()), 1.02 * accepted_N[0]
     dropped = (np.array([high, drop, drop]) for drop in (low_end, 2 * low_end))  # the second: beyond doubt
-    pushes = all(
-        (invert(still, fall, step, initial_tension_N=high).least_tension_N <= 0).any() for fall in dropped
-    )
+    pushes = all((invert(still, fall, step, initial_tension_N=high).least_tension_N <= 0).any() for fall in dropped)
     for name, limited in jumps.columns.items():
         bits[name] = Status.OK
         if name == "inverse":

@@ -1,7 +1,7 @@
 """What joints do to a chain, as numbers for a controller: wrap angles of its bends, lengths of its links.
 
-Masses of one section are alike, and so are links of one kind: what a controller keeps is one record each, and which mass
-and which link belongs to which.
+Masses of one section are alike, and so are links of one kind: what a controller keeps is one record each, and which
+mass and which link belongs to which.
 """
 
 import math
@@ -120,9 +120,7 @@ class Joints:
                 )
             )
         moved = np.array([[s.joint == name for name in names] for s in path.sections], float)
-        moved = moved.reshape(len(path.sections), len(names)) * np.array(
-            [[s.length_per_rad_m] for s in path.sections]
-        )
+        moved = moved.reshape(len(path.sections), len(names)) * np.array([[s.length_per_rad_m] for s in path.sections])
         kinds: dict[tuple[float, ...], int] = {}
         link_of = [kinds.setdefault(tuple(row), len(kinds)) for row in path.parts.tolist()]
         links = []

@@ -158,7 +158,13 @@ class StepCode:
     on_joints: OnJoints | None = None
 
     def call(
-        self, law: str, *parts: Mapping[str, str], end: str = "", link: str = "c", mass: str = "", own: str = "own_{name}[{mass}]"
+        self,
+        law: str,
+        *parts: Mapping[str, str],
+        end: str = "",
+        link: str = "c",
+        mass: str = "",
+        own: str = "own_{name}[{mass}]",
     ) -> str:
         """C text of a call: arguments by name, parameters from the record `c`, or each mass's own where masses differ.
 

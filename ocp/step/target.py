@@ -251,7 +251,7 @@ def _specialiser(
     whole: bool = True,
 ) -> Specialiser:
     """What folds the laws; on a moving path a link is the whole tendon, or with `whole` unset its ratio is unknown."""
-    reorder = precision is Precision.FLOAT
+    reorder = precision is Precision.FLOAT or contact is not None
     ratios = link_ratios(chain.elements.ratio) if contact is None else (1.0,)
     rows = [(weight, ratio) for weight, _ in weights for ratio in ratios]
     numbers = _snapped(chain) if contact is None else contact.constants

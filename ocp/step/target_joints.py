@@ -1,6 +1,8 @@
 """The chain in C for a controller where the path moves or has sections: friction of each bend, and the schemes."""
 
+import math
 from dataclasses import dataclass, replace
+from fractions import Fraction
 
 import casadi as ca
 import numpy as np
@@ -14,15 +16,15 @@ from tendonff.ocp.codegen.printer import literal, real_type
 from tendonff.ocp.step.joints import Joints, equal_numbers
 from tendonff.ocp.step.laws import ElementLaws, symbolic
 
-_TANH = """/* tanh without a library: a fraction that is exact to rounding where friction of one mass is moderate. */
+_TANH = """/* tanh without a library where friction of one mass is moderate: a fraction, exact to rounding there. */
 static {real} {prefix}_short_tanh({real} x)
 {{
     const {real} y = x * x;
-    return (y > {one}) ? tanh{f}(x) : (x * ({a0} + (y * ({a1} + (y * ({a2} + y)))))) / ({a0} + (y * ({b1} + (y * ({b2} + (y * {b3}))))));
+    return (y > {most}) ? tanh{f}(x) : ((x * {above}) / {below});
 }}
 """
-_FRACTION = {"a0": 135135.0, "a1": 17325.0, "a2": 378.0, "b1": 62370.0, "b2": 3150.0, "b3": 28.0}
-"""tanh x = x (a0 + a1 y + a2 y^2 + y^3)/(a0 + b1 y + b2 y^2 + b3 y^3), y = x^2: its continued fraction, cut off."""
+_SPARE = 1.25
+"""Factor on the largest argument over the motion up to which the fraction holds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,7 +72,7 @@ def contact_code(chain: Chain, joints: Joints, prefix: str, precision: Precision
         prefix=prefix,
         precision=precision,
         parameters={},
-        reorder=precision is Precision.FLOAT,
+        reorder=True,
         functions={ca.OP_TANH: "short_tanh"},
     )
     at_start = {name: _of_masses(chain, value) for name, value in fields_of(chain.friction, "friction_").items()}
@@ -82,14 +84,14 @@ def contact_code(chain: Chain, joints: Joints, prefix: str, precision: Precision
     for k, bend in enumerate(joints.bends):
         if bend.joint < 0:
             continue
-        law = _contact_law(chain, laws, bend.first, twins)
+        law = _contact_law(chain, bend.first, twins)
         moved |= set(law.outputs)
         key = tuple(str(e) for e in law.outputs.values())
         if key not in printed:
             printed[key] = f"contact_{len(printed) + 1}"
             texts.append(printer.fold(law, printed[key]).code)
         outputs = ", ".join(f"&contact[{k}].{name}" for name in law.outputs)
-        calls.append(f"    {prefix}_{printed[key]}(path->bend[{k}].angle, {outputs});")
+        calls.append(f"    {prefix}_{printed[key]}(path->angle[{k}], {outputs});")
     own = tuple(
         name
         for name, values in known.items()
@@ -111,7 +113,7 @@ def contact_code(chain: Chain, joints: Joints, prefix: str, precision: Precision
         "",
     ]
     functions = [
-        *([_helper(prefix, precision), *texts, *touch] if calls else []),
+        *([_helper(chain, prefix, precision), *texts, *touch] if calls else []),
         "/* Friction where they stand at the start. */",
         f"static void {prefix}_contact_init({prefix}_contact *contact)",
         "{",
@@ -119,7 +121,10 @@ def contact_code(chain: Chain, joints: Joints, prefix: str, precision: Precision
         "}",
         "",
     ]
-    record = [f"typedef struct {{ /* friction of one mass of a bend */\n    {real} {', '.join(own)};", f"}} {prefix}_contact;\n"]
+    record = [
+        f"typedef struct {{ /* friction of one mass of a bend */\n    {real} {', '.join(own)};",
+        f"}} {prefix}_contact;\n",
+    ]
     everything = {**chain.numbers(), **{name: float(values[0]) for name, values in known.items()}}
     return Contact(
         laws=laws,
@@ -130,12 +135,65 @@ def contact_code(chain: Chain, joints: Joints, prefix: str, precision: Precision
     )
 
 
-def _helper(prefix: str, precision: Precision) -> str:
-    numbers = {name: literal(value, precision) for name, value in _FRACTION.items()}
-    suffix = "f" if precision is Precision.FLOAT else ""
+def _helper(chain: Chain, prefix: str, precision: Precision) -> str:
+    """Tanh of what the largest wrap angles over the motion need: a few terms of its continued fraction."""
+    e, motion = chain.elements, chain.motion
+    joints = {} if motion is None else dict(zip(motion.names, motion.angle_rad.T, strict=True))
+    angles = e.path.at(joints).angle_rad.max(axis=0)
+    columns = {name: _of_masses(chain, value) for name, value in fields_of(e.contact).items()}
+    law = replace(e.contact, **columns).on_piece(angles, e.angle_share(angles), e.path.length_share)  # type: ignore[type-var]
+    slip = max(float(np.max(mu)) for mu in law.slip_coefficients)
+    x = _SPARE * math.atanh(min(slip, 0.7)) + 0.01
+    above, below = tanh_fraction(x, 2.0**-24 if precision is Precision.FLOAT else 2.0**-53)
+
+    def text(factors: list[int]) -> str:
+        nested = literal(float(factors[-1]), precision)
+        for factor in factors[-2::-1]:
+            nested = f"({literal(float(factor), precision)} + (y * {nested}))"
+        return nested
+
     return _TANH.format(
-        prefix=prefix, real=real_type(precision), one=literal(1.0, precision), f=suffix, **numbers
+        prefix=prefix,
+        real=real_type(precision),
+        f="f" if precision is Precision.FLOAT else "",
+        most=literal(x * x, precision),
+        above=text(above),
+        below=text(below),
     )
+
+
+def tanh_fraction(most: float, rounding: float) -> tuple[list[int], list[int]]:
+    """Polynomials P, Q in y = x^2, lowest power first, with tanh x = x P/Q to rounding for abs(x) <= `most`.
+
+    Convergents of the continued fraction x/(1 + y/(3 + y/(5 + ...))) lie on both sides of tanh in turn.
+
+    Parameters
+    ----------
+    most : float
+    rounding : float
+        Relative error allowed.
+    """
+    y, rows = Fraction(most) ** 2, [([0], [1]), ([1], [1])]
+    while True:
+        odd = 2 * len(rows) - 1
+        rows.append((_next(odd, rows[-1][0], rows[-2][0]), _next(odd, rows[-1][1], rows[-2][1])))
+        last, now = (_value(above, y) / _value(below, y) for above, below in rows[-2:])
+        if abs(now - last) <= Fraction(rounding) / 4 * now:
+            return rows[-2]
+
+
+def _value(factors: list[int], y: Fraction) -> Fraction:
+    return sum((c * y**k for k, c in enumerate(factors)), Fraction(0))
+
+
+def _next(odd: int, last: list[int], before: list[int]) -> list[int]:
+    grown = [0, *before]
+    size = max(len(last), len(grown))
+    first, second = last + [0] * (size - len(last)), grown + [0] * (size - len(grown))
+    result = [odd * a + b for a, b in zip(first, second, strict=True)]
+    while result[-1] == 0:
+        result.pop()
+    return result
 
 
 def _distinct(record: object) -> tuple[ca.SX, ...]:
@@ -147,7 +205,7 @@ def _of_masses(chain: Chain, value: object) -> np.ndarray:
     return np.broadcast_to(np.asarray(value, float), (chain.count,))
 
 
-def _contact_law(chain: Chain, laws: ElementLaws, mass: int, twins: dict[str, str]) -> Law:
+def _contact_law(chain: Chain, mass: int, twins: dict[str, str]) -> Law:
     """Numbers of friction on one mass that follow its wrap angle."""
     e = chain.elements
     own = {name: float(_of_masses(chain, value)[mass]) for name, value in fields_of(e.contact).items()}
