@@ -30,7 +30,7 @@ def path_context(chain: Chain, joints: Joints | None, prefix: str) -> dict[str, 
     }
 
 
-def path_bytes(chain: Chain, joints: Joints, prefix: str, precision: Precision) -> int:
+def path_bytes(chain: Chain, joints: Joints, prefix: str, precision: Precision, *, settable: bool) -> int:
     """Where the path stands, and friction of its bends, in the state of a module [bytes].
 
     Parameters
@@ -39,13 +39,16 @@ def path_bytes(chain: Chain, joints: Joints, prefix: str, precision: Precision) 
     joints : Joints
     prefix : str
     precision : Precision
+    settable : bool
+        The module's friction can be changed at run time.
     """
     size = 4 if precision is Precision.FLOAT else 8
     bends = len(joints.bends)
     path = padded(
         (2 * len(joints.names) + 3 * bends + (3 if size == 4 else 2) * len(joints.links) + 1) * size + 4, size
     )
-    return path + bends * len(contact_code(chain, joints, f"{prefix}_inverse", precision).own) * size
+    contact = contact_code(chain, joints, f"{prefix}_inverse", precision, settable=settable)
+    return path + (bends * len(contact.own) + (2 if settable else 0)) * size
 
 
 def _friction_shares(chain: Chain) -> list[float]:

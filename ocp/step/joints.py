@@ -167,18 +167,34 @@ def _ranges(sections: tuple[Section, ...], names: tuple[str, ...]) -> tuple[tupl
     return tuple(least), tuple(most)
 
 
-def equal_numbers(chain: Chain) -> dict[str, str]:
+def way_of(name: str) -> str:
+    """Direction that a coefficient of friction is for, "pull" or "release"; empty for other numbers.
+
+    Parameters
+    ----------
+    name : str
+        A field of the law.
+    """
+    way = name.rpartition("_")[2]
+    return way if name.startswith("mu_") and way in ("pull", "release") else ""
+
+
+def equal_numbers(chain: Chain, *, ways_differ: bool = False) -> dict[str, str]:
     """Fields of the law of friction that equal another on every mass, wherever the joints stand.
 
     Parameters
     ----------
     chain : Chain
+    ways_differ : bool, optional
+        Coefficients of the two directions may be set apart.
     """
     contact, path = chain.elements.contact, chain.elements.path
     rows = []
     for angle in (0.3, 0.7):
         angles = np.full(chain.count, angle)
         columns = {name: np.broadcast_to(v, (chain.count,)) for name, v in fields_of(contact).items()}
+        if ways_differ:
+            columns |= {name: 1.1 * v for name, v in columns.items() if way_of(name) == "release"}
         law = replace(contact, **columns).on_piece(angles, chain.elements.angle_share(angles), path.length_share)  # type: ignore[type-var]
         rows.append(fields_of(law))
     same = {

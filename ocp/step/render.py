@@ -137,6 +137,8 @@ class StepCode:
     of_masses : tuple of str, optional
         Names of what differs from mass to mass.
     limits : Limits, optional
+    free : tuple of str, optional
+        Numbers that the caller of the inverse hands over.
     on_joints : OnJoints, optional
         For a controller, where the path moves or has sections.
     compliances : mapping of str to float or C text, optional
@@ -154,6 +156,7 @@ class StepCode:
     moving: bool = False
     of_masses: tuple[str, ...] = ()
     limits: Limits = Limits()
+    free: tuple[str, ...] = ()
     compliances: Mapping[str, float | str] | None = None
     on_joints: OnJoints | None = None
 
@@ -182,11 +185,12 @@ class StepCode:
         own : str, optional
             Each mass's own numbers, by {name} and {mass}.
         """
+        given = {name: name for name in self.free}
         if self.on_joints is not None:
             own = f"contact[{self.on_joints.types}_path_bend_of[{{mass}}]].{{name}}"
         elif not self.moving:
             own = ""
-        return law_calls(self.prefix, self.laws)(law, *parts, end=end, link=link, own=own, mass=mass)
+        return law_calls(self.prefix, self.laws)(law, given, *parts, end=end, link=link, own=own, mass=mass)
 
     @property
     def friction_numbers(self) -> tuple[str, ...]:
@@ -197,7 +201,8 @@ class StepCode:
         """Arrays of the work area of one step, with their sizes in C."""
         n = self.size
         links = ((name, f"{n} + 1") for name in ("start", "force", "slope"))
-        own = ((f"new_{name}", n) for name in self.layout.friction_states)
+        own = [(f"new_{name}", n) for name in self.layout.friction_states]
+        own += [(f"new_{name}", "1") for name in self.layout.end_states]
         masses = ("v", "trial", "residual", "lower", "diag", "upper", "move")
         extra: list[tuple[str, str]] = []
         if self.moving:
@@ -266,6 +271,7 @@ class StepCode:
                 },
                 **{name: f"&{name}" for name in own[1:]},
             },
+            free=self.free,
             ratio_parameter=f"const {real} *{restrict}ratio, " if self.moving else "",
             ratio_argument="w->ratio, " if self.moving else "",
             gain_parameter=f", {real} *{restrict}gain" if self.moving else "",
@@ -292,6 +298,12 @@ class StepCode:
             number=lambda name: self.numbers[name],
             numbers=tuple(self.numbers),
             parameters=lambda prefix: [name for name in self.numbers if name.startswith(prefix)],
+            end_states=states.end_states,
+            rubs=lambda base: {
+                f"{name}_base": f"{base}[{_text(*states.offset(name), 'n')}]" for name in states.end_states
+            },
+            end_addresses=lambda x: {name: f"&{x}[{_text(*states.offset(name), 'n')}]" for name in states.end_states},
+            own_law=lambda law, end: f"{law}_{end}" if f"{law}_{end}" in self.laws else law,
             index=list(self.numbers).index,
             takes=lambda law, name: name in self.laws[law].inputs,
             outputs={name: law.outputs for name, law in self.laws.items()},

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.models.chain import Chain
+from tendonff.models.friction import COEFFICIENT_FLOOR
 from tendonff.models.layout import fields_of
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
 from tendonff.ocp.codegen.precision import Precision
@@ -52,6 +53,8 @@ class ChainCode:
         Statements that fill `self->x` with the state at rest under `tension`.
     contact : str
         Record of friction on a bend, where the path moves or has sections; else empty.
+    free : tuple of str, optional
+        Numbers of the chain that the inverse takes as arguments.
     """
 
     header: str
@@ -60,6 +63,7 @@ class ChainCode:
     body: str
     rest: str
     contact: str = ""
+    free: tuple[str, ...] = ()
 
 
 def controller_limits(precision: Precision) -> Limits:
@@ -89,7 +93,16 @@ def plant_limits(precision: Precision) -> Limits:
     return replace(controller_limits(precision), evaluations=60)
 
 
-def inverse_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -> ChainCode:
+SETTABLE = (
+    "piece_adhesion_N",
+    *(f"friction_mu_{kind}_{way}" for way in ("pull", "release") for kind in ("dynamic", "static")),
+)
+"""Numbers of a chain that an exported inverse can take at run time; those of friction at least COEFFICIENT_FLOOR."""
+
+
+def inverse_code(
+    chain: Chain, step_s: float, prefix: str, precision: Precision, *, settable: bool = False
+) -> ChainCode:
     """The exact inverse.
 
     Parameters
@@ -100,10 +113,16 @@ def inverse_code(chain: Chain, step_s: float, prefix: str, precision: Precision)
     prefix : str
         Prefix of every C name in the file.
     precision : Precision
+    settable : bool, optional
+        Leave those of `SETTABLE` that the laws need to the caller.
     """
     weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY))
-    contact = _contact(chain, prefix, precision)
-    folder, laws = _specialiser(chain, weights, prefix, precision, contact), _laws(chain, contact)
+    left = SETTABLE if settable else ()
+    contact = _contact(chain, prefix, precision, settable=settable)
+    if contact is not None and settable:
+        left = ("piece_adhesion_N",)
+    folder = _specialiser(chain, weights, prefix, precision, contact, left)
+    laws = ElementLaws.of(chain, folded=settable) if contact is None else contact.laws
     compliances = None if precision is Precision.DOUBLE else _compliances(chain, precision)
     far, rate = {"f_c": 0.0, "x_c": 0.0, "pull": 1.0}, {}
     if compliances is not None:  # the laws depend on tension and position through their balance only
@@ -113,10 +132,11 @@ def inverse_code(chain: Chain, step_s: float, prefix: str, precision: Precision)
         folder.fold(laws.link_rate(), fixed=rate),
         folder.fold(laws.link_states()),
         *(() if chain.far_joint else (folder.fold(far_velocity(), fixed=_end(chain, "far") | far),)),
-        folder.fold(near_force(), fixed=_end(chain, "near") | {"x_c": 0.0, "pull": -1.0}),
+        folder.fold(near_force(chain.near), fixed=_end(chain, "near") | {"x_c": 0.0, "pull": -1.0}),
         folder.fold(laws.path_mass_inverse(drop=compliances is not None)),
     )
-    code = _code(chain, folder, folded, compliances=compliances, contact=contact)
+    free = tuple(name for name in left if any(name in law.inputs for law in folded))
+    code = _code(chain, folder, folded, compliances=compliances, contact=contact, free=free)
     return ChainCode(
         header="",
         record=_record(folder, weights),
@@ -124,6 +144,7 @@ def inverse_code(chain: Chain, step_s: float, prefix: str, precision: Precision)
         body=code.render("inverse.c.j2"),
         rest=_rest(chain, precision, relative=compliances is not None),
         contact=contact.record if contact else "",
+        free=free,
     )
 
 
@@ -150,7 +171,7 @@ def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -
         folder.fold(laws.link_force()),
         folder.fold(laws.link_states()),
         folder.fold(laws.path_mass()),
-        folder.fold(end_mass(), "end_mass_near", fixed=_end(chain, "near") | near),
+        folder.fold(end_mass(chain.near), "end_mass_near", fixed=_end(chain, "near") | near),
         folder.fold(end_mass(), "end_mass_far", fixed=_end(chain, "far") | far),
         *((folder.fold(laws.link_gain()),) if contact else ()),
     )
@@ -173,6 +194,7 @@ def _code(
     limits: Limits | None = None,
     compliances: dict[str, str] | None = None,
     contact: Contact | None = None,
+    free: tuple[str, ...] = (),
 ) -> StepCode:
     on_joints = None
     if contact is not None:
@@ -191,14 +213,15 @@ def _code(
         size=f"{folder.prefix.upper()}_COUNT",
         numbers={name: literal(value, folder.precision) for name, value in chain.numbers().items()},
         limits=limits or Limits(),
+        free=free,
         compliances=compliances,
         moving=contact is not None,
         on_joints=on_joints,
     )
 
 
-def _contact(chain: Chain, prefix: str, precision: Precision) -> Contact | None:
-    return contact_code(chain, Joints.of(chain), prefix, precision) if chain.moving else None
+def _contact(chain: Chain, prefix: str, precision: Precision, *, settable: bool = False) -> Contact | None:
+    return contact_code(chain, Joints.of(chain), prefix, precision, settable=settable) if chain.moving else None
 
 
 def _laws(chain: Chain, contact: Contact | None) -> ElementLaws:
@@ -247,6 +270,7 @@ def _specialiser(
     prefix: str,
     precision: Precision,
     contact: Contact | None,
+    free: tuple[str, ...] = (),
     *,
     whole: bool = True,
 ) -> Specialiser:
@@ -255,14 +279,16 @@ def _specialiser(
     ratios = link_ratios(chain.elements.ratio) if contact is None else (1.0,)
     rows = [(weight, ratio) for weight, _ in weights for ratio in ratios]
     numbers = _snapped(chain) if contact is None else contact.constants
-    parameters = {name: (value,) * len(rows) for name, value in numbers.items()}
+    parameters = {name: (value,) * len(rows) for name, value in numbers.items() if name not in free}
     parameters["H"] = tuple(weight for weight, _ in rows)
-    if not whole and contact is not None:
-        return Specialiser(prefix=prefix, precision=precision, parameters=parameters, reorder=reorder)
-    parameters["ratio"] = tuple(ratio for _, ratio in rows)
-    folder = Specialiser(prefix=prefix, precision=precision, parameters=parameters)
-    (gain,) = folder.evaluate(ElementLaws.of(chain).link_gain())
-    return Specialiser(prefix=prefix, precision=precision, parameters=parameters | {"gain": gain}, reorder=reorder)
+    floors = {name: 0.0 if name == "piece_adhesion_N" else COEFFICIENT_FLOOR for name in free}
+    floors |= {} if contact is None else contact.floors
+    if whole or contact is None:
+        parameters["ratio"] = tuple(ratio for _, ratio in rows)
+        folder = Specialiser(prefix=prefix, precision=precision, parameters=parameters)
+        (gain,) = folder.evaluate(ElementLaws.of(chain).link_gain())
+        parameters["gain"] = gain
+    return Specialiser(prefix=prefix, precision=precision, parameters=parameters, reorder=reorder, floors=floors)
 
 
 def _snapped(chain: Chain) -> dict[str, float]:

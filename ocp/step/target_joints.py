@@ -7,13 +7,15 @@ from fractions import Fraction
 import casadi as ca
 import numpy as np
 
+from tendonff.models.bounds import at_least
 from tendonff.models.chain import Chain
+from tendonff.models.friction import COEFFICIENT_FLOOR
 from tendonff.models.layout import fields_of
 from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import Specialiser
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal, real_type
-from tendonff.ocp.step.joints import Joints, equal_numbers
+from tendonff.ocp.step.joints import Joints, equal_numbers, way_of
 from tendonff.ocp.step.laws import ElementLaws, symbolic
 
 _TANH = """/* tanh without a library where friction of one mass is moderate: a fraction, exact to rounding there. */
@@ -23,6 +25,7 @@ static {real} {prefix}_short_tanh({real} x)
     return (y > {most}) ? tanh{f}(x) : ((x * {above}) / {below});
 }}
 """
+_COEFFICIENTS = "friction_mu_"
 _SPARE = 1.25
 """Factor on the largest argument over the motion up to which the fraction holds."""
 
@@ -37,22 +40,24 @@ class Contact:
         With one symbol for numbers that are always equal.
     own : tuple of str
         Numbers that differ from bend to bend or with the joints: fields of the record.
-    constants : dict of str to float
-        The chain's other numbers.
+    constants, floors : dict of str to float
+        The chain's other numbers, and lower bounds of some of those in the record.
     record : str
         Type of the record.
     functions : str
-        `touch`, which renews the records of bends that move, and `contact_init`.
+        `contact_init`, and where joints move bends `touch`, which renews their records. Where friction is settable,
+        `touch_all` renews all of them; both then take factors on the coefficients, pulling and releasing.
     """
 
     laws: ElementLaws
     own: tuple[str, ...]
     constants: dict[str, float]
+    floors: dict[str, float]
     record: str
     functions: str
 
 
-def contact_code(chain: Chain, joints: Joints, prefix: str, precision: Precision) -> Contact:
+def contact_code(chain: Chain, joints: Joints, prefix: str, precision: Precision, *, settable: bool = False) -> Contact:
     """Friction of the bends.
 
     Parameters
@@ -63,76 +68,83 @@ def contact_code(chain: Chain, joints: Joints, prefix: str, precision: Precision
     prefix : str
         Prefix of every C name in the file.
     precision : Precision
+    settable : bool, optional
+        Coefficients carry factors that are known at run time only.
     """
-    twins, real = equal_numbers(chain), real_type(precision)
+    twins = equal_numbers(chain, ways_differ=settable)
     friction = symbolic(chain.friction, "friction_", twins)
-    link = symbolic(chain.link, "link_")
-    laws = ElementLaws(link, friction, tuple(fields_of(link).values()), _distinct(friction))
+    known = {name: _of_masses(chain, value) for name, value in fields_of(chain.friction, "friction_").items()}
+    known["piece_mass_kg"] = _of_masses(chain, chain.elements.piece.mass_kg)
+    known = {name: values[[b.first for b in joints.bends]] for name, values in known.items()}
+    known |= {n: np.maximum(values, COEFFICIENT_FLOOR) for n, values in known.items() if n.startswith(_COEFFICIENTS)}
     printer = Specialiser(
-        prefix=prefix,
-        precision=precision,
-        parameters={},
-        reorder=True,
-        functions={ca.OP_TANH: "short_tanh"},
+        prefix=prefix, precision=precision, parameters={}, reorder=True, functions={ca.OP_TANH: "short_tanh"}
     )
-    at_start = {name: _of_masses(chain, value) for name, value in fields_of(chain.friction, "friction_").items()}
-    at_start["piece_mass_kg"] = _of_masses(chain, chain.elements.piece.mass_kg)
-    bends = [b.first for b in joints.bends]
-    known = {name: values[bends] for name, values in at_start.items()}
-    printed: dict[tuple[object, ...], str] = {}
-    texts, calls, moved = [], [], set()
+    printed: dict[tuple[str, ...], str] = {}
+    texts, calls, renewed = [], {}, set()
     for k, bend in enumerate(joints.bends):
-        if bend.joint < 0:
+        if bend.joint < 0 and not settable:
             continue
-        law = _contact_law(chain, bend.first, twins)
-        moved |= set(law.outputs)
-        key = tuple(str(e) for e in law.outputs.values())
+        law = _contact_law(chain, bend.first, twins, settable=settable)
+        renewed |= set(law.outputs)
+        key = tuple(str(e) for e in law.outputs.values())  # bends with the same coefficients share a function
         if key not in printed:
             printed[key] = f"contact_{len(printed) + 1}"
             texts.append(printer.fold(law, printed[key]).code)
-        outputs = ", ".join(f"&contact[{k}].{name}" for name in law.outputs)
-        calls.append(f"    {prefix}_{printed[key]}(path->angle[{k}], {outputs});")
+        given = [f"path->angle[{k}]", *(("pull", "release") if settable else ())]
+        given = [name for name, symbol in zip(given, law.inputs, strict=True) if ca.depends_on(_all(law), symbol)]
+        arguments = [*given, *(f"&contact[{k}].{name}" for name in law.outputs)]
+        calls[k] = f"    {prefix}_{printed[key]}({', '.join(arguments)});"
     own = tuple(
         name
         for name, values in known.items()
-        if name.removeprefix("friction_") not in twins and (name in moved or np.ptp(values) > 0)
+        if name.removeprefix("friction_") not in twins and (name in renewed or np.ptp(values) > 0)
     ) or ("piece_mass_kg",)
-    # A function for each set of coefficients gives what moves; the rest is written once.
-    types = prefix.rpartition("_")[0]
+    types, factors = (
+        prefix.rpartition("_")[0],
+        ", {0} pull, {0} release".format(real_type(precision)) if settable else "",
+    )
+    head = f"const {types}_path *path, {prefix}_contact *contact{factors}"
+    moving = [text for k, text in calls.items() if joints.bends[k].joint >= 0]
     init = [
         f"    contact[{k}].{name} = {literal(float(known[name][k]), precision)};"
-        for k in range(len(bends))
+        for k in range(len(joints.bends))
         for name in own
     ]
-    touch = [
-        "/* Friction where the joints stand now. */",
-        f"static void {prefix}_touch(const {types}_path *path, {prefix}_contact *contact)",
-        "{",
-        *calls,
-        "}",
-        "",
-    ]
     functions = [
-        *([_helper(chain, prefix, precision), *texts, *touch] if calls else []),
-        "/* Friction where they stand at the start. */",
-        f"static void {prefix}_contact_init({prefix}_contact *contact)",
-        "{",
-        *init,
-        "}",
-        "",
-    ]
-    record = [
-        f"typedef struct {{ /* friction of one mass of a bend */\n    {real} {', '.join(own)};",
-        f"}} {prefix}_contact;\n",
+        *([_helper(chain, prefix, precision), *texts] if calls else []),
+        *(_function("Friction where the joints stand now.", f"{prefix}_touch", head, moving) if joints.names else []),
+        *(_function("Friction everywhere.", f"{prefix}_touch_all", head, [*calls.values()]) if settable else []),
+        *_function("Friction at the start.", f"{prefix}_contact_init", f"{prefix}_contact *contact", init),
     ]
     everything = {**chain.numbers(), **{name: float(values[0]) for name, values in known.items()}}
     return Contact(
-        laws=laws,
+        laws=replace(ElementLaws.of(chain), friction=friction, friction_symbols=_distinct(friction)),
         own=own,
         constants={name: value for name, value in everything.items() if name not in own},
-        record="\n".join(record),
+        floors={name: COEFFICIENT_FLOOR for name in own if name.startswith(_COEFFICIENTS)},
+        record=f"typedef struct {{ /* friction of one mass of a bend */\n    {real_type(precision)} {', '.join(own)};\n"
+        f"}} {prefix}_contact;\n",
         functions="\n".join(functions),
     )
+
+
+def _function(comment: str, name: str, arguments: str, lines: list[str]) -> list[str]:
+    names = ("path", "contact", "pull", "release")
+    idle = [n for n in names if f" {n}" in f" {arguments}".replace("*", " ") and not any(n in line for line in lines)]
+    return [
+        f"/* {comment} */",
+        f"static void {name}({arguments})",
+        "{",
+        *(f"    (void){n};" for n in idle),
+        *lines,
+        "}",
+        "",
+    ]
+
+
+def _all(law: Law) -> ca.SX:
+    return ca.vertcat(*law.outputs.values())
 
 
 def _helper(chain: Chain, prefix: str, precision: Precision) -> str:
@@ -205,22 +217,26 @@ def _of_masses(chain: Chain, value: object) -> np.ndarray:
     return np.broadcast_to(np.asarray(value, float), (chain.count,))
 
 
-def _contact_law(chain: Chain, mass: int, twins: dict[str, str]) -> Law:
-    """Numbers of friction on one mass that follow its wrap angle."""
+def _contact_law(chain: Chain, mass: int, twins: dict[str, str], *, settable: bool) -> Law:
+    """Numbers of friction on one mass that follow its wrap angle and, where friction is settable, its factors."""
     e = chain.elements
-    own = {name: float(_of_masses(chain, value)[mass]) for name, value in fields_of(e.contact).items()}
+    factors = {"pull": ca.SX.sym("pull"), "release": ca.SX.sym("release")} if settable else {}
+    own: dict[str, object] = {}
+    for name, value in fields_of(e.contact).items():
+        number = float(_of_masses(chain, value)[mass])
+        own[name] = number * factors[way_of(name)] if settable and way_of(name) else number
     length = float(e.path.length_share[mass])
     angle = ca.SX.sym("angle_rad")
     share = angle / e.path.total_angle_rad if e.path.total_angle_rad > 0 else length
-    there = fields_of(replace(e.contact, **own).on_piece(angle, share, length))  # type: ignore[type-var]
+    there = fields_of(replace(e.contact, **own).on_piece(angle, share, length), "friction_")  # type: ignore[type-var]
     outputs = {
-        f"friction_{name}": value
+        name: at_least(value, COEFFICIENT_FLOOR) if name.startswith(_COEFFICIENTS) else value
         for name, value in there.items()
-        if name not in twins and isinstance(value, ca.SX) and not value.is_constant()
+        if name.removeprefix("friction_") not in twins and isinstance(value, ca.SX) and not value.is_constant()
     }
     return Law(
         name="contact",
         comment="Friction of a mass for a wrap angle [rad], eqs. (8), (9).",
-        inputs=(angle,),
+        inputs=(angle, *factors.values()),
         outputs=outputs,
     )
