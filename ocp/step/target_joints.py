@@ -81,20 +81,22 @@ def contact_code(chain: Chain, joints: Joints, prefix: str, precision: Precision
         prefix=prefix, precision=precision, parameters={}, reorder=True, functions={ca.OP_TANH: "short_tanh"}
     )
     printed: dict[tuple[str, ...], str] = {}
-    texts, calls, renewed = [], {}, set()
+    texts, renewed = [], set()
+    calls: dict[bool, dict[int, str]] = {False: {}, True: {}}  # and where the factors of both ways are the same
     for k, bend in enumerate(joints.bends):
         if bend.joint < 0 and not settable:
             continue
-        law = _contact_law(chain, bend.first, twins, settable=settable)
-        renewed |= set(law.outputs)
-        key = tuple(str(e) for e in law.outputs.values())  # bends with the same coefficients share a function
-        if key not in printed:
-            printed[key] = f"contact_{len(printed) + 1}"
-            texts.append(printer.fold(law, printed[key]).code)
-        given = [f"path->angle[{k}]", *(("pull", "release") if settable else ())]
-        given = [name for name, symbol in zip(given, law.inputs, strict=True) if ca.depends_on(_all(law), symbol)]
-        arguments = [*given, *(f"&contact[{k}].{name}" for name in law.outputs)]
-        calls[k] = f"    {prefix}_{printed[key]}({', '.join(arguments)});"
+        for alike in (False, True) if settable else (False,):
+            law = _contact_law(chain, bend.first, twins, ("pull", "pull" if alike else "release") if settable else ())
+            renewed |= set(law.outputs)
+            key = tuple(str(e) for e in law.outputs.values())  # bends with the same coefficients share a function
+            if key not in printed:
+                printed[key] = f"contact_{len(printed) + 1}"
+                texts.append(printer.fold(law, printed[key]).code)
+            given = [s.name() for s in law.inputs if ca.depends_on(_all(law), s)]
+            given = [f"path->angle[{k}]" if name == "angle_rad" else name for name in given]
+            arguments = [*given, *(f"&contact[{k}].{name}" for name in law.outputs)]
+            calls[alike][k] = f"    {prefix}_{printed[key]}({', '.join(arguments)});"
     own = tuple(
         name
         for name, values in known.items()
@@ -105,16 +107,22 @@ def contact_code(chain: Chain, joints: Joints, prefix: str, precision: Precision
         ", {0} pull, {0} release".format(real_type(precision)) if settable else "",
     )
     head = f"const {types}_path *path, {prefix}_contact *contact{factors}"
-    moving = [text for k, text in calls.items() if joints.bends[k].joint >= 0]
+    if settable and all(calls[True][k].split("(")[0] == text.split("(")[0] for k, text in calls[False].items()):
+        calls[True] = {}
+    moving = {alike: [t for k, t in made.items() if joints.bends[k].joint >= 0] for alike, made in calls.items()}
     init = [
         f"    contact[{k}].{name} = {literal(float(known[name][k]), precision)};"
         for k in range(len(joints.bends))
         for name in own
     ]
     functions = [
-        *([_helper(chain, prefix, precision), *texts] if calls else []),
-        *(_function("Friction where the joints stand now.", f"{prefix}_touch", head, moving) if joints.names else []),
-        *(_function("Friction everywhere.", f"{prefix}_touch_all", head, [*calls.values()]) if settable else []),
+        *([_helper(chain, prefix, precision), *texts] if calls[False] else []),
+        *(
+            _function("Friction where the joints stand now.", f"{prefix}_touch", head, _either(moving, types))
+            if joints.names
+            else []
+        ),
+        *(_function("Friction everywhere.", f"{prefix}_touch_all", head, [*calls[False].values()]) if settable else []),
         *_function("Friction at the start.", f"{prefix}_contact_init", f"{prefix}_contact *contact", init),
     ]
     everything = {**chain.numbers(), **{name: float(values[0]) for name, values in known.items()}}
@@ -127,6 +135,19 @@ def contact_code(chain: Chain, joints: Joints, prefix: str, precision: Precision
         f"}} {prefix}_contact;\n",
         functions="\n".join(functions),
     )
+
+
+def _either(calls: dict[bool, list[str]], types: str) -> list[str]:
+    """Statements: fewer where friction is the same both ways."""
+    if not calls[True]:
+        return calls[False]
+    return [
+        f"    if ({types}_is_within(pull, release, release) != 0) {{ /* the same factor both ways */",
+        *(f"    {line}" for line in calls[True]),
+        "    } else {",
+        *(f"    {line}" for line in calls[False]),
+        "    }",
+    ]
 
 
 def _function(comment: str, name: str, arguments: str, lines: list[str]) -> list[str]:
@@ -217,14 +238,15 @@ def _of_masses(chain: Chain, value: object) -> np.ndarray:
     return np.broadcast_to(np.asarray(value, float), (chain.count,))
 
 
-def _contact_law(chain: Chain, mass: int, twins: dict[str, str], *, settable: bool) -> Law:
-    """Numbers of friction on one mass that follow its wrap angle and, where friction is settable, its factors."""
+def _contact_law(chain: Chain, mass: int, twins: dict[str, str], factor_names: tuple[str, ...]) -> Law:
+    """Numbers of friction on one mass that follow its wrap angle and, where there are any, factors by direction."""
     e = chain.elements
-    factors = {"pull": ca.SX.sym("pull"), "release": ca.SX.sym("release")} if settable else {}
+    symbols = {name: ca.SX.sym(name) for name in factor_names}
+    factors = dict(zip(("pull", "release"), (symbols[name] for name in factor_names), strict=False))
     own: dict[str, object] = {}
     for name, value in fields_of(e.contact).items():
         number = float(_of_masses(chain, value)[mass])
-        own[name] = number * factors[way_of(name)] if settable and way_of(name) else number
+        own[name] = number * factors[way_of(name)] if factors and way_of(name) else number
     length = float(e.path.length_share[mass])
     angle = ca.SX.sym("angle_rad")
     share = angle / e.path.total_angle_rad if e.path.total_angle_rad > 0 else length
@@ -237,6 +259,6 @@ def _contact_law(chain: Chain, mass: int, twins: dict[str, str], *, settable: bo
     return Law(
         name="contact",
         comment="Friction of a mass for a wrap angle [rad], eqs. (8), (9).",
-        inputs=(angle, *factors.values()),
+        inputs=(angle, *symbols.values()),
         outputs=outputs,
     )
