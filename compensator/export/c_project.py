@@ -18,11 +18,13 @@ from tendonff.compensator.compensators.table_build import BuiltTable
 from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_golden
 from tendonff.compensator.export.c_text import (
     PLANT,
+    STATIC,
     accepted_range,
     c_modules,
     c_sources,
     check_fixed_path,
     check_prefix,
+    check_tuning,
     folder_files,
     measured,
     table_bytes,
@@ -30,9 +32,8 @@ from tendonff.compensator.export.c_text import (
 )
 from tendonff.compensator.export.golden import golden_vectors
 from tendonff.compensator.export.host import run_on_host
-from tendonff.compensator.export.judgement import Judged, judge, judge_stream
+from tendonff.compensator.export.judgement import Judged, answer_of, judge, judge_stream
 from tendonff.compensator.export.self_test import FloatLoss, float_losses, loss_warnings, self_test_context
-from tendonff.compensator.files.text import InputError
 from tendonff.compensator.files.writing import atomic_directory, write_text
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.capstan import CapstanLaw
@@ -105,7 +106,8 @@ def export_project(
     level : Level, optional
         Fidelity level of inverse, table and plant; default: the scenario's own.
     profile_N : ndarray, optional
-        Profile to play [N]; default: the optimal one. It is judged where it has a sample for each of the reference.
+        Profile to play [N] or, of a position drive, [m]; default: the optimal one. It is judged where it has a sample
+        for each of the reference.
     force_export : bool, optional
         Export modules all the same that are worse than no compensation.
 
@@ -118,16 +120,12 @@ def export_project(
     """
     check_prefix(prefix)
     check_fixed_path(scenario)
-    if scenario.transmission.actuator.drive is Drive.POSITION:
-        raise InputError(
-            f'{scenario.source.name} [actuator]: drive = "position" is not exported yet; play a command column of '
-            'profile.csv (design), or export with drive = "force"'
-        )
+    check_tuning(scenario)
     problem = Problem.of(scenario, level=level)
     warnings = problem.reference.warnings
     if profile_N is None:
         profile = compensator("optimal").profile(problem).require()
-        profile_N, warnings = profile.force_N, (*warnings, *profile.warnings)
+        profile_N, warnings = answer_of(problem, "optimal", profile), (*warnings, *profile.warnings)
     built = table_of(problem)
     forces = _forces(problem, built, profile_N)
     if problem.reference.periodic:
@@ -153,7 +151,7 @@ def export_project(
         inputs = [golden.course.inputs_N, golden.jumps.inputs_N, live, followed]
         found = run_on_host(every, prefix, precision, inputs)
         if found is not None:
-            losses = float_losses(golden.course, found[0])
+            losses = float_losses(golden.course, found[0], problem)
             forces |= found[3]
     judged = judge(problem, forces)
     judged = (*judged, judge_stream(judged, choice, problem))
@@ -198,18 +196,18 @@ def export_project(
 
 
 def _forces(problem: Problem, built: BuiltTable, profile_N: FloatArray) -> dict[str, FloatArray]:
-    """Force of each module at the samples of the reference [N]; that of a profile of another length is left out."""
+    """Force [N] or command [m] of each module at the samples of the reference; no profile of another length."""
     forces = {}
     for each in COMPENSATORS:
         module = each.c_module
-        if module is None:
+        if module is None or (problem.transmission.actuator.drive is Drive.POSITION and module.name in STATIC):
             continue
         if module.plays_back:
             if len(profile_N) == len(problem.reference.tension_N):
                 forces[module.name] = profile_N
         else:
             exported = CompensationTable(built.table) if isinstance(each, CompensationTable) else each
-            forces[module.name] = exported.profile(problem).force_N
+            forces[module.name] = answer_of(problem, each.name, exported.profile(problem))
     return forces
 
 

@@ -26,6 +26,7 @@ from tendonff.compensator.scenario.sampling import largest_tension
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.chain import Chain
+from tendonff.models.drive import Drive
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
@@ -36,6 +37,9 @@ STREAM = CModule(name="stream", content="exact inverse behind a filter, for refe
 
 PLANT = CModule(name="plant", content="the chain itself")
 """What is exported beside the compensators, for tests."""
+
+STATIC = ("capstan", "table")
+"""Modules without the chain's states: they answer with a force and cannot tell a command."""
 
 _FOLDER_FILES = ("self_test.c", "example_main.c", "Makefile", "CMakeLists.txt", "README.md")
 _KEYWORDS = frozenset(
@@ -75,6 +79,23 @@ def check_fixed_path(scenario: Scenario) -> None:
         )
 
 
+def check_tuning(scenario: Scenario) -> None:
+    """Refuse self-tuning behind a position servo: the tuner's model is driven by the force that was applied.
+
+    Parameters
+    ----------
+    scenario : Scenario
+
+    Raises
+    ------
+    InputError
+    """
+    if scenario.adaptation is not None and scenario.transmission.actuator.drive is Drive.POSITION:
+        raise InputError(
+            f'{scenario.source.name} [adaptation]: self-tuning needs a force drive; leave it out, or use "force"'
+        )
+
+
 def check_prefix(prefix: str) -> str:
     """A prefix that every C and C++ compiler takes, or an error that says what is wrong.
 
@@ -102,7 +123,10 @@ def c_modules(scenario: Scenario, with_stream: bool = False) -> tuple[CModule, .
     """
     stream = (STREAM,) if with_stream else ()
     more = () if scenario.adaptation is None else ADAPTIVE_MODULES
-    return (*(c.c_module for c in COMPENSATORS if c.c_module is not None), *stream, PLANT, *more)
+    every = (c.c_module for c in COMPENSATORS if c.c_module is not None)
+    if scenario.transmission.actuator.drive is Drive.POSITION:  # a static law knows no travel
+        every = (m for m in every if m.name not in STATIC)
+    return (*every, *stream, PLANT, *more)
 
 
 def c_sources(
@@ -125,7 +149,7 @@ def c_sources(
     further : mapping, optional
         What the templates of these modules need beyond scenario and level: table, profile.
     """
-    chain, step = problem.chain, problem.reference.step_s
+    chain, step, actuator = problem.chain, problem.reference.step_s, problem.transmission.actuator
     context = _context(scenario, problem, modules, precision, prefix, further) | dict(further)
     names = [module.name for module in modules]
     code: dict[str, dict[str, object]] = {}
@@ -138,7 +162,8 @@ def c_sources(
     elif "inverse" in names:
         code["inverse"] = asdict(inverse_code(chain, step, f"{prefix}_inverse", precision))
     if "plant" in names:
-        code["plant"] = asdict(plant_code(chain, step, f"{prefix}_chain", precision))
+        plant = chain.with_end_stiffness(actuator.servo_stiffness_N_per_m or 0.0, chain.far.stiffness_N_per_m)
+        code["plant"] = asdict(plant_code(plant, step, f"{prefix}_chain", precision))
     headers = ("types", "limits", *(header for module in modules for header in (*module.headers, module.name)))
     texts = {f"{prefix}_{name}.h": _render(f"{name}.h.j2", context | code.get(name, {})) for name in headers}
     for name in ("limits", *names):
@@ -303,11 +328,13 @@ def _context(
     followers = [m for m in modules if not m.plays_back and m not in others]  # of a reference, without delay
     output = max(size, 4) + 8
     past = 2 * count + 2 if precision is Precision.FLOAT else 0
+    servo = actuator.servo_stiffness_N_per_m  # None for a force drive
+    past += 1 if servo else 0
     state = {
         "inverse": _padded(output + (2 * reals + 4 + past) * size + 12, size),
         "capstan": output + 2 * size,
         "table": _padded(output + 4 * size + 4, size),
-        "plant": _padded((2 * reals + 2) * size + 16, size),
+        "plant": _padded((2 * reals + (3 if servo else 2)) * size + 16, size),
         "profile": _padded(output + 4, size),
         "bounds": _padded(4 * size + 4, size),
     }
@@ -331,6 +358,8 @@ def _context(
         "adhesion": law.adhesion_N,
         "re_entry": max(1, round(RE_ENTRY_S / step)),
         **_start_context(chain),
+        "servo": servo,
+        "told": "command" if servo else "force",
         "modules": modules,
         "names": names,
         "followers": followers,
@@ -356,6 +385,7 @@ def _start_context(chain: Chain) -> dict[str, object]:
         "link_parts": stretched,
         "near_at": layout.part("q_a").start,
         "coulomb": chain.coulomb_N,
+        "rest_per_N": chain.rest_state(1.0).near_position_m,
         "dry_at": layout.part("v").stop,
     }
 

@@ -14,11 +14,11 @@ from tendonff.ocp.errors import CodeError
 
 _FLAGS = ("-std=c99", "-O1", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno")
 _DRIVER = """
-void run_{module}(long n, const {prefix}_real *given, {prefix}_real *answer)
+void run_{module}(long n, double start, const {prefix}_real *given, {prefix}_real *answer)
 {{
     {prefix}_{module} self;
     long k;
-    {prefix}_{module}_init(&self, given[0]);
+    {prefix}_{module}_init(&self, ({prefix}_real)start);
     for (k = 0; k < n; k++) {{
         answer[k] = {prefix}_{module}_step(&self, given[k]);
     }}
@@ -61,11 +61,15 @@ def run_on_host(
         code = ctypes.CDLL(str(folder / "code.so"))
     real = np.float32 if precision is Precision.FLOAT else np.float64
 
-    def answer(module: str, values: FloatArray) -> FloatArray:
+    def answer(module: str, values: FloatArray, start: float) -> FloatArray:
         given = np.ascontiguousarray(values, dtype=real)
         answered = np.empty_like(given)
         pointers = (ctypes.c_void_p(array.ctypes.data) for array in (given, answered))
-        getattr(code, f"run_{module}")(ctypes.c_long(len(given)), *pointers)
+        getattr(code, f"run_{module}")(ctypes.c_long(len(given)), ctypes.c_double(start), *pointers)
         return answered.astype(np.float64)
 
-    return [{module: answer(module, values) for module, values in inputs.items()} for inputs in runs]
+    answers = []
+    for inputs in runs:  # the plant takes forces or commands, and starts under the tension that the others start from
+        starts = {module: float(inputs.get("inverse", values)[0]) for module, values in inputs.items()}
+        answers.append({module: answer(module, values, starts[module]) for module, values in inputs.items()})
+    return answers

@@ -115,6 +115,8 @@ class StepCode:
     limits : Limits, optional
     compliances : mapping of str to float or C text, optional
         For an inverse that keeps states relative to what the tension alone would cause: by state, [m/N].
+    held : bool, optional
+        A servo's stiffness holds the near end, whose rounding counts too.
     """
 
     prefix: str
@@ -129,6 +131,7 @@ class StepCode:
     of_masses: tuple[str, ...] = ()
     limits: Limits = Limits()
     compliances: Mapping[str, float | str] | None = None
+    held: bool = False
 
     def call(
         self, law: str, *parts: Mapping[str, str], end: str = "", link: str = "c", mass: str = "", own: str = "own_"
@@ -266,6 +269,7 @@ class StepCode:
             link_states=states.link_states,
             friction_states=states.friction_states,
             input_names=INPUT_NAMES,
+            held=self.held,
             shifted=self.compliances is not None,
             compliances={
                 name: value if isinstance(value, str) else number(value)

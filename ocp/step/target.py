@@ -38,6 +38,8 @@ class ChainCode:
         The scheme around them.
     rest : str
         Statements that fill `self->x` with the state at rest under `tension`.
+    travel : str
+        Statements that set `travel` to that of the actuator's end since the rest under `self->start`; of the inverse.
     """
 
     header: str
@@ -45,6 +47,7 @@ class ChainCode:
     laws: str
     body: str
     rest: str
+    travel: str = ""
 
 
 def controller_limits(precision: Precision) -> Limits:
@@ -111,6 +114,7 @@ def inverse_code(chain: Chain, step_s: float, prefix: str, precision: Precision)
         laws="\n".join(law.code for law in folded),
         body=code.render("inverse.c.j2"),
         rest=_rest(chain, precision, relative=compliances is not None),
+        travel=_travel(chain, precision, compliances, folder.prefix.upper()),
     )
 
 
@@ -130,7 +134,9 @@ def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -
     pieces = tuple((step_s / 2**k, 0.0) for k in range(1, limits.splits + 1))
     weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY), *pieces)
     folder, laws = _specialiser(chain, weights, prefix, precision), ElementLaws.of(chain)
-    near, far = {"x_c": 0.0, "pull": -1.0}, {"x_c": 0.0, "f_c": 0.0, "pull": 1.0}
+    near, far = {"pull": -1.0}, {"x_c": 0.0, "f_c": 0.0, "pull": 1.0}
+    if not chain.near.stiffness_N_per_m:
+        near["x_c"] = 0.0
     folded = (
         folder.fold(laws.link_start()),
         folder.fold(laws.link_force()),
@@ -167,6 +173,7 @@ def _code(
         numbers={name: literal(value, folder.precision) for name, value in chain.numbers().items()},
         limits=limits or Limits(),
         compliances=compliances,
+        held=folder.precision is Precision.FLOAT and chain.near.stiffness_N_per_m > 0,
     )
 
 
@@ -189,6 +196,27 @@ def link_compliances(chain: Chain, precision: Precision) -> dict[str, str]:
         name: f"({_LINK_KIND} ? {literal(float(ends), precision)} : {literal(float(inner), precision)})"
         for name, (inner, ends) in kinds.items()
     }
+
+
+def _travel(chain: Chain, precision: Precision, compliances: dict[str, str] | None, upper: str) -> str:
+    """Statements for the travel; where states are relative, from elongations and tensions: rounding adds up nowhere."""
+    layout, more = chain.layout, "(tension - self->start)"
+    if compliances is None:
+        slope = literal(chain.rest_state(1.0).near_position_m, precision)
+        return f"    travel = self->x[{layout.part('q_a').start}] - (self->start * {slope});"
+    lines = (
+        "    {",
+        f"        const int32_t n = {upper}_COUNT;",
+        f"        {real_type(precision)} tension = self->past.reference;",
+        "        int32_t i;",
+        f"        travel = self->x[{layout.part('q_l').start}] + ({more} * {compliances['q_l']});",
+        "        for (i = n; i >= 0; i--) {",
+        f"            travel += self->x[{layout.part('e').start} + i] + ({more} * {compliances['e']});",
+        f"            tension += (i > 0) ? self->past.drop[i - 1] : {literal(0.0, precision)};",
+        "        }",
+        "    }",
+    )
+    return "\n".join(lines)
 
 
 def _specialiser(chain: Chain, weights: Weights, prefix: str, precision: Precision) -> Specialiser:
