@@ -113,6 +113,8 @@ class StepCode:
     of_masses : tuple of str, optional
         Names of what differs from mass to mass.
     limits : Limits, optional
+    free : tuple of str, optional
+        Numbers that the caller of the inverse hands over.
     compliances : mapping of str to float or C text, optional
         For an inverse that keeps states relative to what the tension alone would cause: by state, [m/N].
     held : bool, optional
@@ -130,6 +132,7 @@ class StepCode:
     moving: bool = False
     of_masses: tuple[str, ...] = ()
     limits: Limits = Limits()
+    free: tuple[str, ...] = ()
     compliances: Mapping[str, float | str] | None = None
     held: bool = False
 
@@ -152,8 +155,8 @@ class StepCode:
         own : str, optional
             What stands in front of the names of each mass's own numbers.
         """
-        own = own if self.moving else ""
-        return law_calls(self.prefix, self.laws)(law, *parts, end=end, link=link, own=own, mass=mass)
+        own, given = own if self.moving else "", {name: name for name in self.free}
+        return law_calls(self.prefix, self.laws)(law, given, *parts, end=end, link=link, own=own, mass=mass)
 
     @property
     def friction_numbers(self) -> tuple[str, ...]:
@@ -231,6 +234,7 @@ class StepCode:
                 },
                 **{name: f"&{name}" for name in own[1:]},
             },
+            free=self.free,
             ratio_parameter=f"const {real} *{restrict}ratio, " if self.moving else "",
             ratio_argument="w->ratio, " if self.moving else "",
             gain_parameter=f", {real} *{restrict}gain" if self.moving else "",

@@ -25,7 +25,7 @@ def test_a_restart_in_motion_and_a_lost_reference_make_no_bump(
     rig = replace(rig, actuator=replace(rig.actuator, coulomb_N=coulomb_N))
     scenario = replace(scenario, transmission=rig)
     export_project(scenario, precision=precision, profile_N=np.ones(3)).write(tmp_path)
-    sources = [tmp_path / f"tff_{name}.c" for name in ("inverse", "limits", "plant")]
+    sources = [tmp_path / f"tff_{name}.c" for name in ("inverse", "limits", "parameters", "plant")]
     program = tmp_path / "program"
     main = Path(__file__).with_name("re_entry.c")
     subprocess.run(["cc", "-std=c99", "-O1", "-I", tmp_path, main, *sources, "-lm", "-o", program], check=True)
