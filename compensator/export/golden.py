@@ -8,16 +8,18 @@ from numpy.typing import NDArray
 
 from tendonff.compensator.compensators.base import FloatArray, Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
-from tendonff.compensator.compensators.registry import COMPENSATORS
+from tendonff.compensator.compensators.motion import servo
 from tendonff.compensator.compensators.score import scale_N
 from tendonff.compensator.compensators.stream.model import StreamDesign, smoothed, stream_force
 from tendonff.compensator.compensators.stream.run import quantised
 from tendonff.compensator.compensators.table import CompensationTable
+from tendonff.compensator.export.modules import exportable
 from tendonff.compensator.export.table_index import rounded
 from tendonff.models.chain import Chain
+from tendonff.models.errors import ParameterError
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.inverse import InverseStatus, Inversion, invert
-from tendonff.ocp.simulate import simulate
+from tendonff.ocp.simulate import Simulation, simulate
 
 _ROWS = 1000
 _REVERSAL_ROWS = 240
@@ -35,7 +37,7 @@ class Course:
     Parameters
     ----------
     reference_N, plant_force_N : ndarray, shape (rows,)
-        Inputs, exact in the real type of the export.
+        Inputs, exact in the real type of the export; of a position drive commands [m].
     columns : dict of str to ndarray, shape (rows,)
         Answers: inverse, capstan, table (force within limits) and plant (output tension) [N].
     scale_N : float
@@ -119,14 +121,16 @@ def _course(
     )
     followed = replace(problem, reference=course, live=True, model=chain)
     columns = {}
-    for compensator in COMPENSATORS:
-        module = compensator.c_module
-        if module is not None and not module.plays_back and (module.knows_joints or chain.motion is None):
+    for compensator, module in exportable(problem.transmission, moving=chain.motion is not None):
+        if not module.plays_back:
             exported = CompensationTable(table) if isinstance(compensator, CompensationTable) else compensator
-            columns[module.name] = exported.profile(followed).force_N
+            profile = exported.profile(followed)
+            columns[module.name] = profile.force_N
+            if servo_of(problem) is not None:
+                columns[module.name] = told(problem, followed.inversion, profile.force_N)
     force = rounded(columns["inverse"], precision)
     if with_plant:
-        columns["plant"] = simulate(chain, force, step, initial_tension_N=start).require().output_tension_N
+        columns["plant"] = respond(problem, force, start, chain).require().output_tension_N
     scale = float(np.abs(followed.inversion.force_N).max())
     return Course(reference_N=reference_N, plant_force_N=force, columns=columns, scale_N=scale, chain=chain)
 
@@ -231,10 +235,54 @@ def _live(problem: Problem, stream: StreamDesign, course_N: FloatArray, precisio
     rough[0] = course_N[0]
     rough[_LOST] = np.nan
     start = float(rough[0])
-    force = stream_force(stream, problem, rough)
-    exact = invert(problem.chain, smoothed(stream, rough, start), problem.reference.step_s, initial_tension_N=start)
+    force, step = stream_force(stream, problem, rough), problem.reference.step_s
+    exact = invert(problem.chain, smoothed(stream, rough, start), step, initial_tension_N=start, record=True)
+    if servo_of(problem) is not None:
+        force = told(problem, exact, force)
     scale = float(np.abs(exact.force_N).max())
     return Course(reference_N=rough, plant_force_N=force, columns={"stream": force}, scale_N=scale, chain=problem.chain)
+
+
+def servo_of(problem: Problem) -> float | None:
+    """Stiffness of a position drive's servo [N/m]; None for a force drive."""
+    return problem.transmission.actuator.servo_stiffness_N_per_m
+
+
+def told(problem: Problem, inversion: Inversion, force_N: FloatArray) -> FloatArray:
+    """Command of a position drive as exported code tells it: the inverse's travel plus the limited force's stretch [m].
+
+    Parameters
+    ----------
+    problem : Problem
+    inversion : Inversion
+        With states.
+    force_N : ndarray, shape (rows,)
+        Within the limits.
+    """
+    stiffness = servo_of(problem)
+    if inversion.states is None or stiffness is None:
+        raise ParameterError("a command needs the inverse's states and a position drive; record them")
+    start = float(inversion.least_tension_N[0])  # at rest, where it is the same everywhere
+    travel = inversion.states[:, -2] - problem.chain.rest_state(start).near_position_m
+    command: FloatArray = travel + (force_N - start) / stiffness
+    return command
+
+
+def respond(problem: Problem, drive: FloatArray, start_N: float, chain: Chain) -> Simulation:
+    """The chain under forces [N], or under commands of its servo [m], from rest.
+
+    Parameters
+    ----------
+    problem : Problem
+    drive : ndarray, shape (rows,)
+    start_N : float
+        Uniform tension at rest [N].
+    chain : Chain
+        With the motion of the course.
+    """
+    if servo_of(problem) is not None:
+        chain, drive = servo(chain, problem.transmission.actuator, start_N, drive)
+    return simulate(chain, drive, problem.reference.step_s, initial_tension_N=start_N)
 
 
 def _invert(problem: Problem, chain: Chain, reference_N: FloatArray) -> Inversion:
