@@ -22,12 +22,14 @@ from tendonff.compensator.export.modules import c_modules, check_prefix, check_s
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_file
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
+from tendonff.models.chain import Chain
 from tendonff.models.drive import Drive
 from tendonff.models.fidelity import Level
 from tendonff.ocp.adaptation.tuning import Sensor
 from tendonff.ocp.codegen.compiler import find_compiler, run_compiler
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import CodeError
+from tendonff.ocp.step.joints import Joints
 
 _TEMPLATES = jinja2.Environment(  # noqa: S701 - the one place with markup escapes what it inserts
     loader=jinja2.PackageLoader("tendonff.compensator.export", "templates/fmu"),
@@ -114,7 +116,8 @@ def build_fmu(
     problem = Problem.of(scenario, level=level)
     module = next(module for module in c_modules(scenario) if module.name == kind.value)
     identifier = f"{prefix}_{kind}"
-    compiled = [f"{prefix}_{name}.c" for name in ("parameters", "limits", kind)]
+    path = ("path",) if problem.chain.moving else ()
+    compiled = [f"{prefix}_{name}.c" for name in ("parameters", "limits", *path, kind)]
     wrapper = "fmi2.c" if fmi is FmiVersion.V2 else "fmi3.c"
     sources = c_sources(scenario, problem, (module,), Precision.DOUBLE, prefix)
     headers = files("tendonff.compensator.export").joinpath("templates", "fmu", "headers")
@@ -199,6 +202,7 @@ def _context(
             _Variable(name="actuator_position", text="positive towards the actuator", unit="m", start=near),
             _Variable(name="load_position", text="positive towards the actuator", unit="m", start=far),
         ]
+    joints = [] if problem.chain.motion is None else _joint_inputs(problem.chain)
     release = __version__
     name = " ".join(scenario.name.replace("*/", "* /").split())
     return {
@@ -211,8 +215,9 @@ def _context(
         "version": release,
         "input": variable,
         "outputs": outputs,
-        "extras": extras,
         **({"servo": True} if servo else {}),
+        "extras": [*extras, *joints],
+        "joint_at": len(extras) if joints else -1,
         "initial": initial,
         "step": repr(scenario.run.step_s),
         "stop": repr(float(reference.time_s[-1])),
@@ -220,11 +225,19 @@ def _context(
     }
 
 
+def _joint_inputs(chain: Chain) -> list[_Variable]:
+    joints = Joints.of(chain)
+    return [
+        _Variable(name=f"joint_{name}", text=f"angle of the joint {name}", unit="rad", start=repr(start))
+        for name, start in zip(joints.names, joints.start_rad, strict=True)
+    ]
+
+
 def _token(sources: dict[str, str], context: dict[str, object], fmi: FmiVersion) -> str:
     """Identifier that changes with anything that the unit holds."""
     parts = [
         fmi.value,
-        repr(sorted((k, str(v)) for k, v in context.items() if k != "extras" or v)),
+        repr(sorted((k, str(v)) for k, v in context.items() if (k != "extras" or v) and (k, v) != ("joint_at", -1))),
         *(sources[k] for k in sorted(sources)),
     ]
     digest = hashlib.sha256("\0".join(parts).encode()).hexdigest()
