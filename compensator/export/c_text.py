@@ -20,6 +20,7 @@ from tendonff.compensator.compensators.stream.model import RE_ENTRY_S
 from tendonff.compensator.compensators.table import table_range
 from tendonff.compensator.compensators.table_build import BuiltTable
 from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_code
+from tendonff.compensator.export.packaging import packed
 from tendonff.compensator.export.parameters import parameter_context, settable_inverse
 from tendonff.compensator.export.table_index import share_index
 from tendonff.compensator.files.reading import InputError
@@ -50,12 +51,13 @@ _KEYWORDS = frozenset(
     )
 )
 _TEMPLATES = jinja2.Environment(  # noqa: S701 - C has no markup to escape
-    loader=jinja2.PackageLoader("tendonff.compensator.export", "templates/c"),
+    loader=jinja2.PackageLoader("tendonff.compensator.export", "templates"),
     undefined=jinja2.StrictUndefined,
     keep_trailing_newline=True,
     trim_blocks=True,
     lstrip_blocks=True,
 )
+_TEMPLATES.filters["st"] = lambda value: literal(float(value), Precision.DOUBLE)
 
 
 def check_fixed_path(scenario: Scenario) -> None:
@@ -171,8 +173,9 @@ def folder_files(
         What the templates need beyond scenario and level.
     """
     context = _context(scenario, problem, modules, precision, prefix, further) | dict(further)
-    described = {f"{prefix}_parameters.a2l": _render("parameters.a2l.j2", context)}
-    return {name: _render(f"{name}.j2", context) for name in _FOLDER_FILES} | described
+    beside = packed([m.name for m in modules], str(context["follower"]), prefix)
+    templates = {name: f"c/{name}.j2" for name in _FOLDER_FILES} | beside
+    return {path: _TEMPLATES.get_template(template).render(context) for path, template in templates.items()}
 
 
 def table_header(scenario: Scenario, built: BuiltTable, level: Level, prefix: str = "tff") -> str:
@@ -190,7 +193,7 @@ def table_header(scenario: Scenario, built: BuiltTable, level: Level, prefix: st
 
 
 def _render(template: str, context: dict[str, object]) -> str:
-    return _TEMPLATES.get_template(template).render(context)
+    return _TEMPLATES.get_template(f"c/{template}").render(context)
 
 
 def _naming(scenario: Scenario, level: Level, precision: Precision, prefix: str) -> dict[str, object]:
