@@ -22,13 +22,13 @@ MEANINGS = {
     "travel_m": "how far the holding motor moves away from the tendon meanwhile; with a held force it is creep",
     "width_s": "after a reversal: time from 5 to 50 % of the output's change; long means a smooth transient",
     "max_slope_N_per_s": "largest rate of the output tension after a reversal; high means a sudden breakaway",
+    "two_ended_law": "difference of all tensions from the static law that is given both end tensions, RMS and largest",
     "exponent_over_law": "ln(T_in/T_out) when a ramp ends, over mu theta; 1 is the static capstan law",
     "profile_deviation_percent": "largest departure of ln T along the path from a straight line then, of mu theta",
     "tension_step_percent_of_range": "departure of any tension from its course as a motor changes its mode; 0 is ideal",
     "force_step_percent_of_range": "jump of a motor's pull as it changes its mode; 0 is ideal",
     "bristle_stiffness_factor": "factor on the bristles of the quasi-static run, which stands for the static law",
-    "two_ended_law": "difference of the quasi-static run from the static law with two ends; 0 is the law",
-    "refinement": "difference to the run with more masses: the discretisation error",
+    "refinement": "difference of seven tensions to the run with more masses, the discretisation error, RMS and largest",
 }
 """What each number of the test means, in one line."""
 _LEAST_CHANGE = 0.01  # of range: an output that changes less has no transient to speak of

@@ -365,6 +365,8 @@ def _start_context(chain: Chain) -> dict[str, object]:
         "friction_at": layout.part(layout.friction_states[0]).start if layout.friction_states else 0,
         "link_parts": stretched,
         "near_at": layout.part("q_a").start,
+        "coulomb": chain.coulomb_N,
+        "dry_at": layout.part("v").stop,
     }
 
 

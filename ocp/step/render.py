@@ -164,7 +164,8 @@ class StepCode:
         """Arrays of the work area of one step, with their sizes in C."""
         n = self.size
         links = ((name, f"{n} + 1") for name in ("start", "force", "slope"))
-        own = ((f"new_{name}", n) for name in self.layout.friction_states)
+        own = [(f"new_{name}", n) for name in self.layout.friction_states]
+        own += [(f"new_{name}", "1") for name in self.layout.end_states]
         masses = ("v", "trial", "residual", "lower", "diag", "upper", "move")
         extra: list[tuple[str, str]] = []
         if self.moving:
@@ -255,6 +256,12 @@ class StepCode:
             number=lambda name: self.numbers[name],
             numbers=tuple(self.numbers),
             parameters=lambda prefix: [name for name in self.numbers if name.startswith(prefix)],
+            end_states=states.end_states,
+            rubs=lambda base: {
+                f"{name}_base": f"{base}[{_text(*states.offset(name), 'n')}]" for name in states.end_states
+            },
+            end_addresses=lambda x: {name: f"&{x}[{_text(*states.offset(name), 'n')}]" for name in states.end_states},
+            own_law=lambda law, end: f"{law}_{end}" if f"{law}_{end}" in self.laws else law,
             index=list(self.numbers).index,
             outputs={name: law.outputs for name, law in self.laws.items()},
             addresses=lambda law: {name: f"&{name}" for name in self.laws[law].outputs},

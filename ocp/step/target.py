@@ -117,7 +117,7 @@ def inverse_code(
         folder.fold(laws.link_rate(), fixed=rate),
         folder.fold(laws.link_states()),
         folder.fold(far_velocity(), fixed=_end(chain, "far") | far),
-        folder.fold(near_force(), fixed=_end(chain, "near") | {"x_c": 0.0, "pull": -1.0}),
+        folder.fold(near_force(chain.near), fixed=_end(chain, "near") | {"x_c": 0.0, "pull": -1.0}),
         folder.fold(laws.path_mass_inverse(drop=compliances is not None)),
     )
     free = tuple(name for name in left if any(name in law.inputs for law in folded))
@@ -154,7 +154,7 @@ def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -
         folder.fold(laws.link_force()),
         folder.fold(laws.link_states()),
         folder.fold(laws.path_mass()),
-        folder.fold(end_mass(), "end_mass_near", fixed=_end(chain, "near") | near),
+        folder.fold(end_mass(chain.near), "end_mass_near", fixed=_end(chain, "near") | near),
         folder.fold(end_mass(), "end_mass_far", fixed=_end(chain, "far") | far),
     )
     code = _code(chain, folder, folded, limits=limits)
