@@ -63,10 +63,6 @@ _TEMPLATES.filters["st"] = lambda value: literal(float(value), Precision.DOUBLE)
 def check_fixed_path(scenario: Scenario) -> None:
     """Refuse what cannot be printed for a controller yet: a path in sections, or one that moves.
 
-    Parameters
-    ----------
-    scenario : Scenario
-
     Raises
     ------
     InputError
@@ -79,12 +75,7 @@ def check_fixed_path(scenario: Scenario) -> None:
 
 
 def check_prefix(prefix: str) -> str:
-    """A prefix that every C and C++ compiler takes, or an error that says what is wrong.
-
-    Parameters
-    ----------
-    prefix : str
-    """
+    """A prefix that every C and C++ compiler takes, or an error that says what is wrong."""
     good = prefix.isascii() and prefix.isidentifier() and not prefix.startswith("_") and len(prefix) <= 24
     if not good or prefix.endswith("_") or "__" in prefix or prefix.lower() in _KEYWORDS:
         raise InputError(
@@ -179,15 +170,7 @@ def folder_files(
 
 
 def table_header(scenario: Scenario, built: BuiltTable, level: Level, prefix: str = "tff") -> str:
-    """The C header of a table alone, in double.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    built : BuiltTable
-    level : Level
-    prefix : str, optional
-    """
+    """The C header of a table alone, in double."""
     context = _naming(scenario, level, Precision.DOUBLE, prefix) | table_context(built, Precision.DOUBLE)
     return _render("table_data.h.j2", context)
 
@@ -257,13 +240,7 @@ def _wrapped(items: list[str]) -> str:
 
 
 def table_context(built: BuiltTable, precision: Precision) -> dict[str, object]:
-    """What the templates of a table need.
-
-    Parameters
-    ----------
-    built : BuiltTable
-    precision : Precision
-    """
+    """What the templates of a table need."""
     table = built.table
     notes = (
         f"Interpolation error at most {built.error_N:.3g} N (bound {built.bound_N:.3g} N); made for a reference that",
@@ -280,12 +257,7 @@ def table_context(built: BuiltTable, precision: Precision) -> dict[str, object]:
 
 
 def accepted_range(problem: Problem) -> tuple[float, float]:
-    """References that the exported modules accept [N].
-
-    Parameters
-    ----------
-    problem : Problem
-    """
+    """References that the exported modules accept [N]."""
     tension = problem.reference.tension_N
     low, _ = table_range(problem)
     high = max(largest_tension(problem.transmission), float(np.max(tension)))
@@ -375,13 +347,7 @@ def _padded(size: int, alignment: int) -> int:
 
 
 def table_bytes(table: LookupTable, precision: Precision) -> int:
-    """Constant data of a table: forces, shares and the index of the shares [bytes].
-
-    Parameters
-    ----------
-    table : LookupTable
-    precision : Precision
-    """
+    """Constant data of a table: forces, shares and the index of the shares [bytes]."""
     size, total = 4 if precision is Precision.FLOAT else 8, 0
     for branch in Branch:
         share = table.branch(branch).share
@@ -391,12 +357,7 @@ def table_bytes(table: LookupTable, precision: Precision) -> int:
 
 
 def measured(precision: Precision) -> dict[str, object]:
-    """Instructions, code and stack of the example, as `tests/target` measured them.
-
-    Parameters
-    ----------
-    precision : Precision
-    """
+    """Instructions, code and stack of the example, as `tests/target` measured them."""
     text = files("tendonff.compensator.export").joinpath("measured.json").read_text(encoding="utf-8")
     content: dict[str, dict[str, object]] = json.loads(text)
     return content[precision]

@@ -103,6 +103,29 @@ def test_a_unit_is_valid_and_equals_the_python_model(unit, finger, kind, fmi, re
     assert error <= 1e-9
 
 
+def test_a_unit_knows_the_time_from_its_start(unit, tmp_path):
+    from fmpy import extract, read_model_description
+    from fmpy.fmi2 import FMU2Slave
+
+    path = unit(Kind.INVERSE, FmiVersion.V2)
+    described = read_model_description(str(path))
+    slave = FMU2Slave(
+        guid=described.guid,
+        unzipDirectory=extract(str(path), str(tmp_path)),
+        modelIdentifier=described.coSimulation.modelIdentifier,
+    )
+    slave.instantiate()
+    slave.setupExperiment(startTime=2.0)
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    assert slave.getReal([0]) == [2.0]
+    for k in range(3):
+        slave.doStep(currentCommunicationPoint=2.0 + 0.002 * k, communicationStepSize=0.002)
+    assert slave.getReal([0]) == pytest.approx([2.006])
+    slave.terminate()
+    slave.freeInstance()
+
+
 def test_communication_steps_of_several_samples_are_taken_sample_by_sample(unit, finger):
     coarse = play(unit(Kind.INVERSE, FmiVersion.V2), finger, Kind.INVERSE, step=4)
     assert len(coarse[1]) == ROWS // 4 + 1
