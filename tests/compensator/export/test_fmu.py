@@ -1,5 +1,6 @@
 """Co-simulation units: valid, equal to the Python model, and rebuilt from their own sources."""
 
+import io
 import shutil
 import subprocess
 import zipfile
@@ -10,16 +11,25 @@ import pytest
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.table import table_of
+from tendonff.compensator.export import fmu
 from tendonff.compensator.export.fmu import build_fmu
+from tendonff.compensator.export.golden import answers
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.scenario.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.chain import Chain
+from tendonff.ocp.codegen.cross import has_cross_compiler
+from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import simulate
 
 fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed")
-NAMES = {Kind.INVERSE: ("reference", "force"), Kind.PLANT: ("force", "tension")}
+NAMES = {
+    Kind.INVERSE: ("reference", "force"),
+    Kind.TABLE: ("reference", "force"),
+    Kind.PLANT: ("force", "tension"),
+}
 ROWS = 1000
 SAID = []
 
@@ -72,7 +82,7 @@ def play(path, finger, kind, step=1):
 
 
 @pytest.mark.parametrize("fmi", FmiVersion)
-@pytest.mark.parametrize("kind", [Kind.INVERSE, Kind.PLANT])
+@pytest.mark.parametrize("kind", [Kind.INVERSE, Kind.TABLE, Kind.PLANT])
 def test_a_unit_is_valid_and_equals_the_python_model(unit, finger, kind, fmi, record_property):
     """FMPy records the input a row late: row k + 1 holds what step k used."""
     from fmpy.validation import validate_fmu
@@ -83,12 +93,38 @@ def test_a_unit_is_valid_and_equals_the_python_model(unit, finger, kind, fmi, re
     chain, used = Chain.of(finger.transmission, finger.run.level), given[1:]
     if kind is Kind.INVERSE:
         expected = invert(chain, used, finger.run.step_s).force_N
+    elif kind is Kind.TABLE:
+        problem = Problem.of(finger)
+        expected = answers(problem, table_of(problem).table, used, Precision.DOUBLE)[1]["table"]
     else:
         expected = simulate(chain, used, finger.run.step_s).output_tension_N
     error = float(np.abs(answer[1:] - expected).max())
     record_property("figure", f"FMU {kind}, FMI {fmi}, against Python over {ROWS} steps: {error:.2g} N")
     assert np.ptp(answer) > 5
     assert error <= 1e-9
+
+
+def test_a_unit_knows_the_time_from_its_start(unit, tmp_path):
+    from fmpy import extract, read_model_description
+    from fmpy.fmi2 import FMU2Slave
+
+    path = unit(Kind.INVERSE, FmiVersion.V2)
+    described = read_model_description(str(path))
+    slave = FMU2Slave(
+        guid=described.guid,
+        unzipDirectory=extract(str(path), str(tmp_path)),
+        modelIdentifier=described.coSimulation.modelIdentifier,
+    )
+    slave.instantiate()
+    slave.setupExperiment(startTime=2.0)
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    assert slave.getReal([0]) == [2.0]
+    for k in range(3):
+        slave.doStep(currentCommunicationPoint=2.0 + 0.002 * k, communicationStepSize=0.002)
+    assert slave.getReal([0]) == pytest.approx([2.006])
+    slave.terminate()
+    slave.freeInstance()
 
 
 def test_communication_steps_of_several_samples_are_taken_sample_by_sample(unit, finger):
@@ -104,6 +140,32 @@ def test_a_step_that_is_no_whole_number_of_samples_is_refused(unit, finger):
         fmpy.simulate_fmu(
             str(unit(Kind.PLANT, FmiVersion.V3)), stop_time=0.01, step_size=0.0015, output_interval=0.0015
         )
+
+
+def test_only_what_a_unit_needs_is_computed(finger, monkeypatch):
+    def never(*_):
+        raise AssertionError("no table is needed")
+
+    monkeypatch.setattr(fmu, "table_of", never)
+    with zipfile.ZipFile(io.BytesIO(build_fmu(finger, Kind.INVERSE).content)) as archive:
+        names = {name for name in archive.namelist() if name.startswith("sources/tff_") and name.endswith(".c")}
+    assert names == {f"sources/tff_{name}.c" for name in ("parameters", "limits", "inverse")}
+
+
+def test_binaries_for_other_systems_are_built_and_export_the_interface(finger):
+    """Looked into, not run: a Windows library with the functions in its table of exports, and Mach-O for both chips."""
+    if not has_cross_compiler():
+        pytest.skip("ziglang is not installed")
+    with zipfile.ZipFile(io.BytesIO(build_fmu(finger, Kind.TABLE, FmiVersion.V3, everywhere=True).content)) as archive:
+        found = {name: archive.read(name) for name in archive.namelist() if name.startswith("binaries/")}
+    windows = found["binaries/x86_64-windows/tff_table.dll"]
+    assert windows[:2] == b"MZ"
+    assert b"\0fmi3DoStep\0" in windows
+    chips = {"x86_64": b"\x07\x00\x00\x01", "aarch64": b"\x0c\x00\x00\x01"}
+    for machine, chip in chips.items():
+        library = found[f"binaries/{machine}-darwin/tff_table.dylib"]
+        assert library[:8] == b"\xcf\xfa\xed\xfe" + chip
+        assert b"_fmi3DoStep\0" in library
 
 
 @pytest.mark.parametrize("fmi", FmiVersion)
