@@ -207,6 +207,8 @@ class Actuator:
         What it is told: force (default) or position.
     servo_stiffness_N_per_m : float, optional
         Stiffness k_c1 of a position drive between its command x_c1 and its end [N/m], > 0.
+    coulomb_N : float, optional
+        Dry friction of motor and gear, as a force at its end [N], >= 0; default: none.
     motor : Motor, optional
         Motor, gear and drum behind it; mass_kg, force_max_N and speed_max_m_per_s follow from them where left out.
     """
@@ -221,6 +223,7 @@ class Actuator:
     travel_max_m: float | None = None
     drive: Drive = Drive.FORCE
     servo_stiffness_N_per_m: float | None = None
+    coulomb_N: float | None = None
     motor: Motor | None = None
 
     def __post_init__(self) -> None:
@@ -231,6 +234,8 @@ class Actuator:
         if self.force_max_N <= self.force_min_N:
             raise ParameterError(f"force_max_N must be > force_min_N = {self.force_min_N:g}, got {self.force_max_N}")
         _require("force_rate_max_N_per_s", self.force_rate_max_N_per_s, above=0, hint="use 1e9 for none")
+        if self.coulomb_N is not None:
+            _require("coulomb_N", self.coulomb_N, least=0, hint="use 0 for none")
         if self.speed_max_m_per_s is not None:
             _require("speed_max_m_per_s", self.speed_max_m_per_s, above=0, hint="leave it out for none")
         for name, side in (("travel_min_m", -1), ("travel_max_m", 1)):

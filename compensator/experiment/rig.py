@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.scenario.experiment import MotorMode
 from tendonff.models.assembly import End, rest_damper_force
 from tendonff.models.chain import Chain
@@ -110,6 +110,8 @@ class Rig:
 
     def __init__(self, spec: RigSpec, level: Level, modes: Modes, segments: int | None = None) -> None:
         self._spec = spec
+        if spec.transmission.actuator.coulomb_N:
+            raise InputError("coulomb_N must be 0 in the two-motor test, which knows motors without dry friction")
         chain = Chain.of(spec.transmission, level, segments)
         self._chain = replace(chain, far=chain.near)  # two equal motors
         state = self._chain.rest_state(spec.start_tension_N)

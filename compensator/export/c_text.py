@@ -19,7 +19,8 @@ from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.stream.model import RE_ENTRY_S
 from tendonff.compensator.compensators.table import table_range
 from tendonff.compensator.compensators.table_build import BuiltTable
-from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_code, tunable_inverse
+from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_code
+from tendonff.compensator.export.parameters import parameter_context, settable_inverse
 from tendonff.compensator.export.table_index import share_index
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampling import largest_tension
@@ -29,7 +30,7 @@ from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
-from tendonff.ocp.step.target import inverse_code, plant_code, plant_limits
+from tendonff.ocp.step.target import plant_code, plant_limits
 
 STREAM = CModule(name="stream", content="exact inverse behind a filter, for references that arrive live")
 """What is exported for references that are not known in advance."""
@@ -133,15 +134,18 @@ def c_sources(
         code |= dict.fromkeys(
             (m.name for m in ADAPTIVE_MODULES), adaptive_code(problem, scenario.adaptation, precision, prefix)
         )
-    if "inverse" in names and scenario.adaptation is not None:
-        code["inverse"] = tunable_inverse(problem, precision, prefix)
-    elif "inverse" in names:
-        code["inverse"] = asdict(inverse_code(chain, step, f"{prefix}_inverse", precision))
+    if "inverse" in names:
+        code["inverse"] = settable_inverse(problem, precision, prefix)
     if "plant" in names:
         code["plant"] = asdict(plant_code(chain, step, f"{prefix}_chain", precision))
-    headers = ("types", "limits", *(header for module in modules for header in (*module.headers, module.name)))
+    headers = (
+        "types",
+        "parameters",
+        "limits",
+        *(header for module in modules for header in (*module.headers, module.name)),
+    )
     texts = {f"{prefix}_{name}.h": _render(f"{name}.h.j2", context | code.get(name, {})) for name in headers}
-    for name in ("limits", *names):
+    for name in ("parameters", "limits", *names):
         texts[f"{prefix}_{name}.c"] = _render(f"{name}.c.j2", context | code.get(name, {}))
     return texts
 
@@ -167,7 +171,8 @@ def folder_files(
         What the templates need beyond scenario and level.
     """
     context = _context(scenario, problem, modules, precision, prefix, further) | dict(further)
-    return {name: _render(f"{name}.j2", context) for name in _FOLDER_FILES}
+    described = {f"{prefix}_parameters.a2l": _render("parameters.a2l.j2", context)}
+    return {name: _render(f"{name}.j2", context) for name in _FOLDER_FILES} | described
 
 
 def table_header(scenario: Scenario, built: BuiltTable, level: Level, prefix: str = "tff") -> str:
@@ -301,11 +306,12 @@ def _context(
     names = [module.name for module in modules]
     others = (STREAM, PLANT, *ADAPTIVE_MODULES)
     followers = [m for m in modules if not m.plays_back and m not in others]  # of a reference, without delay
-    output = max(size, 4) + 8
+    output = max(size, 4) + 8 + 3 * size
     past = 2 * count + 2 if precision is Precision.FLOAT else 0
+    free = 5 if chain.friction.weakening_speed_m_per_s is not None else 3
     state = {
-        "inverse": _padded(output + (2 * reals + 4 + past) * size + 12, size),
-        "capstan": output + 2 * size,
+        "inverse": _padded(output + (2 * reals + 6 + free + past) * size + 12, size),
+        "capstan": output + 5 * size,
         "table": _padded(output + 4 * size + 4, size),
         "plant": _padded((2 * reals + 2) * size + 16, size),
         "profile": _padded(output + 4, size),
@@ -331,11 +337,12 @@ def _context(
         "adhesion": law.adhesion_N,
         "re_entry": max(1, round(RE_ENTRY_S / step)),
         **_start_context(chain),
+        **parameter_context(problem),
+        "exp": "expf" if precision is Precision.FLOAT else "exp",
         "modules": modules,
         "names": names,
         "followers": followers,
         "adaptive": None,
-        "tunable": None,
         "follower": "inverse" if "inverse" in names else next(iter(m.name for m in followers), ""),
         "initial": reference.initial_tension_N,
         "amplitude": 0.25 * min(reference.initial_tension_N, max(reference.range_N, 1e-3)),
@@ -355,6 +362,8 @@ def _start_context(chain: Chain) -> dict[str, object]:
         "friction_at": layout.part(layout.friction_states[0]).start if layout.friction_states else 0,
         "link_parts": stretched,
         "near_at": layout.part("q_a").start,
+        "coulomb": chain.coulomb_N,
+        "dry_at": layout.part("v").stop,
     }
 
 

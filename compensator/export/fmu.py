@@ -117,7 +117,7 @@ def build_fmu(
     problem = Problem.of(scenario, level=level)
     module = next(module for module in c_modules(scenario) if module.name == kind.value)
     identifier = f"{prefix}_{kind}"
-    compiled = [f"{prefix}_limits.c", f"{prefix}_{kind}.c"]
+    compiled = [f"{prefix}_{name}.c" for name in ("parameters", "limits", kind)]
     wrapper = "fmi2.c" if fmi is FmiVersion.V2 else "fmi3.c"
     sources = c_sources(scenario, problem, (module,), Precision.DOUBLE, prefix)
     headers = files("tendonff.compensator.export").joinpath("templates", "fmu", "headers")
@@ -188,8 +188,7 @@ def _context(
         words = f"last measurement: {sensor.words}"
         extras.append(_Variable(name="measured", text=words, unit=sensor.unit, start=first))
     elif kind is Kind.INVERSE:
-        if scenario.adaptation is not None:
-            extras.append(_Variable(name="mu", text="mu_dynamic", unit="", start=mu, is_parameter=True))
+        extras.append(_Variable(name="mu", text="mu_dynamic", unit="", start=mu, is_parameter=True))
         variable = _Variable(name="reference", text="wanted output tension", unit="N", start=initial)
         outputs = [force]
     else:

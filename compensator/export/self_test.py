@@ -141,6 +141,7 @@ def self_test_context(
         },
         "jump_bits": {name: int(value) for name, value in bits.items()},
         "plant_ends": (float(ends.near_position_m[-1]), float(ends.far_position_m[-1])),
+        "narrow_N": (least + 0.25 * (min(most, 1e6) - least), least + 0.75 * (min(most, 1e6) - least)),
         "push_N": (high, low_end) if pushes else None,
         "slack_rows": _SLACK_ROWS if slack else 0,
     }

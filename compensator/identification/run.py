@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,15 @@ import numpy as np
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.between_files import by_file
 from tendonff.compensator.identification.estimates import Answer, dynamic_estimates, static_estimates
-from tendonff.compensator.identification.fitted import Fitted, replay, scenario_of_chain, scenario_of_static
+from tendonff.compensator.identification.fitted import (
+    Fitted,
+    replay,
+    scenario_of_chain,
+    scenario_of_static,
+    with_coulomb,
+)
 from tendonff.compensator.identification.fitting import dynamic, tendon
+from tendonff.compensator.identification.fitting.drive import drive_estimate
 from tendonff.compensator.identification.fitting.model_selection import (
     StaticSelection,
     choose_explain,
@@ -129,6 +137,10 @@ def identify(
         say("replay of the fitted scenario")
         fitted, replayed = _carried_on(scenario, stage, chain, records, static_only=static_only)
         warnings += _not_in_a_scenario(fitted, stage, chain, records)
+    of_drive = drive_estimate(scenario, raw[: len(fit_files)])
+    if of_drive is not None:
+        estimates = (*estimates, of_drive)
+        fitted = replace(fitted, scenario=with_coulomb(fitted.scenario, of_drive.value))
     return Identification(
         scenario=fitted.scenario,
         explain=explain,

@@ -113,6 +113,8 @@ class StepCode:
     of_masses : tuple of str, optional
         Names of what differs from mass to mass.
     limits : Limits, optional
+    free : tuple of str, optional
+        Numbers that the caller of the inverse hands over.
     compliances : mapping of str to float or C text, optional
         For an inverse that keeps states relative to what the tension alone would cause: by state, [m/N].
     """
@@ -128,6 +130,7 @@ class StepCode:
     moving: bool = False
     of_masses: tuple[str, ...] = ()
     limits: Limits = Limits()
+    free: tuple[str, ...] = ()
     compliances: Mapping[str, float | str] | None = None
 
     def call(
@@ -149,8 +152,8 @@ class StepCode:
         own : str, optional
             What stands in front of the names of each mass's own numbers.
         """
-        own = own if self.moving else ""
-        return law_calls(self.prefix, self.laws)(law, *parts, end=end, link=link, own=own, mass=mass)
+        own, given = own if self.moving else "", {name: name for name in self.free}
+        return law_calls(self.prefix, self.laws)(law, given, *parts, end=end, link=link, own=own, mass=mass)
 
     @property
     def friction_numbers(self) -> tuple[str, ...]:
@@ -161,7 +164,8 @@ class StepCode:
         """Arrays of the work area of one step, with their sizes in C."""
         n = self.size
         links = ((name, f"{n} + 1") for name in ("start", "force", "slope"))
-        own = ((f"new_{name}", n) for name in self.layout.friction_states)
+        own = [(f"new_{name}", n) for name in self.layout.friction_states]
+        own += [(f"new_{name}", "1") for name in self.layout.end_states]
         masses = ("v", "trial", "residual", "lower", "diag", "upper", "move")
         extra: list[tuple[str, str]] = []
         if self.moving:
@@ -227,6 +231,7 @@ class StepCode:
                 },
                 **{name: f"&{name}" for name in own[1:]},
             },
+            free=self.free,
             ratio_parameter=f"const {real} *{restrict}ratio, " if self.moving else "",
             ratio_argument="w->ratio, " if self.moving else "",
             gain_parameter=f", {real} *{restrict}gain" if self.moving else "",
@@ -251,6 +256,12 @@ class StepCode:
             number=lambda name: self.numbers[name],
             numbers=tuple(self.numbers),
             parameters=lambda prefix: [name for name in self.numbers if name.startswith(prefix)],
+            end_states=states.end_states,
+            rubs=lambda base: {
+                f"{name}_base": f"{base}[{_text(*states.offset(name), 'n')}]" for name in states.end_states
+            },
+            end_addresses=lambda x: {name: f"&{x}[{_text(*states.offset(name), 'n')}]" for name in states.end_states},
+            own_law=lambda law, end: f"{law}_{end}" if f"{law}_{end}" in self.laws else law,
             index=list(self.numbers).index,
             outputs={name: law.outputs for name, law in self.laws.items()},
             addresses=lambda law: {name: f"&{name}" for name in self.laws[law].outputs},

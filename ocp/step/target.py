@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.models.chain import Chain
+from tendonff.models.friction import COEFFICIENT_FLOOR
 from tendonff.models.layout import fields_of
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
 from tendonff.ocp.codegen.precision import Precision
@@ -38,6 +39,8 @@ class ChainCode:
         The scheme around them.
     rest : str
         Statements that fill `self->x` with the state at rest under `tension`.
+    free : tuple of str, optional
+        Numbers of the chain that the inverse takes as arguments.
     """
 
     header: str
@@ -45,6 +48,7 @@ class ChainCode:
     laws: str
     body: str
     rest: str
+    free: tuple[str, ...] = ()
 
 
 def controller_limits(precision: Precision) -> Limits:
@@ -74,7 +78,16 @@ def plant_limits(precision: Precision) -> Limits:
     return replace(controller_limits(precision), evaluations=60)
 
 
-def inverse_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -> ChainCode:
+SETTABLE = (
+    "piece_adhesion_N",
+    *(f"friction_mu_{kind}_{way}" for way in ("pull", "release") for kind in ("dynamic", "static")),
+)
+"""Numbers of a chain that an exported inverse can take at run time; those of friction at least COEFFICIENT_FLOOR."""
+
+
+def inverse_code(
+    chain: Chain, step_s: float, prefix: str, precision: Precision, *, settable: bool = False
+) -> ChainCode:
     """The exact inverse.
 
     Parameters
@@ -85,9 +98,12 @@ def inverse_code(chain: Chain, step_s: float, prefix: str, precision: Precision)
     prefix : str
         Prefix of every C name in the file.
     precision : Precision
+    settable : bool, optional
+        Leave those of `SETTABLE` that the laws need to the caller.
     """
     weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY))
-    folder, laws = _specialiser(chain, weights, prefix, precision), ElementLaws.of(chain)
+    left = SETTABLE if settable else ()
+    folder, laws = _specialiser(chain, weights, prefix, precision, left), ElementLaws.of(chain, folded=settable)
     compliances = (
         None
         if precision is Precision.DOUBLE
@@ -101,16 +117,18 @@ def inverse_code(chain: Chain, step_s: float, prefix: str, precision: Precision)
         folder.fold(laws.link_rate(), fixed=rate),
         folder.fold(laws.link_states()),
         folder.fold(far_velocity(), fixed=_end(chain, "far") | far),
-        folder.fold(near_force(), fixed=_end(chain, "near") | {"x_c": 0.0, "pull": -1.0}),
+        folder.fold(near_force(chain.near), fixed=_end(chain, "near") | {"x_c": 0.0, "pull": -1.0}),
         folder.fold(laws.path_mass_inverse(drop=compliances is not None)),
     )
-    code = _code(chain, folder, folded, compliances=compliances)
+    free = tuple(name for name in left if any(name in law.inputs for law in folded))
+    code = _code(chain, folder, folded, compliances=compliances, free=free)
     return ChainCode(
         header="",
         record=_record(folder, weights),
         laws="\n".join(law.code for law in folded),
         body=code.render("inverse.c.j2"),
         rest=_rest(chain, precision, relative=compliances is not None),
+        free=free,
     )
 
 
@@ -136,7 +154,7 @@ def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -
         folder.fold(laws.link_force()),
         folder.fold(laws.link_states()),
         folder.fold(laws.path_mass()),
-        folder.fold(end_mass(), "end_mass_near", fixed=_end(chain, "near") | near),
+        folder.fold(end_mass(chain.near), "end_mass_near", fixed=_end(chain, "near") | near),
         folder.fold(end_mass(), "end_mass_far", fixed=_end(chain, "far") | far),
     )
     code = _code(chain, folder, folded, limits=limits)
@@ -156,6 +174,7 @@ def _code(
     *,
     limits: Limits | None = None,
     compliances: dict[str, str] | None = None,
+    free: tuple[str, ...] = (),
 ) -> StepCode:
     return StepCode(
         prefix=folder.prefix,
@@ -166,6 +185,7 @@ def _code(
         size=f"{folder.prefix.upper()}_COUNT",
         numbers={name: literal(value, folder.precision) for name, value in chain.numbers().items()},
         limits=limits or Limits(),
+        free=free,
         compliances=compliances,
     )
 
@@ -191,18 +211,22 @@ def link_compliances(chain: Chain, precision: Precision) -> dict[str, str]:
     }
 
 
-def _specialiser(chain: Chain, weights: Weights, prefix: str, precision: Precision) -> Specialiser:
+def _specialiser(
+    chain: Chain, weights: Weights, prefix: str, precision: Precision, free: tuple[str, ...] = ()
+) -> Specialiser:
     if chain.moving:
         raise CodeError(
             "a path in sections, or one that moves, cannot be printed for a controller yet; use one section"
         )
     rows = [(weight, ratio) for weight, _ in weights for ratio in link_ratios(chain.elements.ratio)]
-    parameters = {name: (value,) * len(rows) for name, value in _snapped(chain).items()}
+    parameters = {name: (value,) * len(rows) for name, value in _snapped(chain).items() if name not in free}
     parameters["H"], parameters["ratio"] = tuple(weight for weight, _ in rows), tuple(ratio for _, ratio in rows)
     folder = Specialiser(prefix=prefix, precision=precision, parameters=parameters)
     (gain,) = folder.evaluate(ElementLaws.of(chain).link_gain())
     reorder = precision is Precision.FLOAT
-    return Specialiser(prefix=prefix, precision=precision, parameters=parameters | {"gain": gain}, reorder=reorder)
+    floors = {name: 0.0 if name == "piece_adhesion_N" else COEFFICIENT_FLOOR for name in free}
+    known = parameters | {"gain": gain}
+    return Specialiser(prefix=prefix, precision=precision, parameters=known, reorder=reorder, floors=floors)
 
 
 def _snapped(chain: Chain) -> dict[str, float]:
