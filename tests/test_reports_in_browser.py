@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
+from tendonff.compensator.compensators.base import Style
 from tendonff.compensator.files.reading import read_csv
 from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.reporting.interactive import interactive_view
 from tendonff.compensator.reporting.page import (
     FileNote,
+    Interactive,
     Picture,
     Provenance,
     Report,
@@ -188,6 +191,29 @@ def test_the_report_of_every_command_opens_and_is_readable(browser, small, tmp_p
     assert str(tmp_path) not in text
     for link in browser.execute_script("return [...document.links].map(a => a.getAttribute('href'))"):
         assert link.startswith("#") or (folder / link).is_file()
+
+
+def test_an_interactive_view_draws_from_disk_loads_nothing_and_stays_out_of_print(browser, tmp_path, examples):
+    pytest.importorskip("bokeh", reason="bokeh is not installed")
+    time = np.linspace(0, 4, 4001)
+    styles = Style(color="#0072B2", linestyle="-"), Style(color="#D55E00", linestyle="--")
+    curves = {"inverse": (np.sin(time), styles[0]), "optimal": (np.cos(time), styles[1])}
+    view = Interactive(html=interactive_view(time, {"force [N]": curves}), caption="Zoom.")
+    provenance = Provenance(scenario=load_scenario(examples / "finger.toml"))
+    report = Report(
+        title="T", summary="S", sections=(Section(title="Look closer", blocks=(view,)),), provenance=provenance
+    )
+    write_report(tmp_path / "report.html", report)
+    browser.get((tmp_path / "report.html").as_uri())
+    drawn = "return window.Bokeh !== undefined && Bokeh.documents.length == 1 && document.querySelector('.bk-Column')"
+    WebDriverWait(browser, 30).until(lambda b: b.execute_script(drawn))
+    assert complaints(browser) == []
+    loaded = browser.execute_script("return performance.getEntriesByType('resource').map(e => e.name)")
+    assert [name for name in loaded if not name.startswith(("data:", "blob:"))] == []
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    shown = browser.execute_script("return getComputedStyle(document.getElementById('section-1')).display")
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+    assert shown == "none"
 
 
 @pytest.fixture(scope="module")
