@@ -108,7 +108,8 @@ def design_report(result: DesignData, figures: dict[str, Figure], view: Interact
     view : Interactive, optional
         From `interactive_panels`.
     """
-    pictures = pictures_of(figures, _CAPTIONS)
+    joints = "" if result.ignored is None else " Bottom: the joint angles."
+    pictures = pictures_of(figures, {**_CAPTIONS, "tension": _CAPTIONS["tension"] + joints})
     worst = result.expectation.worst_percent
     scores = Table(
         caption="RMS error, % of reference range. First column: worst case over the uncertainty; the others: the "
@@ -145,7 +146,7 @@ def design_report(result: DesignData, figures: dict[str, Figure], view: Interact
         fine_print=fine_print(result),
         warnings=result.warnings,
         sections=(
-            Section(title="What to expect", blocks=(pictures["expectation"], scores)),
+            Section(title="What to expect", blocks=(pictures["expectation"], scores, *_motion(result))),
             *([] if view is None else [Section(title="Interactive view", blocks=(view,))]),
             Section(title="Output tension", blocks=(pictures["tension"], peaks, *_positions(result))),
             Section(title="Actuator force", blocks=(pictures["force"], *_holds(result), *_solver(result))),
@@ -184,6 +185,11 @@ def _holds(result: DesignData) -> tuple[Block, ...]:
         'move: hold = "keep" in [reference] keeps the force, and says what that costs.'
     )
     return (Text(note),)
+
+
+def _motion(result: DesignData) -> tuple[Block, ...]:
+    """What ignoring the motion would cost; nothing where nothing moves."""
+    return () if result.ignored is None else (Text(result.ignored.text),)
 
 
 def _positions(result: DesignData) -> tuple[Block, ...]:
