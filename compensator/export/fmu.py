@@ -16,7 +16,7 @@ import jinja2
 
 from tendonff._version import __version__
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.export.c_text import c_modules, c_sources, check_fixed_path, check_prefix
+from tendonff.compensator.export.c_text import c_modules, c_sources, check_prefix
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_file
@@ -106,7 +106,6 @@ def build_fmu(
         If the compiler refuses the sources.
     """
     check_prefix(prefix)
-    check_fixed_path(scenario)
     if kind is Kind.ADAPTIVE and scenario.adaptation is None:
         raise InputError(f"{scenario.source.name}: table [adaptation] is missing; --kind adaptive needs its sensor")
     if scenario.transmission.actuator.drive is Drive.POSITION:

@@ -12,7 +12,6 @@ from tendonff.compensator.scenario.joint_motion import moved
 
 SCENARIO = Path(__file__).resolve().parents[2] / "examples" / "finger_moving.toml"
 PLANT_MASSES = 60
-CASES = ("none", "at rest", "angles only", "6 masses", "12 masses", "24 masses")
 
 
 def outputs() -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
