@@ -3,13 +3,17 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from tendonff.compensator.compensators.base import Style
 from tendonff.compensator.compensators.score import scale_N
 from tendonff.compensator.design.drive_use import drive_use
 from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS, DesignData
 from tendonff.compensator.reporting.cells import Cell
+from tendonff.compensator.reporting.colours import INK
+from tendonff.compensator.reporting.interactive import interactive_view
 from tendonff.compensator.reporting.page import (
     Block,
     FileNote,
+    Interactive,
     Report,
     Section,
     Table,
@@ -71,7 +75,29 @@ def _worst(result: DesignData, name: str | None = None) -> str:
     return f"{result.expectation.worst_percent[name or result.expectation.recommended]:.3g} %"
 
 
-def design_report(result: DesignData, figures: dict[str, Figure]) -> Report:
+def interactive_panels(result: DesignData) -> Interactive:
+    """Output tension, force and error of all profiles, to be zoomed.
+
+    Parameters
+    ----------
+    result : DesignData
+    """
+    reference = result.reference
+    output, force, error = {"reference": (reference.tension_N, Style(color=INK, linestyle="-"))}, {}, {}
+    for c in result.compensators:
+        delivered = result.on_proof(c.name).output_N
+        output[c.label] = (delivered, c.style)
+        force[c.label] = (result.profiles[c.name].force_N, c.style)
+        error[c.label] = (delivered - reference.tension_N, c.style)
+    panels = {"output tension [N]": output, "actuator force [N]": force, "error [N]": error}
+    return Interactive(
+        html=interactive_view(reference.time_s, panels),
+        caption="Drag a box to zoom, hover for values, click a name in a legend to hide its curve. "
+        f"{FINE_SEGMENTS} masses, the design's own parameters.",
+    )
+
+
+def design_report(result: DesignData, figures: dict[str, Figure], view: Interactive | None = None) -> Report:
     """The page of a design.
 
     Parameters
@@ -79,6 +105,8 @@ def design_report(result: DesignData, figures: dict[str, Figure]) -> Report:
     result : DesignData
     figures : dict of str to Figure
         From `design_figures`.
+    view : Interactive, optional
+        From `interactive_panels`.
     """
     joints = "" if result.ignored is None else " Bottom: the joint angles."
     pictures = pictures_of(figures, {**_CAPTIONS, "tension": _CAPTIONS["tension"] + joints})
@@ -119,6 +147,7 @@ def design_report(result: DesignData, figures: dict[str, Figure]) -> Report:
         warnings=result.warnings,
         sections=(
             Section(title="What to expect", blocks=(pictures["expectation"], scores, *_motion(result))),
+            *([] if view is None else [Section(title="Interactive view", blocks=(view,))]),
             Section(title="Output tension", blocks=(pictures["tension"], peaks, *_positions(result))),
             Section(title="Actuator force", blocks=(pictures["force"], *_holds(result), *_solver(result))),
             Section(title="Sizing the drive", blocks=(pictures["drive"], *_drive(result))),
