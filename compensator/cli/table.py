@@ -47,7 +47,7 @@ def table(
 
     angle_axis, rate_axis = _numbers(angles, "--angles"), _numbers(rates, "--rates")
     with opened(scenario, out) as (loaded, folder):
-        from tendonff.compensator.export.c_text import check_prefix
+        from tendonff.compensator.export.modules import check_prefix
         from tendonff.compensator.tables.run import make_tables
 
         check_prefix(prefix)

@@ -16,8 +16,9 @@ import jinja2
 
 from tendonff._version import __version__
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.export.c_text import c_modules, c_sources, check_fixed_path, check_prefix
+from tendonff.compensator.export.c_text import c_sources
 from tendonff.compensator.export.kinds import FmiVersion, Kind
+from tendonff.compensator.export.modules import c_modules, check_prefix, check_servo, check_tuning
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_file
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
@@ -106,14 +107,10 @@ def build_fmu(
         If the compiler refuses the sources.
     """
     check_prefix(prefix)
-    check_fixed_path(scenario)
     if kind is Kind.ADAPTIVE and scenario.adaptation is None:
         raise InputError(f"{scenario.source.name}: table [adaptation] is missing; --kind adaptive needs its sensor")
-    if scenario.transmission.actuator.drive is Drive.POSITION:
-        raise InputError(
-            f'{scenario.source.name} [actuator]: drive = "position" has no FMU yet; play a command column of '
-            'profile.csv (design), or export with drive = "force"'
-        )
+    check_servo(scenario)
+    check_tuning(scenario)
     problem = Problem.of(scenario, level=level)
     module = next(module for module in c_modules(scenario) if module.name == kind.value)
     identifier = f"{prefix}_{kind}"
@@ -178,6 +175,9 @@ def _context(
     initial = repr(reference.initial_tension_N)
     tension = _Variable(name="tension", text="output tension", unit="N", start=initial)
     force = _Variable(name="force", text="force of the actuator, within its limits", unit="N", start=initial)
+    servo = scenario.transmission.actuator.drive is Drive.POSITION
+    if servo:
+        force = _Variable(name="command", text="position of the servo relative to the start", unit="m", start="0.0")
     extras: list[_Variable] = []
     mu = repr(scenario.transmission.friction.mu_dynamic)
     if kind is Kind.ADAPTIVE and scenario.adaptation is not None:
@@ -192,7 +192,7 @@ def _context(
         variable = _Variable(name="reference", text="wanted output tension", unit="N", start=initial)
         outputs = [force]
     else:
-        variable = _Variable(name="force", text="force of the actuator", unit="N", start=initial)
+        variable = force if servo else _Variable(name="force", text="force of the actuator", unit="N", start=initial)
         near, far = repr(rest.near_position_m), repr(rest.far_position_m)
         outputs = [
             tension,
@@ -212,6 +212,7 @@ def _context(
         "input": variable,
         "outputs": outputs,
         "extras": extras,
+        **({"servo": True} if servo else {}),
         "initial": initial,
         "step": repr(scenario.run.step_s),
         "stop": repr(float(reference.time_s[-1])),
