@@ -9,6 +9,7 @@ Equation numbers are those of Palli, Borghesan, Melchiorri (ICRA 2010).
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import casadi as ca
 
@@ -48,9 +49,19 @@ class End:
         k_c [N/m]; 0 for an actuator.
     """
 
+    states: ClassVar[tuple[str, ...]] = ()
+
     mass_kg: float
     damping_N_s_per_m: float
     stiffness_N_per_m: float
+
+    def rate(self, v: ca.SX, states: tuple[ca.SX, ...]) -> tuple[ca.SX, ...]:  # noqa: ARG002
+        """Time derivatives of its own states; none here."""
+        return ()
+
+    def implicit(self, v: ca.SX, base: tuple[ca.SX, ...], step_s: ca.SX) -> tuple[ca.SX, ...]:  # noqa: ARG002
+        """Its own states at the end of a step of weight H; none here."""
+        return ()
 
 
 def normal_force(f_near: ca.SX, f_far: ca.SX, adhesion_N: ca.SX) -> ca.SX:
@@ -76,7 +87,9 @@ def near_tension(f_far: ca.SX, f_f: ca.SX, inertia: ca.SX) -> ca.SX:
     return f_far + f_f + inertia
 
 
-def end_force(v: ca.SX, q: ca.SX, tension: ca.SX, pull: ca.SX, f_c: ca.SX, x_c: ca.SX, end: End) -> ca.SX:
+def end_force(
+    v: ca.SX, q: ca.SX, tension: ca.SX, pull: ca.SX, f_c: ca.SX, x_c: ca.SX, end: End, own: tuple[ca.SX, ...] = ()
+) -> ca.SX:
     """Sum of the forces on an end mass, positive towards the actuator [N].
 
     Parameters
@@ -91,5 +104,24 @@ def end_force(v: ca.SX, q: ca.SX, tension: ca.SX, pull: ca.SX, f_c: ca.SX, x_c: 
         Motor force away from the tendon [N], rest position of the end's spring [m].
     end : End
         Numbers or CasADi scalars.
+    own : tuple of ca.SX, optional
+        Its own states, each a force that opposes its motion [N].
     """
-    return pull * (tension - f_c) - end.damping_N_s_per_m * v - end.stiffness_N_per_m * (q - x_c)
+    without = pull * (tension - f_c) - end.damping_N_s_per_m * v - end.stiffness_N_per_m * (q - x_c)
+    return without - sum(own) if own else without
+
+
+def rest_damper_force(x_c_rate: ca.SX, pull: ca.SX, end: End) -> ca.SX:
+    """Motor force f_c that a damper between an end mass and its moving rest position amounts to [N].
+
+    The damper acts on v - dx_c/dt, `end_force` has it against the frame: -b (v - dx_c/dt) = -b v - pull f_c.
+
+    Parameters
+    ----------
+    x_c_rate : float, ndarray or ca.SX
+        dx_c/dt [m/s].
+    pull : float or ca.SX
+        As in `end_force`.
+    end : End
+    """
+    return -pull * end.damping_N_s_per_m * x_c_rate

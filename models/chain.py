@@ -23,7 +23,7 @@ from tendonff.models.assembly import End, end_force, normal_force, path_force
 from tendonff.models.elements import Elements, elements_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
-from tendonff.models.friction import FrictionLaw
+from tendonff.models.friction import FrictionLaw, RubbingEnd
 from tendonff.models.layout import INPUT_NAMES, ChainState, StateLayout, fields_of
 from tendonff.models.link import LinkLaw, tendon_force
 from tendonff.models.parameters import Transmission
@@ -71,7 +71,7 @@ class Chain:
         ParameterError
             If a section or the load names a joint that does not move, or the path has no meaning under the motion.
         """
-        actuator, load, motion = transmission.actuator, transmission.load, transmission.motion
+        load, motion = transmission.load, transmission.motion
         if motion is not None and load.joint is not None and load.joint not in motion.names:
             raise ParameterError(f'the load names the joint "{load.joint}", which does not move; give it a motion')
         return cls(
@@ -79,7 +79,7 @@ class Chain:
             level=level,
             motion=motion,
             far_joint=None if load.joint is None else (load.joint, load.moment_arm_m or 0.0),
-            near=End(mass_kg=actuator.mass_kg, damping_N_s_per_m=actuator.damping_N_s_per_m, stiffness_N_per_m=0.0),
+            near=_actuator_end(transmission, level),
             far=End(
                 mass_kg=load.mass_kg, damping_N_s_per_m=load.damping_N_s_per_m, stiffness_N_per_m=load.stiffness_N_per_m
             ),
@@ -115,6 +115,11 @@ class Chain:
         return self.motion is not None or not self.elements.uniform or self.far_joint is not None
 
     @property
+    def coulomb_N(self) -> float:
+        """Dry friction of the actuator [N]."""
+        return self.near.coulomb_N if isinstance(self.near, RubbingEnd) else 0.0
+
+    @property
     def link(self) -> LinkLaw:
         """Law of the whole tendon as a link; one of its links is `link.shortened(ratio)`."""
         return self.elements.link
@@ -147,7 +152,12 @@ class Chain:
     @property
     def layout(self) -> StateLayout:
         """Order of the states."""
-        return StateLayout(count=self.count, link_states=self.link.states, friction_states=self.friction.states)
+        return StateLayout(
+            count=self.count,
+            link_states=self.link.states,
+            friction_states=self.friction.states,
+            end_states=self.near.states,
+        )
 
     def numbers(self) -> dict[str, float]:
         """Every parameter by name: the one record that generated C and sensitivities follow.
@@ -199,7 +209,19 @@ class Chain:
             near_position_m=q_far + math.fsum(stretch),
             far_position_m=q_far,
             time_s=time_s,
+            near=np.zeros(len(self.near.states)),
         )
+
+
+def _actuator_end(transmission: Transmission, level: Level) -> End:
+    """The actuator as an end that acts; its dry friction has the bristle of the level."""
+    actuator, friction = transmission.actuator, transmission.friction
+    end = {"mass_kg": actuator.mass_kg, "damping_N_s_per_m": actuator.damping_N_s_per_m, "stiffness_N_per_m": 0.0}
+    if not actuator.coulomb_N:
+        return End(**end)
+    soft, stiff = friction.soft_bristle_stiffness_N_per_m, friction.bristle_stiffness_N_per_m
+    bristle = soft if level.features.soft_bristle else stiff
+    return RubbingEnd(**end, coulomb_N=actuator.coulomb_N, bristle_stiffness_N_per_m=bristle)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -247,7 +269,8 @@ def chain_equations(chain: Chain) -> ChainEquations:
     place, place_rate = ca.SX.sym("place", 3 * n + 3), ca.SX.sym("place_rate", 3 * n + 3)
     angle_rate, _, gained_rate, far_rate = ca.vertsplit(place_rate, [0, n, 2 * n + 1, 3 * n + 2, 3 * n + 3])
     f_c1, x_c1, f_c2, x_c2 = ca.vertsplit(inputs)
-    v, e, *own, q_a, q_l = ca.vertsplit(state, layout.cuts)
+    v, *own, q_a, q_l = ca.vertsplit(state, layout.cuts)
+    rubbing, (e, *own) = tuple(own[: len(layout.end_states)]), own[len(layout.end_states) :]
     friction, link = laws_at(chain, place)
     links, masses = tuple(own[: len(link.states)]), tuple(own[len(link.states) :])
 
@@ -259,7 +282,7 @@ def chain_equations(chain: Chain) -> ChainEquations:
     f_f = friction.state_force(masses) + friction.viscous_force(on_path)
 
     near, far = chain.near, chain.far
-    near_force = end_force(v[0], q_a, f[0], -1, f_c1, x_c1, near)
+    near_force = end_force(v[0], q_a, f[0], -1, f_c1, x_c1, near, rubbing)
     far_force = end_force(v[n + 1], q_l, f[n], 1, f_c2, x_c2, far) if chain.far_joint is None else 0
     masses_rate = path_force(f[:-1], f[1:], f_f) / ca.DM(piece.mass_kg)
     own_rate = friction.rate(on_path, masses, f_n)
@@ -272,7 +295,9 @@ def chain_equations(chain: Chain) -> ChainEquations:
         inputs=inputs,
         place=place,
         place_rate=place_rate,
-        rate=ca.vertcat(*accelerations, e_rate, *link.rate(e, links), *own_rate, v[0], v_far),
+        rate=ca.vertcat(
+            *accelerations, *near.rate(v[0], rubbing), e_rate, *link.rate(e, links), *own_rate, v[0], v_far
+        ),
         tension_N=f,
     )
 

@@ -6,14 +6,14 @@ a law with others than the bristle force needs nothing but this interface. Equat
 Borghesan, Melchiorri, "Friction and Visco-Elasticity Effects in Tendon-based Transmission Systems" (ICRA 2010).
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Protocol, Self
 
 import casadi as ca
 import numpy as np
 
-from tendonff.models.assembly import NORMAL_FORCE_FLOOR_N
+from tendonff.models.assembly import NORMAL_FORCE_FLOOR_N, End
 from tendonff.models.bounds import at_least
 from tendonff.models.section import Section
 
@@ -135,6 +135,47 @@ def from_far_side(law: FrictionLaw, v: ca.SX, base: States, step_s: ca.SX, far_s
         inside = (newton >= low) * (newton <= high)  # a Newton move that leaves the bracket becomes a bisection
         x = ca.if_else(inside, newton, (low + high) / 2)
     return law.implicit(v, base, step_s, x)
+
+
+def bristle_rate(stiffness_N_per_m: ca.SX, v: ca.SX, f_s: ca.SX, most_N: ca.SX) -> ca.SX:
+    """df_s/dt = sigma0 (v - f_s abs(v)/F) [N/s], eq. (5a), with F the friction of steady slip [N]."""
+    return stiffness_N_per_m * (v - f_s * ca.fabs(v) / most_N)
+
+
+def _affine(rate: Callable[[ca.SX], ca.SX], base: ca.SX, step_s: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """B = base + H rate(0) and g = -H drate/df_s of a rate that is affine in f_s: f_s (1 + g) = B."""
+    f_s = ca.SX.sym("f_s")
+    of_state = rate(f_s)
+    drive = base + step_s * ca.substitute(of_state, f_s, ca.SX(0))
+    return drive, -step_s * ca.jacobian(of_state, f_s)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RubbingEnd(End):
+    """An end with dry friction of its own: an element without wrap, whose normal force does not change.
+
+    Parameters
+    ----------
+    coulomb_N : float or ca.SX
+        Friction of steady slip [N], > 0.
+    bristle_stiffness_N_per_m : float or ca.SX
+        sigma0 [N/m].
+    """
+
+    states: ClassVar[tuple[str, ...]] = ("f_d",)
+
+    coulomb_N: float
+    bristle_stiffness_N_per_m: float
+
+    def rate(self, v: ca.SX, states: States) -> States:
+        """df_d/dt [N/s], eq. (5a) with a constant slip friction."""
+        return (bristle_rate(self.bristle_stiffness_N_per_m, v, states[0], self.coulomb_N),)
+
+    def implicit(self, v: ca.SX, base: States, step_s: ca.SX) -> States:
+        """f_d [N] at the end of a step of weight H."""
+        unit = ca.SX(1)
+        drive, resistance = _affine(lambda f: bristle_rate(self.bristle_stiffness_N_per_m, v, f, unit), base[0], step_s)
+        return (drive * self.coulomb_N / (self.coulomb_N + resistance),)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -265,7 +306,7 @@ class LuGreBristle:
             Normal force [N], > 0.
         """
         (f_s,) = states
-        return (self.bristle_stiffness_N_per_m * (v - f_s * ca.fabs(v) / (f_n * self.coefficient(v))),)
+        return (bristle_rate(self.bristle_stiffness_N_per_m, v, f_s, f_n * self.coefficient(v)),)
 
     def state_force(self, states: States) -> ca.SX:
         """f_s [N], eq. (5c)."""
@@ -277,10 +318,7 @@ class LuGreBristle:
 
     def _rational(self, v: ca.SX, base: ca.SX, step_s: ca.SX) -> tuple[ca.SX, ca.SX]:
         """B = base + H sigma0 v and g = H sigma0 abs(v)/mu(v), both [N], of f_s (1 + g/f_n) = B, from `rate` itself."""
-        f_s = ca.SX.sym("f_s")
-        (rate,) = self.rate(v, (f_s,), ca.SX(1))
-        drive = base + step_s * ca.substitute(rate, f_s, ca.SX(0))
-        return drive, -step_s * ca.jacobian(rate, f_s)
+        return _affine(lambda f_s: self.rate(v, (f_s,), ca.SX(1))[0], base, step_s)
 
     def implicit(self, v: ca.SX, base: States, step_s: ca.SX, f_n: ca.SX) -> States:
         """f_s [N] for a known normal force: the rate is affine in f_s, and its slope inverse to f_n."""

@@ -3,7 +3,7 @@
 Python takes slices and names from `StateLayout`, generated C its offsets; a law with states of its own changes both.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StateLayout:
-    """Order of the states: v, e, the links' own, the friction's own, q_a, q_l.
+    """Order of the states: v, the near end's own, e, the links' own, the friction's own, q_a, q_l.
 
     Parameters
     ----------
@@ -22,17 +22,21 @@ class StateLayout:
         Number N of masses on the path.
     link_states, friction_states : tuple of str
         Names of the states that each link and each mass brings along, such as ("z",) and ("f_s",).
+    end_states : tuple of str, optional
+        Names of those that the near end brings along, such as ("f_d",).
     """
 
     count: int
     link_states: tuple[str, ...]
     friction_states: tuple[str, ...]
+    end_states: tuple[str, ...] = ()
 
     @property
     def blocks(self) -> tuple[tuple[str, int, int], ...]:
         """Name of each block and its length as (a, b): a N + b."""
         return (
             ("v", 1, 2),
+            *((name, 0, 1) for name in self.end_states),
             ("e", 1, 1),
             *((name, 1, 1) for name in self.link_states),
             *((name, 1, 0) for name in self.friction_states),
@@ -85,7 +89,7 @@ class StateLayout:
         v = ("v_a", *(f"v_{k}" for k in range(1, n + 1)), "v_l")
         links = (f"{name}_{k}" for name in ("e", *self.link_states) for k in range(1, n + 2))
         masses = (f"{name}_{k}" for name in self.friction_states for k in range(1, n + 1))
-        return (*v, *links, *masses, "q_a", "q_l")
+        return (*v, *self.end_states, *links, *masses, "q_a", "q_l")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,6 +110,8 @@ class ChainState:
         q_a, q_l. The positions between them follow from the elongations, whose differences keep full precision.
     time_s : float, optional
         When: the joints of a moving path stand where they are then.
+    near : ndarray, shape (states,), optional
+        The near end's own states; f_d [N] where the drive has dry friction.
     """
 
     velocity_m_per_s: Array
@@ -115,6 +121,7 @@ class ChainState:
     near_position_m: float
     far_position_m: float
     time_s: float = 0.0
+    near: Array = field(default_factory=lambda: np.empty(0))
 
     @property
     def bristle_N(self) -> Array:
@@ -125,7 +132,8 @@ class ChainState:
     def vector(self) -> Array:
         """All states in one array, in the order of `StateLayout`."""
         ends = [self.near_position_m, self.far_position_m]
-        parts = (self.velocity_m_per_s, self.elongation_m, self.link.ravel(), self.friction.ravel(), ends)
+        links, masses = (self.elongation_m, self.link.ravel()), self.friction.ravel()
+        parts = (self.velocity_m_per_s, self.near, *links, masses, ends)
         return np.concatenate(parts)
 
     @classmethod
@@ -149,6 +157,7 @@ class ChainState:
             near_position_m=float(x[-2]),
             far_position_m=float(x[-1]),
             time_s=time_s,
+            near=x[layout.part("v").stop : layout.part("e").start],
         )
 
 

@@ -83,6 +83,11 @@ def _independent(layout: StateLayout, a: Array) -> tuple[Array, list[int]]:
     dropped = [q_a]
     all_states[q_a] = 0
     all_states[q_a, [*range(elongations, elongations + n + 1), q_l]] = 1
+    for name in layout.end_states:
+        (row,) = range(layout.part(name).start, layout.part(name).stop)
+        if np.flatnonzero(a[row]).tolist() == [0]:  # the drive sticks: sigma0 times its position
+            dropped.append(row)
+            all_states[row] = a[row, 0] * all_states[q_a]
     for name in layout.friction_states:
         for i, row in enumerate(range(layout.part(name).start, layout.part(name).stop), start=1):
             driven_by = np.flatnonzero(a[row])

@@ -147,5 +147,6 @@ def _at(chain: Chain, state: ChainState) -> tuple[float, float]:
     """Force that balances the actuator at a state without accelerating it, and the least tension there [N]."""
     tension = tensions_of(chain, state.vector(), state.time_s)[0]
     v, q = float(state.velocity_m_per_s[0]), state.near_position_m
-    without = end_force(v, q, float(tension[0]), -1, 0.0, 0.0, chain.near)
+    own = tuple(state.near.tolist())
+    without = end_force(v, q, float(tension[0]), -1, 0.0, 0.0, chain.near, own)
     return -float(without), float(tension.min())

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from tendonff.models.chain import Chain
 from tendonff.models.elements import Whole
 from tendonff.models.errors import ParameterError
-from tendonff.models.layout import ChainInputs, ChainState
+from tendonff.models.friction import RubbingEnd
+from tendonff.models.layout import ChainInputs, ChainState, fields_of
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import describe_failure, tensions_of
@@ -41,7 +42,7 @@ class Links(StrEnum):
 
 
 class Parameter(StrEnum):
-    """Parameters of the whole tendon that a sensitivity may be taken over: the fields of `Whole`."""
+    """Parameters that a sensitivity may be taken over: the fields of `Whole`, and the drive's dry friction."""
 
     MASS = "mass_kg"
     VISCOUS = "viscous_N_s_per_m"
@@ -56,6 +57,11 @@ class Parameter(StrEnum):
     MU_STATIC_PULL = "mu_static_pull"
     MU_DYNAMIC_RELEASE = "mu_dynamic_release"
     MU_STATIC_RELEASE = "mu_static_release"
+    COULOMB = "coulomb_N"
+
+
+_OF_DRIVE = (Parameter.COULOMB, Parameter.BRISTLE_STIFFNESS)
+"""Its dry friction has the bristle of the tendon's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -214,15 +220,22 @@ def parameter_sensitivity(
         One direction per parameter, per its SI unit.
     """
     symbols: dict[str, ca.SX] = {name: ca.SX.sym(name) for name in parameters}
-    symbolic = replace(chain, elements=whole.changed(symbols).divided(chain.count, chain.motion))
+    rubs = isinstance(chain.near, RubbingEnd)
+    if Parameter.COULOMB in symbols and not rubs:
+        raise ParameterError("coulomb_N must be > 0 for a sensitivity, got 0; start from a small one")
+    of_drive = {name: s for name, s in symbols.items() if rubs and name in _OF_DRIVE}
+    of_tendon = {name: s for name, s in symbols.items() if name != Parameter.COULOMB}
+    elements = whole.changed(of_tendon).divided(chain.count, chain.motion)
+    symbolic = replace(chain, elements=elements, near=replace(chain.near, **of_drive))
     unknowns = ca.vertcat(*symbols.values())
-    at = [whole.value(name) for name in parameters]
+    at = [fields_of(chain.near)[name] if name == Parameter.COULOMB else whole.value(name) for name in parameters]
     numbers = ca.vertcat(*symbolic.numbers().values())
     stretch, own = symbolic.link.shortened(ca.DM(chain.path_at(np.zeros(1)).ratio[0])).rest(initial_tension_N)
     by_link = [ca.densify(state) for state in (stretch, *own)]
     masses = ca.SX.zeros(len(chain.friction.states) * chain.count)
     ends = ca.vertcat(ca.sum1(by_link[0]), 0)  # q_a - q_l; the load's spring does not depend on the tendon
-    start = ca.vertcat(ca.SX.zeros(chain.count + 2), *by_link, masses, ends)
+    near = ca.SX.zeros(len(chain.near.states))
+    start = ca.vertcat(ca.SX.zeros(chain.count + 2), near, *by_link, masses, ends)
     slopes = ca.Function("slopes", [unknowns], [ca.jacobian(numbers, unknowns), ca.jacobian(start, unknowns)])
     by_number, by_start = (np.ascontiguousarray(np.asarray(m.full())) for m in slopes(at))
     directions = _Directions(width=len(parameters), numbers=by_number, start=by_start, knot=None, weight=None, window=0)

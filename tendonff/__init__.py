@@ -25,6 +25,7 @@ if TYPE_CHECKING:  # what editors and type checkers read; `_HOMES` says the same
     from tendonff.compensator.export.kinds import FmiVersion
     from tendonff.compensator.export.kinds import Kind as FmuKind
     from tendonff.compensator.files.reading import InputError
+    from tendonff.compensator.identification.measured.centreline.run import read_centreline
     from tendonff.compensator.identification.output import Identification
     from tendonff.compensator.identification.run import identify
     from tendonff.compensator.identification.suggest import suggest
@@ -95,6 +96,7 @@ __all__ = [
     "linear_system",
     "load_scenario",
     "make_table",
+    "read_centreline",
     "sample_reference",
     "simulate",
     "simulate_batch",
@@ -117,6 +119,7 @@ _HOMES = {
     "compensator.export.fmu": ("export_fmu:build_fmu",),
     "compensator.export.kinds": ("FmiVersion", "FmuKind:Kind"),
     "compensator.files.reading": ("InputError",),
+    "compensator.identification.measured.centreline.run": ("read_centreline",),
     "compensator.identification.output": ("Identification",),
     "compensator.identification.run": ("identify",),
     "compensator.identification.suggest": ("suggest",),

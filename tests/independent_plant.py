@@ -17,6 +17,7 @@ class Response:
     """Rows at the times of the drive."""
 
     output_N: np.ndarray
+    input_N: np.ndarray
     actuator_m: np.ndarray
     load_m: np.ndarray
 
@@ -33,6 +34,7 @@ def respond(
     phi, sigma = rig.path.total_angle_rad / n, f.soft_bristle_stiffness_N_per_m / n
     mu_pull, mu_back = (np.tanh(0.5 * mu * phi) for mu in (f.mu_dynamic, f.release_dynamic))
     assert f.mu_static == f.mu_dynamic  # no Stribeck effect here
+    rubs = bool(a.coulomb_N)  # a Dahl bristle of its own, with a constant friction of slip
     servo = a.servo_stiffness_N_per_m if position else 0.0
     stretch = tension_N / k1
     q_load = tension_N / load.stiffness_N_per_m
@@ -41,7 +43,7 @@ def respond(
 
     def split(x):
         q, v, rest = x[: n + 2], x[n + 2 : 2 * n + 4], x[2 * n + 4 :]
-        return q, v, rest[: n + 1], rest[n + 1 :]
+        return q, v, rest[: n + 1], rest[n + 1 : 2 * n + 1]
 
     def tensions(q, v, z):
         e, rate = q[:-1] - q[1:], v[:-1] - v[1:]
@@ -56,23 +58,25 @@ def respond(
         w = v[1:-1]
         mu = np.where(w > 0, mu_pull, mu_back)
         dv = np.empty(n + 2)
-        dv[0] = (pull - f_link[0] - a.damping_N_s_per_m * v[0]) / a.mass_kg
+        dry = x[-1] if rubs else 0.0
+        dv[0] = (pull - f_link[0] - a.damping_N_s_per_m * v[0] - dry) / a.mass_kg
         dv[1:-1] = (f_link[:-1] - f_link[1:] - bristle - f.viscous_N_s_per_m / n * w) / (t.mass_kg / n)
         dv[-1] = (f_link[-1] - load.stiffness_N_per_m * q[-1] - load.damping_N_s_per_m * v[-1]) / load.mass_kg
-        return np.concatenate(
-            [v, dv, (e - z) / t.relaxation_time_s, sigma * (w - bristle * np.abs(w) / (normal * np.maximum(mu, 1e-9)))]
-        )
+        slip = sigma * (w - bristle * np.abs(w) / (normal * np.maximum(mu, 1e-9)))
+        own = [n * sigma * (v[0] - dry * abs(v[0]) / a.coulomb_N)] if rubs else []
+        return np.concatenate([v, dv, (e - z) / t.relaxation_time_s, slip, own])
 
-    start = np.concatenate([q0, np.zeros(n + 2), stretch, np.zeros(n)])
+    start = np.concatenate([q0, np.zeros(n + 2), stretch, np.zeros(n), np.zeros(int(rubs))])
     band = None
     found = solve_ivp(
         rate, (0, time_s[-1]), start, method="LSODA", t_eval=time_s, rtol=1e-6, atol=1e-9, max_step=5e-3, lband=band
     )
     assert found.success, found.message
     rows = [split(x) for x in found.y.T]
-    output = np.array([tensions(q, v, z)[0][-1] for q, v, z, _ in rows])
+    ends = np.array([tensions(q, v, z)[0][[0, -1]] for q, v, z, _ in rows])
     return Response(
-        output_N=output,
+        output_N=ends[:, 1],
+        input_N=ends[:, 0],
         actuator_m=found.y[0] - q0[0],
         load_m=found.y[n + 1] - q0[-1],
     )

@@ -22,6 +22,7 @@ from tendonff.compensator.cli.export_c import export_c
 from tendonff.compensator.cli.export_fmu import export_fmu
 from tendonff.compensator.cli.identify import identify
 from tendonff.compensator.cli.new import new
+from tendonff.compensator.cli.path import path
 from tendonff.compensator.cli.progress import say
 from tendonff.compensator.cli.simulate import simulate
 from tendonff.compensator.cli.sweep import sweep
@@ -70,6 +71,7 @@ app.command()(experiment)
 app.command()(compare)
 app.command()(adapt)
 app.command()(explore)
+app.command()(path)
 app.command()(identify)
 app.command()(sweep)
 app.command()(table)

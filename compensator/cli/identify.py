@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from tendonff.compensator.identification.output import Identification
     from tendonff.compensator.scenario.measurement import Measurement
 
-SCALED = ("time", "input", "output", "input_position", "output_position")
+SCALED = ("time", "input", "output", "input_position", "output_position", "actuator_force")
 
 
 def identify(
@@ -59,13 +59,17 @@ def identify(
             "--output-position-column", help="Name of the column of the output end's position.", show_default=False
         ),
     ] = None,
+    actuator_force_column: Annotated[
+        str | None,
+        typer.Option("--actuator-force-column", help="Name of the column of the actuator's force.", show_default=False),
+    ] = None,
     scale: Annotated[
         list[str] | None,
         typer.Option(
             "--scale",
             metavar="[COLUMN=]FACTOR",
-            help="Factor to SI units: of both tensions, or of the column time, input, output, input_position or "
-            "output_position; may be repeated.",
+            help="Factor to SI units: of both tensions, or of the column time, input, output, input_position, "
+            "output_position or actuator_force; may be repeated.",
             show_default=False,
         ),
     ] = None,
@@ -144,6 +148,7 @@ def identify(
         "output_column": output_column,
         "input_position_column": input_position_column,
         "output_position_column": output_position_column,
+        "actuator_force_column": actuator_force_column,
         "skip_s": skip,
         "explain": explain,
     }

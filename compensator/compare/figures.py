@@ -15,6 +15,7 @@ from tendonff.compensator.reporting.plots import (
     PAGE_WIDTH_IN,
     VERMILION,
     coinciding,
+    draw_joints,
     figure_style,
     legend_below,
     new_figure,
@@ -108,8 +109,11 @@ def errors_figure(result: ComparisonData) -> Figure:
     """
     reference, plant = result.reference, Level.PRESLIDING.value
     rows = thinned(len(reference.time_s))
-    figure, axes = new_figure(3, 1, share_x=True, height_in=5.6)
-    wanted, whole, zoom = axes[:, 0]
+    moved = result.ignored is not None
+    figure, axes = new_figure(4 if moved else 3, 1, share_x=True, height_in=7.0 if moved else 5.6)
+    wanted, *under, whole, zoom = axes[:, 0]
+    if result.ignored is not None:
+        draw_joints(under[0], result.ignored.motion, reference.time_s)
     wanted.plot(reference.time_s[rows], reference.tension_N[rows], color=INK, label="reference")
     errors = {level: result.outputs_N["inverse", level, plant] - reference.tension_N for level in Level}
     static = result.outputs_N["capstan", next(iter(Level)), plant] - reference.tension_N

@@ -5,6 +5,7 @@ from typing import Literal
 
 from tendonff.compensator.compare.levels import LevelCost, LevelTraits
 from tendonff.compensator.compensators.base import Compensator, FloatArray
+from tendonff.compensator.compensators.score import IgnoredMotion
 from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.scenario.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
@@ -70,6 +71,8 @@ class ComparisonData:
         Largest RMS error of a design over what may be the real transmission, on the most detailed level [% of range].
     recommendation : str
         One sentence.
+    ignored : IgnoredMotion or None
+        What it would cost to ignore that joints move, on the scenario's level; None where none does.
     warnings : tuple of str
     """
 
@@ -83,6 +86,7 @@ class ComparisonData:
     doubt: Doubt
     worst_percent: dict[tuple[str, Level], float]
     recommendation: str
+    ignored: IgnoredMotion | None
     warnings: tuple[str, ...]
 
     def entry(self, name: str, design_level: Level, plant_level: str) -> Entry:

@@ -13,7 +13,7 @@ from tendonff.compensator.compare.result import CAPSTAN_PLANT, ENOUGH_PERCENT, E
 from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, ProfileStatus
 from tendonff.compensator.compensators.motion import with_motion
 from tendonff.compensator.compensators.registry import COMPENSATORS
-from tendonff.compensator.compensators.score import SimulatedPlant, scale_N, score, simulate_profile
+from tendonff.compensator.compensators.score import SimulatedPlant, ignored_motion, scale_N, score, simulate_profile
 from tendonff.compensator.compensators.uncertain import Doubt, doubt
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.scenario.joint_motion import moved
@@ -109,6 +109,7 @@ def compare(
         doubt=real,
         worst_percent=worst,
         recommendation=recommend(entries, compensators, worst, str(real)),
+        ignored=ignored_motion(Problem.of(scenario, reference=reference, options=options)),
         warnings=tuple(dict.fromkeys((*warnings, *_noise(entries)))),
     )
 

@@ -4,12 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.compensator.compensators.base import FloatArray, Profile
+from tendonff.compensator.compensators.base import FloatArray, Problem, Profile
 from tendonff.compensator.compensators.motion import servo
 from tendonff.compensator.scenario.sampling import Reference
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
+from tendonff.models.path import JointMotion
+from tendonff.ocp.inverse import invert
 from tendonff.ocp.periodic import steady_response
 from tendonff.ocp.simulate import Outcome, Simulation, simulate
 
@@ -197,3 +199,51 @@ def verify(
 
 def _position_error(error_m: FloatArray) -> tuple[float, float]:
     return float(np.sqrt(np.mean(error_m**2))), float(np.max(np.abs(error_m)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IgnoredMotion:
+    """What it costs to design for the mean pose of joints that move.
+
+    Parameters
+    ----------
+    motion : JointMotion
+    known, ignored : Score
+        Of the exact inverse that knows the motion, and of the one for the mean pose, both on the moving path.
+    """
+
+    motion: JointMotion
+    known: Score
+    ignored: Score
+
+    @property
+    def text(self) -> str:
+        """The finding in words."""
+        joints = ", ".join(
+            f"{name} by {np.ptp(angle):.2f} rad around {angle.mean() + 0.0:.2f} rad"
+            for name, angle in zip(self.motion.names, self.motion.angle_rad.T, strict=True)
+        )
+        return (
+            f"The joints move: {joints}. Ignoring that would leave an RMS error of "
+            f"{self.ignored.percent} % of range: the exact inverse for the mean pose, on the moving path. The one that "
+            f"knows the motion leaves {self.known.percent} %."
+        )
+
+
+def ignored_motion(problem: Problem) -> IgnoredMotion | None:
+    """Play the exact inverse for the mean pose on the moving path; None where nothing moves."""
+    motion, reference = problem.transmission.motion, problem.reference
+    if motion is None or not motion.moves:
+        return None
+    still = problem.chain.at_rest(motion.angle_rad.mean(axis=0))
+    start = reference.initial_tension_N
+    forces = (
+        problem.inversion.force_N,
+        invert(still, reference.tension_N, reference.step_s, initial_tension_N=start).force_N,
+    )
+    plant = SimulatedPlant(level=problem.level)
+    known, ignored = (
+        verify(problem.transmission, plant, "inverse", Profile(force_N=problem.limited(force)), reference).score
+        for force in forces
+    )
+    return IgnoredMotion(motion=motion, known=known, ignored=ignored)

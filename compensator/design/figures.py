@@ -16,6 +16,7 @@ from tendonff.compensator.reporting.plots import (
     INK,
     PAGE_WIDTH_IN,
     coinciding,
+    draw_joints,
     figure_style,
     legend_below,
     new_figure,
@@ -86,7 +87,9 @@ def tension_figure(result: DesignData) -> Figure:
     ----------
     result : DesignData
     """
-    figure, axes = new_figure(2, 1, share_x=True, height_in=5.0, height_ratios=(3, 2))
+    moved = result.ignored is not None
+    height, ratios = (6.2, (3, 2, 1)) if moved else (5.0, (3, 2))
+    figure, axes = new_figure(len(ratios), 1, share_x=True, height_in=height, height_ratios=ratios)
     reference, rows = result.reference, thinned(len(result.reference.time_s))
     outputs = {c.name: result.on_level(c.name, result.level).output_N for c in result.compensators}
 
@@ -99,7 +102,10 @@ def tension_figure(result: DesignData) -> Figure:
     errors = {name: output - reference.tension_N for name, output in outputs.items() if name != "none"}
     _draw(axes[1, 0], result, errors)
     _zoom(axes[1, 0], errors)
-    axes[1, 0].set(xlabel="time [s]", ylabel="error [N]", title="Compensated, enlarged")
+    axes[1, 0].set(ylabel="error [N]", title="Compensated, enlarged")
+    if result.ignored is not None:
+        draw_joints(axes[2, 0], result.ignored.motion, reference.time_s)
+    axes[-1, 0].set(xlabel="time [s]")
     legend_below(figure, axes[0, 0], columns=2)
     return figure
 

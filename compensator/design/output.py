@@ -102,6 +102,7 @@ def summary(result: DesignData) -> dict[str, object]:
             "expected_error_N": error if math.isfinite(error) else None,
             "stretches": [asdict(stretch) for stretch in result.foresight.stretches],
         },
+        **({} if result.ignored is None else {"ignored_motion": asdict(result.ignored.ignored)}),
         "robust": None if result.robustness is None else robustness_summary(result.robustness),
         "warnings": list(result.warnings),
     }

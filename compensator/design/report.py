@@ -80,7 +80,8 @@ def design_report(result: DesignData, figures: dict[str, Figure]) -> Report:
     figures : dict of str to Figure
         From `design_figures`.
     """
-    pictures = pictures_of(figures, _CAPTIONS)
+    joints = "" if result.ignored is None else " Bottom: the joint angles."
+    pictures = pictures_of(figures, {**_CAPTIONS, "tension": _CAPTIONS["tension"] + joints})
     worst = result.expectation.worst_percent
     scores = Table(
         caption="RMS error, % of reference range. First column: worst case over the uncertainty; the others: the "
@@ -117,7 +118,7 @@ def design_report(result: DesignData, figures: dict[str, Figure]) -> Report:
         fine_print=fine_print(result),
         warnings=result.warnings,
         sections=(
-            Section(title="What to expect", blocks=(pictures["expectation"], scores)),
+            Section(title="What to expect", blocks=(pictures["expectation"], scores, *_motion(result))),
             Section(title="Output tension", blocks=(pictures["tension"], peaks, *_positions(result))),
             Section(title="Actuator force", blocks=(pictures["force"], *_holds(result), *_solver(result))),
             Section(title="Sizing the drive", blocks=(pictures["drive"], *_drive(result))),
@@ -155,6 +156,11 @@ def _holds(result: DesignData) -> tuple[Block, ...]:
         'move: hold = "keep" in [reference] keeps the force, and says what that costs.'
     )
     return (Text(note),)
+
+
+def _motion(result: DesignData) -> tuple[Block, ...]:
+    """What ignoring the motion would cost; nothing where nothing moves."""
+    return () if result.ignored is None else (Text(result.ignored.text),)
 
 
 def _positions(result: DesignData) -> tuple[Block, ...]:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tendonff.compensator.compensators.base import Compensator, FloatArray, Profile, ProfileStatus
-from tendonff.compensator.compensators.score import Verified
+from tendonff.compensator.compensators.score import IgnoredMotion, Verified
 from tendonff.compensator.design.expectation import Expectation
 from tendonff.compensator.design.robustness import Robustness
 from tendonff.compensator.scenario.sampling import Reference
@@ -40,6 +40,8 @@ class DesignData:
         Error bands under the scenario's uncertainty; None where all is certain.
     expectation : Expectation
         What to expect on a rig, and the profile that does best there.
+    ignored : IgnoredMotion or None
+        What it would cost to ignore that joints move; None where none does.
     warnings : tuple of str
         What the user should know.
     """
@@ -53,6 +55,7 @@ class DesignData:
     foresight: Foresight
     robustness: Robustness | None
     expectation: Expectation
+    ignored: IgnoredMotion | None
     warnings: tuple[str, ...]
 
     @property

@@ -6,7 +6,7 @@ from dataclasses import replace
 from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, ProfileStatus
 from tendonff.compensator.compensators.motion import with_motion
 from tendonff.compensator.compensators.registry import COMPENSATORS
-from tendonff.compensator.compensators.score import SimulatedPlant, Verified, is_worse, verify
+from tendonff.compensator.compensators.score import SimulatedPlant, Verified, ignored_motion, is_worse, verify
 from tendonff.compensator.design.drive_use import drive_warnings
 from tendonff.compensator.design.expectation import expect
 from tendonff.compensator.design.output import Design
@@ -104,6 +104,7 @@ def design(
         foresight=foresight,
         robustness=bands,
         expectation=expectation,
+        ignored=ignored_motion(problem),
         warnings=tuple(warnings),
     )
     return replace(result, warnings=(*result.warnings, *drive_warnings(result)))

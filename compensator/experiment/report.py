@@ -3,8 +3,9 @@
 from matplotlib.figure import Figure
 
 from tendonff.compensator.experiment.numbers import (
+    MEANINGS,
+    holds,
     law_deviation,
-    percent_of,
     refinement,
     relaxation,
     reversals,
@@ -24,6 +25,7 @@ from tendonff.compensator.reporting.page import (
     pictures_of,
     provenance_of,
 )
+from tendonff.compensator.scenario.experiment import MotorMode
 
 _CAPTIONS = {
     "experiment_tensions": "Seven tensions along the path; the states are shaded and named.",
@@ -47,12 +49,15 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
         From `experiment_figures`.
     """
     pictures = pictures_of(figures, _CAPTIONS)
-    holds = Table(
-        caption="Tension change of the held end during a hold [N]",
-        columns=("level", *relaxation(result.runs[result.lead])),
+    held = Table(
+        caption="Holds: change of tension at the held end, and travel of its motor",
+        columns=("level", "state", "change [N]", "change [% of range]", "travel [mm]"),
         rows=tuple(
-            (level.value, *(value.change_N for value in relaxation(run).values())) for level, run in result.runs.items()
+            (level.value, state, value.change_N, value.change_percent_of_range, 1e3 * value.travel_m)
+            for level, run in result.runs.items()
+            for state, value in relaxation(run).items()
         ),
+        least=1e-3,
     )
     transients = Table(
         caption="Reversals: width of the transient (5 to 50 % of the change) and largest slope of the output",
@@ -89,7 +94,7 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
                 blocks=(Text(_NOTE), *_present(pictures, "experiment_tensions"), _states(result)),
             ),
             Section(
-                title="How the models differ", blocks=(*_present(pictures, "experiment_details"), holds, transients)
+                title="How the models differ", blocks=(*_present(pictures, "experiment_details"), held, transients)
             ),
             Section(title="Along the path", blocks=(*_present(pictures, "experiment_distribution"), law)),
             Section(title="Hysteresis of the tendon", blocks=_present(pictures, "experiment_hysteresis")),
@@ -101,6 +106,11 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
                         f"{finer.segments} and {finer.fine_segments} masses differ by "
                         f"{finer.rms_percent_of_range:.2g} % of the range RMS. "
                         f"{slips} one-way ramps were compared with the static law; see summary.json."
+                    ),
+                    Table(
+                        caption="What each number of this page and of summary.json means",
+                        columns=("number", "meaning"),
+                        rows=tuple(MEANINGS.items()),
                     ),
                 ),
             ),
@@ -121,7 +131,7 @@ def _present(pictures: dict[str, Picture], name: str) -> tuple[Picture, ...]:
 def _states(result: ExperimentData) -> Table:
     lead = result.runs[result.lead]
     return Table(
-        caption="States; A acts, A_h holds, L loads",
+        caption="States; A acts, A_h holds its position, A_f its force, L loads",
         columns=("state", "purpose", "motor 1", "motor 2", "from [s]", "to [s]"),
         rows=tuple(
             (
@@ -138,9 +148,18 @@ def _states(result: ExperimentData) -> Table:
 
 
 def _summary(result: ExperimentData) -> str:
-    largest = {
-        level: max((abs(percent_of(v.change_N, run.range_N)) for v in relaxation(run).values()), default=0.0)
-        for level, run in result.runs.items()
-    }
-    parts = ", ".join(f"{value:.2g} % on {level}" for level, value in largest.items())
-    return f"While a motor holds, its tension changes by {parts} (of the range)."
+    lead = result.runs[result.lead]
+    held = {level: relaxation(run).values() for level, run in result.runs.items()}
+    modes = {done.state.modes[motor] for done, motor in holds(lead)}
+    sentences = []
+    if MotorMode.HOLD in modes or not modes:
+        largest = {
+            level: max((abs(v.change_percent_of_range) for v in some), default=0.0) for level, some in held.items()
+        }
+        parts = ", ".join(f"{value:.2g} % on {level}" for level, value in largest.items())
+        sentences.append(f"While a motor holds its position, its tension changes by {parts} (of the range).")
+    if MotorMode.HOLD_FORCE in modes:
+        farthest = {level: max(abs(v.travel_m) for v in some) for level, some in held.items()}
+        parts = ", ".join(f"{1e3 * value:.2g} mm on {level}" for level, value in farthest.items())
+        sentences.append(f"While a motor holds its force, creep moves it by {parts}.")
+    return " ".join(sentences)

@@ -1,7 +1,7 @@
 """What an export adds for a scenario with [adaptation]: tuner, certified interval, an inverse whose mu can be set."""
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -9,13 +9,11 @@ from tendonff.compensator.adapt.setup import Certified, certified, tuned_chain, 
 from tendonff.compensator.compensators.base import CModule, FloatArray, Problem
 from tendonff.compensator.export.table_index import rounded
 from tendonff.compensator.scenario.adaptation import Adaptation
-from tendonff.ocp.adaptation.code import TunedChain
-from tendonff.ocp.adaptation.target import inverse_free_code, tuner_code
+from tendonff.ocp.adaptation.target import tuner_code
 from tendonff.ocp.adaptation.tuner import REALS, SelfTuner, SimulatedRig
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable
-from tendonff.ocp.codegen.partial_evaluation import Specialiser
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.step.target import controller_limits, inverse_code
+from tendonff.ocp.step.target import controller_limits
 
 ADAPTIVE = CModule(name="adaptive", content="exact inverse that tunes itself to a measurement")
 BOUNDS = CModule(name="bounds", content="certified interval of the output tension")
@@ -84,33 +82,6 @@ def adaptive_code(problem: Problem, settings: Adaptation, precision: Precision, 
         "load_stiffness_N_per_m": load.stiffness_N_per_m,
         "interval": bounds.interval,
         "bound_ratios": _ratios(bounds),
-    }
-
-
-def tunable_inverse(problem: Problem, precision: Precision, prefix: str) -> dict[str, object]:
-    """The exact inverse with a friction coefficient that can be set at run time: what its templates need.
-
-    Parameters
-    ----------
-    problem : Problem
-    precision : Precision
-    prefix : str
-    """
-    tuned, step = TunedChain.of(problem.transmission, problem.level, (Tunable.MU,)), problem.reference.step_s
-    law, names = tuned.retuned_numbers()
-    plain = inverse_code(tuned.chain, step, f"{prefix}_inverse", precision)
-    free = inverse_free_code(tuned, step, f"{prefix}_inverse", precision, names)
-    # Values without slopes: the derivatives in the law are for the tuner.
-    values = replace(law, outputs={name: law.outputs[name] for name in names})
-    printed = Specialiser(prefix=f"{prefix}_inverse", precision=precision, parameters={}).fold(values)
-    return {
-        "header": "",
-        "record": free.rows,
-        "laws": f"{free.laws}\n{printed.code}",
-        "body": free.body,
-        "rest": plain.rest,
-        "tunable": {"record": free.record, "names": names, "outputs": names},
-        "mu_dynamic": problem.transmission.friction.mu_dynamic,
     }
 
 

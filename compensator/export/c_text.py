@@ -19,7 +19,9 @@ from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.stream.model import RE_ENTRY_S
 from tendonff.compensator.compensators.table import table_range
 from tendonff.compensator.compensators.table_build import BuiltTable
-from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_code, tunable_inverse
+from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_code
+from tendonff.compensator.export.parameters import parameter_context, settable_inverse
+from tendonff.compensator.export.path_text import padded, path_bytes, path_context
 from tendonff.compensator.export.table_index import share_index
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampling import largest_tension
@@ -29,7 +31,8 @@ from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
-from tendonff.ocp.step.target import inverse_code, plant_code, plant_limits
+from tendonff.ocp.step.joints import Joints
+from tendonff.ocp.step.target import plant_code, plant_limits
 
 STREAM = CModule(name="stream", content="exact inverse behind a filter, for references that arrive live")
 """What is exported for references that are not known in advance."""
@@ -55,24 +58,6 @@ _TEMPLATES = jinja2.Environment(  # noqa: S701 - C has no markup to escape
     trim_blocks=True,
     lstrip_blocks=True,
 )
-
-
-def check_fixed_path(scenario: Scenario) -> None:
-    """Refuse what cannot be printed for a controller yet: a path in sections, or one that moves.
-
-    Parameters
-    ----------
-    scenario : Scenario
-
-    Raises
-    ------
-    InputError
-    """
-    if scenario.transmission.path.sections or scenario.transmission.load.joint is not None:
-        raise InputError(
-            f"{scenario.source.name} [path]: a path in sections is not exported yet; play the profile of `design`, or "
-            "give total_angle_rad instead of [[path.sections]]"
-        )
 
 
 def check_prefix(prefix: str) -> str:
@@ -102,7 +87,9 @@ def c_modules(scenario: Scenario, with_stream: bool = False) -> tuple[CModule, .
     """
     stream = (STREAM,) if with_stream else ()
     more = () if scenario.adaptation is None else ADAPTIVE_MODULES
-    return (*(c.c_module for c in COMPENSATORS if c.c_module is not None), *stream, PLANT, *more)
+    followed = (c.c_module for c in COMPENSATORS)
+    own = (m for m in followed if m is not None and (m.knows_joints or not scenario.joints))
+    return (*own, *stream, PLANT, *more)
 
 
 def c_sources(
@@ -133,15 +120,14 @@ def c_sources(
         code |= dict.fromkeys(
             (m.name for m in ADAPTIVE_MODULES), adaptive_code(problem, scenario.adaptation, precision, prefix)
         )
-    if "inverse" in names and scenario.adaptation is not None:
-        code["inverse"] = tunable_inverse(problem, precision, prefix)
-    elif "inverse" in names:
-        code["inverse"] = asdict(inverse_code(chain, step, f"{prefix}_inverse", precision))
+    if "inverse" in names:
+        code["inverse"] = settable_inverse(problem, precision, prefix)
     if "plant" in names:
         code["plant"] = asdict(plant_code(chain, step, f"{prefix}_chain", precision))
-    headers = ("types", "limits", *(header for module in modules for header in (*module.headers, module.name)))
+    shared = ("parameters", "limits", "path") if context["joints"] else ("parameters", "limits")
+    headers = ("types", *shared, *(header for module in modules for header in (*module.headers, module.name)))
     texts = {f"{prefix}_{name}.h": _render(f"{name}.h.j2", context | code.get(name, {})) for name in headers}
-    for name in ("limits", *names):
+    for name in (*shared, *names):
         texts[f"{prefix}_{name}.c"] = _render(f"{name}.c.j2", context | code.get(name, {}))
     return texts
 
@@ -167,7 +153,8 @@ def folder_files(
         What the templates need beyond scenario and level.
     """
     context = _context(scenario, problem, modules, precision, prefix, further) | dict(further)
-    return {name: _render(f"{name}.j2", context) for name in _FOLDER_FILES}
+    described = {f"{prefix}_parameters.a2l": _render("parameters.a2l.j2", context)}
+    return {name: _render(f"{name}.j2", context) for name in _FOLDER_FILES} | described
 
 
 def table_header(scenario: Scenario, built: BuiltTable, level: Level, prefix: str = "tff") -> str:
@@ -301,21 +288,30 @@ def _context(
     names = [module.name for module in modules]
     others = (STREAM, PLANT, *ADAPTIVE_MODULES)
     followers = [m for m in modules if not m.plays_back and m not in others]  # of a reference, without delay
-    output = max(size, 4) + 8
+    output = max(size, 4) + 8 + 3 * size
     past = 2 * count + 2 if precision is Precision.FLOAT else 0
+    joints = Joints.of(chain) if chain.moving else None
+    path = {
+        settable: 0 if joints is None else path_bytes(chain, joints, prefix, precision, settable=settable)
+        for settable in (False, True)
+    }
+    past += count + 2 if past and joints else 0
+    free = 5 if chain.friction.weakening_speed_m_per_s is not None else 3
+    free = 1 if joints else free
     state = {
-        "inverse": _padded(output + (2 * reals + 4 + past) * size + 12, size),
-        "capstan": output + 2 * size,
-        "table": _padded(output + 4 * size + 4, size),
-        "plant": _padded((2 * reals + 2) * size + 16, size),
-        "profile": _padded(output + 4, size),
-        "bounds": _padded(4 * size + 4, size),
+        "inverse": padded(output + (2 * reals + 6 + free + past) * size + 12 + path[True], size),
+        "capstan": output + 5 * size,
+        "table": padded(output + 4 * size + 4, size),
+        "plant": padded((2 * reals + 2) * size + 16 + path[False], size),
+        "profile": padded(output + 4, size),
+        "bounds": padded(4 * size + 4, size),
     }
     if "stream" in names:
         design = further["stream"]
         line = design.filter.delay + design.filter.half + 1
-        state["stream"] = _padded(output + state["inverse"] + (line + 3) * size + 12, size)
+        state["stream"] = padded(output + state["inverse"] + (line + 3) * size + 12, size)
     return _naming(scenario, problem.level, precision, prefix) | {
+        **path_context(chain, joints, prefix),
         "title": f"{prefix}: feedforward force for a tendon",
         "count": count,
         "reals": reals,
@@ -331,11 +327,12 @@ def _context(
         "adhesion": law.adhesion_N,
         "re_entry": max(1, round(RE_ENTRY_S / step)),
         **_start_context(chain),
+        **parameter_context(problem),
+        "exp": "expf" if precision is Precision.FLOAT else "exp",
         "modules": modules,
         "names": names,
         "followers": followers,
         "adaptive": None,
-        "tunable": None,
         "follower": "inverse" if "inverse" in names else next(iter(m.name for m in followers), ""),
         "initial": reference.initial_tension_N,
         "amplitude": 0.25 * min(reference.initial_tension_N, max(reference.range_N, 1e-3)),
@@ -355,11 +352,9 @@ def _start_context(chain: Chain) -> dict[str, object]:
         "friction_at": layout.part(layout.friction_states[0]).start if layout.friction_states else 0,
         "link_parts": stretched,
         "near_at": layout.part("q_a").start,
+        "coulomb": chain.coulomb_N,
+        "dry_at": layout.part("v").stop,
     }
-
-
-def _padded(size: int, alignment: int) -> int:
-    return -(-size // alignment) * alignment
 
 
 def table_bytes(table: LookupTable, precision: Precision) -> int:

@@ -16,7 +16,7 @@ import jinja2
 
 from tendonff._version import __version__
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.export.c_text import c_modules, c_sources, check_fixed_path, check_prefix
+from tendonff.compensator.export.c_text import c_modules, c_sources, check_prefix
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_file
@@ -106,7 +106,6 @@ def build_fmu(
         If the compiler refuses the sources.
     """
     check_prefix(prefix)
-    check_fixed_path(scenario)
     if kind is Kind.ADAPTIVE and scenario.adaptation is None:
         raise InputError(f"{scenario.source.name}: table [adaptation] is missing; --kind adaptive needs its sensor")
     if scenario.transmission.actuator.drive is Drive.POSITION:
@@ -117,7 +116,7 @@ def build_fmu(
     problem = Problem.of(scenario, level=level)
     module = next(module for module in c_modules(scenario) if module.name == kind.value)
     identifier = f"{prefix}_{kind}"
-    compiled = [f"{prefix}_limits.c", f"{prefix}_{kind}.c"]
+    compiled = [f"{prefix}_{name}.c" for name in ("parameters", "limits", kind)]
     wrapper = "fmi2.c" if fmi is FmiVersion.V2 else "fmi3.c"
     sources = c_sources(scenario, problem, (module,), Precision.DOUBLE, prefix)
     headers = files("tendonff.compensator.export").joinpath("templates", "fmu", "headers")
@@ -188,8 +187,7 @@ def _context(
         words = f"last measurement: {sensor.words}"
         extras.append(_Variable(name="measured", text=words, unit=sensor.unit, start=first))
     elif kind is Kind.INVERSE:
-        if scenario.adaptation is not None:
-            extras.append(_Variable(name="mu", text="mu_dynamic", unit="", start=mu, is_parameter=True))
+        extras.append(_Variable(name="mu", text="mu_dynamic", unit="", start=mu, is_parameter=True))
         variable = _Variable(name="reference", text="wanted output tension", unit="N", start=initial)
         outputs = [force]
     else:

@@ -83,7 +83,7 @@ def loss_warnings(losses: Sequence[FloatLoss]) -> tuple[str, ...]:
 
 def self_test_context(
     problem: Problem,
-    table: LookupTable,
+    table: LookupTable | None,
     profile_N: FloatArray,
     golden: Golden,
     precision: Precision,
@@ -96,7 +96,7 @@ def self_test_context(
     Parameters
     ----------
     problem : Problem
-    table : LookupTable
+    table : LookupTable, optional
     profile_N : ndarray, shape (n,)
     golden : Golden
     precision : Precision
@@ -108,19 +108,18 @@ def self_test_context(
     actuator, step = problem.transmission.actuator, problem.reference.step_s
     course, jumps, live = golden.course, golden.jumps, golden.live
     start = float(course.reference_N[0])
-    ends = simulate(problem.chain, course.plant_force_N, step, initial_tension_N=start).require()
-    pushed = simulate(problem.chain, np.append(start, np.full(_SLACK_ROWS, -start)), step, initial_tension_N=start)
+    ends = simulate(course.chain, course.plant_force_N, step, initial_tension_N=start).require()
+    still = course.chain.at_rest()
+    pushed = simulate(still, np.append(start, np.full(_SLACK_ROWS, -start)), step, initial_tension_N=start)
     slack = len(pushed.tension_N) > _SLACK_ROWS and float(pushed.output_tension_N[-1]) <= 0
     stiffness = min(problem.transmission.load.stiffness_N_per_m, problem.transmission.tendon.stiffness_N_per_m)
     tolerances = _tolerances(course, precision, None if found_N is None else found_N[0])
     bits = {}
     least, most = actuator.force_min_N, actuator.force_max_N
-    exact = invert(problem.chain, jumps.reference_N, step, initial_tension_N=float(jumps.reference_N[0]))
+    exact = invert(jumps.chain, jumps.reference_N, step, initial_tension_N=float(jumps.reference_N[0]))
     high, low_end = float(course.reference_N.max()), 1.02 * accepted_N[0]
     dropped = (np.array([high, drop, drop]) for drop in (low_end, 2 * low_end))  # the second: beyond doubt
-    pushes = all(
-        (invert(problem.chain, fall, step, initial_tension_N=high).least_tension_N <= 0).any() for fall in dropped
-    )
+    pushes = all((invert(still, fall, step, initial_tension_N=high).least_tension_N <= 0).any() for fall in dropped)
     for name, limited in jumps.columns.items():
         bits[name] = Status.OK
         if name == "inverse":
@@ -130,8 +129,7 @@ def self_test_context(
         "limit_cases": limit_cases(least, most, actuator.force_rate_max_N_per_s * step, precision),
         "checksums": {
             "profile": checksum(profile_N, precision),
-            **{b.value: checksum(_numbers(table, b), precision) for b in Branch},
-            **{f"{b}_cell": integer_checksum(share_index(table.branch(b).share, precision).cell) for b in Branch},
+            **({} if table is None else _table_checksums(table, precision)),
         },
         "tolerances": {
             "course": tolerances,
@@ -141,9 +139,16 @@ def self_test_context(
         },
         "jump_bits": {name: int(value) for name, value in bits.items()},
         "plant_ends": (float(ends.near_position_m[-1]), float(ends.far_position_m[-1])),
+        "narrow_N": (least + 0.25 * (min(most, 1e6) - least), least + 0.75 * (min(most, 1e6) - least)),
         "push_N": (high, low_end) if pushes else None,
         "slack_rows": _SLACK_ROWS if slack else 0,
     }
+
+
+def _table_checksums(table: LookupTable, precision: Precision) -> dict[str, int]:
+    numbers = {b.value: checksum(_numbers(table, b), precision) for b in Branch}
+    cells = {f"{b}_cell": integer_checksum(share_index(table.branch(b).share, precision).cell) for b in Branch}
+    return numbers | cells
 
 
 def _numbers(table: LookupTable, branch: Branch) -> list[float]:

@@ -112,6 +112,12 @@ def scenario_of_static(
     return min(tried, key=lambda found: pooled_percent(replay(found, fit, records), records, fit.explain))
 
 
+def with_coulomb(scenario: Scenario, coulomb_N: float) -> Scenario:
+    """The scenario with another dry friction of the drive [N]."""
+    t = scenario.transmission
+    return replace(scenario, transmission=replace(t, actuator=replace(t.actuator, coulomb_N=coulomb_N)))
+
+
 def _fitted(scenario: Scenario, level: Level, offsets_N: tuple[float, float], records: Sequence[Record]) -> Fitted:
     """The scenario with its level; what the cells read at zero becomes part of how files are read."""
     how = scenario.measurement

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,15 @@ import numpy as np
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.between_files import by_file
 from tendonff.compensator.identification.estimates import Answer, dynamic_estimates, static_estimates
-from tendonff.compensator.identification.fitted import Fitted, replay, scenario_of_chain, scenario_of_static
+from tendonff.compensator.identification.fitted import (
+    Fitted,
+    replay,
+    scenario_of_chain,
+    scenario_of_static,
+    with_coulomb,
+)
 from tendonff.compensator.identification.fitting import dynamic, tendon
+from tendonff.compensator.identification.fitting.drive import drive_estimate
 from tendonff.compensator.identification.fitting.model_selection import (
     StaticSelection,
     choose_explain,
@@ -85,6 +93,11 @@ def identify(
         raise InputError(
             "total_angle_rad is 0: without a wrap angle friction has no coefficient; give the path's angle"
         )
+    if scenario.transmission.tendon.second_relaxation_time_s is not None:
+        raise InputError(
+            "second_relaxation_time_s is given, but one relaxation time is fitted; "
+            "leave it and second_relaxing_stiffness_N_per_m out"
+        )
     fit_files, judging = [Path(file) for file in data], [Path(file) for file in validate]
     if twice := sorted({p.name for p in fit_files if p.resolve() in {v.resolve() for v in judging}}):
         raise InputError(f"{', '.join(twice)}: given with --data and with --validate; a file cannot judge its own fit")
@@ -124,6 +137,10 @@ def identify(
         say("replay of the fitted scenario")
         fitted, replayed = _carried_on(scenario, stage, chain, records, static_only=static_only)
         warnings += _not_in_a_scenario(fitted, stage, chain, records)
+    of_drive = drive_estimate(scenario, raw[: len(fit_files)])
+    if of_drive is not None:
+        estimates = (*estimates, of_drive)
+        fitted = replace(fitted, scenario=with_coulomb(fitted.scenario, of_drive.value))
     return Identification(
         scenario=fitted.scenario,
         explain=explain,

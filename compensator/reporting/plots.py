@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from tendonff.models.path import JointMotion
+
 __all__ = [
     "BLUE",
     "GREEN",
@@ -33,6 +35,7 @@ __all__ = [
     "PAGE_WIDTH_IN",
     "VERMILION",
     "coinciding",
+    "draw_joints",
     "figure_style",
     "legend_below",
     "new_figure",
@@ -170,6 +173,23 @@ def legend_below(figure: Figure, panel: Axes, columns: int = 5) -> None:
     columns : int, optional
     """
     figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=columns)
+
+
+def draw_joints(panel: Axes, motion: "JointMotion", time_s: "NDArray[np.float64]") -> None:
+    """The joint angles under what else a figure shows over time.
+
+    Parameters
+    ----------
+    panel : Axes
+    motion : JointMotion
+    time_s : ndarray
+    """
+    rows = thinned(len(time_s))
+    for k, (name, angle) in enumerate(zip(motion.names, motion.at(time_s).T, strict=True)):
+        style = LINE_STYLES[k % len(LINE_STYLES)]
+        panel.plot(time_s[rows], angle[rows], color=(INK, GREY)[k % 2], linestyle=style, label=name)
+    panel.set(ylabel="joints [rad]")
+    panel.legend(loc="lower right", bbox_to_anchor=(1, 1), borderpad=0, ncols=len(motion.names))
 
 
 def save_figure(figure: Figure, path: Path, formats: Sequence[str] = ("png", "pdf")) -> list[Path]:

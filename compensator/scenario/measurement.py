@@ -40,11 +40,13 @@ class Measurement:
         output_tension_N.
     input_position_column, output_position_column : str, optional
         Names of the optional columns with the positions of both ends. Default: input_position_m, output_position_m.
+    actuator_force_column : str, optional
+        Name of the optional column with the force of the actuator, before its own friction. Default: actuator_force_N.
     time_scale, input_scale, output_scale : float, optional
         What a number in the file is multiplied by to give s and N, not 0; 9.81 for kg, -1 reverses a sign.
         Default 1.
-    input_position_scale, output_position_scale : float, optional
-        The same for the positions, to give m (or rad where the tensions are torques). Default 1.
+    input_position_scale, output_position_scale, actuator_force_scale : float, optional
+        The same for the positions, to give m (or rad where the tensions are torques), and for the force. Default 1.
     input_offset_N, output_offset_N : float, optional
         What the cells read without tension, after the scale [N]; it is subtracted. Default: found from slack samples.
     tare_s : list of 2 numbers, optional
@@ -62,11 +64,13 @@ class Measurement:
     output_column: str = "output_tension_N"
     input_position_column: str = "input_position_m"
     output_position_column: str = "output_position_m"
+    actuator_force_column: str | None = None
     time_scale: float = 1.0
     input_scale: float = 1.0
     output_scale: float = 1.0
     input_position_scale: float = 1.0
     output_position_scale: float = 1.0
+    actuator_force_scale: float | None = None
     input_offset_N: float | None = None
     output_offset_N: float | None = None
     tare_s: tuple[float, float] | None = None
@@ -77,7 +81,7 @@ class Measurement:
     def __post_init__(self) -> None:
         require_number("time_scale", self.time_scale, above=0, hint="0.001 turns milliseconds into seconds")
         scales = ("input_scale", "output_scale", "input_position_scale", "output_position_scale")
-        for name in scales:
+        for name in (*scales, *(("actuator_force_scale",) if self.actuator_force_scale is not None else ())):
             require_number(name, getattr(self, name), hint="9.81 turns kg into N")
             if getattr(self, name) == 0:
                 raise ParameterError(f"{name} must not be 0, which would erase the channel; leave it out for no factor")

@@ -277,7 +277,8 @@ def largest_tension(transmission: Transmission) -> float:
     """
     from tendonff.models.capstan import CapstanLaw
 
-    return CapstanLaw.of(transmission).largest_output_N(transmission.actuator.force_max_N)
+    actuator = transmission.actuator
+    return CapstanLaw.of(transmission).largest_output_N(actuator.force_max_N - (actuator.coulomb_N or 0.0))
 
 
 def _check_deliverable(transmission: Transmission, time: FloatArray, tension: FloatArray, file: str) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 from tendonff.models.chain import Chain
 from tendonff.models.elements import Whole, whole_of
 from tendonff.models.fidelity import Level
+from tendonff.models.layout import fields_of
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.adaptation.recursion import covariance_names, trust_law, update_law
 from tendonff.ocp.adaptation.tuning import GATE, MAX_DELAY, PEAK, Tunable
@@ -36,7 +37,11 @@ _SCALED: dict[Tunable, tuple[str, ...]] = {
     Tunable.MU: _FRICTION[0] + _FRICTION[1],
     Tunable.MU_PULL: _FRICTION[0],
     Tunable.MU_RELEASE: _FRICTION[1],
-    Tunable.TENDON_STIFFNESS: ("stiffness_N_per_m", "relaxing_stiffness_N_per_m"),
+    Tunable.TENDON_STIFFNESS: (
+        "stiffness_N_per_m",
+        "relaxing_stiffness_N_per_m",
+        "second_relaxing_stiffness_N_per_m",  # where the tendon has one
+    ),
 }
 _OF_SECTIONS = _FRICTION[0] + _FRICTION[1]
 LOAD_STIFFNESS = "far_stiffness_N_per_m"
@@ -85,9 +90,10 @@ class TunedChain:
         ----------
         factors : mapping of Tunable to float or ca.SX
         """
-        scales = {name: f for key, f in factors.items() for name in _SCALED.get(key, ())}
+        known = fields_of(self.whole.friction) | fields_of(self.whole.link)
+        scales = {n: f for key, f in factors.items() for n in _SCALED.get(key, ()) if n in known}
         own = self.chain.moving  # then sections may have friction of their own
-        values = {n: f * self.whole.value(n) for n, f in scales.items() if not (own and n in _OF_SECTIONS)}
+        values = {n: f * known[n] for n, f in scales.items() if not (own and n in _OF_SECTIONS)}
         far = self.chain.far
         if Tunable.LOAD_STIFFNESS in factors:
             far = replace(far, stiffness_N_per_m=factors[Tunable.LOAD_STIFFNESS] * far.stiffness_N_per_m)

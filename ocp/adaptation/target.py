@@ -96,7 +96,7 @@ def inverse_free_code(
         folder.fold(laws.link_rate(), fixed={"force": 0.0} if shifted else {}),
         folder.fold(laws.link_states()),
         folder.fold(far_velocity(), fixed=ends["far"] | far),
-        folder.fold(near_force(), fixed=ends["near"] | {"x_c": 0.0, "pull": -1.0}),
+        folder.fold(near_force(chain.near), fixed=ends["near"] | {"x_c": 0.0, "pull": -1.0}),
         folder.fold(laws.path_mass_inverse(drop=shifted)),
     )
     compliances: dict[str, float | str] | None = None
@@ -135,8 +135,8 @@ def model_free_code(
         folder.fold(laws.link_tangent()),
         folder.fold(laws.path_mass()),
         folder.fold(laws.path_mass_tangent()),
-        folder.fold(end_mass()),
-        folder.fold(end_mass_tangent()),
+        *(folder.fold(end_mass(end)) for end in laws.ends),
+        *(folder.fold(end_mass_tangent(end)) for end in laws.ends),
     )
     return _free_code(chain, folder, weights, folded, free, ("kernel.c.j2", "tangent.c.j2"), limits=limits)
 

@@ -75,12 +75,18 @@ class Specialiser:
         Value of each known argument for each weight H.
     reorder : bool, optional
         Fewer operations at the price of other roundings.
+    functions : mapping of int to str, optional
+        Names, after the prefix, of functions to call for operations of a CasADi tape instead of those of the library.
+    floors : mapping of str to float, optional
+        Lower bounds that the caller keeps, by name of the argument: maxima with what is not above them go.
     """
 
     prefix: str
     precision: Precision
     parameters: Mapping[str, Values]
     reorder: bool = False
+    functions: Mapping[int, str] = field(default_factory=dict)
+    floors: Mapping[str, float] = field(default_factory=dict)
     coefficients: dict[str, Values] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -105,7 +111,7 @@ class Specialiser:
         """
         name = name or law.name
         known = dict(self.parameters) | {key: (value,) * self.weights for key, value in (fixed or {}).items()}
-        results = _Tape(self.reorder).run(law, known, self.weights)
+        results = _Tape(self.reorder, self.floors).run(law, known, self.weights)
         return self._print(law, name, results)
 
     def evaluate(self, law: Law) -> tuple[Values, ...]:
@@ -154,6 +160,8 @@ class Specialiser:
             if node.op == SELECT:
                 which, yes, no = node.operands
                 return f"{condition_of(which)} ? {text_of(yes)} : {text_of(no)}"
+            if (own := self.functions.get(node.op or 0)) is not None:
+                return f"{self.prefix}_{own}({', '.join(map(text_of, node.operands))})"
             known = operator(node.op or 0, law.name)
             operands = [condition_of(o) if known.of_conditions else text_of(o) for o in node.operands]
             return known.text.format(*operands, f=suffix, **constants)
@@ -198,10 +206,12 @@ class _Tape:
     ----------
     reorder : bool
         Gather constants and multiply instead of dividing.
+    floors : mapping of str to float, optional
+        Lower bounds of arguments.
     """
 
-    def __init__(self, reorder: bool) -> None:
-        self._reorder = reorder
+    def __init__(self, reorder: bool, floors: Mapping[str, float] | None = None) -> None:
+        self._reorder, self._floors = reorder, floors or {}
         self._table: dict[tuple[object, ...], _Node] = {}
 
     def run(self, law: Law, known: Mapping[str, Values], weights: int) -> list[_Node]:
@@ -254,11 +264,20 @@ class _Tape:
             count = max(len(column) for column in columns)
             rows = zip(*(column if len(column) == count else column * count for column in columns), strict=True)
             return _Node(None, constant=tuple(OPERATORS[op].evaluate(*row) for row in rows))
+        if op == ca.OP_LT and self._is_below(*operands):
+            return _constant(1.0, 1)
         if (moved := self._into_choice(op, operands)) is not None:
             return moved
         if self._reorder and (gathered := self._gathered(op, operands)) is not None:
             return gathered
         return self._without_neutral(op, operands) or self._shared(_Node(op, operands))
+
+    def _is_below(self, low: _Node, value: _Node) -> bool:
+        """A constant is not above the lower bound of a value: then max(value, constant) is the value."""
+        if value.op == SELECT:
+            return all(self._is_below(low, branch) for branch in value.operands[1:])
+        floor = self._floors.get(value.argument or "")
+        return floor is not None and low.constant is not None and max(low.constant) <= floor
 
     def _gathered(self, op: int, operands: tuple[_Node, ...]) -> _Node | None:
         """Division by a constant as multiplication, and K1 (K2 x) as (K1 K2) x."""

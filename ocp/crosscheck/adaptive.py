@@ -7,6 +7,7 @@ from enum import StrEnum
 
 import casadi as ca
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from tendonff.models.chain import Chain, chain_equations
 from tendonff.models.errors import ParameterError
@@ -64,19 +65,22 @@ class AdaptiveIntegrator:
         stretch = float(chain.link.rest(scale_N)[0]) / (chain.count + 1)
         self._scale = np.full(layout.size, stretch)
         self._scale[layout.part("v")] = 1e-2
-        for name in layout.friction_states:
+        for name in (*layout.end_states, *layout.friction_states):
             self._scale[layout.part(name)] = scale_N
         self._scale[-2:] = stretch * (chain.count + 1)
         self._solver, self._rows, self._step_s = solver, rows, step_s
-        count = 1 + equations.place.numel()  # force and path, with slopes at the row before, and its time
-        y, t, piece = ca.SX.sym("y", layout.size), ca.SX.sym("t"), ca.SX.sym("piece", 2 * count + 1)
-        slope = piece[count : 2 * count]
-        now = piece[:count] + slope * (t - piece[2 * count])
-        inputs = ca.vertcat(now[0], ca.SX.zeros(len(INPUT_NAMES) - 1))
+        # the force is linear between rows, the path cubic: a jump of its speed would be a blow to every mass
+        count, y, t = equations.place.numel(), ca.SX.sym("y", layout.size), ca.SX.sym("t")
+        piece = ca.SX.sym("piece", 3 + 4 * count)
+        since = t - piece[0]
+        cubic, square, slope, place = ca.vertsplit(piece[3:], [k * count for k in range(5)])
+        place = place + since * (slope + since * (square + since * cubic))
+        place_rate = slope + since * (2 * square + since * 3 * cubic)
+        inputs = ca.vertcat(piece[1] + piece[2] * since, ca.SX.zeros(len(INPUT_NAMES) - 1))
         rate, tension = ca.substitute(
             [equations.rate, equations.tension_N],
             [equations.state, equations.inputs, equations.place, equations.place_rate],
-            [self._scale * y, inputs, now[1:], slope[1:]],
+            [self._scale * y, inputs, place, place_rate],
         )
         grid = np.arange(rows + 1, dtype=np.float64) * step_s
         options = {"reltol": tolerance, "abstol": tolerance, "max_num_steps": 200_000}
@@ -108,8 +112,9 @@ class AdaptiveIntegrator:
             If the integrator gives up.
         """
         time = np.arange(self._rows + 1, dtype=np.float64) * self._step_s
-        values = np.column_stack([force_N, self._chain.path_at(state.time_s + time).table()]).T
-        pieces = np.vstack([values[:, :-1], np.diff(values) / self._step_s, time[:-1]])
+        path = PchipInterpolator(time, self._chain.path_at(state.time_s + time).table())
+        slopes = np.diff(force_N) / self._step_s
+        pieces = np.vstack([time[:-1], force_N[:-1], slopes, path.c.transpose(0, 2, 1).reshape(-1, self._rows)])
         start = state.vector() / self._scale
         try:
             y = np.asarray(self._integrator(x0=start, u=pieces)["xf"])

@@ -140,7 +140,7 @@ def library_of(chain: Chain, make_source: Callable[[Chain], str]) -> ctypes.CDLL
     """
     aliases = frozenset(chain.friction.aliases().items())
     twins = frozenset(twins_of(chain).items()) if chain.moving else None
-    key = (make_source.__name__, type(chain.friction), type(chain.link), aliases, twins)
+    key = (make_source.__name__, type(chain.friction), type(chain.link), type(chain.near), aliases, twins)
     if (known := _LIBRARIES.get(key)) is None:
         known = _LIBRARIES[key] = load_library(make_source(chain))
         known.tff_work_reals.restype = ctypes.c_int

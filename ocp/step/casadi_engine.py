@@ -78,7 +78,9 @@ def step_expressions(chain: Chain) -> StepExpressions:
         ca.SX.sym("u", len(INPUT_NAMES)),
         ca.SX.sym("H"),
     )
-    v_base, e_base, *own, q_a, q_l = ca.vertsplit(base, layout.cuts)
+    v_base, *own, q_a, q_l = ca.vertsplit(base, layout.cuts)
+    rubbing, (e_base, *own) = tuple(own[: len(near.states)]), own[len(near.states) :]
+    rubbing = near.implicit(v[0], rubbing, H)
     links, masses = own[: len(layout.link_states)], own[len(layout.link_states) :]
     f_c1, x_c1, f_c2, x_c2 = ca.vertsplit(u)
     move = ca.SX.sym("move", 4 * n + 5)
@@ -95,7 +97,7 @@ def step_expressions(chain: Chain) -> StepExpressions:
     f_f = friction.state_force(masses) + friction.viscous_force(on_path)
     q_a, q_l = q_a + H * v[0], q_l + H * v[n + 1]
     sums = ca.vertcat(
-        end_force(v[0], q_a, force[0], -1, f_c1, x_c1, near),
+        end_force(v[0], q_a, force[0], -1, f_c1, x_c1, near, rubbing),
         path_force(force[:-1], force[1:], f_f),
         end_force(v[n + 1], q_l, force[n], 1, f_c2, x_c2, far),
     )
@@ -112,7 +114,7 @@ def step_expressions(chain: Chain) -> StepExpressions:
         H=H,
         move=move,
         balance=balance,
-        end=ca.vertcat(v, e, *links, *masses, q_a, q_l),
+        end=ca.vertcat(v, *rubbing, e, *links, *masses, q_a, q_l),
         force=force,
         tolerance=RESIDUAL_TOLERANCE_N + RESIDUAL_ROUNDING * largest,
     )

@@ -51,7 +51,8 @@ class CasadiInverse:
             ca.vertcat(ones, ca.repmat(share, of_states, 1), 1, 1) * part
             for share, part in ((kept, x), (kept_old, x_old))
         )
-        v_base, e_base, *own, q_a, q_l = ca.vertsplit(x_now + carry * (x_now - x_last), layout.cuts)
+        v_base, *own, q_a, q_l = ca.vertsplit(x_now + carry * (x_now - x_last), layout.cuts)
+        dry, (e_base, *own) = tuple(own[: len(chain.near.states)]), own[len(chain.near.states) :]
         border = len(layout.link_states)
         f, least, unknown = reference, reference, ca.SX.sym("unknown")
 
@@ -86,8 +87,10 @@ class CasadiInverse:
                 least = ca.fmin(least, f)
         q_a = q_a + H * v
         balance = near.mass_kg / H * (v - v_base[0])
-        force = root(balance - end_force(v, q_a, f, -1, unknown, 0, near))
-        blocks = [speeds, stretches, *zip(*link_ends, strict=True), *zip(*mass_ends, strict=True)]
+        dry = near.implicit(v, dry, H)
+        force = root(balance - end_force(v, q_a, f, -1, unknown, 0, near, dry))
+        elements = (*zip(*link_ends, strict=True), *zip(*mass_ends, strict=True))
+        blocks = [speeds, *((state,) for state in dry), stretches, *elements]
         end = ca.vertcat(*(s for block in blocks for s in block[::-1]), q_a, q_l)
         return ca.Function("invert", [pair, reference, move], [ca.vertcat(end, x), force, least], {"cse": True})
 

@@ -24,6 +24,9 @@ from tendonff.ocp.codegen.law import Law
 
 R = TypeVar("R")
 
+PLAIN_END = End(mass_kg=0, damping_N_s_per_m=0, stiffness_N_per_m=0)
+"""An end without states of its own; its numbers do not matter."""
+
 
 def symbols(names: str) -> tuple[ca.SX, ...]:
     """CasADi scalars.
@@ -82,12 +85,15 @@ class ElementLaws:
         Records of symbols.
     link_symbols, friction_symbols : tuple of ca.SX
         Those symbols; also what no expression uses, so that all variants of a law take the same arguments.
+    near : End
+        Kind of the near end.
     """
 
     link: LinkLaw
     friction: FrictionLaw
     link_symbols: tuple[ca.SX, ...]
     friction_symbols: tuple[ca.SX, ...]
+    near: End
 
     @classmethod
     def of(cls, chain: Chain, *, folded: bool = False) -> "ElementLaws":
@@ -105,7 +111,7 @@ class ElementLaws:
             known = fields_of(friction)
             same = {name: known[other] for name, other in chain.friction.aliases().items()}
             friction = replace(friction, **same)  # type: ignore[type-var]
-        return cls(link, friction, every[1], every[0])
+        return cls(link, friction, every[1], every[0], chain.near)
 
     def link_gain(self) -> Law:
         """Slope of a link's unclipped force over the rate of elongation: one number per weight and length."""
@@ -285,55 +291,83 @@ class ElementLaws:
     def simulation(self) -> tuple[Law, ...]:
         """The laws that a time step needs."""
         path = (self.path_mass(), self.path_balance())
-        return (self.link_gain(), self.link_start(), self.link_force(), self.link_states(), *path, end_mass())
+        ends = tuple(end_mass(end) for end in self.ends)
+        return (self.link_gain(), self.link_start(), self.link_force(), self.link_states(), *path, *ends)
 
     def inverse(self) -> tuple[Law, ...]:
         """The laws that the exact inverse needs beside `link_gain`, `link_start` and `link_states`."""
-        return (far_velocity(), near_force(), self.link_rate(), self.path_mass_inverse())
+        return (far_velocity(), near_force(self.near), self.link_rate(), self.path_mass_inverse())
 
     def tangent(self) -> tuple[Law, ...]:
         """The laws that forward sensitivities need beside those of a time step."""
-        return (self.link_tangent(), self.path_mass_tangent(), end_mass_tangent())
+        return (self.link_tangent(), self.path_mass_tangent(), *(end_mass_tangent(end) for end in self.ends))
+
+    @property
+    def ends(self) -> tuple[End, ...]:
+        """Kinds of ends: one where both are alike."""
+        return (PLAIN_END, self.near) if self.near.states else (PLAIN_END,)
 
 
-def _end_mass() -> tuple[dict[str, ca.SX], ca.SX]:
-    """Arguments by name, and balance of an end mass [N]; `pull` is +1 where the tension pulls to the positive side."""
+def _end_mass(kind: End) -> tuple[dict[str, ca.SX], ca.SX, dict[str, ca.SX]]:
+    """Arguments by name, balance of an end mass [N] and own states; `pull`: +1 where tension pulls to the positive."""
     v, f, v_base, q_base, step, pull, f_c, x_c = inputs = symbols("v f v_base q_base H pull f_c x_c")
-    end = symbolic(End(mass_kg=0, damping_N_s_per_m=0, stiffness_N_per_m=0), "end_")
-    residual = end.mass_kg / step * (v - v_base) - end_force(v, q_base + step * v, f, pull, f_c, x_c, end)
-    return {s.name(): s for s in (*inputs, *fields_of(end).values())}, residual
+    end, base = symbolic(kind, "end_"), _based(kind.states)
+    own = end.implicit(v, base, step)
+    residual = end.mass_kg / step * (v - v_base) - end_force(v, q_base + step * v, f, pull, f_c, x_c, end, own)
+    known = {s.name(): s for s in (*inputs, *base, *fields_of(end).values())}
+    return known, residual, dict(zip(kind.states, own, strict=True))
 
 
-def end_mass() -> Law:
-    """Balance of an end mass [N] and its slopes."""
-    known, residual = _end_mass()
+def _name(law: str, kind: End) -> str:
+    """Only the near end has states: a law of its own there, which is called before the one for both."""
+    return f"{law}_near" if kind.states else law
+
+
+def end_mass(kind: End = PLAIN_END) -> Law:
+    """Balance of an end mass [N], its slopes, and the end's own states.
+
+    Parameters
+    ----------
+    kind : End, optional
+    """
+    known, residual, own = _end_mass(kind)
     return Law(
-        name="end_mass",
+        name=_name("end_mass", kind),
         comment="Balance of an end mass [N] and its slopes over velocity and tension; pull: -1 near, +1 far end.",
         inputs=tuple(known.values()),
         outputs={
             "residual": residual,
             "by_v": ca.jacobian(residual, known["v"]),
             "by_f": ca.jacobian(residual, known["f"]),
+            **own,
         },
     )
 
 
-def end_mass_tangent() -> Law:
-    """Slopes of an end mass's balance over bases, motor inputs and parameters."""
-    known, residual = _end_mass()
-    kept = [s for name, s in known.items() if name not in ("v", "H", "pull")]
+def end_mass_tangent(kind: End = PLAIN_END) -> Law:
+    """Slopes of an end mass's balance over bases, motor inputs and parameters, and those of its own states.
+
+    Parameters
+    ----------
+    kind : End, optional
+    """
+    known, residual, own = _end_mass(kind)
+    kept = {name: s for name, s in known.items() if name not in ("H", "pull")}
+    outputs = {f"by_{name}": ca.jacobian(residual, s) for name, s in kept.items() if name != "v"}
+    over = {name: s for name, s in kept.items() if name == "v" or name.startswith("end_") or name[:-5] in kind.states}
+    for state, value in own.items():
+        outputs |= {f"{state}_by_{name}": ca.jacobian(value, s) for name, s in over.items()}
     return Law(
-        name="end_mass_tangent",
+        name=_name("end_mass_tangent", kind),
         comment="Slopes of an end mass's balance.",
         inputs=tuple(known.values()),
-        outputs={f"by_{s.name()}": ca.jacobian(residual, s) for s in kept},
+        outputs=outputs,
     )
 
 
 def far_velocity() -> Law:
     """Velocity of the load that a given output tension causes."""
-    known, residual = _end_mass()
+    known, residual, _ = _end_mass(PLAIN_END)
     return Law(
         name="far_velocity",
         comment="Velocity of an end mass [m/s] for a given tension.",
@@ -342,12 +376,17 @@ def far_velocity() -> Law:
     )
 
 
-def near_force() -> Law:
-    """Motor force that gives an end mass a given velocity against a given tension."""
-    known, residual = _end_mass()
+def near_force(kind: End = PLAIN_END) -> Law:
+    """Motor force that gives an end mass a given velocity against a given tension, and the end's own states.
+
+    Parameters
+    ----------
+    kind : End, optional
+    """
+    known, residual, own = _end_mass(kind)
     return Law(
         name="near_force",
         comment="Motor force [N] that gives an end mass its velocity.",
         inputs=tuple(s for name, s in known.items() if name != "f_c"),
-        outputs={"f_c": _zero_of(residual, known["f_c"])},
+        outputs={"f_c": _zero_of(residual, known["f_c"]), **own},
     )

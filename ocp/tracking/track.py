@@ -120,7 +120,7 @@ def _pumps(problem: TrackingProblem, inversion: Inversion, force_N: Array) -> bo
     """Whether the profile pumps the bristles of the nominal plant."""
     chain, start, reference = problem.plants[0].chain, float(inversion.force_N[0]), problem.goal.reference_N
     # What the largest force cannot hold against friction in full slip is missed, whatever the bristles promise.
-    missed = np.maximum(reference - law_of(chain).largest_output_N(problem.limits.maximum_N), 0.0)
+    missed = np.maximum(reference - law_of(chain).largest_output_N(problem.limits.maximum_N - chain.coulomb_N), 0.0)
     output = simulate(chain, force_N, problem.step_s, initial_tension_N=start).output_tension_N
     if np.mean((output - reference) ** 2) < 0.25 * np.mean(missed**2):
         return True
@@ -204,8 +204,8 @@ def _taut(problem: TrackingProblem, wanted_N: Array) -> TrackingProblem:
 def _status(problem: TrackingProblem, evaluation: Evaluation, refinements: tuple[GridRefinement, ...]) -> TrackStatus:
     if not math.isfinite(evaluation.merit):
         return TrackStatus.FAILED
-    law, reference = law_of(problem.plants[0].chain), problem.goal.reference_N
-    if reference.max() > law.largest_output_N(problem.limits.maximum_N):
+    chain, reference = problem.plants[0].chain, problem.goal.reference_N
+    if reference.max() > law_of(chain).largest_output_N(problem.limits.maximum_N - chain.coulomb_N):
         return TrackStatus.BEST_ACHIEVABLE
     if not refinements:
         return TrackStatus.CLIPPED

@@ -14,6 +14,8 @@ from tendonff.models.layout import ChainInputs, ChainState, StateLayout
 from tendonff.models.parameters import Transmission
 
 OTHER_RULES = (
+    "second_relaxing_stiffness_N_per_m",
+    "second_relaxation_time_s",
     "segments",
     "sections",
     "joint",
@@ -41,7 +43,7 @@ def test_every_number_is_refused_by_name_when_negative_or_nan(generic: Transmiss
                 with pytest.raises(ParameterError, match=f"{field.name} must be .*got {bad}"):
                     changed(generic, part, **{field.name: bad})
                 seen += 1
-    assert seen == 3 * 25
+    assert seen == 3 * 26
 
 
 def test_a_number_too_large_for_any_transmission_is_refused_instead_of_overflowing(generic: Transmission) -> None:

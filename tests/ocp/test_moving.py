@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from benchmarks.moving import balance, convergence, random_cycle
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.friction import LuGreBristle
@@ -14,6 +15,7 @@ from tendonff.models.parameters import Path, Transmission
 from tendonff.models.path import JointMotion
 from tendonff.models.section import Section
 from tendonff.ocp.codegen.engine import Engine
+from tendonff.ocp.crosscheck.adaptive import Adaptive, check_adaptive
 from tendonff.ocp.inverse import InverseStatus, invert
 from tendonff.ocp.sensitivity import force_sensitivity
 from tendonff.ocp.simulate import simulate
@@ -87,6 +89,53 @@ def test_a_section_that_is_cut_in_two_changes_nothing(generic: Transmission, lev
     runs = [simulate(Chain.of(rig, level), force, STEP).require().tension_N for rig in rigs]
     assert np.abs(runs[1] - runs[0]).max() < 1e-9
     assert np.abs(runs[2] - runs[0]).max() < 1e-9
+
+
+@pytest.mark.parametrize("level", [Level.VISCOELASTIC, Level.PRESLIDING])
+def test_a_moving_section_that_is_cut_in_two_changes_nothing(finger: Transmission, level: Level) -> None:
+    knuckle = SECTIONS[1]
+    half = replace(knuckle, angle_rad=0.45, length_m=0.0135, angle_per_rad=0.5, length_per_rad_m=0.005)
+    halves = (SECTIONS[0], replace(half, name="k1"), replace(half, name="k2"), *SECTIONS[2:])
+    rigs = [replace(finger, path=replace(finger.path, sections=each, segments=18)) for each in (SECTIONS, halves)]
+    chains = [Chain.of(rig, level) for rig in rigs]
+    counts = [np.bincount(chain.elements.path.section_of) for chain in chains]
+    assert counts[0][1] == counts[1][1] + counts[1][2]
+    runs = [simulate(chain, REFERENCE, STEP).require().tension_N for chain in chains]
+    assert np.abs(runs[1] - runs[0]).max() < 1e-9
+
+
+@pytest.mark.parametrize("solver", Adaptive)
+@pytest.mark.parametrize("far", [False, True])
+@pytest.mark.parametrize("swing_rad", [0.6, 1.2])  # the second loses contact
+def test_adaptive_integrators_agree_on_a_moving_path(
+    finger: Transmission, solver: Adaptive, far: bool, swing_rad: float
+) -> None:
+    """Within 0.1 % of range rms; the joint starts without a jump of its speed."""
+    rise = np.minimum(TIME / 0.3, 1)
+    angle = swing_rad * np.sin(2 * np.pi * 0.7 * TIME) * rise**2 * (3 - 2 * rise)
+    rig = replace(finger, motion=JointMotion(names=("q",), time_s=TIME, angle_rad=angle[:, None]))
+    chain = Chain.of(with_far_joint(rig) if far else rig, Level.PRESLIDING, 6)
+    force = 30 + 15 * np.sin(2 * np.pi * TIME[:800]) * np.minimum(TIME[:800] / 0.2, 1)
+    found = check_adaptive(chain, force, STEP, initial_tension_N=30.0, solver=solver)
+    assert found.reproducible
+    assert 0 < found.rms_N < 1e-3 * found.range_N
+
+
+@pytest.mark.compiler
+def test_whole_chains_give_no_energy_over_closed_cycles_of_joints_and_force() -> None:
+    """What came in and is not stored never shrinks: random paths, half of which lose contact and touch again."""
+    found = [balance(random_cycle(seed)) for seed in range(36)]
+    assert min(each.least_tension_N for each in found) > 0
+    assert sum(each.lost_contact for each in found) > 12
+    assert max(each.fall for each in found) < 1e-9
+    assert min(each.dissipated_J[-1] / each.exchanged_J for each in found) > 1e-3
+
+
+@pytest.mark.compiler
+def test_more_masses_converge_with_at_least_the_order_one_and_a_half() -> None:
+    for seed in (1, 10):
+        errors = convergence(random_cycle(seed).rig, (5, 10, 20), 160)
+        assert -np.polyfit(np.log([5, 10, 20]), np.log(errors), 1)[0] > 1.5
 
 
 @pytest.mark.compiler

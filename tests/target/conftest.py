@@ -19,7 +19,7 @@ from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.inverse import invert
 
 HERE = Path(__file__).parent
-MODULES = ("limits", "inverse", "capstan", "table", "plant")
+MODULES = ("parameters", "limits", "inverse", "capstan", "table", "plant")
 KINDS = ("inverse", "capstan", "table", "plant")
 HOST_FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno")
 
@@ -137,7 +137,16 @@ def torn_table(source: Path, folder: Path, precision: Precision) -> Path:
     """
     made = folder / "torn"
     made.mkdir()
-    for name in ("tff_types.h", "tff_limits.h", "tff_limits.c", "tff_table.h", "tff_table.c", "tff_table_data.h"):
+    for name in (
+        "tff_types.h",
+        "tff_parameters.h",
+        "tff_parameters.c",
+        "tff_limits.h",
+        "tff_limits.c",
+        "tff_table.h",
+        "tff_table.c",
+        "tff_table_data.h",
+    ):
         shutil.copy(source / name, made)
     header = (made / "tff_table.h").read_text()
     low, high = (float(re.search(rf"TABLE_{end}_N ([-+.e\d]+)", header)[1]) for end in ("MIN", "MAX"))  # type: ignore[index]
@@ -183,9 +192,9 @@ def on_host(source: Path, folder: Path, precision: Precision, kinds: tuple[str, 
 
 
 def _sources(source: Path, kinds: tuple[str, ...]) -> tuple[Path, list[Path]]:
-    modules = MODULES if kinds == KINDS else ("limits", *kinds)
+    modules = MODULES if kinds == KINDS else ("parameters", "limits", "path", *kinds)
     return HERE / ("bench.c" if kinds == KINDS else f"bench_{kinds[0]}.c"), [
-        source / f"tff_{name}.c" for name in modules
+        source / f"tff_{name}.c" for name in modules if name != "path" or (source / "tff_path.c").exists()
     ]
 
 

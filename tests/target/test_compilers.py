@@ -40,7 +40,7 @@ def test_a_copied_folder_passes_its_own_test_elsewhere(toolbox, exported, precis
 
 @pytest.mark.parametrize(
     ("module", "right", "wrong"),
-    [("capstan", r"(PULL_RATIO )[0-9.]+", r"\g<1>1.8744"), ("table", r"if \(ratio >= ", "if (ratio < ")],
+    [("capstan", r"(self->pull = )[0-9.]+", r"\g<1>1.8744"), ("table", r"if \(ratio >= ", "if (ratio < ")],
 )
 def test_the_self_test_fails_when_the_code_is_wrong(toolbox, exported, tmp_path, module, right, wrong):
     toolbox.need("make", "cc")

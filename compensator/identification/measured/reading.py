@@ -100,8 +100,8 @@ class RawMeasurement:
         File name.
     time_s, input_N, output_N : ndarray, shape (n,)
         Time rises strictly; `output_N` is NaN where the output tension was not measured.
-    input_m, output_m : ndarray, shape (n,), or None
-        Positions, where the file has them.
+    input_m, output_m, actuator_N : ndarray, shape (n,), or None
+        Positions and the actuator's force, where the file has them.
     breaks : tuple of int
         First rows after a clock that jumped back.
     unread : tuple of str
@@ -117,6 +117,7 @@ class RawMeasurement:
     output_N: Array
     input_m: Array | None
     output_m: Array | None
+    actuator_N: Array | None
     breaks: tuple[int, ...]
     unread: tuple[str, ...]
     started_s: float | None
@@ -219,6 +220,7 @@ def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
         "output": how.output_column,
         "input_position": how.input_position_column,
         "output_position": how.output_position_column,
+        "actuator_force": how.actuator_force_column or "actuator_force_N",
     }
     for key, name in columns.items():
         if twin := next((k for k, n in columns.items() if n == name and k != key), None):
@@ -231,6 +233,7 @@ def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
         "output": how.output_scale,
         "input_position": how.input_position_scale,
         "output_position": how.output_position_scale,
+        "actuator_force": how.actuator_force_scale or 1.0,
     }
     data = {k: values * (scales[k] if scales[k] != 1 else factors.get(k, 1.0)) for k, values in table.items()}
     bad: Mask = np.asarray(~np.isfinite(np.stack(list(data.values()))).all(axis=0))
@@ -278,6 +281,7 @@ def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
         output_N=kept.get("output", np.full(len(time), np.nan)),
         input_m=kept.get("input_position"),
         output_m=kept.get("output_position"),
+        actuator_N=kept.get("actuator_force"),
         breaks=breaks,
         unread=unread,
         started_s=started,

@@ -79,10 +79,10 @@ def unit_factor(key: str, unit: str) -> float | None:
     Parameters
     ----------
     key : str
-        "time", "input", "output", "input_position" or "output_position".
+        "time", "input", "output", "actuator_force", "input_position" or "output_position".
     unit : str
     """
-    kind = "position" if key.endswith("position") else "input" if key == "output" else key
+    kind = "position" if key.endswith("position") else "input" if key in ("output", "actuator_force") else key
     word = unit.strip(" []()").replace("µ", "u").replace("μ", "u")
     known = UNITS[kind]
     return known.get(word) if word in known else known.get(word.lower()) if word.lower() in known else None

@@ -13,6 +13,7 @@ OTHERS = {
     "output": ("N", _FORCES),
     "input_position": ("m", _LENGTHS),
     "output_position": ("m", _LENGTHS),
+    "actuator_force": ("N", _FORCES),
 }
 """For each column the unit it is read in, and last words of names that tell another one; `A`, `g` and `in` may as well
 name a place."""
@@ -33,7 +34,7 @@ def unit_warnings(how: Measurement, positions: Sequence[str]) -> list[str]:
     found = []
     for key, (unit, others) in OTHERS.items():
         name, scale = getattr(how, f"{key}_column"), getattr(how, f"{key}_scale")
-        if scale != 1 or (key.endswith("position") and key not in positions):
+        if name is None or (scale or 1) != 1 or (key.endswith("position") and key not in positions):
             continue
         word = re.split(r"[^A-Za-z]+", name.rstrip(" ])"))[-1]
         if word in others:

@@ -42,7 +42,7 @@ def test_the_figure_rings_the_pick(finger):
 
 def test_the_command_writes_it_beside_the_design_when_asked(finger, tmp_path, capsys):
     scenario = tmp_path / "s.toml"
-    short = replace(finger, reference=replace(finger.reference, duration_s=0.4))
+    short = replace(finger, reference=replace(finger.reference, duration_s=0.12))
     scenario.write_text(scenario_to_toml(short), encoding="utf-8")
     assert run(["design", str(scenario), "--out", str(tmp_path / "d"), "--online"]) == 0
     assert (tmp_path / "d" / "online.csv").exists()

@@ -12,6 +12,7 @@ from tendonff.compensator.experiment import output as experiment_output
 from tendonff.compensator.experiment.figures import tensions_figure
 from tendonff.compensator.experiment.machine import plan_experiment
 from tendonff.compensator.experiment.numbers import (
+    MEANINGS,
     law_deviation,
     refinement,
     relaxation,
@@ -257,3 +258,20 @@ def test_the_command_writes_everything_for_the_finger(examples: Path, result: Ex
     assert summary["bumpless"]["largest_tension_step_percent_of_range"] < 0.1
     assert summary["refinement"]["fine_segments"] == 40
     assert summary["quasi_static_elastic"]["two_ended_law"]["max_percent_of_range"] < 0.1
+
+
+def test_the_report_explains_every_number_of_the_summary(result: ExperimentResult) -> None:
+    """Keys that hold a number, or a record with its own line, but for counts and times that name themselves."""
+
+    def numbers_in(value: object, path: tuple[str, ...]) -> set[tuple[str, ...]]:
+        if isinstance(value, dict):
+            return set().union(*(numbers_in(inner, (*path, str(key))) for key, inner in value.items()))
+        if isinstance(value, list):
+            return set().union(*(numbers_in(inner, path) for inner in value))
+        return {path} if isinstance(value, int | float) else set()
+
+    explained = {word for line in MEANINGS for word in line.split(", ")}
+    known = {"schema", "sections", "start_s", "end_s", "largest_tension_step_percent_of_range"}
+    known |= {"largest_force_step_percent_of_range"}
+    found = numbers_in(experiment_output.summary(result), ())
+    assert [path for path in found if not explained & set(path) and path[-1] not in known] == []

@@ -30,7 +30,10 @@ def test_the_work_of_a_call_is_bounded(examples, tmp_path, monkeypatch, evaluati
         monkeypatch.setattr(c_text, "plant_limits", tight)
     scenario = load_scenario(examples / "finger_stribeck.toml")
     export_project(scenario, profile_N=np.ones(3)).write(tmp_path)
-    sources = [Path(__file__).with_name("plant_fuzz.c"), *(tmp_path / f"tff_{name}.c" for name in ("plant", "limits"))]
+    sources = [
+        Path(__file__).with_name("plant_fuzz.c"),
+        *(tmp_path / f"tff_{name}.c" for name in ("plant", "limits", "parameters")),
+    ]
     program = tmp_path / "program"
     subprocess.run(["cc", "-std=c99", "-O2", "-I", tmp_path, *sources, "-lm", "-o", program], check=True)
     said = subprocess.run([program], capture_output=True, text=True, check=True).stdout

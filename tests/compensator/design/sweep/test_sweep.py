@@ -17,7 +17,7 @@ from tendonff.compensator.scenario.reference import SineReference
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 from tendonff.models.uncertainty import Uncertainty
 
-EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
+EXAMPLES = Path(__file__).resolve().parents[4] / "examples"
 NAMES = ("none", "inverse")
 
 

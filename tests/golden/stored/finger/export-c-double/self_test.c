@@ -1720,6 +1720,51 @@ static void limits(void)
     expect("limiter: start within the limits", start);
 }
 
+/* ---- what can be set at run time ---- */
+
+static int is_same(const tff_parameters *one, const tff_parameters *two)
+{
+    return is_near((double)one->mu_pull, (double)two->mu_pull) && is_near((double)one->mu_release, (double)two->mu_release) && is_near((double)one->adhesion, (double)two->adhesion) && is_near((double)one->force_min, (double)two->force_min) && is_near((double)one->force_max, (double)two->force_max) && is_near((double)one->force_rate_max, (double)two->force_rate_max);
+}
+
+static void parameters(void)
+{
+    const tff_real bad[3] = { (tff_real)NAN, (tff_real)INFINITY, (tff_real)-1 };
+    tff_parameters self;
+    tff_parameters before;
+    tff_output output;
+    int k, refused = 1, taken;
+
+    tff_parameters_init(&self);
+    expect("parameters: the scenario's", (tff_parameters_are_good(&self) == 1) && is_near((double)self.mu_pull, 0.20000000000000001) && is_near((double)self.mu_release, 0.20000000000000001) && is_near((double)self.adhesion, 0.0) && is_near((double)self.force_min, 0.0) && is_near((double)self.force_max, 200.0) && is_near((double)self.force_rate_max, 100000.0));
+    before = self;
+    for (k = 0; k < 3; k++) {
+        refused = refused && (tff_parameters_set_mu(&self, bad[k], self.mu_release) == 0) && (tff_parameters_set_mu(&self, self.mu_pull, bad[k]) == 0);
+        refused = refused && (tff_parameters_set_adhesion(&self, bad[k]) == 0);
+        refused = refused && (tff_parameters_set_limits(&self, bad[k] - (tff_real)1e3, self.force_max, self.force_rate_max) == 0);
+        refused = refused && (tff_parameters_set_limits(&self, self.force_min, bad[k] - (tff_real)1e3, self.force_rate_max) == 0);
+        refused = refused && (tff_parameters_set_limits(&self, self.force_min, self.force_max, bad[k]) == 0);
+    }
+    refused = refused && (tff_parameters_set_limits(&self, self.force_min, 203.0, self.force_rate_max) == 0);
+    refused = refused && (tff_parameters_set_limits(&self, -1.0, self.force_max, self.force_rate_max) == 0);
+    refused = refused && (tff_parameters_set_limits(&self, self.force_min, self.force_max, 101000.0) == 0);
+    refused = refused && (tff_parameters_set_limits(&self, self.force_max, self.force_min, self.force_rate_max) == 0);
+    expect("parameters: what means nothing is refused and changes nothing", refused && is_same(&self, &before));
+    taken = (tff_parameters_set_mu(&self, 0.18000000000000002, 0.16000000000000003) == 1)
+            && (tff_parameters_set_adhesion(&self, 0.5) == 1)
+            && (tff_parameters_set_limits(&self, 50.0, 150.0, (tff_real)0.5 * before.force_rate_max) == 1);
+    taken = taken && is_near((double)self.mu_pull, 0.18000000000000002) && is_near((double)self.mu_release, 0.16000000000000003)
+            && is_near((double)self.adhesion, 0.5) && is_near((double)self.force_min, 50.0) && is_near((double)self.force_max, 150.0);
+    expect("parameters: what means something is taken", taken);
+    tff_output_init(&output, 100.0);
+    tff_output_use(&output, &self);
+    taken = is_near((double)output.low, 50.0) && is_near((double)output.high, 150.0)
+            && (fabs((double)output.change - (0.5 * CHANGE_N)) <= (1e-5 * CHANGE_N));
+    (void)tff_output_set(&output, (tff_real)MOST_N + (tff_real)1);
+    taken = taken && ((double)output.force <= 150.00015099999999) && (output.status != TFF_OK);
+    expect("parameters: narrower limits hold", taken);
+}
+
 /* ---- modules that follow a reference ---- */
 
 static int is_allowed(double force, double before)
@@ -1932,6 +1977,8 @@ static void test_stream(void)
     }
     report("stream: golden vectors of a live reference", error, 8.3999999999999998e-08);
     expect("stream: a reference that is not a number is flagged", flagged && ((self.output.seen & TFF_INPUT_HELD) != 0u));
+    tff_stream_init(&self, live_reference[0]); /* not on the way back to a reference that was lost */
+    before = (double)self.output.force;
     for (k = 0; k < 4; k++) {
         const double force = (double)tff_stream_step(&self, 160.04642732733097);
         allowed = allowed && is_allowed(force, before);
@@ -2010,6 +2057,7 @@ int main(void)
 {
     data();
     limits();
+    parameters();
     test_capstan();
     test_inverse();
     test_table();

@@ -6,9 +6,7 @@
  */
 #include "tff_capstan.h"
 
-#define TFF_PULL_RATIO 1.8744560875853382    /* e^{mu theta}, pulling */
-#define TFF_RELEASE_RATIO 0.53348809109110329 /* e^{-mu theta}, releasing */
-#define TFF_ADHESION_N 0.0
+#include <math.h>
 
 void tff_capstan_init(tff_capstan *self, tff_real initial_tension)
 {
@@ -24,6 +22,22 @@ void tff_capstan_init(tff_capstan *self, tff_real initial_tension)
     self->output.seen = status;
     self->last = tension;
     self->wanted = tension;
+    self->pull = 1.8744560875853382;
+    self->release = 0.53348809109110329;
+    self->adhesion = 0.0;
+}
+
+int32_t tff_capstan_use(tff_capstan *self, const tff_parameters *given)
+{
+    const int32_t good = tff_parameters_are_good(given);
+
+    if (good != 0) {
+        self->pull = exp(given->mu_pull * 3.1415926535897931);
+        self->release = exp(-given->mu_release * 3.1415926535897931);
+        self->adhesion = given->adhesion;
+        tff_output_use(&self->output, given);
+    }
+    return good;
 }
 
 tff_real tff_capstan_step(tff_capstan *self, tff_real reference)
@@ -33,11 +47,11 @@ tff_real tff_capstan_step(tff_capstan *self, tff_real reference)
     if (tff_is_within(reference, TFF_REFERENCE_MIN_N, TFF_REFERENCE_MAX_N) == 0) {
         force = tff_output_hold(&self->output, TFF_INPUT_HELD);
     } else {
-        const tff_real lifted = reference + TFF_ADHESION_N;
+        const tff_real lifted = reference + self->adhesion;
         if (reference > self->last) {
-            self->wanted = (lifted * TFF_PULL_RATIO) - TFF_ADHESION_N;
+            self->wanted = (lifted * self->pull) - self->adhesion;
         } else if (reference < self->last) {
-            self->wanted = (lifted * TFF_RELEASE_RATIO) - TFF_ADHESION_N;
+            self->wanted = (lifted * self->release) - self->adhesion;
         } else {
             /* the reference stands still: so does the force */
         }

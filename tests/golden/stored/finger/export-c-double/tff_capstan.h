@@ -19,10 +19,17 @@ typedef struct {
     tff_output output;
     tff_real last;   /* reference of the last sample [N] */
     tff_real wanted; /* force before the limits [N] */
+    tff_real pull;     /* e^{mu theta}, pulling */
+    tff_real release;  /* e^{-mu theta}, releasing */
+    tff_real adhesion; /* p [N] */
 } tff_capstan;
 
 /* At rest under a uniform tension [N]. */
 void tff_capstan_init(tff_capstan *self, tff_real initial_tension);
+
+/* Other parameters from the next sample on; 0 where they are not good and nothing changes. A change of friction is a jump
+ * of the force while the reference moves, as fast as force_rate_max lets it. */
+int32_t tff_capstan_use(tff_capstan *self, const tff_parameters *given);
 
 /* Force [N], within the actuator's limits, for the next reference tension [N]. */
 tff_real tff_capstan_step(tff_capstan *self, tff_real reference);

@@ -106,7 +106,7 @@ static void tff_inverse_near_force(
 
 /* Near tension of a mass [N], and its states. */
 static void tff_inverse_path_mass_inverse(
-    const tff_inverse_weights *w, double v, double f_far, double v_base, double f_s_base, double *f_near, double *f_s)
+    const tff_inverse_weights *w, double v, double f_far, double v_base, double f_s_base, double piece_adhesion_N, double friction_mu_dynamic_pull, double friction_mu_dynamic_release, double *f_near, double *f_s)
 {
     const double t0 = 0.16666666666666666 * v;
     const double t1 = f_far + t0;
@@ -114,30 +114,33 @@ static void tff_inverse_path_mass_inverse(
     const double t3 = w->path_mass_inverse_1 * t2;
     const double t4 = t1 + t3;
     const double t5 = f_far + t4;
-    const double t6 = fabs(v);
-    const double t7 = t6 / 0.052312080781770152;
-    const double t8 = 8333.3333333333321 * t7;
-    const double t9 = w->link_start_3 * t8;
-    const double t10 = t5 + t9;
-    const double t11 = 8333.3333333333321 * v;
+    const double t6 = piece_adhesion_N + piece_adhesion_N;
+    const double t7 = t5 + t6;
+    const double t8 = fabs(v);
+    const double t9 = (0.0 <= v) ? friction_mu_dynamic_pull : friction_mu_dynamic_release;
+    const double t10 = t8 / t9;
+    const double t11 = 8333.3333333333321 * t10;
     const double t12 = w->link_start_3 * t11;
-    const double t13 = f_s_base + t12;
-    const double t14 = t10 - t13;
-    const double t15 = t14 / 2.0;
-    const double t16 = t5 * t13;
-    const double t17 = t15 * t15;
-    const double t18 = t17 + t16;
-    const double t19 = (0.0 < t18) ? t18 : 0.0;
-    const double t20 = sqrt(t19);
-    const double t21 = t20 + t15;
-    const double t22 = (1.0000000000000001e-09 < t21) ? t21 : 1.0000000000000001e-09;
-    const double t23 = t16 / t22;
-    const double t24 = t20 - t15;
-    const double t25 = (0.0 < t15) ? t23 : t24;
-    const double t26 = t4 + t25;
-    const double t27 = (0.0 < t26) ? t26 : 0.0;
-    *f_near = t27;
-    *f_s = t25;
+    const double t13 = t7 + t12;
+    const double t14 = 8333.3333333333321 * v;
+    const double t15 = w->link_start_3 * t14;
+    const double t16 = f_s_base + t15;
+    const double t17 = t13 - t16;
+    const double t18 = t17 / 2.0;
+    const double t19 = t7 * t16;
+    const double t20 = t18 * t18;
+    const double t21 = t20 + t19;
+    const double t22 = (0.0 < t21) ? t21 : 0.0;
+    const double t23 = sqrt(t22);
+    const double t24 = t23 + t18;
+    const double t25 = (1.0000000000000001e-09 < t24) ? t24 : 1.0000000000000001e-09;
+    const double t26 = t19 / t25;
+    const double t27 = t23 - t18;
+    const double t28 = (0.0 < t18) ? t26 : t27;
+    const double t29 = t4 + t28;
+    const double t30 = (0.0 < t29) ? t29 : 0.0;
+    *f_near = t30;
+    *f_s = t28;
 }
 
 /* ---- exact inverse: the force whose response is a given output tension ---- */
@@ -145,7 +148,7 @@ static void tff_inverse_path_mass_inverse(
 /* One step of the scheme, backwards along the chain; x and x_old are the state now and one step earlier, `least`
  * receives the smallest tension on the path. */
 static double tff_inverse_invert_step(
-    const tff_inverse_weights *rows, double reference, int fresh, double *x, double *x_old, double *least)
+    const tff_inverse_weights *rows, double reference, int fresh, double piece_adhesion_N, double friction_mu_dynamic_pull, double friction_mu_dynamic_release, double *x, double *x_old, double *least)
 {
     const tff_inverse_weights *const c = &rows[2 * ((fresh != 0) ? 0 : 1)];
     const int n = TFF_INVERSE_COUNT;
@@ -156,16 +159,30 @@ static double tff_inverse_invert_step(
     double f;
     double near_f;
     double f_c;
+    double low = reference;
     int i;
     int j;
 
-    for (j = 0; j < ((4 * n) + 6); j++) { /* x_old holds x, x holds the base of the step */
+    for (j = 0; j < (((4 * n) + 6) - 3); j += 4) { /* x_old holds x, x holds the base of the step; four in one go */
+        const double now_0 = x[j];
+        const double now_1 = x[j + 1];
+        const double now_2 = x[j + 2];
+        const double now_3 = x[j + 3];
+        x[j] = now_0 + (carry * (now_0 - x_old[j]));
+        x_old[j] = now_0;
+        x[j + 1] = now_1 + (carry * (now_1 - x_old[j + 1]));
+        x_old[j + 1] = now_1;
+        x[j + 2] = now_2 + (carry * (now_2 - x_old[j + 2]));
+        x_old[j + 2] = now_2;
+        x[j + 3] = now_3 + (carry * (now_3 - x_old[j + 3]));
+        x_old[j + 3] = now_3;
+    }
+    for (; j < ((4 * n) + 6); j++) {
         const double now = x[j];
         x[j] = now + (carry * (now - x_old[j]));
         x_old[j] = now;
     }
     f = reference;
-    *least = f;
     tff_inverse_far_velocity(c, f, x[n + 1], x[((4 * n) + 5)], &v);
     x[((4 * n) + 5)] += c->H * v;
     x[n + 1] = v;
@@ -182,16 +199,34 @@ static double tff_inverse_invert_step(
         if (i > 0) {
             double *const f_s = &x[((3 * n) + 4) + (i - 1)];
             const double f_s_base = *f_s;
-            tff_inverse_path_mass_inverse(c, v, f, x[i], f_s_base, &near_f, f_s);
+            tff_inverse_path_mass_inverse(c, v, f, x[i], f_s_base, piece_adhesion_N, friction_mu_dynamic_pull, friction_mu_dynamic_release, &near_f, f_s);
             x[i] = v;
             f = near_f;
-            *least = (f < *least) ? f : *least;
+            low = (f < low) ? f : low;
         }
     }
     tff_inverse_near_force(c, v, f, x[0], &f_c);
     x[((4 * n) + 4)] += c->H * v;
     x[0] = v;
+    *least = low;
     return f_c;
+}
+
+/* Numbers of one mass over what can be set, eqs. (8), (9). */
+static void tff_inverse_settable_numbers(
+    double mu_pull, double mu_release, double adhesion, double *piece_adhesion_N, double *friction_mu_dynamic_pull, double *friction_mu_dynamic_release)
+{
+    *piece_adhesion_N = adhesion;
+    const double t0 = 0.52359877559829882 * mu_pull;
+    const double t1 = t0 / 2.0;
+    const double t2 = tanh(t1);
+    const double t3 = (9.9999999999999998e-13 < t2) ? t2 : 9.9999999999999998e-13;
+    *friction_mu_dynamic_pull = t3;
+    const double t4 = 0.52359877559829882 * mu_release;
+    const double t5 = t4 / 2.0;
+    const double t6 = tanh(t5);
+    const double t7 = (9.9999999999999998e-13 < t6) ? t6 : 9.9999999999999998e-13;
+    *friction_mu_dynamic_release = t7;
 }
 
 void tff_inverse_init(tff_inverse *self, tff_real initial_tension)
@@ -233,6 +268,45 @@ void tff_inverse_init(tff_inverse *self, tff_real initial_tension)
     self->least = tension;
     tff_entry_init(&self->entry, tension);
     self->fresh = 2;
+    self->own.piece_adhesion_N = 0.0;
+    self->own.friction_mu_dynamic_pull = 0.052312080781770152;
+    self->own.friction_mu_dynamic_release = 0.052312080781770152;
+    self->mu = 0.20000000000000001;
+    self->adhesion = 0.0;
+}
+
+int32_t tff_inverse_use(tff_inverse *self, const tff_parameters *given)
+{
+    const int32_t good = tff_parameters_are_good(given);
+
+    if (good != 0) {
+        tff_inverse_numbers *const own = &self->own;
+
+        tff_inverse_settable_numbers(given->mu_pull, given->mu_release, given->adhesion, &own->piece_adhesion_N, &own->friction_mu_dynamic_pull, &own->friction_mu_dynamic_release);
+        tff_output_use(&self->output, given);
+        self->mu = given->mu_pull;
+        self->adhesion = given->adhesion;
+    }
+    return good;
+}
+
+void tff_inverse_set_mu(tff_inverse *self, tff_real mu_dynamic)
+{
+    tff_parameters wanted;
+
+    tff_parameters_init(&wanted);
+    if ((tff_parameters_set_mu(&wanted, mu_dynamic, mu_dynamic) != 0)
+        && (tff_parameters_set_adhesion(&wanted, self->adhesion) != 0)) {
+        const tff_output kept = self->output; /* limits stay */
+
+        (void)tff_inverse_use(self, &wanted);
+        self->output = kept;
+    }
+}
+
+tff_real tff_inverse_mu(const tff_inverse *self)
+{
+    return self->mu;
 }
 
 void tff_inverse_init_at(tff_inverse *self, tff_real tension, tff_real force)
@@ -283,7 +357,7 @@ tff_real tff_inverse_step(tff_inverse *self, tff_real reference)
     } else {
         const tff_real followed = tff_entry_take(&self->entry, reference);
         const tff_real exact = tff_inverse_invert_step(
-            tff_inverse_rows(), followed, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &self->least);
+            tff_inverse_rows(), followed, (self->fresh != 0) ? 1 : 0, self->own.piece_adhesion_N, self->own.friction_mu_dynamic_pull, self->own.friction_mu_dynamic_release, self->x, self->x_old, &self->least);
         self->fresh = 0;
         force = tff_output_set(&self->output, exact);
         if (self->least <= 0.0) {

@@ -18,6 +18,13 @@ extern "C" {
 #define TFF_INVERSE_COUNT 6
 #define TFF_INVERSE_REALS 30
 
+/* What a mass's law takes from tff_parameters: equivalent coefficients [-] and adhesion [N]. */
+typedef struct {
+    tff_real piece_adhesion_N;
+    tff_real friction_mu_dynamic_pull;
+    tff_real friction_mu_dynamic_release;
+} tff_inverse_numbers;
+
 /* State; owned by the caller. */
 typedef struct {
     tff_output output;
@@ -26,6 +33,9 @@ typedef struct {
     tff_real start;     /* tension at rest before the first sample [N] */
     tff_real least;     /* smallest tension on the path [N] */
     tff_entry entry;    /* last reference, and the way back to one that was lost */
+    tff_inverse_numbers own;
+    tff_real mu;        /* mu_dynamic when pulling [-] */
+    tff_real adhesion;  /* [N] */
     int32_t fresh;           /* 2: no call yet; 1: no sample has moved it; 0: in motion */
 } tff_inverse;
 
@@ -39,6 +49,15 @@ void tff_inverse_init_at(tff_inverse *self, tff_real tension, tff_real force);
 /* Force [N], within the actuator's limits, for the reference tension [N] at the end of this sample. The first call may
  * repeat the initial tension (the sample at t = 0) or give the first sample after it. */
 tff_real tff_inverse_step(tff_inverse *self, tff_real reference);
+
+/* Other parameters from the next sample on; 0 where they are not good and nothing changes. The states stay: a change of
+ * friction moves the force as fast as the tendon slides. Init goes back to the scenario's. */
+int32_t tff_inverse_use(tff_inverse *self, const tff_parameters *given);
+
+/* The same with another mu_dynamic [-] alone: all coefficients of friction go by the same factor. Values that mean
+ * nothing change nothing. Keep what tff_inverse_mu says to start from it again. */
+void tff_inverse_set_mu(tff_inverse *self, tff_real mu_dynamic);
+tff_real tff_inverse_mu(const tff_inverse *self);
 
 #ifdef __cplusplus
 }

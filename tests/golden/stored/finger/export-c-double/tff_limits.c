@@ -17,6 +17,18 @@ void tff_output_init(tff_output *self, tff_real force)
     self->force = start;
     self->status = TFF_OK;
     self->seen = TFF_OK;
+    self->low = TFF_FORCE_MIN_N;
+    self->high = TFF_FORCE_MAX_N;
+    self->change = TFF_CHANGE_MAX_N;
+}
+
+void tff_output_use(tff_output *self, const tff_parameters *given)
+{
+    const tff_real change = given->force_rate_max * TFF_STEP_S;
+
+    self->low = given->force_min;
+    self->high = given->force_max;
+    self->change = (change < TFF_CHANGE_MAX_N) ? change : TFF_CHANGE_MAX_N;
 }
 
 tff_real tff_output_hold(tff_output *self, uint32_t why)
@@ -28,21 +40,21 @@ tff_real tff_output_hold(tff_output *self, uint32_t why)
 
 tff_real tff_output_set(tff_output *self, tff_real wanted)
 {
-    const tff_real low = self->force - TFF_CHANGE_MAX_N;
-    const tff_real high = self->force + TFF_CHANGE_MAX_N;
+    const tff_real low = self->force - self->change;
+    const tff_real high = self->force + self->change;
     tff_real force = self->force;
     uint32_t status = TFF_FAILED;
 
-    if (wanted > TFF_FORCE_MAX_N) {
+    if (wanted > self->high) {
         if (wanted <= TFF_LARGEST_N) {
-            force = TFF_FORCE_MAX_N;
+            force = self->high;
             status = TFF_FORCE_LIMITED;
         }
-    } else if (wanted >= TFF_FORCE_MIN_N) {
+    } else if (wanted >= self->low) {
         force = wanted; /* the usual case */
         status = TFF_OK;
     } else if (wanted >= -TFF_LARGEST_N) {
-        force = TFF_FORCE_MIN_N;
+        force = self->low;
         status = TFF_FORCE_LIMITED;
     } else {
         /* not a number, or minus infinity */

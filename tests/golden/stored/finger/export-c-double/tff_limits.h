@@ -7,7 +7,7 @@
 #ifndef TFF_LIMITS_H
 #define TFF_LIMITS_H
 
-#include "tff_types.h"
+#include "tff_parameters.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -24,10 +24,16 @@ typedef struct {
     tff_real force; /* last good output [N] */
     uint32_t status;     /* bits of the last step */
     uint32_t seen;       /* bits since init */
+    tff_real low;    /* limits in force [N], never wider than the scenario's */
+    tff_real high;
+    tff_real change; /* largest change per sample [N] */
 } tff_output;
 
 /* Start from a force [N]. */
 void tff_output_init(tff_output *self, tff_real force);
+
+/* Other limits from the next sample on; the last output is led inside them at the rate that they state. */
+void tff_output_use(tff_output *self, const tff_parameters *given);
 
 /* Pass a wanted force [N] through the force and rate limits; what is not finite holds the last good output. */
 tff_real tff_output_set(tff_output *self, tff_real wanted);

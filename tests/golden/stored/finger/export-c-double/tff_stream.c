@@ -74,6 +74,11 @@ static tff_real tff_stream_smooth(const tff_stream *self)
     return base + sum;
 }
 
+int32_t tff_stream_use(tff_stream *self, const tff_parameters *given)
+{
+    return tff_inverse_use(&self->inverse, given);
+}
+
 tff_real tff_stream_step(tff_stream *self, tff_real reference)
 {
     const uint32_t status = tff_stream_take(self, reference);

@@ -41,6 +41,9 @@ void tff_stream_init(tff_stream *self, tff_real initial_tension);
 /* In motion: under this output tension [N] while the actuator applies this force [N]. */
 void tff_stream_init_at(tff_stream *self, tff_real tension, tff_real force);
 
+/* Other parameters from the next sample on, as tff_inverse_use. */
+int32_t tff_stream_use(tff_stream *self, const tff_parameters *given);
+
 /* Force [N], within the actuator's limits, for the reference tension [N] that has just arrived. One outside the range is
  * clamped, one that is not a number holds the last one; both set INPUT_HELD. */
 tff_real tff_stream_step(tff_stream *self, tff_real reference);

@@ -207,6 +207,16 @@ void tff_table_init(tff_table *self, tff_real initial_tension)
     self->ratio = 1.0;
 }
 
+int32_t tff_table_use(tff_table *self, const tff_parameters *given)
+{
+    const int32_t good = tff_parameters_are_good(given);
+
+    if (good != 0) {
+        tff_output_use(&self->output, given);
+    }
+    return good;
+}
+
 tff_real tff_table_step(tff_table *self, tff_real reference)
 {
     tff_real force;

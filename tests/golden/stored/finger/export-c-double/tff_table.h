@@ -33,6 +33,10 @@ typedef struct {
 /* At rest under a uniform tension [N]. */
 void tff_table_init(tff_table *self, tff_real initial_tension);
 
+/* Other limits from the next sample on; 0 where the parameters are not good and nothing changes. Friction and adhesion are
+ * in the table: those of the record are not looked at. */
+int32_t tff_table_use(tff_table *self, const tff_parameters *given);
+
 /* Force [N], within the actuator's limits, for the next reference tension [N]. */
 tff_real tff_table_step(tff_table *self, tff_real reference);
 

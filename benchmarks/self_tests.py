@@ -1,0 +1,151 @@
+"""Export random legal scenarios and run the self test that is shipped with each; all must pass.
+
+Run: python benchmarks/self_tests.py [--count 60] [--seed 1]
+
+Also says in how many of them a module would have done harm and was left out.
+"""
+
+import argparse
+import collections
+import math
+import subprocess
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+import tendonff as tf
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.scenario.reference import Shape, SineReference, WaypointReference
+from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenario.stream import Stream
+from tendonff.models.errors import ParameterError
+from tendonff.ocp.errors import SolveError
+
+FLAGS = ("-std=c99", "-O2", "-w", "-fno-math-errno")  # contraction as the compiler likes it
+BASE = Path(__file__).resolve().parents[1] / "examples" / "finger.toml"
+
+
+def a_scenario(chance: np.random.Generator) -> tf.Scenario:
+    """A scenario over several decades of every parameter, and whatever reference."""
+
+    def around(value: float, decades: float = 0.5) -> float:
+        return float(value * 10 ** chance.uniform(-decades, decades))
+
+    base = load_scenario(BASE)
+    t = base.transmission
+    mu = float(chance.uniform(0.02, 0.35))
+    bristle = around(1e6)
+    friction = replace(
+        t.friction,
+        mu_dynamic=mu,
+        mu_static=mu * float(chance.choice([1.0, 1.0, 1.2])),
+        viscous_N_s_per_m=around(1.0),
+        bristle_stiffness_N_per_m=bristle,
+        soft_bristle_stiffness_N_per_m=bristle * 10 ** float(chance.uniform(-2, -0.5)),
+        adhesion_N=float(chance.choice([0.0, chance.uniform(0, 3)])),
+    )
+    tension = around(30.0, 0.7)
+    span = tension * float(chance.uniform(0.05, 0.8))
+    angle = float(chance.uniform(0.5, 6.0))
+    most = (tension + span) * math.exp(1.3 * mu * angle) * float(chance.uniform(1.0, 4.0)) + 5
+    actuator = replace(
+        t.actuator,
+        mass_kg=around(0.15),
+        damping_N_s_per_m=around(5.0),
+        force_max_N=most,
+        force_rate_max_N_per_s=most * 10 ** float(chance.uniform(0.3, 3)),
+    )
+    transmission = replace(
+        t,
+        path=replace(t.path, total_angle_rad=angle, segments=int(chance.integers(1, 13))),
+        tendon=replace(
+            t.tendon,
+            mass_kg=around(0.002),
+            stiffness_N_per_m=around(2e4),
+            relaxing_stiffness_N_per_m=around(6e3),
+            relaxation_time_s=around(0.4),
+            damping_N_s_per_m=around(2.0),
+        ),
+        friction=friction,
+        actuator=actuator,
+        load=replace(t.load, mass_kg=around(0.02), stiffness_N_per_m=around(3e3), damping_N_s_per_m=around(8.0)),
+    )
+    duration = float(chance.uniform(0.6, 2.5))
+    if chance.random() < 0.5:
+        reference = SineReference(
+            initial_tension_N=tension,
+            amplitudes_N=(0.7 * span, 0.3 * span),
+            frequencies_Hz=(around(0.7), around(2.0)),
+            duration_s=duration,
+            fade_in_s=0.3 * duration,
+        )
+    else:
+        times = np.linspace(0, duration, int(chance.integers(3, 8)))
+        values = tension + span * chance.uniform(-1, 1, len(times))
+        values[0] = tension
+        shape = Shape.SMOOTH if chance.random() < 0.7 else Shape.LINEAR
+        reference = WaypointReference(
+            initial_tension_N=tension,
+            times_s=tuple(map(float, times)),
+            tensions_N=tuple(map(float, values)),
+            shape=shape,
+        )
+    step = float(chance.choice([2e-4, 5e-4, 1e-3, 2e-3]))
+    level = list(tf.Level)[int(chance.integers(0, 3))]
+    stream = Stream(preview_s=float(chance.choice([0.0, 0.02])), resolution_N=float(chance.choice([0.0, span / 2000])))
+    return replace(
+        base,
+        transmission=transmission,
+        reference=reference,
+        run=replace(base.run, step_s=step, level=level),
+        stream=stream,
+    )
+
+
+def self_test(exported: object) -> str:
+    """What fails, line by line; empty where nothing does."""
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch) / "c"
+        exported.write(folder)
+        sources = sorted(str(p) for p in folder.glob("tff_*.c"))
+        program = folder / "self_test"
+        subprocess.run(["cc", *FLAGS, str(folder / "self_test.c"), *sources, "-lm", "-o", str(program)], check=True)
+        done = subprocess.run([str(program)], capture_output=True, text=True, check=False)
+        lines = [line for line in done.stdout.splitlines() if "FAILS" in line]
+        return "" if done.returncode == 0 else "; ".join(lines) or f"exit status {done.returncode}"
+
+
+def main() -> int:
+    """Report failures; exit status 1 where there is one."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--count", type=int, default=60)
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    chance = np.random.default_rng(options.seed)
+    bad, tried, refused, harmful = [], 0, collections.Counter(), collections.Counter()
+    while tried < options.count:
+        try:
+            scenario = a_scenario(chance)
+            profile = tf.sample_reference(scenario).tension_N
+            exports = {p: tf.export_c(scenario, precision=p, profile_N=profile) for p in tf.Precision}
+        except (InputError, ParameterError, SolveError) as error:
+            refused[type(error).__name__] += 1
+            continue
+        tried += 1
+        for precision, exported in exports.items():
+            harmful.update(each.module for each in exported.judged if each.fault and precision is tf.Precision.DOUBLE)
+            if said := self_test(exported):
+                bad.append(f"{tried} {precision}: {said}")
+                print(bad[-1], flush=True)
+    print(
+        f"{options.count} legal scenarios: {len(bad)} self tests of {2 * options.count} fail; refused {dict(refused)}"
+    )
+    print(f"modules left out because they would do harm: {dict(harmful)}")
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Wrap angles from the measured points of a centreline: `tendonff path`."""

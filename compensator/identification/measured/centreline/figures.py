@@ -1,0 +1,42 @@
+"""The figure of a centreline: points and sections, and the angle turned along the path."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from tendonff.compensator.identification.measured.centreline.result import CentrelineData
+from tendonff.compensator.reporting.plots import BLUE, GREY, ORANGE, VERMILION, figure_style, new_figure
+
+
+def centreline_figure(result: CentrelineData) -> Figure:
+    """Points and sections in the plane that shows most of them; angle turned over length, with its interval.
+
+    Parameters
+    ----------
+    result : CentrelineData
+    """
+    middle = result.points_m.mean(axis=0)
+    plane = np.linalg.svd(result.points_m - middle, full_matrices=False)[2][:2].T
+    points, curve = ((each - middle) @ plane for each in (result.points_m, result.curve_m))
+    with figure_style():
+        figure, axes = new_figure(1, 2, height_in=3.2)
+        shape, turned = axes[0]
+        shape.plot(*points.T, ".", color=GREY, markersize=3, label="points")
+        for k, each in enumerate(result.stretches):
+            rows = (result.length_m >= each.start_m) & (result.length_m <= each.start_m + each.length_m)
+            straight = each.angle_rad == 0
+            color = BLUE if straight else (VERMILION, ORANGE)[k % 2]
+            label = each.name if straight else f"{each.name}: {each.angle_rad:.2f} rad"
+            shape.plot(*curve[rows].T, color=color)
+            place = curve[rows][int(rows.sum()) // 2]
+            shape.annotate(label, place, textcoords="offset points", xytext=(6, 6), fontsize=8)
+            turned.axvline(each.start_m, color=GREY, linewidth=0.5)
+        shape.plot(*curve[:1].T, "o", color=BLUE, markersize=4, label="actuator end")
+        shape.legend()
+        shape.set(aspect="equal", xlabel="along the widest direction [m]", ylabel="across [m]")
+        shape.margins(0.15)
+        low, high = result.turned_rad - result.spread_rad, result.turned_rad + result.spread_rad
+        turned.fill_between(result.length_m, low, high, color=BLUE, alpha=0.2, linewidth=0, label="95 % interval")
+        turned.plot(result.length_m, result.turned_rad, color=BLUE, label="angle turned")
+        turned.set(xlabel="length from the actuator [m]", ylabel="wrap angle [rad]")
+        turned.legend()
+    return figure

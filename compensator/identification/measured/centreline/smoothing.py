@@ -1,0 +1,157 @@
+"""A smoothing spline through noisy points of a curve, and what its turning means.
+
+A quintic spline with a penalty on its third derivative, so that arcs cost nothing; the penalty's weight is that of
+restricted maximum likelihood, which, unlike cross-validation, hardly ever follows the noise.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import BSpline
+from scipy.linalg import eigh
+from scipy.ndimage import gaussian_filter1d
+from scipy.optimize import minimize_scalar
+
+from tendonff.compensator.files.reading import FloatArray
+
+_DEGREE, _ORDER = 5, 3
+_MOST_COEFFICIENTS = 120
+_PLACES = 401
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SmoothCurve:
+    """A curve through noisy points.
+
+    Parameters
+    ----------
+    parameter_m : ndarray, shape (n,)
+        Where the points are along it, about arc length.
+    points_m : ndarray, shape (n, dimensions)
+    knots : ndarray
+    modes : ndarray, shape (coefficients, coefficients)
+        Uncorrelated shapes of the spline, from those that the penalty leaves alone to the roughest.
+    roughness : ndarray, shape (coefficients,)
+        Penalty of each over what it gains in fit [-].
+    weight : float
+        Of the penalty.
+    """
+
+    parameter_m: FloatArray
+    points_m: FloatArray
+    knots: FloatArray
+    modes: FloatArray
+    roughness: FloatArray
+    weight: float
+
+    @property
+    def kept(self) -> FloatArray:
+        """What the penalty leaves of each mode [-]."""
+        kept: FloatArray = 1 / (1 + self.weight * self.roughness)
+        return kept
+
+    @property
+    def noise_m(self) -> float:
+        """Standard deviation of the points across the curve [m]."""
+        spline = self.spline()
+        along, off = spline(self.parameter_m, 1), self.points_m - spline(self.parameter_m)
+        along /= np.linalg.norm(along, axis=1)[:, None]
+        across = off - (off * along).sum(axis=1)[:, None] * along
+        free = max(len(off) - float(self.kept.sum()), 1.0) * max(off.shape[1] - 1, 1)
+        return float(np.sqrt((across**2).sum() / free))
+
+    def through(self, points_m: FloatArray) -> "SmoothCurve":
+        """The smoothing spline of other points at the same places: the weight is that of these."""
+        loads = self._loads(points_m)
+        whole, (count, dimensions) = float((points_m**2).sum()), points_m.shape
+        rough = self.roughness[_ORDER:]
+
+        def likelihood(log_weight: float) -> float:
+            """Minus twice the logarithm of the restricted likelihood."""
+            kept = 1 / (1 + np.exp(log_weight) * self.roughness)
+            left = max(whole - float((kept[:, None] * loads**2).sum()), 1e-30 * whole)
+            determinant = float(np.log(kept[_ORDER:]).sum()) + len(rough) * log_weight
+            return float(dimensions * ((count - _ORDER) * np.log(left) - determinant))
+
+        grid = -np.log(np.median(rough)) + np.linspace(-25, 25, 51)
+        best = int(np.clip(np.argmin([likelihood(x) for x in grid]), 1, len(grid) - 2))
+        found = minimize_scalar(likelihood, bounds=(grid[best - 1], grid[best + 1]), method="bounded")
+        return replace(self, points_m=points_m, weight=float(np.exp(found.x)))
+
+    def _loads(self, points_m: FloatArray) -> FloatArray:
+        basis = BSpline.design_matrix(self.parameter_m, self.knots, _DEGREE)
+        loads: FloatArray = self.modes.T @ (basis.T @ points_m)
+        return loads
+
+    def spline(self) -> BSpline:
+        """The curve over its parameter."""
+        return BSpline(self.knots, self.modes @ (self.kept[:, None] * self._loads(self.points_m)), _DEGREE)
+
+    def turning(self) -> tuple[FloatArray, FloatArray]:
+        """Length and angle turned from the start, at places along the curve [m], [rad].
+
+        Curvature counts along its own mean direction over the length that the data resolve: what noise turns to and
+        fro cancels there, where its magnitude would add up.
+        """
+        spline, places = self.spline(), np.linspace(self.parameter_m[0], self.parameter_m[-1], _PLACES)
+        first, second = spline(places, 1), spline(places, 2)
+        speed = np.linalg.norm(first, axis=1)
+        tangent = first / speed[:, None]
+
+        def across(vector: FloatArray) -> FloatArray:
+            part: FloatArray = vector - (vector * tangent).sum(axis=1)[:, None] * tangent
+            return part
+
+        turn = across(second) / speed[:, None]
+        window = (_PLACES - 1) / float(self.kept.sum())
+        mean = across(gaussian_filter1d(turn, window, axis=0, mode="nearest"))
+        size = np.maximum(np.linalg.norm(mean, axis=1), 1e-300)
+        step = places[1] - places[0]
+        return _running(speed, step), _running((turn * mean).sum(axis=1) / size, step)
+
+    def wider(self) -> "SmoothCurve":
+        """The curve at half of the resolution: lengths go with the sixth root of the weight."""
+        return replace(self, weight=self.weight * 2 ** (2 * _ORDER))
+
+
+def _running(rate: FloatArray, step: float) -> FloatArray:
+    sums: FloatArray = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * step)])
+    return sums
+
+
+def _places_of(points_m: FloatArray) -> FloatArray:
+    """About the length along the curve of each point: chords, smoothed, since jitter lengthens them."""
+    chords = np.linalg.norm(np.diff(points_m, axis=0), axis=1)
+    half = max(1, len(chords) // 20)
+    padded = np.pad(chords, half, mode="reflect")
+    smooth = np.convolve(padded, np.full(2 * half + 1, 1 / (2 * half + 1)), mode="valid")
+    return np.concatenate([[0.0], np.cumsum(smooth)])
+
+
+def smooth_curve(points_m: FloatArray) -> SmoothCurve:
+    """The smoothing spline through points, in their order along the curve.
+
+    Parameters
+    ----------
+    points_m : ndarray, shape (n, dimensions)
+        At least 8.
+    """
+    places, count = _places_of(points_m), len(points_m)
+    coefficients = int(np.clip(count // 2, _DEGREE + 2, _MOST_COEFFICIENTS))
+    inner = np.linspace(places[0], places[-1], coefficients - _DEGREE + 1)
+    knots = np.concatenate([[inner[0]] * _DEGREE, inner, [inner[-1]] * _DEGREE])
+    basis = BSpline.design_matrix(places, knots, _DEGREE)
+    node, share = np.polynomial.legendre.leggauss(_DEGREE)
+    half = np.diff(inner) / 2
+    at = ((inner[1:] + inner[:-1])[:, None] / 2 + half[:, None] * node).ravel()
+    rough = BSpline(knots, np.eye(coefficients), _DEGREE)(at, _ORDER)
+    penalty = rough.T @ ((half[:, None] * share).ravel()[:, None] * rough)
+    gram = (basis.T @ basis).toarray()
+    gram += 1e-12 * np.trace(gram) / coefficients * np.eye(coefficients)
+    roughness, modes = eigh(penalty, gram)
+    roughness = np.maximum(roughness, 0.0)
+    roughness[:_ORDER] = 0.0
+    curve = SmoothCurve(
+        parameter_m=places, points_m=points_m, knots=knots, modes=modes, roughness=roughness, weight=1.0
+    )
+    return curve.through(points_m)

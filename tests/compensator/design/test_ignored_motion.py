@@ -1,0 +1,67 @@
+"""What design and compare say of joints that move."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tendonff.compensator.compare.figures import errors_figure
+from tendonff.compensator.compare.run import compare
+from tendonff.compensator.compensators.capstan import Capstan
+from tendonff.compensator.compensators.inverse import Inverse
+from tendonff.compensator.compensators.uncompensated import Uncompensated
+from tendonff.compensator.design.figures import tension_figure
+from tendonff.compensator.design.output import Design
+from tendonff.compensator.design.run import design
+from tendonff.compensator.scenario.scenario import Scenario, load_scenario, parse_scenario
+
+COMPENSATORS = (Uncompensated(), Inverse())
+
+
+@pytest.fixture(scope="module")
+def moving(examples: Path) -> Scenario:
+    text = (examples / "finger_moving.toml").read_text(encoding="utf-8")
+    return parse_scenario(text.replace("duration_s = 4.0", "duration_s = 1.5"))
+
+
+@pytest.fixture(scope="module")
+def result(moving: Scenario) -> Design:
+    return design(moving, compensators=COMPENSATORS)
+
+
+def test_ignoring_the_motion_costs_far_more_than_the_inverse_leaves(result: Design) -> None:
+    found = result.ignored
+    assert found is not None
+    own = result.on_level("inverse", result.level).score
+    assert found.known == own
+    assert found.ignored.rmse_percent_of_range > 100 * own.rmse_percent_of_range
+    assert found.ignored.rmse_percent_of_range > 10
+    assert f"leave an RMS error of {found.ignored.percent} % of range" in found.text
+
+
+def test_page_and_files_say_it_and_show_the_joints(result: Design, tmp_path: Path) -> None:
+    assert result.ignored is not None
+    result.write(tmp_path / "out")
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert f"leave an RMS error of {result.ignored.ignored.percent} % of range" in page
+    assert "Bottom: the joint angles" in page
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+    assert summary["ignored_motion"]["rmse_N"] == pytest.approx(result.ignored.ignored.rmse_N)
+
+
+def test_figures_show_the_joints_under_the_tensions(result: Design, moving: Scenario) -> None:
+    compared = compare(
+        replace(moving, reference=replace(moving.reference, duration_s=0.4)),
+        compensators=(COMPENSATORS[0], Capstan(), COMPENSATORS[1]),
+    )
+    assert compared.ignored is not None
+    for figure in (tension_figure(result), errors_figure(compared)):
+        panel = next(axes for axes in figure.axes if axes.get_ylabel() == "joints [rad]")
+        assert [line.get_label() for line in panel.lines] == ["knuckle", "middle"]
+
+
+def test_where_nothing_moves_nothing_is_said(examples: Path) -> None:
+    finger = load_scenario(examples / "finger.toml")
+    short = replace(finger, reference=replace(finger.reference, duration_s=0.3))
+    assert design(short, compensators=COMPENSATORS).ignored is None

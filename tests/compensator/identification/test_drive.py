@@ -1,0 +1,65 @@
+"""The drive's own friction, told by its force, the tension at its end and its position."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.identification.run import identify
+from tendonff.compensator.scenario.scenario import load_scenario
+from tests.independent_plant import respond
+
+COULOMB, STEP = 4.0, 2e-3
+
+
+@pytest.fixture(scope="module")
+def rig(examples):
+    return load_scenario(examples / "finger.toml")
+
+
+@pytest.fixture(scope="module")
+def measured(rig, tmp_path_factory):
+    """Strokes at several loads on an independent plant, with the noise of cells and encoder."""
+    time = np.arange(0, 3, STEP)
+    force = (
+        45 + 25 * np.sin(2 * np.pi * 0.6 * time) * np.minimum(time, 1) + 8 * np.sin(2 * np.pi * 1.7 * time) * (time > 1)
+    )
+    t = rig.transmission
+    rubbing = replace(t, actuator=replace(t.actuator, coulomb_N=COULOMB))
+    seen = respond(rubbing, time, force, 45.0, masses=4)
+    noise = np.random.default_rng(3)
+    file = tmp_path_factory.mktemp("drive") / "strokes.csv"
+    columns = {
+        "time_s": time,
+        "input_tension_N": seen.input_N + noise.normal(0, 0.05, len(time)),
+        "output_tension_N": seen.output_N + noise.normal(0, 0.05, len(time)),
+        "input_position_m": seen.actuator_m + noise.normal(0, 2e-6, len(time)),
+        "actuator_force_N": force + 0.8 + noise.normal(0, 0.1, len(time)),
+    }
+    write_csv(file, columns)
+    return file
+
+
+def test_the_friction_of_the_drive_is_told_and_goes_into_the_fitted_scenario(rig, measured, record_property):
+    found = identify(rig, [measured], static_only=True)
+    estimate = found.estimate("coulomb_N")
+    record_property(
+        "figure", f"coulomb_N of 4 N on an independent plant: {estimate.value:.4g} +- {estimate.standard_error:.2g} N"
+    )
+    assert estimate.identifiable
+    assert estimate.value == pytest.approx(COULOMB, rel=0.03)
+    assert "offset of 0.8" in estimate.why
+    assert found.scenario.transmission.actuator.coulomb_N == estimate.value
+    assert found.as_json()["estimates"]["coulomb_N"]["identifiable"]
+
+
+def test_without_the_position_or_the_force_it_is_not_told(rig, measured):
+    blind = replace(rig, measurement=replace(rig.measurement, input_position_column="none"))
+    estimate = identify(blind, [measured], static_only=True).estimate("coulomb_N")
+    assert not estimate.identifiable
+    assert "name it with --input-position-column" in estimate.why
+    assert estimate.value == 0
+    unforced = replace(rig, measurement=replace(rig.measurement, actuator_force_column="none"))
+    names = [e.name for e in identify(unforced, [measured], static_only=True).estimates]
+    assert "coulomb_N" not in names

@@ -1,0 +1,62 @@
+"""Notebooks are stored with their outputs: those of a fresh run, with words for their pictures."""
+
+import re
+import runpy
+from pathlib import Path
+
+import nbformat
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+STORE = runpy.run_path(str(ROOT / "notebooks" / "store.py"))
+NUMBER = re.compile(r"[-+]?\d+(?:[.,]\d+)*(?:e[-+]?\d+)?")
+
+
+def words(text: str) -> list[str]:
+    """The text without its numbers, which may need more or fewer blanks."""
+    return NUMBER.sub("", text).split()
+
+
+def numbers(text: str) -> list[float]:
+    return [float(found.replace(",", "")) for found in NUMBER.findall(text) if found.count(".") < 2]
+
+
+@pytest.mark.compiler
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::RuntimeWarning", "ignore::DeprecationWarning", "ignore::UserWarning")
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_fresh_run_prints_what_is_stored_and_draws_as_many_pictures(path: Path) -> None:
+    """Words alike, numbers to 2 % (other processors round otherwise); only words where numbers vary by nature."""
+    stored = nbformat.read(path, as_version=4)
+    fresh = STORE["executed"](path)
+    for old, new in zip(stored.cells, fresh.cells, strict=True):
+        if old.cell_type != "code":
+            continue
+        assert words(STORE["texts"](new)) == words(STORE["texts"](old)), old.source
+        if STORE["VARIES"] not in old.metadata.get("tags", ()):
+            assert numbers(STORE["texts"](new)) == pytest.approx(numbers(STORE["texts"](old)), rel=0.02), old.source
+        assert len(STORE["pictures"](new)) == len(STORE["pictures"](old)), old.source
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_every_cell_was_run_in_order_and_every_picture_is_described(path: Path) -> None:
+    cells = [cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"]
+    assert [cell.execution_count for cell in cells] == list(range(1, len(cells) + 1))
+    shown = [
+        (output.metadata["image/png"]["alt"], STORE["alt_text"](cell))
+        for cell in cells
+        for output in cell.outputs
+        if "image/png" in output.get("data", {})
+    ]
+    assert shown
+    assert all(stored == said and len(said.split()) > 5 for stored, said in shown)
+    assert not [output for cell in cells for output in cell.outputs if output.output_type == "error"]
+    printed = "".join(STORE["texts"](cell) for cell in cells)
+    assert not re.search(r"(?<![\w.])/\w+/", printed), "a path of this machine"
+
+
+def test_titles_are_numbered_like_the_files() -> None:
+    titles = [nbformat.read(path, as_version=4).cells[0].source.splitlines()[0] for path in NOTEBOOKS]
+    assert [re.match(r"# (\d+)\. \S", title)[1] for title in titles] == [path.name.split("_")[0] for path in NOTEBOOKS]
+    assert [int(path.name.split("_")[0]) for path in NOTEBOOKS] == list(range(1, len(NOTEBOOKS) + 1))
