@@ -16,11 +16,12 @@ from tendonff.models.layout import fields_of
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.adaptation.recursion import covariance_names, trust_law, update_law
 from tendonff.ocp.adaptation.tuning import GATE, MAX_DELAY, PEAK, Tunable
-from tendonff.ocp.codegen.compiler import load_library
+from tendonff.ocp.codegen.compiler import find_compiler, load_library
 from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal, real_type
+from tendonff.ocp.errors import CodeError
 from tendonff.ocp.step.c_engine import PREFIX, host_source
 from tendonff.ocp.step.laws import ElementLaws
 from tendonff.ocp.step.protocol import Array
@@ -340,6 +341,11 @@ def host_library(tuned: TunedChain) -> ctypes.CDLL:
     CodeError
         If no C compiler works here.
     """
+    if find_compiler() is None:
+        raise CodeError(
+            "self-tuning runs as compiled C only, and no C compiler works here; `pip install ziglang` brings one "
+            "(whatever has no [adaptation] works without, several times slower)"
+        )
     return _loaded(_host_text(tuned)) if tuned.chain.moving else _cached(tuned)
 
 
