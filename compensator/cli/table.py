@@ -86,6 +86,6 @@ def table(
     built, own = result.tables[0].built, result.scores[result.level]
     say(
         f"{sum(made.built.table.nodes for made in result.tables)} nodes, interpolation error {built.error_N:.3g} N "
-        f"(bound {built.bound_N:.3g} N); as a compensator on level {result.level}: {own.rmse_N:.3g} N rms, "
+        f"(bound {built.bound_N:.3g} N); as a compensator on level {result.level}: {own.rmse_N:.3g} N RMS, "
         f"{own.rmse_percent_of_range:.2g} % of range"
     )

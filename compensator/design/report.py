@@ -205,7 +205,7 @@ def _positions(result: DesignData) -> tuple[Block, ...]:
             rows.append((c.label, own[0], own[1], fine[0], fine[1], share))
     table = Table(
         caption="Error of the load's position: design level, and finer chain",
-        columns=("profile", "rms [m]", "largest [m]", "rms, finer [m]", "largest, finer [m]", "% of range, finer"),
+        columns=("profile", "RMS [m]", "largest [m]", "RMS, finer [m]", "largest, finer [m]", "% of range, finer"),
         rows=tuple(rows),
     )
     return (table,)
@@ -227,12 +227,12 @@ def _drive(result: DesignData) -> tuple[Block, ...]:
     row("stroke [m]", [use.stroke_m for use in used], None if lower is None or upper is None else upper - lower)
     row("peak speed [m/s]", speeds, actuator.speed_max_m_per_s)
     row("peak force [N]", [float(np.max(use.force_N)) for use in used], actuator.force_max_N)
-    row("rms force [N]", [use.force_rms_N for use in used], None)
+    row("RMS force [N]", [use.force_rms_N for use in used], None)
     row("peak power [W]", [float(np.max(use.power_W)) for use in used], None)
     if motor is not None:
         per_rad = motor.travel_per_rad_m
         row("motor: peak torque [N m]", [float(np.max(use.force_N)) * per_rad for use in used], motor.torque_max_N_m)
-        row("motor: rms torque [N m]", [use.force_rms_N * per_rad for use in used], motor.torque_rated_N_m)
+        row("motor: RMS torque [N m]", [use.force_rms_N * per_rad for use in used], motor.torque_rated_N_m)
         row("motor: peak speed [rad/s]", [speed / per_rad for speed in speeds], motor.speed_max_rad_per_s)
         row("motor: way [turns]", [use.stroke_m / per_rad / (2 * np.pi) for use in used], None)
         if motor.stall_torque_N_m is not None:

@@ -16,7 +16,7 @@ A command fills a `Report` and writes it beside its other files, inside the fold
                         blocks=(
                             Text("Four forces for the same reference."),
                             Picture(figure=figure, caption="Forces over time."),
-                            Table(caption="Error", columns=("compensator", "rms [N]"), rows=(("none", 3.1),)),
+                            Table(caption="Error", columns=("compensator", "RMS [N]"), rows=(("none", 3.1),)),
                         ),
                     ),
                 ),
