@@ -12,7 +12,9 @@ from tendonff.models.layout import fields_of
 from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import Specialiser
 from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.step.joints import Joints
 from tendonff.ocp.step.target import SETTABLE, inverse_code
+from tendonff.ocp.step.target_joints import contact_code
 
 PARAMETERS = CModule(name="parameters", content="what can be changed while the controller runs")
 """Goes with every module that uses it."""
@@ -109,14 +111,19 @@ def settable_inverse(problem: Problem, precision: Precision, prefix: str) -> dic
 
 
 def settable_numbers(problem: Problem) -> tuple[str, ...]:
-    """Numbers of one mass in the record of the inverse.
+    """Members of the inverse that hold the numbers of its masses.
 
     Parameters
     ----------
     problem : Problem
     """
+    if problem.chain.moving:
+        joints = Joints.of(problem.chain)
+        own = contact_code(problem.chain, joints, "tff_inverse", Precision.DOUBLE, settable=True).own
+        contact = (f"contact[{k}].{name}" for k in range(len(joints.bends)) for name in own)
+        return ("own.piece_adhesion_N", "pull", "release", *contact)
     alike = {f"friction_{name}" for name in problem.chain.friction.aliases()}
-    return tuple(name for name in SETTABLE if name not in alike)
+    return tuple(f"own.{name}" for name in SETTABLE if name not in alike)
 
 
 def _settable_law(problem: Problem, names: tuple[str, ...]) -> Law:

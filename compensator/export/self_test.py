@@ -152,7 +152,7 @@ def self_test_context(
         "plant_ends": (float(ends.near_position_m[-1]), float(ends.far_position_m[-1])),
         "settable": {
             "capstan": ("pull", "release", "adhesion"),
-            "inverse": ("mu", "adhesion", *(f"own.{name}" for name in settable_numbers(problem))),
+            "inverse": ("mu", "adhesion", *settable_numbers(problem)),
         },
         "narrow_N": (least + 0.25 * (min(most, 1e6) - least), least + 0.75 * (min(most, 1e6) - least)),
         "push_N": (high, low_end) if pushes else None,
