@@ -75,6 +75,7 @@ class Exported:
         """
         with atomic_directory(folder) as partial:
             for name, text in self.files.items():
+                (partial / name).parent.mkdir(parents=True, exist_ok=True)
                 write_text(partial / name, text)
 
 

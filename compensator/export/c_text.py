@@ -19,6 +19,7 @@ from tendonff.compensator.compensators.table import table_range
 from tendonff.compensator.compensators.table_build import BuiltTable
 from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_code
 from tendonff.compensator.export.modules import PLANT, STREAM
+from tendonff.compensator.export.packaging import packed
 from tendonff.compensator.export.parameters import parameter_context, settable_inverse
 from tendonff.compensator.export.path_text import padded, path_bytes, path_context
 from tendonff.compensator.export.table_index import share_index
@@ -34,12 +35,13 @@ from tendonff.ocp.step.target import plant_code, plant_limits
 
 _FOLDER_FILES = ("self_test.c", "example_main.c", "Makefile", "CMakeLists.txt", "README.md")
 _TEMPLATES = jinja2.Environment(  # noqa: S701 - C has no markup to escape
-    loader=jinja2.PackageLoader("tendonff.compensator.export", "templates/c"),
+    loader=jinja2.PackageLoader("tendonff.compensator.export", "templates"),
     undefined=jinja2.StrictUndefined,
     keep_trailing_newline=True,
     trim_blocks=True,
     lstrip_blocks=True,
 )
+_TEMPLATES.filters["st"] = lambda value: literal(float(value), Precision.DOUBLE)
 
 
 def c_sources(
@@ -104,26 +106,19 @@ def folder_files(
         What the templates need beyond scenario and level.
     """
     context = _context(scenario, problem, modules, precision, prefix, further) | dict(further)
-    described = {f"{prefix}_parameters.a2l": _render("parameters.a2l.j2", context)}
-    return {name: _render(f"{name}.j2", context) for name in _FOLDER_FILES} | described
+    beside = packed([m.name for m in modules], str(context["follower"]), prefix)
+    templates = {name: f"c/{name}.j2" for name in _FOLDER_FILES} | beside
+    return {path: _TEMPLATES.get_template(template).render(context) for path, template in templates.items()}
 
 
 def table_header(scenario: Scenario, built: BuiltTable, level: Level, prefix: str = "tff") -> str:
-    """The C header of a table alone, in double.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    built : BuiltTable
-    level : Level
-    prefix : str, optional
-    """
+    """The C header of a table alone, in double."""
     context = _naming(scenario, level, Precision.DOUBLE, prefix) | table_context(built, Precision.DOUBLE)
     return _render("table_data.h.j2", context)
 
 
 def _render(template: str, context: dict[str, object]) -> str:
-    return _TEMPLATES.get_template(template).render(context)
+    return _TEMPLATES.get_template(f"c/{template}").render(context)
 
 
 def _naming(scenario: Scenario, level: Level, precision: Precision, prefix: str) -> dict[str, object]:
@@ -187,13 +182,7 @@ def _wrapped(items: list[str]) -> str:
 
 
 def table_context(built: BuiltTable, precision: Precision) -> dict[str, object]:
-    """What the templates of a table need.
-
-    Parameters
-    ----------
-    built : BuiltTable
-    precision : Precision
-    """
+    """What the templates of a table need."""
     table = built.table
     notes = (
         f"Interpolation error at most {built.error_N:.3g} N (bound {built.bound_N:.3g} N); made for a reference that",
@@ -210,12 +199,7 @@ def table_context(built: BuiltTable, precision: Precision) -> dict[str, object]:
 
 
 def accepted_range(problem: Problem) -> tuple[float, float]:
-    """References that the exported modules accept [N].
-
-    Parameters
-    ----------
-    problem : Problem
-    """
+    """References that the exported modules accept [N]."""
     tension = problem.reference.tension_N
     low, _ = table_range(problem)
     high = max(largest_tension(problem.transmission), float(np.max(tension)))
@@ -314,13 +298,7 @@ def _start_context(chain: Chain) -> dict[str, object]:
 
 
 def table_bytes(table: LookupTable, precision: Precision) -> int:
-    """Constant data of a table: forces, shares and the index of the shares [bytes].
-
-    Parameters
-    ----------
-    table : LookupTable
-    precision : Precision
-    """
+    """Constant data of a table: forces, shares and the index of the shares [bytes]."""
     size, total = 4 if precision is Precision.FLOAT else 8, 0
     for branch in Branch:
         share = table.branch(branch).share
@@ -330,12 +308,7 @@ def table_bytes(table: LookupTable, precision: Precision) -> int:
 
 
 def measured(precision: Precision) -> dict[str, object]:
-    """Instructions, code and stack of the example, as `tests/target` measured them.
-
-    Parameters
-    ----------
-    precision : Precision
-    """
+    """Instructions, code and stack of the example, as `tests/target` measured them."""
     text = files("tendonff.compensator.export").joinpath("measured.json").read_text(encoding="utf-8")
     content: dict[str, dict[str, object]] = json.loads(text)
     return content[precision]

@@ -25,6 +25,9 @@ _ROWS = 1000
 _REVERSAL_ROWS = 240
 _GENTLE_ROWS = 900
 _LIVE_ROWS = 500
+_GROWTH = 1e5
+"""Difference between two courses of the plant that differ by rounding, over that rounding, where comparing ends."""
+
 _LOST = slice(200, 240)
 _LEGS = tuple(0.6**k for k in (0, 3, 1, 4, 2, 6, 3, 8, 1, 5, 2, 7))  # of the range: reversals at many depths
 _JUMPS = (0.0, 1.0, 1.0, 0.0, 0.0, 0.5, 1.0, 0.2, 0.2, 0.9, 0.0, 0.0)  # places in the range, a sample each
@@ -39,7 +42,8 @@ class Course:
     reference_N, plant_force_N : ndarray, shape (rows,)
         Inputs, exact in the real type of the export; of a position drive commands [m].
     columns : dict of str to ndarray, shape (rows,)
-        Answers: inverse, capstan, table (force within limits) and plant (output tension) [N].
+        Answers: inverse, capstan, table (force within limits) and plant (output tension) [N]; of the plant as many
+        rows as rounding leaves alone.
     scale_N : float
         Largest force that the course asks for before the limits: what rounding is relative to [N].
     chain : Chain
@@ -61,7 +65,8 @@ class Course:
     @property
     def inputs_N(self) -> dict[str, FloatArray]:
         """What each module with answers is given, by name [N]."""
-        return {name: self.plant_force_N if name == "plant" else self.reference_N for name in self.columns}
+        rows = len(self.columns.get("plant", ()))
+        return {name: self.plant_force_N[:rows] if name == "plant" else self.reference_N for name in self.columns}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,6 +153,18 @@ def _moving(problem: Problem, rows: NDArray[np.int_], count: int, precision: Pre
     return replace(problem.chain, motion=replace(motion, time_s=time, angle_rad=angle))
 
 
+def _repeatable(problem: Problem, course: Course, precision: Precision) -> Course:
+    """The course with the plant's answers up to where rounding grows: friction that falls with speed makes it grow."""
+    force, plant = course.plant_force_N, course.columns["plant"]
+    start, size = float(course.reference_N[0]), np.finfo(np.float32 if precision is Precision.FLOAT else np.float64).eps
+    nudged = force * (1 + 4 * size * np.where(np.arange(len(force)) % 2, 1, -1))
+    other = respond(problem, nudged, start, course.chain)
+    rows = min(len(other.tension_N), len(plant))
+    apart = np.abs(other.output_tension_N[:rows] - plant[:rows]) > _GROWTH * size * course.scale_N
+    kept = int(np.argmax(apart)) if apart.any() else rows
+    return replace(course, columns={**course.columns, "plant": plant[: max(kept, 2)]})
+
+
 def to_and_fro(course_N: FloatArray, *, step_N: float | None = None, rows: int = _REVERSAL_ROWS) -> FloatArray:
     """A way on from the end of a course that turns round at many depths of the transition, within the course's range.
 
@@ -215,7 +232,9 @@ def golden_vectors(
     jumps = rounded(low + np.array(_JUMPS) * (high - low), precision)
     return Golden(
         stride=stride,
-        course=_course(problem, table, reference, precision, with_plant=True, chain=chain),
+        course=_repeatable(
+            problem, _course(problem, table, reference, precision, with_plant=True, chain=chain), precision
+        ),
         jumps=_course(
             problem,
             table,
