@@ -49,9 +49,7 @@ class ExportedInverse:
             raise CodeError("no C compiler found: the exported inverse cannot run here")
         with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as scratch:
             folder = Path(scratch)
-            exported = export_project(scenario_of(rig, start_N, step_s), profile_N=np.full(2, start_N))
-            for name, text in exported.files.items():
-                (folder / name).write_text(text, encoding="utf-8")
+            export_project(scenario_of(rig, start_N, step_s), profile_N=np.full(2, start_N)).write(folder)
             (folder / "driver.c").write_text(_DRIVER, encoding="utf-8")
             sources = ["driver.c", *(f"tff_{name}.c" for name in ("parameters", "limits", "path", "inverse"))]
             flags = ["-std=c99", "-O2", "-shared", "-fPIC", "-ffp-contract=off", "-o", "code.so", *sources, "-lm"]
