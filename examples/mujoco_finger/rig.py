@@ -1,11 +1,11 @@
 """A finger of MuJoCo's whose flexor is a tendonff plant, stepped together, and a controller beside it.
 
 MuJoCo moves the bones and knows the tendon's geometry; the tension in each part of the tendon comes from a chain of
-tendonff, which is told the joint angles. The controller holds a model of its own with fewer masses and a longer step.
+tendonff, which is told the joint angles. The controller runs the exported C inverse: fewer masses, a longer step.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
@@ -13,9 +13,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from examples.mujoco_finger.exported import ExportedInverse
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
-from tendonff.models.layout import ChainInputs, ChainState
+from tendonff.models.layout import ChainInputs
 from tendonff.models.parameters import Actuator, Friction, Load, Tendon, Transmission
 from tendonff.models.parameters import Path as TendonPath
 from tendonff.models.path import JointMotion
@@ -42,7 +43,7 @@ class Controller(StrEnum):
     AT_REST
         The exact inverse for the pose of the start.
     MEASURED
-        The exact inverse, told the joint angles of the moment.
+        The exact inverse as exported C, told the joint angles of the moment.
     """
 
     PLAIN = "reference applied directly"
@@ -179,33 +180,29 @@ def run(controller: Controller, duration_s: float = DURATION_S) -> Run:
     rows = round(duration_s / STEP_S) + 1
     fine = model.opt.timestep
     substeps = round(STEP_S / fine)
-    # What the joints do becomes known as they do it: the arrays are filled on the way, a step ahead of their use.
-    told = np.tile(data.qpos, (rows, 1))
+    # What the joints do becomes known as they do it: the array is filled on the way, a step ahead of its use.
     true = np.tile(data.qpos, ((rows - 1) * substeps + 1, 1))
     time: Array = np.arange(rows, dtype=np.float64) * STEP_S
     rig = transmission(JointMotion(names=JOINTS, time_s=np.arange(len(true)) * fine, angle_rad=true))
-    knows = Chain.of(replace(rig, motion=JointMotion(names=JOINTS, time_s=time, angle_rad=told)), Level.PRESLIDING)
     plant = Chain.of(rig, Level.PRESLIDING, PLANT_MASSES)
     # the link behind the last mass on a joint's pulley pulls at the bone behind the joint
     section_of = plant.elements.path.section_of
     names = [section.name for section in rig.path.parts]
     pulls = [int(np.flatnonzero(section_of == names.index(joint)).max()) + 1 for joint in JOINTS]
     reference = wanted(time)
-    at_rest = invert(knows.at_rest(), reference, STEP_S).force_N
+    at_rest = invert(Chain.of(rig, Level.PRESLIDING).at_rest(), reference, STEP_S).force_N
+    inverse = ExportedInverse(rig, START_N, STEP_S) if controller is Controller.MEASURED else None
+    if inverse is not None:
+        inverse.step(START_N, data.qpos)  # where the joints stand
     tendon = Simulator(plant, fine, plant.rest_state(START_N), ChainInputs.of(1, near_force_N=START_N))
-    state, force = knows.rest_state(START_N), START_N
+    force = START_N
     forces, tensions, tension = [force], [START_N], np.full(PLANT_MASSES + 1, START_N)
     for k in range(rows - 1):
         before = force
-        if controller is Controller.PLAIN:
-            force = float(reference[k + 1])
-        elif controller is Controller.AT_REST:
-            force = float(at_rest[k + 1])
+        if inverse is None:
+            force = float((reference if controller is Controller.PLAIN else at_rest)[k + 1])
         else:  # encoders: angle and speed now, from which the angle at the end of the step
-            told[k + 1 :] = data.qpos + STEP_S * data.qvel
-            inverse = invert(knows, reference[k : k + 2], STEP_S, state=state, record=True)
-            force = float(inverse.force_N[-1])
-            state = ChainState.from_vector(np.asarray(inverse.states)[-1], knows.layout, float(time[k + 1]))
+            force = inverse.step(float(reference[k + 1]), data.qpos + STEP_S * data.qvel)
         for j in range(substeps):
             data.qfrc_applied[:] = pushed(data.time) - np.array(data.ten_J).ravel() * tension[pulls]
             mujoco.mj_step(model, data)
