@@ -21,8 +21,8 @@ _ROWS = 1000
 _REVERSAL_ROWS = 240
 _GENTLE_ROWS = 900
 _LIVE_ROWS = 500
-_GROWTH = 1e5
-"""Difference between two courses of the plant that differ by rounding, over that rounding, where comparing ends."""
+_NUDGE, _GROWTH = 1e-9, 20.0
+"""Relative change of the force from row to row, and how much larger its effect may get before comparing ends."""
 
 _LOST = slice(200, 240)
 _LEGS = tuple(0.6**k for k in (0, 3, 1, 4, 2, 6, 3, 8, 1, 5, 2, 7))  # of the range: reversals at many depths
@@ -118,14 +118,15 @@ def _course(
     return Course(reference_N=reference_N, plant_force_N=force, columns=columns, scale_N=scale)
 
 
-def _repeatable(problem: Problem, course: Course, precision: Precision) -> Course:
-    """The course with the plant's answers up to where rounding grows: friction that falls with speed makes it grow."""
+def _repeatable(problem: Problem, course: Course) -> Course:
+    """The course with the plant's answers as far as small differences stay small, which falling friction may end."""
     force, plant = course.plant_force_N, course.columns["plant"]
-    start, size = float(course.reference_N[0]), np.finfo(np.float32 if precision is Precision.FLOAT else np.float64).eps
-    nudged = force * (1 + 4 * size * np.where(np.arange(len(force)) % 2, 1, -1))
+    nudge = _NUDGE * float(np.abs(force).max())
+    nudged = force + nudge * np.where(np.arange(len(force)) % 2, 1, -1)
+    start = float(course.reference_N[0])
     other = simulate(problem.chain, nudged, problem.reference.step_s, initial_tension_N=start)
     rows = min(len(other.tension_N), len(plant))
-    apart = np.abs(other.output_tension_N[:rows] - plant[:rows]) > _GROWTH * size * float(np.abs(force).max())
+    apart = np.abs(other.output_tension_N[:rows] - plant[:rows]) > _GROWTH * nudge
     kept = int(np.argmax(apart)) if apart.any() else rows
     return replace(course, columns={**course.columns, "plant": plant[: max(kept, 2)]})
 
@@ -193,7 +194,7 @@ def golden_vectors(
     jumps = rounded(low + np.array(_JUMPS) * (high - low), precision)
     return Golden(
         stride=stride,
-        course=_repeatable(problem, _course(problem, table, reference, precision, with_plant=True), precision),
+        course=_repeatable(problem, _course(problem, table, reference, precision, with_plant=True)),
         jumps=_course(problem, table, jumps, precision, with_plant=False),
         live=None if stream is None else _live(problem, stream, reference, precision),
     )
