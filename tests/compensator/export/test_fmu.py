@@ -4,6 +4,7 @@ import io
 import shutil
 import subprocess
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -265,3 +266,41 @@ def run_nm(file):
     if shutil.which("nm") is None:
         pytest.skip("nm is not installed")
     return subprocess.run(["nm", file], capture_output=True, text=True, check=True).stdout
+
+
+@pytest.mark.parametrize("kind", [Kind.INVERSE, Kind.PLANT])
+def test_a_unit_takes_the_joint_angles_of_a_moving_path(examples, kind, tmp_path, record_property):
+    from fmpy.validation import validate_fmu
+
+    finger = load_scenario(examples / "finger_moving.toml")
+    problem, fmi = Problem.of(finger), FmiVersion.V2 if kind is Kind.INVERSE else FmiVersion.V3
+    build_fmu(finger, kind, fmi).write(tmp_path)
+    (path,) = tmp_path.glob("*.fmu")
+    assert validate_fmu(str(path)) == []
+    step, time = finger.run.step_s, problem.reference.time_s[: ROWS + 1]
+    angles = problem.chain.motion.at(time)
+    given = problem.reference.tension_N[: ROWS + 1]
+    name, answer = NAMES[kind]
+    joints = [f"joint_{joint}" for joint in finger.joints]
+    rows = list(zip(time, given, *angles.T, strict=True))
+    signal = np.array(rows, dtype=[(column, float) for column in ("time", name, *joints)])
+    out = fmpy.simulate_fmu(
+        str(path),
+        stop_time=ROWS * step,
+        step_size=step,
+        output_interval=step,
+        input=signal,
+        output=[name, answer, *joints],
+    )
+    used = np.column_stack([out[joint] for joint in joints])[1:]
+    motion = replace(problem.chain.motion, time_s=step * np.arange(ROWS), angle_rad=used)
+    chain, start = replace(problem.chain, motion=motion), float(given[0])
+    if kind is Kind.INVERSE:
+        force = invert(chain, out[name][1:], step, initial_tension_N=start).force_N
+        expected = problem.limits.apply(force, step, start)
+    else:
+        expected = simulate(chain, out[name][1:], step, initial_tension_N=start).output_tension_N
+    error = float(np.abs(out[answer][1:] - expected).max())
+    record_property("figure", f"FMU {kind} with joints, FMI {fmi}, against Python: {error:.2g} N")
+    assert np.ptp(used) > 0.5
+    assert error <= 1e-9
