@@ -25,8 +25,8 @@ _ROWS = 1000
 _REVERSAL_ROWS = 240
 _GENTLE_ROWS = 900
 _LIVE_ROWS = 500
-_GROWTH = 1e5
-"""Difference between two courses of the plant that differ by rounding, over that rounding, where comparing ends."""
+_NUDGE, _GROWTH = 1e-9, 20.0
+"""Relative change of the force from row to row, and how much larger its effect may get before comparing ends."""
 
 _LOST = slice(200, 240)
 _LEGS = tuple(0.6**k for k in (0, 3, 1, 4, 2, 6, 3, 8, 1, 5, 2, 7))  # of the range: reversals at many depths
@@ -153,14 +153,13 @@ def _moving(problem: Problem, rows: NDArray[np.int_], count: int, precision: Pre
     return replace(problem.chain, motion=replace(motion, time_s=time, angle_rad=angle))
 
 
-def _repeatable(problem: Problem, course: Course, precision: Precision) -> Course:
-    """The course with the plant's answers up to where rounding grows: friction that falls with speed makes it grow."""
+def _repeatable(problem: Problem, course: Course) -> Course:
+    """The course with the plant's answers as far as small differences stay small, which falling friction may end."""
     force, plant = course.plant_force_N, course.columns["plant"]
-    start, size = float(course.reference_N[0]), np.finfo(np.float32 if precision is Precision.FLOAT else np.float64).eps
-    nudged = force * (1 + 4 * size * np.where(np.arange(len(force)) % 2, 1, -1))
-    other = respond(problem, nudged, start, course.chain)
+    nudged = force + _NUDGE * float(np.abs(force).max()) * np.where(np.arange(len(force)) % 2, 1, -1)
+    other = respond(problem, nudged, float(course.reference_N[0]), course.chain)
     rows = min(len(other.tension_N), len(plant))
-    apart = np.abs(other.output_tension_N[:rows] - plant[:rows]) > _GROWTH * size * course.scale_N
+    apart = np.abs(other.output_tension_N[:rows] - plant[:rows]) > _GROWTH * _NUDGE * course.scale_N
     kept = int(np.argmax(apart)) if apart.any() else rows
     return replace(course, columns={**course.columns, "plant": plant[: max(kept, 2)]})
 
@@ -232,9 +231,7 @@ def golden_vectors(
     jumps = rounded(low + np.array(_JUMPS) * (high - low), precision)
     return Golden(
         stride=stride,
-        course=_repeatable(
-            problem, _course(problem, table, reference, precision, with_plant=True, chain=chain), precision
-        ),
+        course=_repeatable(problem, _course(problem, table, reference, precision, with_plant=True, chain=chain)),
         jumps=_course(
             problem,
             table,
