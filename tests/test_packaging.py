@@ -57,8 +57,8 @@ def build(target: str, folder: Path) -> set[str]:
 
 
 def test_a_wheel_built_without_links_holds_the_whole_tree(tmp_path: Path) -> None:
-    """As on Windows without developer mode."""
-    assert build("wheel", tmp_path) == tree()
+    """As on Windows without developer mode; the finger of MuJoCo is to be run from a checkout."""
+    assert build("wheel", tmp_path) == {name for name in tree() if "mujoco_finger" not in name}
 
 
 def test_an_editable_installation_copies_nothing(tmp_path: Path) -> None:

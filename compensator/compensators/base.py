@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.compensator.files.progress import Progress, silent
-from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.joint_motion import moved
 from tendonff.compensator.scenario.reference import Hold
 from tendonff.compensator.scenario.sampling import Reference, sample_reference
@@ -91,10 +90,8 @@ class Problem:
             Default: those of the scenario.
         """
         reference = sample_reference(scenario) if reference is None else reference
-        transmission = moved(scenario, float(reference.time_s[-1]))
+        transmission = moved(scenario, float(reference.time_s[-1]), periodic=scenario.reference.periodic)
         samples = sample_transmissions(transmission, scenario.robust)
-        if len(samples) > 1 and scenario.reference.periodic:
-            raise InputError(f"{scenario.source.name}: [robust] knows no periodic reference yet; leave one of them out")
         return cls(
             transmission=transmission,
             level=level or scenario.run.level,

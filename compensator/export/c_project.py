@@ -11,17 +11,14 @@ import numpy as np
 from tendonff._version import __version__
 from tendonff.compensator.adapt.setup import learnt, tuning_of
 from tendonff.compensator.compensators.base import CModule, FloatArray, Problem
-from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
+from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.stream.run import StreamChoice, choose_stream
 from tendonff.compensator.compensators.table import CompensationTable, table_of
 from tendonff.compensator.compensators.table_build import BuiltTable
 from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_golden
 from tendonff.compensator.export.c_text import (
-    PLANT,
     accepted_range,
-    c_modules,
     c_sources,
-    check_prefix,
     folder_files,
     measured,
     table_bytes,
@@ -29,13 +26,12 @@ from tendonff.compensator.export.c_text import (
 )
 from tendonff.compensator.export.golden import golden_vectors
 from tendonff.compensator.export.host import run_on_host
-from tendonff.compensator.export.judgement import Judged, judge, judge_stream
+from tendonff.compensator.export.judgement import Judged, answer_of, judge, judge_stream
+from tendonff.compensator.export.modules import PLANT, c_modules, check_prefix, check_servo, check_tuning, exportable
 from tendonff.compensator.export.self_test import FloatLoss, float_losses, loss_warnings, self_test_context
-from tendonff.compensator.files.text import InputError
 from tendonff.compensator.files.writing import atomic_directory, write_text
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.capstan import CapstanLaw
-from tendonff.models.drive import Drive
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
@@ -79,6 +75,7 @@ class Exported:
         """
         with atomic_directory(folder) as partial:
             for name, text in self.files.items():
+                (partial / name).parent.mkdir(parents=True, exist_ok=True)
                 write_text(partial / name, text)
 
 
@@ -106,7 +103,8 @@ def export_project(
     level : Level, optional
         Fidelity level of inverse, table and plant; default: the scenario's own.
     profile_N : ndarray, optional
-        Profile to play [N]; default: the optimal one. It is judged where it has a sample for each of the reference.
+        Profile to play [N] or, of a position drive, [m]; default: the optimal one. It is judged where it has a sample
+        for each of the reference.
     force_export : bool, optional
         Export modules all the same that are worse than no compensation.
 
@@ -118,16 +116,13 @@ def export_project(
         If there is no profile that may be exported, or nothing is better than no compensation; the message says why.
     """
     check_prefix(prefix)
-    if scenario.transmission.actuator.drive is Drive.POSITION:
-        raise InputError(
-            f'{scenario.source.name} [actuator]: drive = "position" is not exported yet; play a command column of '
-            'profile.csv (design), or export with drive = "force"'
-        )
+    check_servo(scenario)
+    check_tuning(scenario)
     problem = Problem.of(scenario, level=level)
     warnings = problem.reference.warnings
     if profile_N is None:
         profile = compensator("optimal").profile(problem).require()
-        profile_N, warnings = profile.force_N, (*warnings, *profile.warnings)
+        profile_N, warnings = answer_of(problem, "optimal", profile), (*warnings, *profile.warnings)
     built = None if scenario.joints else table_of(problem)
     table = None if built is None else built.table
     forces = _forces(problem, built, profile_N)
@@ -155,7 +150,7 @@ def export_project(
         angles = [golden.course.joint_rad, golden.jumps.joint_rad, np.empty(0), _joint_rad(problem)]
         found = run_on_host(every, prefix, precision, inputs, angles if scenario.joints else ())
         if found is not None:
-            losses = float_losses(golden.course, found[0])
+            losses = float_losses(golden.course, found[0], problem)
             forces |= found[3]
     judged = judge(problem, forces)
     if not scenario.joints:
@@ -205,18 +200,15 @@ def _joint_rad(problem: Problem) -> FloatArray:
 
 
 def _forces(problem: Problem, built: BuiltTable | None, profile_N: FloatArray) -> dict[str, FloatArray]:
-    """Force of each module at the samples of the reference [N]; that of a profile of another length is left out."""
+    """Force [N] or command [m] of each module at the samples of the reference; no profile of another length."""
     forces = {}
-    for each in COMPENSATORS:
-        module = each.c_module
-        if module is None or (built is None and not module.knows_joints):
-            continue
+    for each, module in exportable(problem.transmission, moving=built is None):
         if module.plays_back:
             if len(profile_N) == len(problem.reference.tension_N):
                 forces[module.name] = profile_N
         else:
             exported = CompensationTable(built.table) if built and isinstance(each, CompensationTable) else each
-            forces[module.name] = exported.profile(problem).force_N
+            forces[module.name] = answer_of(problem, each.name, exported.profile(problem))
     return forces
 
 

@@ -14,12 +14,12 @@ from tendonff.ocp.errors import CodeError
 
 _FLAGS = ("-std=c99", "-O1", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno")
 _DRIVER = """
-void run_{module}(long n, const {prefix}_real *given, const {prefix}_real *joint, {prefix}_real *answer)
+void run_{module}(long n, double start, const {prefix}_real *given, const {prefix}_real *joint, {prefix}_real *answer)
 {{
     {prefix}_{module} self;
     long k;
     (void)joint;
-    {prefix}_{module}_init(&self, given[0]);
+    {prefix}_{module}_init(&self, ({prefix}_real)start);
     for (k = 0; k < n; k++) {{
         answer[k] = {prefix}_{module}_step(&self, given[k]{joints});
     }}
@@ -70,15 +70,17 @@ def run_on_host(
         code = ctypes.CDLL(str(folder / "code.so"))
     real = np.float32 if precision is Precision.FLOAT else np.float64
 
-    def answer(module: str, values: FloatArray, joint_rad: FloatArray) -> FloatArray:
+    def answer(module: str, values: FloatArray, joint_rad: FloatArray, start: float) -> FloatArray:
         given, joint = (np.ascontiguousarray(array, dtype=real) for array in (values, joint_rad))
         answered = np.empty_like(given)
         pointers = (ctypes.c_void_p(array.ctypes.data) for array in (given, joint, answered))
-        getattr(code, f"run_{module}")(ctypes.c_long(len(given)), *pointers)
+        getattr(code, f"run_{module}")(ctypes.c_long(len(given)), ctypes.c_double(start), *pointers)
         return answered.astype(np.float64)
 
+    answers = []
     every = joints_rad or [np.empty(0)] * len(runs)
-    return [
-        {module: answer(module, values, joint) for module, values in inputs.items()}
-        for inputs, joint in zip(runs, every, strict=True)
-    ]
+    for inputs, joint in zip(runs, every, strict=True):
+        # the plant takes forces or commands, and starts under the tension that the others start from
+        starts = {module: float(inputs.get("inverse", values)[0]) for module, values in inputs.items()}
+        answers.append({module: answer(module, values, joint, starts[module]) for module, values in inputs.items()})
+    return answers

@@ -143,6 +143,8 @@ class StepCode:
         For a controller, where the path moves or has sections.
     compliances : mapping of str to float or C text, optional
         For an inverse that keeps states relative to what the tension alone would cause: by state, [m/N].
+    held : bool, optional
+        A servo's stiffness holds the near end, whose rounding counts too.
     """
 
     prefix: str
@@ -159,6 +161,7 @@ class StepCode:
     free: tuple[str, ...] = ()
     compliances: Mapping[str, float | str] | None = None
     on_joints: OnJoints | None = None
+    held: bool = False
 
     def call(
         self,
@@ -313,6 +316,7 @@ class StepCode:
             link_states=states.link_states,
             friction_states=states.friction_states,
             input_names=INPUT_NAMES,
+            held=self.held,
             shifted=self.compliances is not None,
             compliances={
                 name: value if isinstance(value, str) else number(value)

@@ -53,6 +53,8 @@ class ChainCode:
         Statements that fill `self->x` with the state at rest under `tension`.
     contact : str
         Record of friction on a bend, where the path moves or has sections; else empty.
+    travel : str
+        Statements that set `travel` to that of the actuator's end since the rest under `self->start`; of the inverse.
     free : tuple of str, optional
         Numbers of the chain that the inverse takes as arguments.
     """
@@ -63,6 +65,7 @@ class ChainCode:
     body: str
     rest: str
     contact: str = ""
+    travel: str = ""
     free: tuple[str, ...] = ()
 
 
@@ -144,6 +147,7 @@ def inverse_code(
         body=code.render("inverse.c.j2"),
         rest=_rest(chain, precision, relative=compliances is not None),
         contact=contact.record if contact else "",
+        travel=_travel(chain, precision, compliances, folder.prefix.upper()),
         free=free,
     )
 
@@ -165,7 +169,9 @@ def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -
     weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY), *pieces)
     contact = _contact(chain, prefix, precision)
     folder, laws = _specialiser(chain, weights, prefix, precision, contact, whole=False), _laws(chain, contact)
-    near, far = {"x_c": 0.0, "pull": -1.0}, {"x_c": 0.0, "f_c": 0.0, "pull": 1.0}
+    near, far = {"pull": -1.0}, {"x_c": 0.0, "f_c": 0.0, "pull": 1.0}
+    if not chain.near.stiffness_N_per_m:
+        near["x_c"] = 0.0
     folded = (
         folder.fold(laws.link_start()),
         folder.fold(laws.link_force()),
@@ -217,6 +223,7 @@ def _code(
         compliances=compliances,
         moving=contact is not None,
         on_joints=on_joints,
+        held=folder.precision is Precision.FLOAT and chain.near.stiffness_N_per_m > 0,
     )
 
 
@@ -262,6 +269,29 @@ def link_compliances(chain: Chain, precision: Precision) -> dict[str, str]:
         name: f"({_LINK_KIND} ? {literal(float(ends), precision)} : {literal(float(inner), precision)})"
         for name, (inner, ends) in kinds.items()
     }
+
+
+def _travel(chain: Chain, precision: Precision, compliances: dict[str, str] | None, upper: str) -> str:
+    """Statements for the travel; where states are relative, from elongations and tensions: rounding adds up nowhere."""
+    layout, more = chain.layout, "(tension - self->start)"
+    if chain.far_joint is not None or chain.moving:
+        return ""  # no module tells a travel there
+    if compliances is None:
+        slope = literal(chain.rest_state(1.0).near_position_m, precision)
+        return f"    travel = self->x[{layout.part('q_a').start}] - (self->start * {slope});"
+    lines = (
+        "    {",
+        f"        const int32_t n = {upper}_COUNT;",
+        f"        {real_type(precision)} tension = self->past.reference;",
+        "        int32_t i;",
+        f"        travel = self->x[{layout.part('q_l').start}] + ({more} * {compliances['q_l']});",
+        "        for (i = n; i >= 0; i--) {",
+        f"            travel += self->x[{layout.part('e').start} + i] + ({more} * {compliances['e']});",
+        f"            tension += (i > 0) ? self->past.drop[i - 1] : {literal(0.0, precision)};",
+        "        }",
+        "    }",
+    )
+    return "\n".join(lines)
 
 
 def _specialiser(
