@@ -75,6 +75,8 @@ def test_in_a_browser_from_disk_every_page_is_whole_and_nothing_complains(site, 
         assert browser.execute_script(broken) == [], page
         browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
         assert browser.execute_script("return document.documentElement.scrollWidth") <= 390, page
+        vanished = "return [...document.querySelectorAll('mjx-container > svg')].filter(s => s.clientWidth < 4).length"
+        assert browser.execute_script(vanished) == 0, page
         browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
         assert browser.get_log("browser") == [], page
 
