@@ -11,6 +11,7 @@ from tendonff.compensator.identification.between_files import by_file
 from tendonff.compensator.identification.estimates import Answer, dynamic_estimates, static_estimates
 from tendonff.compensator.identification.fitted import Fitted, replay, scenario_of_chain, scenario_of_static
 from tendonff.compensator.identification.fitting import dynamic, tendon
+from tendonff.compensator.identification.fitting.delay import Delay, align, earlier
 from tendonff.compensator.identification.fitting.model_selection import (
     StaticSelection,
     choose_explain,
@@ -97,6 +98,7 @@ def identify(
     foreign = _foreign(scenario, records)
     warnings += [foreign] if foreign else []
     stage: StaticSelection | None = None
+    delay: Delay | None = None
     chain: dynamic.DynamicFit | None
     if _proximal(scenario, everything, static_only=static_only):
         chain = _fit_proximal(scenario, records, judges, say)
@@ -105,15 +107,17 @@ def identify(
             f"{scenario.transmission.load.stiffness_N_per_m:g} N/m; an error of it goes into the estimates"
         )
     else:
-        stage, chain, trouble = _fit(scenario, records, judges, static_only=static_only, say=say)
+        stage, chain, delay, trouble = _fit(scenario, records, judges, static_only=static_only, say=say)
         warnings += trouble
+        if delay is not None and delay.told:
+            records, judges = ([earlier(r, delay.seconds) for r in some] for some in (records, judges))
     explain = Explain.POSITION if stage is None else stage.fit.explain
     laws = compared(stage, chain, records)
     if chain is not None and not any(law.chosen and law.stage == "dynamic" for law in laws):
         chain = None
     outcome = outcome_of(laws, stage, chain, records, judges)
     files, said = by_file(chain, records, conditions or {})
-    warnings += [*said, *_delay(chain), *_touched(outcome)]
+    warnings += [*said, *_delay(delay), *_touched(outcome)]
     sliding = sliding_ratios(records)
     failure = _failure(outcome)
     if failure:
@@ -142,7 +146,7 @@ def identify(
         comparisons=outcome.comparisons,
         inputs=(*fit_files, *judging),
         by_file=files,
-        output_delay_s=None if chain is None or chain.delay is None else chain.delay.seconds,
+        output_delay_s=None if delay is None else delay.seconds,
         comparable=foreign is None,
     )
 
@@ -182,15 +186,19 @@ def _fit(
     *,
     static_only: bool,
     say: Callable[[str], None],
-) -> tuple[StaticSelection, dynamic.DynamicFit | None, list[str]]:
-    """Static law, and the chain where it can be tried, with what went wrong."""
+) -> tuple[StaticSelection, dynamic.DynamicFit | None, Delay | None, list[str]]:
+    """Static law, and the chain where it can be tried, with the output's delay and what went wrong."""
     transmission = scenario.transmission
     say("first look")
     explain, coarse = choose_explain(records, scenario.measurement.explain, transmission, static_only=static_only)
+    delay: Delay | None = None
+    if coarse is not None and explain is Explain.OUTPUT and coarse.percent < 3 * POOR_PERCENT:
+        delay, coarse, records = align(records, coarse, transmission)
+        judges = [earlier(r, delay.seconds) for r in judges] if delay.told else judges
     say("static stage")
     stage = select_static(records, judges, explain)
     if coarse is None or coarse.percent >= 3 * POOR_PERCENT:
-        return stage, None, []
+        return stage, None, delay, []
     start = _start(scenario, stage)
     try:
         if all(r.has_positions for r in records):
@@ -201,8 +209,8 @@ def _fit(
                 coarse = min(coarse, other, key=lambda c: c.solution.cost)
         chain = dynamic.fit_dynamic(coarse, start, validation=judges, biases=_biased(stage, records), say=say)
     except SolveError as error:
-        return stage, None, [f"the dynamic stage found no answer ({error}); the static law is reported"]
-    return stage, chain, []
+        return stage, None, delay, [f"the dynamic stage found no answer ({error}); the static law is reported"]
+    return stage, chain, delay, []
 
 
 def _estimates(
@@ -240,14 +248,13 @@ def _carried_on(
     return fitted, pooled_percent(errors, records, Explain.POSITION if stage is None else stage.fit.explain)
 
 
-def _delay(chain: dynamic.DynamicFit | None) -> list[str]:
+def _delay(delay: Delay | None) -> list[str]:
     """What to say where one channel is read later than the other."""
-    if chain is None or chain.delay is None or not chain.delay.told:
+    if delay is None or not delay.told:
         return []
-    late = chain.delay.seconds
     told = (
-        f"the output is read {1e3 * abs(late):.3g} ms {'later' if late > 0 else 'earlier'} than the input "
-        f"(+-{1e3 * chain.delay.error_s:.2g} ms): shift its time stamps, or log both with one clock"
+        f"the output is read {1e3 * abs(delay.seconds):.3g} ms {'later' if delay.seconds > 0 else 'earlier'} than the "
+        f"input (+-{1e3 * delay.error_s:.2g} ms), which was taken out before the fit: log both with one clock"
     )
     return [told]
 
