@@ -226,7 +226,7 @@ def summary(rows: Sequence[dict[str, Any]]) -> Iterable[str]:
         close = [abs(v["fitted"] / v["truth"] - 1) <= 0.2 for v in rubbing]
         yield f"  adhesion in fitted.toml within 20 %: {sum(close)} of {len(close)}"
     off = [abs(row["replay_percent"] / row["fit_percent"] - 1) for row in rows if row["replay_percent"]]
-    yield f"  fitted.toml, simulated again: within 5 % of the reported error in {sum(x <= 0.05 for x in off)} of {len(off)}"
+    yield f"  fitted.toml simulated again, within 5 % of its error: {sum(x <= 0.05 for x in off)} of {len(off)}"
 
 
 def measured(results: Path, rigs: range) -> list[dict[str, Any]]:

@@ -32,7 +32,7 @@ from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.chain import DynamicParameter
-from tendonff.ocp.fits.static import StaticParameter
+from tendonff.ocp.fits.static import SPREADS, StaticParameter
 
 P, D = StaticParameter, DynamicParameter
 
@@ -192,7 +192,7 @@ def _fit(
     say("first look")
     explain, coarse = choose_explain(records, scenario.measurement.explain, transmission, static_only=static_only)
     delay: Delay | None = None
-    if coarse is not None and explain is Explain.OUTPUT and coarse.percent < 3 * POOR_PERCENT:
+    if coarse is not None and explain is Explain.OUTPUT and coarse.percent < POOR_PERCENT:
         delay, coarse, records = align(records, coarse, transmission)
         judges = [earlier(r, delay.seconds) for r in judges] if delay.told else judges
     say("static stage")
@@ -244,8 +244,8 @@ def _carried_on(
         fitted = scenario_of_chain(scenario, chain, records)
     elif stage is not None:
         fitted = scenario_of_static(scenario, stage, records, static_only=static_only)
-    errors = replay(fitted, None if stage is None else stage.fit, records, static_only=static_only)
-    return fitted, pooled_percent(errors, records, Explain.POSITION if stage is None else stage.fit.explain)
+    explain = Explain.POSITION if stage is None else stage.fit.explain
+    return fitted, pooled_percent(replay(fitted, explain, records, static_only=static_only), records, explain)
 
 
 def _delay(delay: Delay | None) -> list[str]:
@@ -363,10 +363,12 @@ def _not_in_a_scenario(
 ) -> list[str]:
     """What the law has and a scenario has no place for, or a place that is easily overlooked."""
     found = []
-    if chain is None and stage is not None and stage.fit.values[P.GUIDE] != 0:
+    foreign = [] if chain is not None or stage is None else [k for k in (P.GUIDE, *SPREADS) if stage.fit.values[k] != 0]
+    if foreign:
+        guide = "; add the guide's friction force by hand" if P.GUIDE in foreign else ""
         found.append(
-            "a scenario has no key for guide_stiffness_N_per_m: fitted.toml leaves it out, and so does a design with "
-            "it; add the guide's friction force by hand"
+            f"a scenario has no key for {', '.join(foreign)}: fitted.toml has the other values fitted again without"
+            f"{guide}"
         )
     if any(fitted.offsets_N):
         shown = ", ".join(f"{end} {v:.4g} N" for end, v in zip(("input", "output"), fitted.offsets_N, strict=True) if v)
