@@ -61,7 +61,7 @@ from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.codegen.engine import Engine
-from tendonff.ocp.crosscheck import Adaptive, AdaptiveIntegrator
+from tendonff.ocp.crosscheck.adaptive import Adaptive, AdaptiveIntegrator
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import Simulator, simulate

@@ -93,3 +93,19 @@ def end_force(v: ca.SX, q: ca.SX, tension: ca.SX, pull: ca.SX, f_c: ca.SX, x_c: 
         Numbers or CasADi scalars.
     """
     return pull * (tension - f_c) - end.damping_N_s_per_m * v - end.stiffness_N_per_m * (q - x_c)
+
+
+def rest_damper_force(x_c_rate: ca.SX, pull: ca.SX, end: End) -> ca.SX:
+    """Motor force f_c that a damper between an end mass and its moving rest position amounts to [N].
+
+    The damper acts on v - dx_c/dt, `end_force` has it against the frame: -b (v - dx_c/dt) = -b v - pull f_c.
+
+    Parameters
+    ----------
+    x_c_rate : float, ndarray or ca.SX
+        dx_c/dt [m/s].
+    pull : float or ca.SX
+        As in `end_force`.
+    end : End
+    """
+    return -pull * end.damping_N_s_per_m * x_c_rate

@@ -9,6 +9,8 @@ For a tendon that is driven at one end, without inertia, bristles and creep, the
 is the play of the input, ln(T_out + p) = Play[ln(T_in + p)] with dead band mu_pull theta + mu_release theta. Plays
 compose along the path, so the tension profile is the memory of the input. Eq. (4) of Palli, Borghesan, Melchiorri
 (ICRA 2010) for one-way slip; the play law is derived in the same notation.
+
+Where both ends act see `two_ended`.
 """
 
 import math
@@ -64,6 +66,16 @@ def _section_exponent(section: Section, own: float | None, usual: float) -> floa
     return (usual if own is None else own) * section.angle_rad
 
 
+def section_exponents(transmission: Transmission) -> tuple[list[float], list[float]]:
+    """Mu phi of each section when pulling and when releasing, by the dynamic coefficients."""
+    friction, parts = transmission.friction, transmission.path.parts
+    back = [part.mu_dynamic if part.mu_dynamic_release is None else part.mu_dynamic_release for part in parts]
+    return (
+        [_section_exponent(part, part.mu_dynamic, friction.mu_dynamic) for part in parts],
+        [_section_exponent(part, mu, friction.release_dynamic) for part, mu in zip(parts, back, strict=True)],
+    )
+
+
 def _shape(exponent: float) -> float:
     """(1 - e^{-a})/a, 1 at a = 0: mean of e^{-a s} over s in [0, 1]."""
     return 1.0 if exponent == 0 else -math.expm1(-exponent) / exponent
@@ -106,14 +118,11 @@ class CapstanLaw:
         ----------
         transmission : Transmission
         """
-        friction, parts = transmission.friction, transmission.path.parts
-        pull = math.fsum(_section_exponent(part, part.mu_dynamic, friction.mu_dynamic) for part in parts)
-        back = [part.mu_dynamic if part.mu_dynamic_release is None else part.mu_dynamic_release for part in parts]
-        release = (_section_exponent(*pair, friction.release_dynamic) for pair in zip(parts, back, strict=True))
+        pull, release = section_exponents(transmission)
         return cls(
-            pull_exponent=pull,
+            pull_exponent=math.fsum(pull),
             release_exponent=math.fsum(release),
-            adhesion_N=friction.adhesion_N,
+            adhesion_N=transmission.friction.adhesion_N,
         )
 
     def part(self, share: float) -> "CapstanLaw":

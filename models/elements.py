@@ -15,8 +15,8 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.friction import FrictionLaw, LuGreBristle
 from tendonff.models.layout import fields_of
-from tendonff.models.link import LinkLaw, ZenerLink
-from tendonff.models.parameters import Transmission
+from tendonff.models.link import LinkLaw, TwoTimesLink, ZenerLink
+from tendonff.models.parameters import Tendon, Transmission
 from tendonff.models.path import Array, CutPath, JointMotion, cut_path
 from tendonff.models.section import Section
 
@@ -190,13 +190,29 @@ def whole_of(transmission: Transmission, level: Level) -> Whole:
             stribeck_velocity_m_per_s=friction.stribeck_velocity_m_per_s,
             viscous_N_s_per_m=friction.viscous_N_s_per_m,
         ),
-        link=ZenerLink(
-            stiffness_N_per_m=tendon.stiffness_N_per_m,
-            relaxing_stiffness_N_per_m=tendon.relaxing_stiffness_N_per_m if features.link_relaxes else 0.0,
-            relaxation_time_s=tendon.relaxation_time_s,
-            damping_N_s_per_m=tendon.damping_N_s_per_m,
-        ),
+        link=link_of(tendon, relaxes=features.link_relaxes),
     )
+
+
+def link_of(tendon: Tendon, *, relaxes: bool = True) -> ZenerLink:
+    """The law of the whole tendon as a link; a second branch costs a state, and only those who ask for it.
+
+    Parameters
+    ----------
+    tendon : Tendon
+    relaxes : bool, optional
+        Whether the level's link has relaxing branches; without, k2 = 0.
+    """
+    second, time = tendon.second_relaxing_stiffness_N_per_m, tendon.second_relaxation_time_s
+    link = ZenerLink(
+        stiffness_N_per_m=tendon.stiffness_N_per_m,
+        relaxing_stiffness_N_per_m=tendon.relaxing_stiffness_N_per_m if relaxes else 0.0,
+        relaxation_time_s=tendon.relaxation_time_s,
+        damping_N_s_per_m=tendon.damping_N_s_per_m,
+    )
+    if not relaxes or second is None or time is None:
+        return link
+    return TwoTimesLink(**fields_of(link), second_relaxing_stiffness_N_per_m=second, second_relaxation_time_s=time)
 
 
 def elements_of(transmission: Transmission, level: Level, segments: int | None = None) -> Elements:

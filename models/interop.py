@@ -129,5 +129,4 @@ def link_impedance(link: ZenerLink) -> control.TransferFunction:
         Numbers.
     """
     numerator, denominator = transfer_function(link)
-    # Leading zeros (c = 0) would make the degree wrong.
-    return control.TransferFunction(np.trim_zeros(numerator, "f"), [*denominator, 0.0], name="link")
+    return control.TransferFunction(numerator, [*denominator, 0.0], name="link")

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Protocol, Self
 
 import casadi as ca
+import numpy as np
 
 from tendonff.models.bounds import at_least
 
@@ -75,6 +76,11 @@ class ZenerLink:
     relaxation_time_s: ca.SX
     damping_N_s_per_m: ca.SX
 
+    @property
+    def branches(self) -> tuple[tuple[ca.SX, ca.SX], ...]:
+        """Stiffness [N/m] and time [s] of each relaxing branch, one for each state."""
+        return ((self.relaxing_stiffness_N_per_m, self.relaxation_time_s),)
+
     def shortened(self, ratio: ca.SX) -> "ZenerLink":
         """The link of which `ratio` make the whole: stiffness and damping are that much higher.
 
@@ -96,10 +102,10 @@ class ZenerLink:
         ----------
         e : ca.SX
             Elongation [m].
-        states : tuple of one ca.SX
-            z, elongation of the relaxing branch's damper [m].
+        states : tuple of ca.SX
+            z, elongation of each relaxing branch's damper [m].
         """
-        return ((e - states[0]) / self.relaxation_time_s,)
+        return tuple((e - z) / time for z, (_, time) in zip(states, self.branches, strict=True))
 
     def unclipped_force(self, e: ca.SX, e_rate: ca.SX, states: States) -> ca.SX:
         """k1 e + k2 (e - z) + c de/dt [N], eqs. (6), (7).
@@ -108,40 +114,76 @@ class ZenerLink:
         ----------
         e, e_rate : ca.SX
             Elongation [m], its rate [m/s].
-        states : tuple of one ca.SX
-            z [m].
+        states : tuple of ca.SX
+            z of each relaxing branch [m].
         """
-        relaxing = self.relaxing_stiffness_N_per_m * (e - states[0])
-        return self.stiffness_N_per_m * e + relaxing + self.damping_N_s_per_m * e_rate
+        force = self.stiffness_N_per_m * e
+        for z, (stiffness, _) in zip(states, self.branches, strict=True):
+            force = force + stiffness * (e - z)
+        return force + self.damping_N_s_per_m * e_rate
 
     def implicit(self, e: ca.SX, base: States, step_s: ca.SX) -> States:
-        """The relaxing branch over an implicit step, solved from `rate` itself."""
+        """Each relaxing branch over an implicit step, solved from its own `rate`, in which no other stands."""
         z = ca.SX.sym("z")
-        (rate,) = self.rate(e, (z,))
-        return ((base[0] + step_s * ca.substitute(rate, z, ca.SX(0))) / (1 - step_s * ca.jacobian(rate, z)),)
+        rates = self.rate(e, (z,) * len(base))
+        return tuple(
+            (old + step_s * ca.substitute(rate, z, ca.SX(0))) / (1 - step_s * ca.jacobian(rate, z))
+            for old, rate in zip(base, rates, strict=True)
+        )
 
     def rest(self, tension_N: ca.SX) -> tuple[ca.SX, States]:
-        """Both branches at T/k1 [m]."""
+        """Every branch at T/k1 [m]."""
         stretch = tension_N / self.stiffness_N_per_m
-        return stretch, (stretch,)
+        return stretch, (stretch,) * len(self.states)
 
 
-def transfer_function(link: ZenerLink) -> tuple[tuple[float, float, float], tuple[float, float]]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TwoTimesLink(ZenerLink):
+    """Eq. (7) with a second relaxing branch, for tendons that relax on two time scales.
+
+    Stretched to e at once and held, it carries k1 e + k2 e exp(-t/tau) + k3 e exp(-t/tau3).
+
+    Parameters
+    ----------
+    second_relaxing_stiffness_N_per_m : float or ca.SX
+        k3 [N/m].
+    second_relaxation_time_s : float or ca.SX
+        tau3 [s].
+    """
+
+    states: ClassVar[tuple[str, ...]] = ("z", "z_second")
+
+    second_relaxing_stiffness_N_per_m: ca.SX
+    second_relaxation_time_s: ca.SX
+
+    @property
+    def branches(self) -> tuple[tuple[ca.SX, ca.SX], ...]:
+        """Stiffness [N/m] and time [s] of each relaxing branch."""
+        first = self.relaxing_stiffness_N_per_m, self.relaxation_time_s
+        return first, (self.second_relaxing_stiffness_N_per_m, self.second_relaxation_time_s)
+
+    def shortened(self, ratio: ca.SX) -> "TwoTimesLink":
+        """See `ZenerLink.shortened`."""
+        one = ZenerLink.shortened(self, ratio)
+        assert isinstance(one, TwoTimesLink)  # noqa: S101 - for type checkers: `replace` keeps the class
+        return replace(one, second_relaxing_stiffness_N_per_m=self.second_relaxing_stiffness_N_per_m * ratio)
+
+
+def transfer_function(link: ZenerLink) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Numerator and denominator of F/E of one link in powers of s, highest first, eq. (7).
 
-    F/E = [c tau s^2 + (tau (k1 + k2) + c) s + k1]/(tau s + 1). The paper prints F/V = F/(s E) with c = 0 and
-    tau = b_k/k2: [b_k (k1 + k2) s + k1 k2]/(b_k s^2 + k2 s).
+    F/E = k1 + c s + sum_j k_j tau_j s/(tau_j s + 1) over the relaxing branches. The paper prints F/V = F/(s E) with
+    c = 0 and tau = b_k/k2: [b_k (k1 + k2) s + k1 k2]/(b_k s^2 + k2 s).
 
     Parameters
     ----------
     link : ZenerLink
         Numbers.
-
-    Returns
-    -------
-    numerator : tuple of 3 floats
-    denominator : tuple of 2 floats
     """
-    k1, k2 = float(link.stiffness_N_per_m), float(link.relaxing_stiffness_N_per_m)
-    tau, c = float(link.relaxation_time_s), float(link.damping_N_s_per_m)
-    return (c * tau, tau * (k1 + k2) + c, k1), (tau, 1.0)
+    numerator = np.array([float(link.damping_N_s_per_m), float(link.stiffness_N_per_m)])
+    denominator = np.array([1.0])
+    for stiffness, time in link.branches:
+        lag = np.array([float(time), 1.0])
+        relaxing = np.polymul([float(stiffness) * float(time), 0.0], denominator)
+        numerator, denominator = np.polyadd(np.polymul(numerator, lag), relaxing), np.polymul(denominator, lag)
+    return tuple(numerator.tolist()), tuple(denominator.tolist())

@@ -1,7 +1,7 @@
 """Parameters of the transmission, as a user writes them: of the whole tendon, not of its elements."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from tendonff.models.drive import Drive, Motor
@@ -68,7 +68,9 @@ class Tendon:
     relaxation_time_s : float
         Relaxation time tau = b_k/k2 [s], > 0.
     damping_N_s_per_m : float
-        Structural damping c in parallel [N s/m], >= 0.
+        Viscous damping c in parallel [N s/m], >= 0.
+    second_relaxing_stiffness_N_per_m, second_relaxation_time_s : float, optional
+        Stiffness k3 [N/m], >= 0, and time tau3 [s], > 0, of a second part that relaxes; default: none.
     """
 
     mass_kg: float
@@ -76,6 +78,8 @@ class Tendon:
     relaxing_stiffness_N_per_m: float
     relaxation_time_s: float
     damping_N_s_per_m: float
+    second_relaxing_stiffness_N_per_m: float | None = None
+    second_relaxation_time_s: float | None = None
 
     def __post_init__(self) -> None:
         _require("mass_kg", self.mass_kg, above=0, hint="weigh the tendon; a light one is fine")
@@ -83,6 +87,30 @@ class Tendon:
         _require("relaxing_stiffness_N_per_m", self.relaxing_stiffness_N_per_m, least=0, hint="use 0 for no relaxation")
         _require("relaxation_time_s", self.relaxation_time_s, above=0, hint="time in which a held force settles")
         _require("damping_N_s_per_m", self.damping_N_s_per_m, least=0, hint="use 0 for none")
+        stiffness, time = self.second_relaxing_stiffness_N_per_m, self.second_relaxation_time_s
+        if (stiffness is None) != (time is None):
+            raise ParameterError(
+                "second_relaxing_stiffness_N_per_m and second_relaxation_time_s go together, "
+                f"got {stiffness} and {time}; give both, or leave both out for one relaxation time"
+            )
+        if stiffness is not None and time is not None:
+            _require("second_relaxing_stiffness_N_per_m", stiffness, least=0, hint="leave both keys out for none")
+            _require("second_relaxation_time_s", time, above=0, hint="ten times relaxation_time_s is a start")
+
+    @property
+    def quick_stiffness_N_per_m(self) -> float:
+        """Stiffness before anything has relaxed, k1 + k2 + k3 [N/m]."""
+        return self.stiffness_N_per_m + self.relaxing_stiffness_N_per_m + (self.second_relaxing_stiffness_N_per_m or 0)
+
+    def scaled(self, factor: float) -> "Tendon":
+        """The same tendon with all stiffnesses times a factor [-]."""
+        second = self.second_relaxing_stiffness_N_per_m
+        return replace(
+            self,
+            stiffness_N_per_m=self.stiffness_N_per_m * factor,
+            relaxing_stiffness_N_per_m=self.relaxing_stiffness_N_per_m * factor,
+            second_relaxing_stiffness_N_per_m=None if second is None else second * factor,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

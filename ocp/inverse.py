@@ -18,7 +18,7 @@ from tendonff.models.layout import ChainState
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.simulate import tensions_of
 from tendonff.ocp.step.c_engine import CompiledInverse
-from tendonff.ocp.step.casadi_engine import CasadiInverse
+from tendonff.ocp.step.casadi_inverse import CasadiInverse
 from tendonff.ocp.step.protocol import Array, Inverse
 
 

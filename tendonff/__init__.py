@@ -38,6 +38,7 @@ if TYPE_CHECKING:  # what editors and type checkers read; `_HOMES` says the same
     from tendonff.models.fidelity import Level
     from tendonff.models.interop import as_iosystem, linear_system
     from tendonff.models.parameters import Actuator, Friction, Load, Path, Tendon, Transmission
+    from tendonff.models.two_ended import TwoEndedLaw
     from tendonff.ocp.batch import SimulationJob, simulate_batch
     from tendonff.ocp.codegen.precision import Precision
     from tendonff.ocp.errors import SolveError
@@ -80,6 +81,7 @@ __all__ = [
     "TendonffError",
     "TrackOptions",
     "Transmission",
+    "TwoEndedLaw",
     "__version__",
     "adapt",
     "as_iosystem",
@@ -128,6 +130,7 @@ _HOMES = {
     "models.fidelity": ("Level",),
     "models.interop": ("as_iosystem", "linear_system"),
     "models.parameters": ("Actuator", "Friction", "Load", "Path", "Tendon", "Transmission"),
+    "models.two_ended": ("TwoEndedLaw",),
     "ocp.batch": ("SimulationJob", "simulate_batch"),
     "ocp.codegen.precision": ("Precision",),
     "ocp.errors": ("SolveError",),

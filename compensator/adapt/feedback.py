@@ -78,7 +78,7 @@ def transmission_dynamics(
     s = control.tf("s")
     t, a, far = transmission.tendon, transmission.actuator, transmission.load
     viscous = transmission.friction.viscous_N_s_per_m / 2
-    link = tendon * (t.stiffness_N_per_m + t.relaxing_stiffness_N_per_m) + t.damping_N_s_per_m * s
+    link = tendon * t.quick_stiffness_N_per_m + t.damping_N_s_per_m * s
     near = a.mass_kg * s**2 + (a.damping_N_s_per_m + viscous) * s
     end = far.mass_kg * s**2 + (far.damping_N_s_per_m + viscous) * s + load * far.stiffness_N_per_m
     return link * end / (near * end + link * (near + end))

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument
-from tendonff.compensator.cli.progress import progress, warn
+from tendonff.compensator.cli.progress import progress, say, warn
 
 EXIT_SOLVE = 1  # what was written is the best that was found
 
@@ -15,6 +15,9 @@ def design(
     out: OutFolderOption,
     strict: Annotated[
         bool, typer.Option("--strict", help="Refuse a reference out of reach instead of coming closest to it.")
+    ] = False,
+    online: Annotated[
+        bool, typer.Option("--online", help="Also draw and pick the filter of a reference that arrives live.")
     ] = False,
 ) -> int:
     """Design and verify the actuator force.
@@ -31,6 +34,13 @@ def design(
             result = design_profile(loaded, strict=strict, progress=advance)
         with progress("writing"):
             result.write(folder)
+        if online:
+            from tendonff.compensator.design.online import study_online
+
+            with progress("filters of a live reference"):
+                study = study_online(loaded)
+                study.write(folder)
+            say(study.sentence)
     for warning in result.warnings:
         warn(warning)
     print_scores(result, out)

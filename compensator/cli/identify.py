@@ -188,15 +188,15 @@ def _say_files(line: str) -> None:
         say(line)
 
 
-def _labels(wishes: list[str], names: list[str]) -> dict[str, str]:
+def _labels(options: list[str], names: list[str]) -> dict[str, str]:
     """Labels by file name from `--condition`."""
     from tendonff.compensator.files.reading import InputError, suggestion
 
     found = {}
-    for wish in wishes:
-        name, equals, label = wish.rpartition("=")
+    for option in options:
+        name, equals, label = option.rpartition("=")
         if not equals or not label:
-            raise InputError(f'--condition must be FILE=LABEL, got "{wish}"; --condition run3.csv=wet')
+            raise InputError(f'--condition must be FILE=LABEL, got "{option}"; --condition run3.csv=wet')
         if Path(name).name not in names:
             raise InputError(f'--condition: "{name}" is not given with --data{suggestion(Path(name).name, names)}')
         found[Path(name).name] = label
@@ -207,13 +207,13 @@ def _zeroed(how: "Measurement", offsets: list[str], tare: str | None) -> "Measur
     """Put `--offset` and `--tare` into the table [measurement]."""
     from tendonff.compensator.files.reading import InputError, suggestion
 
-    for wish in offsets:
-        column, _, text = wish.rpartition("=")
+    for option in offsets:
+        column, _, text = option.rpartition("=")
         try:
             value = float(text)
         except ValueError:
             raise InputError(
-                f'--offset must be a number or COLUMN=number, got "{wish}"; --offset output=0.4 takes 0.4 N off'
+                f'--offset must be a number or COLUMN=number, got "{option}"; --offset output=0.4 takes 0.4 N off'
             ) from None
         if column not in ("", "input", "output"):
             raise InputError(f'--offset: unknown column "{column}"{suggestion(column, ("input", "output"))}')
@@ -228,17 +228,17 @@ def _zeroed(how: "Measurement", offsets: list[str], tare: str | None) -> "Measur
     return how
 
 
-def _scaled(how: "Measurement", wishes: list[str]) -> "Measurement":
+def _scaled(how: "Measurement", options: list[str]) -> "Measurement":
     """Put `--scale` into the table [measurement]."""
     from tendonff.compensator.files.reading import InputError, suggestion
 
-    for wish in wishes:
-        column, _, factor = wish.rpartition("=")
+    for option in options:
+        column, _, factor = option.rpartition("=")
         try:
             value = float(factor)
         except ValueError:
             raise InputError(
-                f'--scale must be a number or COLUMN=number, got "{wish}"; --scale input=9.81 turns kg into N'
+                f'--scale must be a number or COLUMN=number, got "{option}"; --scale input=9.81 turns kg into N'
             ) from None
         if column and column not in SCALED:
             raise InputError(f'--scale: unknown column "{column}"{suggestion(column, SCALED)}')

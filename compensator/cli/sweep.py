@@ -36,10 +36,10 @@ def sweep(
     from tendonff.compensator.scenario.scenario import load_scenario
 
     loaded = load_scenario(scenario)
-    from tendonff.compensator.sweep.cluster import executor_of
-    from tendonff.compensator.sweep.plan import Axis
-    from tendonff.compensator.sweep.run import DEFAULT
-    from tendonff.compensator.sweep.run import sweep as run_sweep
+    from tendonff.compensator.design.sweep.cluster import executor_of
+    from tendonff.compensator.design.sweep.plan import Axis
+    from tendonff.compensator.design.sweep.run import DEFAULT
+    from tendonff.compensator.design.sweep.run import sweep as run_sweep
 
     axes = [Axis.parse(text) for text in over or []]
     names = DEFAULT if compensators is None else tuple(name.strip() for name in compensators.split(","))

@@ -208,7 +208,7 @@ def _hold(
 ) -> tuple[FloatArray, FloatArray]:
     """Pull up with a motor that is stiff beside the tendon, stop, and watch its own end."""
     tendon = transmission.tendon
-    holding = _STIFF * (tendon.stiffness_N_per_m + tendon.relaxing_stiffness_N_per_m)
+    holding = _STIFF * tendon.quick_stiffness_N_per_m
     held = chain.with_end_stiffness(holding, chain.far.stiffness_N_per_m)
     state: ChainState = held.rest_state(start_N)
     rest = state.near_position_m + start_N / holding

@@ -16,13 +16,13 @@ from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import SimulatedPlant, scale_N, score, simulate_profile
 from tendonff.compensator.compensators.uncertain import Doubt, doubt
 from tendonff.compensator.files.progress import Parts, Progress, silent
-from tendonff.compensator.scenario.joints import moved
+from tendonff.compensator.scenario.joint_motion import moved
 from tendonff.compensator.scenario.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
-from tendonff.ocp.crosscheck import NUDGE
+from tendonff.ocp.crosscheck.halving import NUDGE
 from tendonff.ocp.simulate import Outcome
 from tendonff.ocp.tracking.problem import TrackOptions
 from tendonff.ocp.tracking.robust import error_band

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.text import InputError
-from tendonff.compensator.scenario.joints import moved
+from tendonff.compensator.scenario.joint_motion import moved
 from tendonff.compensator.scenario.reference import Hold
 from tendonff.compensator.scenario.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
@@ -24,9 +24,9 @@ from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.models.uncertainty import Objective
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.hold import KeptForce, find_holds, keep_force, last_approach
 from tendonff.ocp.inverse import Inversion, invert
 from tendonff.ocp.periodic import steady_inverse
+from tendonff.ocp.reference.hold import KeptForce, find_holds, keep_force, last_approach
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.motion import limit_motion
 from tendonff.ocp.tracking.problem import TrackOptions

@@ -19,7 +19,7 @@ from tendonff.compensator.reporting.page import (
 )
 from tendonff.compensator.scenario.reference import Hold
 from tendonff.models.fidelity import Level
-from tendonff.ocp.hold import find_holds
+from tendonff.ocp.reference.hold import find_holds
 
 _MOVES_IN_A_HOLD = 0.05  # of the force's range: what is worth a word
 

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patheffects import AbstractPathEffect, withStroke
 
 from tendonff.compensator.experiment.machine import StatePass
 from tendonff.compensator.experiment.numbers import driven_motor, holds, reversals
@@ -21,6 +22,7 @@ from tendonff.compensator.reporting.plots import (
     new_figure,
     thinned,
 )
+from tendonff.compensator.scenario.experiment import MotorMode
 from tendonff.models.fidelity import Level
 
 _LEVEL_LOOK: dict[Level, dict[str, Any]] = {
@@ -109,10 +111,12 @@ def distribution_figure(result: ExperimentData) -> Figure:
     panel: Axes = axes[0, 0]
     image = panel.pcolormesh(time, angle, tension.T, cmap=_HEAT, shading="gouraud", rasterized=True)
     lines = panel.contour(time, angle, tension.T, levels=8, colors=INK, linewidths=0.5)
-    panel.clabel(lines, fontsize=7, fmt="%.0f N")
+    halo: list[AbstractPathEffect] = [withStroke(linewidth=2, foreground="white")]
+    for label in panel.clabel(lines, fontsize=7, fmt="%.0f N"):
+        label.set_path_effects(halo)
     _shade_states(panel, run, named=True, shaded=False)
     panel.grid(visible=False)
-    panel.set(xlabel="time [s]", ylabel="wrap angle from motor 1 [deg]", yticks=angle[::2])
+    panel.set(xlabel="time [s]", ylabel="wrap angle from motor 1 [deg]", yticks=angle[::2], xlim=(0, run.time_s[-1]))
     figure.colorbar(image, ax=panel, label="tension [N]")
     return figure
 
@@ -123,16 +127,20 @@ def _end(run: ExperimentRun, motor: int) -> tuple[FloatArray, str]:
 
 
 def _draw_detail(panel: Axes, result: ExperimentData, done: StatePass, motor: int, what: str) -> None:
-    symbol = ""
+    symbol, creeps = "", done.state.modes[motor] is MotorMode.HOLD_FORCE
     for level, run in result.runs.items():
-        tension, symbol = _end(run, motor)
+        course, symbol = _end(run, motor)
+        if creeps:
+            course, symbol = 1e3 * (1 - 2 * motor) * run.position_m[:, motor], ""
         rows = slice(done.first_row, done.last_row + 1)
         time = run.time_s[rows] - run.time_s[done.first_row]
-        panel.plot(time, tension[rows] - tension[done.first_row], label=str(level), **_LEVEL_LOOK[level])
+        panel.plot(time, course[rows] - course[done.first_row], label=str(level), **_LEVEL_LOOK[level])
     panel.axhline(0, color=GREY, linewidth=0.6, zorder=1)
-    panel.set_title(f"{done.state.name}: {what} {symbol}")
+    panel.set_title(
+        f"{done.state.name}: held force, motor {motor + 1}" if creeps else f"{done.state.name}: {what} {symbol}"
+    )
     panel.set_xlabel(f"time in {done.state.name} [s]")
-    panel.set_ylabel("tension change [N]")
+    panel.set_ylabel("motor travel [mm]" if creeps else "tension change [N]")
     panel.margins(x=0)
 
 

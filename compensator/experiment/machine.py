@@ -10,18 +10,19 @@ state motor 1   motor 2   what happens                                          
 S1    A         L         both rest at uniform low tension                                    none
 S2    A         L         motor 1 pulls until the sliding reaches motor 2                     to 1
 S3    A         L         motor 1 pulls on to the high tension, all of the tendon slides      to 1
-S4    A_h       L         motor 1 holds its position: relaxation                              none
+S4    A_h, A_f  L         motor 1 holds its position or its force: relaxation, or creep       none
 S5    A         L         motor 1 releases to the low tension: friction reverses              to 2
 S6    L         A         the motors change roles; motor 2 pulls to the high tension          to 2
 S7    L         A         motor 2 releases until it reaches motor 1: friction reverses        to 1
 S8    L         A         motor 2 releases to the low tension, all of the tendon slides       to 1
-S9    L         A_h       motor 2 holds its position: recovery, relaxation upwards            none
+S9    L         A_h, A_f  motor 2 holds its position or its force: recovery upwards           none
 S10   A         L         the motors change roles back and rest; the next S2 slides on to 1   none
 ====  ========  ========  ==================================================================  ========
 
-A_h holds the position: under a held force a creeping tendon only lengthens, and its tensions stay. Every state takes up
-the rates of its commands over a blend, keeps them until its condition or its longest time, gives them up over a blend
-and rests, so that motors change their modes at standstill.
+A_h holds the position, A_f "the current interaction force", as the paper words its A_h: then a creeping tendon only
+lengthens, and the tension of the held end stays. Every state takes up the rates of its commands over a blend, keeps
+them until its condition or its longest time, gives them up over a blend and rests, so that motors change their modes at
+standstill.
 """
 
 import math
@@ -31,7 +32,7 @@ import numpy as np
 
 from tendonff.compensator.experiment.rig import RigSpec
 from tendonff.compensator.files.reading import FloatArray, InputError
-from tendonff.compensator.scenario.experiment import EndTension, Experiment, ExperimentState, MotorMode
+from tendonff.compensator.scenario.experiment import EndTension, Experiment, ExperimentState, Hold, MotorMode
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.parameters import Transmission
@@ -131,7 +132,7 @@ def plan_experiment(scenario: Scenario) -> Plan:
     fastest = transmission.actuator.force_rate_max_N_per_s
     for state in states:
         for motor, (mode, rate) in enumerate(zip(state.modes, state.rates, strict=True), start=1):
-            if mode is _A and abs(rate) > fastest * (1 + 1e-9):
+            if mode.by_force and abs(rate) > fastest * (1 + 1e-9):
                 raise InputError(
                     f"{where}: motor_{motor}_rate of {state.name} must be within force_rate_max_N_per_s = {fastest:g}, "
                     f"got {rate:g}; ramp more slowly"
@@ -143,8 +144,11 @@ def plan_experiment(scenario: Scenario) -> Plan:
             f"{where}: the states may take {longest:.3g} s, more than {_MOST_STEPS:.0g} steps of step_s = "
             f"{scenario.run.step_s:g}; a faster force_rate_max_N_per_s, shorter states or a larger step make it shorter"
         )
-    tendon = transmission.tendon
-    hold = settings.hold_stiffness_N_per_m or 10 * (tendon.stiffness_N_per_m + tendon.relaxing_stiffness_N_per_m)
+    hold = settings.hold_stiffness_N_per_m or 10 * transmission.tendon.quick_stiffness_N_per_m
+    damping = {
+        name: transmission.actuator.damping_N_s_per_m if (value := getattr(settings, name)) is None else value
+        for name in ("act_damping_N_s_per_m", "load_damping_N_s_per_m", "hold_damping_N_s_per_m")
+    }
     return Plan(
         rig=RigSpec(
             transmission=transmission,
@@ -152,6 +156,7 @@ def plan_experiment(scenario: Scenario) -> Plan:
             start_tension_N=low,
             load_stiffness_N_per_m=spring,
             hold_stiffness_N_per_m=hold,
+            **damping,
         ),
         states=states,
         blend_s=blend,
@@ -197,7 +202,10 @@ def ten_states(
     span = high_N - low_N
     ramp = max(settings.pull_time_s or 1.0, span / actuator.force_rate_max_N_per_s)
     rate = span / ramp
-    hold = settings.hold_s or min(max(5 * transmission.tendon.relaxation_time_s, 0.5), 10.0)
+    slowest = max(transmission.tendon.relaxation_time_s, transmission.tendon.second_relaxation_time_s or 0.0)
+    hold = settings.hold_s or min(max(5 * slowest, 0.5), 10.0)
+    holding = _H if settings.hold is Hold.POSITION else MotorMode.HOLD_FORCE
+    what = f"holds its {settings.hold}"
     longest = _PATIENCE * ramp
 
     p = law.adhesion_N
@@ -229,12 +237,12 @@ def ten_states(
         state("S1", (_A, _L), "both rest", at_most_s=_PAUSE_S),
         state("S2", (_A, _L), "1 pulls until the tension reaches motor 2", until=up(1, felt_by_2), rate=rate),
         state("S3", (_A, _L), "1 pulls, all slides", until=up(1, high_N), rate=rate),
-        state("S4", (_H, _L), "1 holds", at_most_s=hold),
+        state("S4", (holding, _L), f"1 {what}", at_most_s=hold),
         state("S5", (_A, _L), "1 releases, friction reverses", until=down(1, low_N), rate=-rate),
         state("S6", (_L, _A), "2 pulls", until=up(2, high_N), rate=rate),
         state("S7", (_L, _A), "2 releases, friction reverses", until=down(2, felt_by_1), rate=-rate),
         state("S8", (_L, _A), "2 releases, all slides", until=down(2, low_N), rate=-rate),
-        state("S9", (_L, _H), "2 holds", at_most_s=hold),
+        state("S9", (_L, holding), f"2 {what}", at_most_s=hold),
         state("S10", (_A, _L), "both rest", at_most_s=_PAUSE_S),
     )
 

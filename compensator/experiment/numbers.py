@@ -13,24 +13,42 @@ import numpy as np
 
 from tendonff.compensator.experiment.machine import StatePass
 from tendonff.compensator.experiment.result import ExperimentData, ExperimentRun
-from tendonff.compensator.scenario.experiment import MotorMode
+from tendonff.models.two_ended import TwoEndedLaw
 
 _BREAKAWAY = (0.05, 0.5)
+MEANINGS = {
+    "range_N": "largest minus smallest tension anywhere on the path during the test; percentages refer to it",
+    "change_N, change_percent_of_range": "tension at the held end when the hold ends, minus that when it begins",
+    "travel_m": "how far the holding motor moves away from the tendon meanwhile; with a held force it is creep",
+    "width_s": "after a reversal: time from 5 to 50 % of the output's change; long means a smooth transient",
+    "max_slope_N_per_s": "largest rate of the output tension after a reversal; high means a sudden breakaway",
+    "exponent_over_law": "ln(T_in/T_out) when a ramp ends, over mu theta; 1 is the static capstan law",
+    "profile_deviation_percent": "largest departure of ln T along the path from a straight line then, of mu theta",
+    "tension_step_percent_of_range": "departure of any tension from its course as a motor changes its mode; 0 is ideal",
+    "force_step_percent_of_range": "jump of a motor's pull as it changes its mode; 0 is ideal",
+    "bristle_stiffness_factor": "factor on the bristles of the quasi-static run, which stands for the static law",
+    "two_ended_law": "difference of the quasi-static run from the static law with two ends; 0 is the law",
+    "refinement": "difference to the run with more masses: the discretisation error",
+}
+"""What each number of the test means, in one line."""
 _LEAST_CHANGE = 0.01  # of range: an output that changes less has no transient to speak of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Relaxation:
-    """Change of the held end's tension during a hold.
+    """What changes at the held end during a hold: the tension of a held position, the travel of a held force.
 
     Parameters
     ----------
     change_N, change_percent_of_range : float
         Tension at the end of the hold minus tension at its start.
+    travel_m : float
+        How far the motor moves away from the tendon meanwhile: creep.
     """
 
     change_N: float
     change_percent_of_range: float
+    travel_m: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,6 +106,19 @@ class SlipProfile:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LawDeviation:
+    """Difference of the tensions along the path from the two-ended static law, over all links and rows.
+
+    Parameters
+    ----------
+    rms_percent_of_range, max_percent_of_range : float
+    """
+
+    rms_percent_of_range: float
+    max_percent_of_range: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Refinement:
     """Difference between the path's own number of masses and a larger one, over seven tensions and all rows.
 
@@ -109,7 +140,7 @@ def percent_of(value: float, range_N: float) -> float:
 
 
 def holds(run: ExperimentRun) -> Iterator[tuple[StatePass, int]]:
-    """States in which a motor holds its position, and its index.
+    """States in which a motor holds its position or its force, and its index.
 
     Parameters
     ----------
@@ -117,7 +148,7 @@ def holds(run: ExperimentRun) -> Iterator[tuple[StatePass, int]]:
     """
     for done in run.passes:
         for motor in (0, 1):
-            if done.state.modes[motor] is MotorMode.HOLD and not any(done.state.rates):
+            if done.state.modes[motor].holds and not any(done.state.rates):
                 yield done, motor
 
 
@@ -153,7 +184,7 @@ def driven_motor(done: StatePass) -> int:
 
 
 def relaxation(run: ExperimentRun) -> dict[str, Relaxation]:
-    """Tension change in each hold, by state.
+    """Change in each hold, by state.
 
     Parameters
     ----------
@@ -163,7 +194,12 @@ def relaxation(run: ExperimentRun) -> dict[str, Relaxation]:
     for done, motor in holds(run):
         end = run.link_tension_N[:, -motor]  # column 0 for motor 1, -1 for motor 2
         change = float(end[done.last_row] - end[done.first_row])
-        found[done.state.name] = Relaxation(change_N=change, change_percent_of_range=percent_of(change, run.range_N))
+        position = run.position_m[:, motor]
+        found[done.state.name] = Relaxation(
+            change_N=change,
+            change_percent_of_range=percent_of(change, run.range_N),
+            travel_m=(1 - 2 * motor) * float(position[done.last_row] - position[done.first_row]),
+        )
     return found
 
 
@@ -246,21 +282,21 @@ def slip_profiles(run: ExperimentRun) -> dict[str, SlipProfile]:
     return found
 
 
-def steepest_gradient(run: ExperimentRun) -> float:
-    """Largest abs(d ln(T + p)/d theta) over mu of its direction, over all links and rows; at most 1 by the static law.
+def law_deviation(run: ExperimentRun) -> LawDeviation:
+    """Difference from the static law with two ends, given the run's own end tensions.
 
     Parameters
     ----------
     run : ExperimentRun
     """
-    friction, total_angle_rad = run.transmission.friction, run.transmission.path.total_angle_rad
-    lifted = np.log(np.maximum(run.link_tension_N + friction.adhesion_N, 1e-12))
-    drop = lifted[:, :-1] - lifted[:, 1:]
-    phi = total_angle_rad / drop.shape[1]
-    bounds = friction.mu_static * phi, friction.release_static * phi
-    if min(bounds) <= 0:
-        return 0.0
-    return float(max(drop.max() / bounds[0], -drop.min() / bounds[1]))
+    tension = run.link_tension_N
+    law = TwoEndedLaw.of(run.transmission, tension.shape[1] - 1)
+    # inertia and viscous friction may take the ends beyond full slip: no tension is too far here
+    off = law.history_N(tension[:, 0], tension[:, -1], tension[0], excess=math.inf) - tension
+    return LawDeviation(
+        rms_percent_of_range=percent_of(math.sqrt(float((off**2).mean())), run.range_N),
+        max_percent_of_range=percent_of(float(np.abs(off).max()), run.range_N),
+    )
 
 
 def refinement(coarse: ExperimentRun, fine: ExperimentRun) -> Refinement:

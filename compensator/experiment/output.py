@@ -9,11 +9,11 @@ import pandas as pd
 
 from tendonff.compensator.experiment.figures import experiment_figures
 from tendonff.compensator.experiment.numbers import (
+    law_deviation,
     refinement,
     relaxation,
     reversals,
     slip_profiles,
-    steepest_gradient,
     switches,
     transient,
     warnings_of,
@@ -76,7 +76,7 @@ def summary(result: ExperimentData) -> dict[str, object]:
             },
             "switches": [asdict(value) for value in switches(run)],
             "slip_profile": {state: asdict(value) for state, value in slip_profiles(run).items()},
-            "steepest_gradient_over_mu": steepest_gradient(run),
+            "two_ended_law": asdict(law_deviation(run)),
         }
         for level, run in result.runs.items()
     }
@@ -112,7 +112,7 @@ def summary(result: ExperimentData) -> dict[str, object]:
         },
         "quasi_static_elastic": {
             "bristle_stiffness_factor": result.quasi_static_factor,
-            "steepest_gradient_over_mu": steepest_gradient(result.quasi_static),
+            "two_ended_law": asdict(law_deviation(result.quasi_static)),
         },
         "refinement": asdict(refinement(lead, result.fine)),
         "sections": SECTIONS,

@@ -3,12 +3,13 @@
 from matplotlib.figure import Figure
 
 from tendonff.compensator.experiment.numbers import (
-    percent_of,
+    MEANINGS,
+    holds,
+    law_deviation,
     refinement,
     relaxation,
     reversals,
     slip_profiles,
-    steepest_gradient,
     switches,
     transient,
     warnings_of,
@@ -24,6 +25,7 @@ from tendonff.compensator.reporting.page import (
     pictures_of,
     provenance_of,
 )
+from tendonff.compensator.scenario.experiment import MotorMode
 
 _CAPTIONS = {
     "experiment_tensions": "Seven tensions along the path; the states are shaded and named.",
@@ -47,12 +49,15 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
         From `experiment_figures`.
     """
     pictures = pictures_of(figures, _CAPTIONS)
-    holds = Table(
-        caption="Tension change of the held end during a hold [N]",
-        columns=("level", *relaxation(result.runs[result.lead])),
+    held = Table(
+        caption="Holds: change of tension at the held end, and travel of its motor",
+        columns=("level", "state", "change [N]", "change [% of range]", "travel [mm]"),
         rows=tuple(
-            (level.value, *(value.change_N for value in relaxation(run).values())) for level, run in result.runs.items()
+            (level.value, state, value.change_N, value.change_percent_of_range, 1e3 * value.travel_m)
+            for level, run in result.runs.items()
+            for state, value in relaxation(run).items()
         ),
+        least=1e-3,
     )
     transients = Table(
         caption="Reversals: width of the transient (5 to 50 % of the change) and largest slope of the output",
@@ -64,14 +69,15 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
             if (value := transient(run, done)) is not None
         ),
     )
-    gradients = Table(
-        caption="Largest gradient of ln T along the path over mu; the static law allows 1",
-        columns=("model", "gradient/mu"),
-        rows=(
-            *((level.value, steepest_gradient(run)) for level, run in result.runs.items()),
-            ("quasi-static elastic", steepest_gradient(result.quasi_static)),
+    models = {**{level.value: run for level, run in result.runs.items()}, "quasi-static elastic": result.quasi_static}
+    law = Table(
+        caption="Difference from the static law with two ends, given the two end tensions [% of range]",
+        columns=("model", "RMS", "largest"),
+        rows=tuple(
+            (name, off.rms_percent_of_range, off.max_percent_of_range)
+            for name, run in models.items()
+            for off in (law_deviation(run),)
         ),
-        digits=4,
     )
     finer = refinement(result.runs[result.lead], result.fine)
     step = max(
@@ -88,9 +94,9 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
                 blocks=(Text(_NOTE), *_present(pictures, "experiment_tensions"), _states(result)),
             ),
             Section(
-                title="How the models differ", blocks=(*_present(pictures, "experiment_details"), holds, transients)
+                title="How the models differ", blocks=(*_present(pictures, "experiment_details"), held, transients)
             ),
-            Section(title="Along the path", blocks=(*_present(pictures, "experiment_distribution"), gradients)),
+            Section(title="Along the path", blocks=(*_present(pictures, "experiment_distribution"), law)),
             Section(title="Hysteresis of the tendon", blocks=_present(pictures, "experiment_hysteresis")),
             Section(
                 title="Numerical accuracy",
@@ -100,6 +106,11 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
                         f"{finer.segments} and {finer.fine_segments} masses differ by "
                         f"{finer.rms_percent_of_range:.2g} % of the range RMS. "
                         f"{slips} one-way ramps were compared with the static law; see summary.json."
+                    ),
+                    Table(
+                        caption="What each number of this page and of summary.json means",
+                        columns=("number", "meaning"),
+                        rows=tuple(MEANINGS.items()),
                     ),
                 ),
             ),
@@ -120,7 +131,7 @@ def _present(pictures: dict[str, Picture], name: str) -> tuple[Picture, ...]:
 def _states(result: ExperimentData) -> Table:
     lead = result.runs[result.lead]
     return Table(
-        caption="States; A acts, A_h holds, L loads",
+        caption="States; A acts, A_h holds its position, A_f its force, L loads",
         columns=("state", "purpose", "motor 1", "motor 2", "from [s]", "to [s]"),
         rows=tuple(
             (
@@ -137,9 +148,18 @@ def _states(result: ExperimentData) -> Table:
 
 
 def _summary(result: ExperimentData) -> str:
-    largest = {
-        level: max((abs(percent_of(v.change_N, run.range_N)) for v in relaxation(run).values()), default=0.0)
-        for level, run in result.runs.items()
-    }
-    parts = ", ".join(f"{value:.2g} % on {level}" for level, value in largest.items())
-    return f"While a motor holds, its tension changes by {parts} (of the range)."
+    lead = result.runs[result.lead]
+    held = {level: relaxation(run).values() for level, run in result.runs.items()}
+    modes = {done.state.modes[motor] for done, motor in holds(lead)}
+    sentences = []
+    if MotorMode.HOLD in modes or not modes:
+        largest = {
+            level: max((abs(v.change_percent_of_range) for v in some), default=0.0) for level, some in held.items()
+        }
+        parts = ", ".join(f"{value:.2g} % on {level}" for level, value in largest.items())
+        sentences.append(f"While a motor holds its position, its tension changes by {parts} (of the range).")
+    if MotorMode.HOLD_FORCE in modes:
+        farthest = {level: max(abs(v.travel_m) for v in some) for level, some in held.items()}
+        parts = ", ".join(f"{1e3 * value:.2g} mm on {level}" for level, value in farthest.items())
+        sentences.append(f"While a motor holds its force, creep moves it by {parts}.")
+    return " ".join(sentences)

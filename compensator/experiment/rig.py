@@ -7,9 +7,11 @@
     <------ positions positive
 
     A    f_c commanded, k_c = 0
+    A_f  the same; f_c stays what the end tension was as the mode began
     L    f_c = 0, k_c = k, rest position x_c commanded
     A_h  the same with a stiff spring: the motor acts by keeping its position
 
+Each mode has its own damper: against the frame where a force is commanded, else against the rest position, which moves.
 A change of mode is bumpless: the new command is the one that carries the present end tension at the present position.
 """
 
@@ -19,6 +21,7 @@ import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.scenario.experiment import MotorMode
+from tendonff.models.assembly import End, rest_damper_force
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs, ChainState
@@ -45,6 +48,8 @@ class RigSpec:
         Uniform tension at rest before the test [N].
     load_stiffness_N_per_m, hold_stiffness_N_per_m : float
         Springs of the modes L and A_h [N/m].
+    act_damping_N_s_per_m, load_damping_N_s_per_m, hold_damping_N_s_per_m : float
+        Dampers of the modes A and A_f, L, A_h [N s/m].
     """
 
     transmission: Transmission
@@ -52,16 +57,21 @@ class RigSpec:
     start_tension_N: float
     load_stiffness_N_per_m: float
     hold_stiffness_N_per_m: float
+    act_damping_N_s_per_m: float
+    load_damping_N_s_per_m: float
+    hold_damping_N_s_per_m: float
 
-    def stiffness(self, mode: MotorMode) -> float:
-        """k_c of a mode [N/m]."""
+    def end(self, mode: MotorMode) -> End:
+        """A motor in a mode: its mass, its damper, k_c."""
         match mode:
-            case MotorMode.ACT:
-                return 0.0
+            case MotorMode.ACT | MotorMode.HOLD_FORCE:
+                damping, stiffness = self.act_damping_N_s_per_m, 0.0
             case MotorMode.LOAD:
-                return self.load_stiffness_N_per_m
+                damping, stiffness = self.load_damping_N_s_per_m, self.load_stiffness_N_per_m
             case MotorMode.HOLD:
-                return self.hold_stiffness_N_per_m
+                damping, stiffness = self.hold_damping_N_s_per_m, self.hold_stiffness_N_per_m
+        mass = self.transmission.actuator.mass_kg
+        return End(mass_kg=mass, damping_N_s_per_m=damping, stiffness_N_per_m=stiffness)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,7 +84,7 @@ class RigRows:
     position_m : ndarray, shape (n, 2)
         Of motors 1 and 2, positive towards motor 1's side.
     force_N : ndarray, shape (n, 2)
-        Each motor's pull on its end of the tendon: f_c, or its spring's force.
+        Each motor's pull on its end of the tendon: f_c, or its spring's force without the damper's.
     velocity_m_per_s : ndarray, shape (n, N + 2)
         v_a, v_1 .. v_N, v_l.
     """
@@ -108,7 +118,7 @@ class Rig:
         self._time = 0.0
         self._modes: Modes = modes
         self._command = np.array([self._bumpless(modes[k], k) for k in (0, 1)])
-        self._simulator = self._new_simulator(modes, state)
+        self._simulator = self._new_simulator(state)
 
     @property
     def end_tensions_N(self) -> tuple[float, float]:
@@ -119,8 +129,7 @@ class Rig:
     def forces_N(self) -> tuple[float | None, float | None]:
         """Force commands of the motors that act [N]."""
         near, far = (
-            float(command) if mode is MotorMode.ACT else None
-            for mode, command in zip(self._modes, self._command, strict=True)
+            float(command) if mode.by_force else None for mode, command in zip(self._modes, self._command, strict=True)
         )
         return near, far
 
@@ -151,8 +160,8 @@ class Rig:
             for k in (0, 1):
                 if modes[k] is not self._modes[k]:
                     self._command[k] = self._bumpless(modes[k], k)
-            self._simulator = self._new_simulator(modes, self._simulator.state)
             self._modes = modes
+            self._simulator = self._new_simulator(self._simulator.state)
         jump: FloatArray = (self._motor_force(self._command[None, :], self._position[None, :]) - before)[0]
         return jump
 
@@ -174,9 +183,9 @@ class Rig:
         SolveError
             When a step cannot be solved.
         """
-        outward = [1.0 if mode is MotorMode.ACT else _OUTWARD[k] for k, mode in enumerate(self._modes)]
+        outward = [1.0 if mode.by_force else _OUTWARD[k] for k, mode in enumerate(self._modes)]
         commands = self._command + np.cumsum(rates * outward, axis=0) * self._spec.step_s
-        rows = self._simulator.advance(self._inputs(commands, self._modes), record=True)
+        rows = self._simulator.advance(self._inputs(commands, rates * outward), record=True)
         good = len(rows.tension_N)
         if good < len(rates) or rows.states is None:
             failed = self._time + (good + 1) * self._spec.step_s
@@ -194,29 +203,33 @@ class Rig:
     def _bumpless(self, mode: MotorMode, k: int) -> float:
         """Command at which motor k + 1 in `mode` carries the present end tension: f_c = f, or x_c = x +- f/k_c."""
         tension = self.end_tensions_N[k]
-        if mode is MotorMode.ACT:
+        if mode.by_force:
             return tension
-        return float(self._position[k]) + _OUTWARD[k] * tension / self._spec.stiffness(mode)
+        return float(self._position[k]) + _OUTWARD[k] * tension / self._spec.end(mode).stiffness_N_per_m
 
-    def _new_simulator(self, modes: Modes, state: ChainState) -> Simulator:
-        """A simulator for the modes, from a state."""
-        near, far = (self._spec.stiffness(mode) for mode in modes)
-        chain = self._chain.with_end_stiffness(near, far)
-        return Simulator(chain, self._spec.step_s, state, self._inputs(self._command[None, :], modes))
+    def _new_simulator(self, state: ChainState) -> Simulator:
+        """A simulator for the present modes, from a state."""
+        near, far = (self._spec.end(mode) for mode in self._modes)
+        chain = replace(self._chain, near=near, far=far)
+        return Simulator(chain, self._spec.step_s, state, self._inputs(self._command[None, :], np.zeros((1, 2))))
 
-    @staticmethod
-    def _inputs(commands: FloatArray, modes: Modes) -> ChainInputs:
-        """What the two motors do: a force, or a rest position."""
-        names = ("force_N" if mode is MotorMode.ACT else "rest_m" for mode in modes)
-        values = {
-            f"{end}_{name}": commands[:, k] for k, (end, name) in enumerate(zip(("near", "far"), names, strict=True))
-        }
+    def _inputs(self, commands: FloatArray, speeds: FloatArray) -> ChainInputs:
+        """What the two motors do: a force, or a rest position, whose speed the damper feels."""
+        values = {}
+        for k, (side, pull) in enumerate((("near", -1), ("far", 1))):
+            mode = self._modes[k]
+            if mode.by_force:
+                values[f"{side}_force_N"] = commands[:, k]
+            else:
+                values[f"{side}_rest_m"] = commands[:, k]
+                values[f"{side}_force_N"] = rest_damper_force(speeds[:, k], pull, self._spec.end(mode))
         return ChainInputs.of(len(commands), **values)
 
     def _motor_force(self, commands: FloatArray, positions: FloatArray) -> FloatArray:
         """Pull of each motor on its end [N], shape (n, 2)."""
         force = commands.copy()
         for k, mode in enumerate(self._modes):
-            if mode is not MotorMode.ACT:
-                force[:, k] = self._spec.stiffness(mode) * _OUTWARD[k] * (commands[:, k] - positions[:, k])
+            if not mode.by_force:
+                spring = self._spec.end(mode).stiffness_N_per_m
+                force[:, k] = spring * _OUTWARD[k] * (commands[:, k] - positions[:, k])
         return force

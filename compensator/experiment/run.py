@@ -22,7 +22,7 @@ from tendonff.models.fidelity import Level
 Ends = tuple[float | None, float | None]
 
 _SCALE_BOUNDS = (0.5, 2.0)
-_QUASI_STATIC_FACTOR = 100.0
+_QUASI_STATIC_FACTOR = 1000.0
 
 
 def run_machine(plan: Plan, level: Level) -> tuple[Schedule, ExperimentRun]:

@@ -12,6 +12,7 @@ from tendonff._version import __version__
 from tendonff.compensator.adapt.setup import learnt, tuning_of
 from tendonff.compensator.compensators.base import CModule, FloatArray, Problem
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
+from tendonff.compensator.compensators.stream.run import StreamChoice, choose_stream
 from tendonff.compensator.compensators.table import CompensationTable, table_of
 from tendonff.compensator.compensators.table_build import BuiltTable
 from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_golden
@@ -34,7 +35,6 @@ from tendonff.compensator.export.self_test import FloatLoss, float_losses, loss_
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.files.writing import atomic_directory, write_text
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
-from tendonff.compensator.stream.run import StreamChoice, choose_stream
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.drive import Drive
 from tendonff.models.fidelity import Level

@@ -16,6 +16,7 @@ from tendonff._version import __version__
 from tendonff.compensator.compensators.base import CModule, Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.registry import COMPENSATORS
+from tendonff.compensator.compensators.stream.model import RE_ENTRY_S
 from tendonff.compensator.compensators.table import table_range
 from tendonff.compensator.compensators.table_build import BuiltTable
 from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_code, tunable_inverse
@@ -23,7 +24,6 @@ from tendonff.compensator.export.table_index import share_index
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampling import largest_tension
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
-from tendonff.compensator.stream.model import RE_ENTRY_S
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level

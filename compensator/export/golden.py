@@ -9,10 +9,10 @@ from tendonff.compensator.compensators.base import FloatArray, Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import scale_N
+from tendonff.compensator.compensators.stream.model import StreamDesign, smoothed, stream_force
+from tendonff.compensator.compensators.stream.run import quantised
 from tendonff.compensator.compensators.table import CompensationTable
 from tendonff.compensator.export.table_index import rounded
-from tendonff.compensator.stream.model import StreamDesign, smoothed, stream_force
-from tendonff.compensator.stream.run import quantised
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.inverse import InverseStatus, Inversion, invert
 from tendonff.ocp.simulate import simulate

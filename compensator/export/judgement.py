@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from tendonff.compensator.compensators.base import FloatArray, Problem, Profile
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import Score, SimulatedPlant, is_worse, verify
-from tendonff.compensator.stream.run import StreamChoice
+from tendonff.compensator.compensators.stream.run import StreamChoice
 from tendonff.ocp.errors import SolveError
 
 UNCOMPENSATED = "none"

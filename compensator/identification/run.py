@@ -86,6 +86,11 @@ def identify(
         raise InputError(
             "total_angle_rad is 0: without a wrap angle friction has no coefficient; give the path's angle"
         )
+    if scenario.transmission.tendon.second_relaxation_time_s is not None:
+        raise InputError(
+            "second_relaxation_time_s is given, but one relaxation time is fitted; "
+            "leave it and second_relaxing_stiffness_N_per_m out"
+        )
     fit_files, judging = [Path(file) for file in data], [Path(file) for file in validate]
     if twice := sorted({p.name for p in fit_files if p.resolve() in {v.resolve() for v in judging}}):
         raise InputError(f"{', '.join(twice)}: given with --data and with --validate; a file cannot judge its own fit")

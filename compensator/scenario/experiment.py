@@ -4,9 +4,9 @@ The states are columns of equal length, one entry a state, so that the table rea
 
     [experiment]
     states       = ["S1", "S2",                "S3"]
-    motor_1      = ["A",  "A",                 "A_h"]     A acts, L loads, A_h acts and holds its position
+    motor_1      = ["A",  "A",                 "A_h"]     A acts, L loads, A_h holds its position, A_f its force
     motor_2      = ["L",  "L",                 "L"]
-    motor_1_rate = [0.0,  200.0,               0.0]       N/s for A, m/s for L and A_h; positive tightens the tendon
+    motor_1_rate = [0.0,  200.0,               0.0]       N/s for A, m/s for L and A_h, 0 for A_f; positive tightens
     motor_2_rate = [0.0,  0.0,                 0.0]
     until        = ["",   "tension_1 >= 80.0", ""]        end tension that ends the state, "" for time alone
     at_most_s    = [0.2,  2.0,                 2.0]       longest time in the state
@@ -32,11 +32,31 @@ class MotorMode(StrEnum):
         L: f_c = 0; a spring k towards the commanded rest position x_c.
     HOLD
         A_h: an actuator that holds its position: the same with a spring that is stiff beside the tendon.
+    HOLD_FORCE
+        A_f: an actuator that holds the present interaction force: f_c is the end tension at the switch, k_c = 0.
     """
 
     ACT = "A"
     LOAD = "L"
     HOLD = "A_h"
+    HOLD_FORCE = "A_f"
+
+    @property
+    def by_force(self) -> bool:
+        """Its command is a force, not a rest position."""
+        return self in (MotorMode.ACT, MotorMode.HOLD_FORCE)
+
+    @property
+    def holds(self) -> bool:
+        """It keeps what it has: its position, or its force."""
+        return self in (MotorMode.HOLD, MotorMode.HOLD_FORCE)
+
+
+class Hold(StrEnum):
+    """What the acting motor of the ten-state cycle holds in S4 and S9."""
+
+    POSITION = "position"
+    FORCE = "force"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,6 +133,9 @@ class Experiment:
         Time of a ramp from low to high [s], > 0. Default 1, longer where force_rate_max_N_per_s asks for it.
     hold_s : float, optional
         Length of the two holds [s], > 0. Default: five relaxation times, between 0.5 and 10 s.
+    hold : Hold, optional
+        What S4 and S9 hold: "position" (default; the tension relaxes) or "force", the interaction force that a motor
+        has as the state begins, as the paper words it (the tendon creeps, the motor travels).
     blend_s : float, optional
         Time in which a command takes up and gives up its rate [s], > 0. Default: one period of the two motors on the
         load spring, which a blend of that length does not excite.
@@ -122,10 +145,13 @@ class Experiment:
         Spring of a motor in mode L [N/m], > 0. Default: the load's stiffness.
     hold_stiffness_N_per_m : float, optional
         Spring of a motor in mode A_h [N/m], > 0. Default: ten times the tendon's k1 + k2.
+    act_damping_N_s_per_m, load_damping_N_s_per_m, hold_damping_N_s_per_m : float, optional
+        Damper of a motor in modes A and A_f, against the frame, and in modes L and A_h, against its moving rest
+        position [N s/m], >= 0. Default: the actuator's.
     fine_segments : int, optional
         Number of masses of the finer run that shows the discretisation error, 1 to 1000. Default 40.
     states, motor_1, motor_2, until : tuple of str, optional
-        Columns of a state machine of one's own: name, modes (A, L or A_h), end condition ("tension_1 >= 80" or "").
+        Columns of a state machine of one's own: name, modes (A, L, A_h, A_f), end condition ("tension_1 >= 80" or "").
     motor_1_rate, motor_2_rate, at_most_s : tuple of float, optional
         Columns: rates of the commands [N/s or m/s], longest time in the state [s]. All seven columns or none.
     """
@@ -134,10 +160,14 @@ class Experiment:
     high_tension_N: float | None = None
     pull_time_s: float | None = None
     hold_s: float | None = None
+    hold: Hold = Hold.POSITION
     blend_s: float | None = None
     rest_s: float = 0.1
     load_stiffness_N_per_m: float | None = None
     hold_stiffness_N_per_m: float | None = None
+    act_damping_N_s_per_m: float | None = None
+    load_damping_N_s_per_m: float | None = None
+    hold_damping_N_s_per_m: float | None = None
     fine_segments: int = 40
     states: tuple[str, ...] | None = None
     motor_1: tuple[str, ...] | None = None
@@ -160,6 +190,9 @@ class Experiment:
             value = getattr(self, name)
             if value is not None:
                 require_number(name, value, above=0, hint=hint)
+        for name in ("act_damping_N_s_per_m", "load_damping_N_s_per_m", "hold_damping_N_s_per_m"):
+            if (value := getattr(self, name)) is not None:
+                require_number(name, value, least=0, hint="leave it out for the actuator's")
         require_number("rest_s", self.rest_s, least=0, hint="0.1 is a good start")
         low, high = self.low_tension_N, self.high_tension_N
         if low is not None and high is not None and not low < high:
@@ -198,14 +231,20 @@ class Experiment:
         name = str(columns["states"][k])
         if not re.fullmatch(r"[\w.-]+", name):
             raise ParameterError(f'states[{k}] must be a name of letters and digits such as "S1", got "{name}"')
+        modes = _mode(columns, 1, k), _mode(columns, 2, k)
         rates = tuple(float(str(columns[f"motor_{motor}_rate"][k])) for motor in (1, 2))
         for motor, rate in enumerate(rates, start=1):
             require_number(f"motor_{motor}_rate[{k}]", rate, hint="use 0 for a command that stays")
+            if rate and modes[motor - 1] is MotorMode.HOLD_FORCE:
+                raise ParameterError(
+                    f"motor_{motor}_rate[{k}] must be 0 where motor_{motor} holds its force (A_f), got {rate}; "
+                    'use "A" for a force that moves'
+                )
         longest = float(str(columns["at_most_s"][k]))
         require_number(f"at_most_s[{k}]", longest, above=0, hint="every state ends after some time")
         return ExperimentState(
             name=name,
-            modes=(_mode(columns, 1, k), _mode(columns, 2, k)),
+            modes=modes,
             rates=(rates[0], rates[1]),
             until=_condition(str(columns["until"][k]), k),
             at_most_s=longest,

@@ -79,7 +79,7 @@ class Wish:
     hold: Hold = Hold.EXACT
     least_tension_N: float | None = None
 
-    def _check_wish(self) -> None:
+    def _check_quantity(self) -> None:
         if self.least_tension_N is not None:
             require_number("least_tension_N", self.least_tension_N, above=0, hint="a tendon cannot push")
 
@@ -130,7 +130,7 @@ class SineReference(Wish):
         return (self.amplitudes_m if self.wants_position else self.amplitudes_N) or ()
 
     def __post_init__(self) -> None:
-        self._check_wish()
+        self._check_quantity()
         _require_tension("initial_tension_N", self.initial_tension_N)
         self._check_series("amplitudes_N", "amplitudes_m")
         name = "amplitudes_m" if self.wants_position else "amplitudes_N"
@@ -176,7 +176,7 @@ class WaypointReference(Wish):
         return (self.positions_m if self.wants_position else self.tensions_N) or ()
 
     def __post_init__(self) -> None:
-        self._check_wish()
+        self._check_quantity()
         self._check_series("tensions_N", "positions_m")
         name = "positions_m" if self.wants_position else "tensions_N"
         if len(self.times_s) < 2 or len(self.times_s) != len(self.values):
@@ -242,7 +242,7 @@ class CsvReference(Wish):
     interpolation: Interpolation = Interpolation.MONOTONE
 
     def __post_init__(self) -> None:
-        self._check_wish()
+        self._check_quantity()
         if self.wants_position and self.initial_tension_N is None:
             raise ParameterError(
                 'initial_tension_N is missing: quantity = "position" counts from a rest under a tension'

@@ -1,19 +1,19 @@
 """The desired tension at the far end, sampled on the grid of the run."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import assert_never
 
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError
+from tendonff.compensator.scenario.courses import along_sines, along_waypoints
 from tendonff.compensator.scenario.from_file import read_samples, resample
 from tendonff.compensator.scenario.plausibility import questions
-from tendonff.compensator.scenario.reference import CsvReference, Hold, Shape, SineReference, WaypointReference
+from tendonff.compensator.scenario.reference import CsvReference, Hold, SineReference, WaypointReference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.parameters import Transmission
-from tendonff.ocp.load import tension_of_motion
+from tendonff.ocp.reference.motion import tension_of_motion
 
 _MAX_STEPS = 50_000_000
 _LONG_RUN = 200_000
@@ -151,7 +151,7 @@ def work_ahead(scenario: Scenario) -> str | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Sampled:
-    """The wish on the grid of the run, before it is checked."""
+    """The wanted quantity on the grid of the run, before it is checked."""
 
     time_s: FloatArray
     tension_N: FloatArray
@@ -175,7 +175,8 @@ def _sample(scenario: Scenario) -> _Sampled:
                     f"step_s = {step:g}), "
                     f"got {highest:g}; use a step of {0.02 / highest:.2g} s or less"
                 )
-            course = _sine(spec, time)
+            start = 0.0 if spec.wants_position else spec.initial_tension_N
+            course = start + along_sines(spec.amplitudes, spec.frequencies_Hz, spec.fade_in_s, time)
         case WaypointReference():
             time = _grid(spec.times_s[-1], step, file)
             course = along_waypoints(spec.times_s, spec.values, spec.shape, time)
@@ -222,14 +223,14 @@ def _closed(course: FloatArray, file: str) -> FloatArray:
 
 
 def keep_taut(tension_N: FloatArray, least_N: float | None) -> tuple[FloatArray, float, tuple[str, ...]]:
-    """A wish that touches zero, lifted to a least tension; that tension, and what to say.
+    """A reference that touches zero, lifted to a least tension; that tension, and what to say.
 
     Parameters
     ----------
     tension_N : ndarray, shape (n,)
         Wanted tension [N].
     least_N : float or None
-        Tension to be kept [N]; None: 2 % of the range where the wish touches zero, else none.
+        Tension to be kept [N]; None: 2 % of the range where the reference touches zero, else none.
     """
     lowest, span = float(np.min(tension_N)), float(np.ptp(tension_N))
     if lowest < -1e-6 * span or (least_N is None and lowest > 0) or (least_N is not None and lowest >= least_N):
@@ -237,7 +238,7 @@ def keep_taut(tension_N: FloatArray, least_N: float | None) -> tuple[FloatArray,
     least = _LEAST_SHARE * span if least_N is None else least_N
     if least <= 0:
         return tension_N, 0.0, ()
-    # A hyperbola between wish and floor: a corner there would make the inverse jump.
+    # A hyperbola between reference and floor: a corner there would make the inverse jump.
     lifted: FloatArray = 0.5 * (tension_N + least + np.hypot(tension_N - least, 0.5 * least))
     floor = float(np.min(lifted))
     default = f"{100 * _LEAST_SHARE:g} % of the range; least_tension_N sets it"
@@ -265,39 +266,6 @@ def _grid(duration_s: float, step_s: float, file: str) -> FloatArray:
         )
     time: FloatArray = np.arange(steps + 1, dtype=np.float64) * step_s
     return time
-
-
-def _sine(spec: SineReference, time: FloatArray) -> FloatArray:
-    fade = np.minimum(time / spec.fade_in_s, 1.0) if spec.fade_in_s > 0 else np.ones_like(time)
-    waves = np.zeros_like(time)
-    for amplitude, frequency in zip(spec.amplitudes, spec.frequencies_Hz, strict=True):
-        waves += amplitude * np.sin(2 * np.pi * frequency * time)
-    result: FloatArray = (0.0 if spec.wants_position else spec.initial_tension_N) + fade * waves
-    return result
-
-
-def along_waypoints(
-    times_s: Sequence[float], waypoints: Sequence[float], shape: Shape, time_s: FloatArray
-) -> FloatArray:
-    """A course through waypoints, held beyond them.
-
-    Parameters
-    ----------
-    times_s, waypoints : sequence of float
-    shape : Shape
-    time_s : ndarray
-        Where it is wanted [s].
-    """
-    times, values, time = np.array(times_s), np.array(waypoints), time_s
-    if shape is Shape.LINEAR:
-        straight: FloatArray = np.interp(time, times, values)
-        return straight
-    # 10 u^3 - 15 u^4 + 6 u^5 is the lowest polynomial with zero velocity and acceleration at both ends: the pieces
-    # join with two continuous derivatives, and each is monotone, so no piece leaves the range of its two waypoints.
-    piece = np.clip(np.searchsorted(times, time, side="right") - 1, 0, len(times) - 2)
-    u = np.clip((time - times[piece]) / (times[piece + 1] - times[piece]), 0.0, 1.0)
-    result: FloatArray = values[piece] + (values[piece + 1] - values[piece]) * u**3 * (10 - 15 * u + 6 * u * u)
-    return result
 
 
 def largest_tension(transmission: Transmission) -> float:

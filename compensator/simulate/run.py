@@ -21,7 +21,7 @@ from tendonff.compensator.files.quantities import (
 )
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.writing import open_csv
-from tendonff.compensator.scenario.joints import moved
+from tendonff.compensator.scenario.joint_motion import moved
 from tendonff.compensator.scenario.plausibility import questions
 from tendonff.compensator.scenario.sampling import initial_tension
 from tendonff.compensator.scenario.scenario import Scenario
@@ -30,7 +30,7 @@ from tendonff.models.chain import Chain
 from tendonff.models.drive import Drive
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
-from tendonff.ocp.crosscheck import StepHalving
+from tendonff.ocp.crosscheck.halving import StepHalving
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import Simulator, describe_failure, tensions_of
 

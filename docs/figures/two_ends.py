@@ -11,6 +11,7 @@ from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
+from tendonff.models.two_ended import TwoEndedLaw
 from tendonff.ocp.simulate import Simulator
 
 FINGER = Path(__file__).resolve().parents[2] / "examples" / "finger.toml"
@@ -40,7 +41,9 @@ def draw() -> Figure:
     """Draw the figure."""
     transmission = load_scenario(FINGER).transmission
     mu, theta = transmission.friction.mu_dynamic, transmission.path.total_angle_rad
-    pulled, drawn = (np.log(profile) for profile in profiles())
+    pulled, drawn = profiles()
+    law = np.log(TwoEndedLaw.of(transmission, pulled.size - 1).profile_N(pulled, drawn[0], drawn[-1]))
+    pulled, drawn = np.log(pulled), np.log(drawn)
     angle = np.linspace(0, theta, pulled.size)
     low = np.maximum(drawn[0] - mu * angle, drawn[-1] - mu * (theta - angle))
     high = np.minimum(drawn[0] + mu * angle, drawn[-1] + mu * (theta - angle))
@@ -49,7 +52,7 @@ def draw() -> Figure:
         panel = axes[0, 0]
         panel.fill_between(angle, low, high, color=ORANGE, alpha=0.2, label="between the cones from both ends")
         panel.plot(angle, pulled, color=GREY, label="left by pulling at the actuator")
-        panel.plot(angle, np.clip(pulled, low, high), "--", color=VERMILION, label="law, after the load end acted")
+        panel.plot(angle, law, "--", color=VERMILION, label="law, after the load end acted")
         panel.plot(angle, drawn, "o", color=BLUE, markersize=3, label="simulated chain")
         panel.set(xlabel="wrap angle from the actuator [rad]", ylabel="ln tension / N")
         figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=2)

@@ -54,7 +54,7 @@ class CertifiedInterval:
 
     @property
     def low_law(self) -> CapstanLaw:
-        """Law whose play is never above the output: pulls worse, lets go sooner."""
+        """Law whose play is never above the output: needs more force to pull, falls sooner on release."""
         return self._with(self.spread, -self.spread)
 
     @property

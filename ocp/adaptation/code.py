@@ -13,6 +13,7 @@ from tendonff.models.chain import Chain
 from tendonff.models.elements import Whole, whole_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
+from tendonff.models.layout import fields_of
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.adaptation.recursion import covariance_names, update_law
 from tendonff.ocp.adaptation.tuning import GATE, MAX_DELAY, Tunable
@@ -36,7 +37,11 @@ _SCALED: dict[Tunable, tuple[str, ...]] = {
     Tunable.MU: _FRICTION[0] + _FRICTION[1],
     Tunable.MU_PULL: _FRICTION[0],
     Tunable.MU_RELEASE: _FRICTION[1],
-    Tunable.TENDON_STIFFNESS: ("stiffness_N_per_m", "relaxing_stiffness_N_per_m"),
+    Tunable.TENDON_STIFFNESS: (
+        "stiffness_N_per_m",
+        "relaxing_stiffness_N_per_m",
+        "second_relaxing_stiffness_N_per_m",  # where the tendon has one
+    ),
 }
 LOAD_STIFFNESS = "far_stiffness_N_per_m"
 
@@ -91,7 +96,9 @@ class TunedChain:
         ----------
         factors : mapping of Tunable to float or ca.SX
         """
-        values = {name: f * self.whole.value(name) for key, f in factors.items() for name in _SCALED.get(key, ())}
+        known = fields_of(self.whole.friction) | fields_of(self.whole.link)
+        names = ((name, f) for key, f in factors.items() for name in _SCALED.get(key, ()) if name in known)
+        values = {name: f * known[name] for name, f in names}
         far = self.chain.far
         if Tunable.LOAD_STIFFNESS in factors:
             far = replace(far, stiffness_N_per_m=factors[Tunable.LOAD_STIFFNESS] * far.stiffness_N_per_m)

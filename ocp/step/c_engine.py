@@ -12,7 +12,7 @@ from tendonff.ocp.codegen.compiler import load_library
 from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import Specialiser
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.step.laws import ElementLaws
+from tendonff.ocp.step.laws import ElementLaws, twins_of
 from tendonff.ocp.step.protocol import Array, InverseRows, Rows, StepperMemory
 from tendonff.ocp.step.render import StepCode
 
@@ -40,11 +40,13 @@ def chain_struct(chain: Chain) -> ctypes.Structure:
     numbers, elements = chain.numbers(), chain.elements
     of_masses = np.ascontiguousarray(np.stack(list(chain.of_masses().values())))
     inner, ends = link_ratios(elements.ratio)
+    section_of = elements.path.section_of
+    run_end = np.searchsorted(section_of, section_of, side="right").astype(np.intc)
     struct = _struct_type(tuple(numbers))(
-        *(chain.count, 0.0, 0.0, 0.0, inner, ends, of_masses.ctypes.data),
+        *(chain.count, 0.0, 0.0, 0.0, inner, ends, of_masses.ctypes.data, run_end.ctypes.data),
         *(elements.path.total_angle_rad, chain.far_joint is not None, *numbers.values()),
     )
-    struct.kept_alive = of_masses
+    struct.kept_alive = of_masses, run_end
     return struct
 
 
@@ -65,6 +67,7 @@ def _struct_type(names: tuple[str, ...]) -> type[ctypes.Structure]:
         ("count", ctypes.c_int),
         *((name, ctypes.c_double) for name in ("H", "carry", "gain", "ratio", "ratio_of_ends")),
         ("of_masses", ctypes.c_void_p),
+        ("run_end", ctypes.c_void_p),
         ("total_angle_rad", ctypes.c_double),
         ("far_driven", ctypes.c_int),
         *((name, ctypes.c_double) for name in names),
@@ -107,7 +110,7 @@ def host_source(chain: Chain, laws: tuple[Law, ...], templates: tuple[str, ...])
     """
     printer = Specialiser(prefix=PREFIX, precision=Precision.DOUBLE, parameters={})
     elements = ElementLaws.of(chain, folded=True)
-    moved = (elements.contact(),) if chain.moving else ()
+    moved = (elements.contact(twins_of(chain)),) if chain.moving else ()
     printed = {law.name: printer.fold(law) for law in (*laws, *moved)}
     templates = ("moving.c.j2", *templates) if chain.moving else templates
     code = StepCode(
@@ -136,7 +139,8 @@ def library_of(chain: Chain, make_source: Callable[[Chain], str]) -> ctypes.CDLL
         Chain to C source.
     """
     aliases = frozenset(chain.friction.aliases().items())
-    key = (make_source.__name__, type(chain.friction), type(chain.link), aliases, chain.moving)
+    twins = frozenset(twins_of(chain).items()) if chain.moving else None
+    key = (make_source.__name__, type(chain.friction), type(chain.link), aliases, twins)
     if (known := _LIBRARIES.get(key)) is None:
         known = _LIBRARIES[key] = load_library(make_source(chain))
         known.tff_work_reals.restype = ctypes.c_int

@@ -5,18 +5,17 @@ the scheme is the same: second-order backward differences, implicit Euler at the
 must be split.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from tendonff.models.assembly import end_force, near_tension, normal_force, path_force
+from tendonff.models.assembly import end_force, normal_force, path_force
 from tendonff.models.chain import Chain, laws_at
-from tendonff.models.friction import from_far_side
-from tendonff.models.layout import INPUT_NAMES, ChainInputs, fields_of
+from tendonff.models.layout import INPUT_NAMES, ChainInputs
 from tendonff.models.link import tendon_force
-from tendonff.ocp.step.protocol import Array, InverseRows, Rows, StepperMemory
+from tendonff.ocp.step.protocol import Array, Rows, StepperMemory
 from tendonff.ocp.step.scheme import (
     BDF2_CARRY,
     BDF2_WEIGHT,
@@ -100,7 +99,7 @@ def step_expressions(chain: Chain) -> StepExpressions:
         path_force(force[:-1], force[1:], f_f),
         end_force(v[n + 1], q_l, force[n], 1, f_c2, x_c2, far),
     )
-    mass = ca.vertcat(near.mass_kg, _column(piece.mass_kg, n), far.mass_kg)
+    mass = ca.vertcat(near.mass_kg, column(piece.mass_kg, n), far.mass_kg)
     balance = mass / H * (v - v_base) - sums
     if chain.far_joint is not None:  # the joint says how fast the far end moves
         balance[n + 1] = far.mass_kg / H * (v[n + 1] - drift[n + 1])
@@ -119,7 +118,7 @@ def step_expressions(chain: Chain) -> StepExpressions:
     )
 
 
-def _column(value: object, n: int) -> ca.DM:
+def column(value: object, n: int) -> ca.DM:
     """A number or one for each mass, as a column; symbols stay."""
     return value * ca.DM.ones(n) if not isinstance(value, np.ndarray) else ca.DM(value)
 
@@ -314,98 +313,3 @@ class CasadiStepper:
         v, known = guess[: self._chain.count + 2], np.concatenate([base, inputs, [weight], move])
         x, force, balance, solved = (np.asarray(m).ravel() for m in self._try(v, known))
         return _Outcome(solved=bool(solved[0] == 1), x=x, tension_N=force, balance_N=balance)
-
-
-def _each(law: Any, count: int) -> list[Any]:
-    """A law whose fields are numbers or columns, as one law for each element."""
-    columns = {name: value for name, value in fields_of(law).items() if getattr(value, "numel", lambda: 1)() > 1}
-    return [replace(law, **{name: value[k] for name, value in columns.items()}) for k in range(count)]
-
-
-class CasadiInverse:
-    """The exact inverse as a mapped CasADi function.
-
-    Parameters
-    ----------
-    chain : Chain
-    step_s : float
-        h [s].
-    """
-
-    def __init__(self, chain: Chain, step_s: float) -> None:
-        self._chain, self._step_s = chain, step_s
-        self._first = self._make(step_s, carry=0.0)
-        self._next = self._make(BDF2_WEIGHT * step_s, carry=BDF2_CARRY)
-
-    def _make(self, H: float, carry: float) -> ca.Function:
-        """Function (pair (x, x_old), reference, move) -> (pair, force, least tension)."""
-        chain, n, layout = self._chain, self._chain.count, self._chain.layout
-        piece, mass = chain.elements.piece, _column(chain.elements.piece.mass_kg, n)
-        pair, reference = ca.SX.sym("pair", 2 * layout.size), ca.SX.sym("reference")
-        x, x_old, move = pair[: layout.size], pair[layout.size :], ca.SX.sym("move", 6 * n + 5)
-        place, drift, kept, kept_old = ca.vertsplit(move, [0, 3 * n + 3, 4 * n + 5, 5 * n + 5, 6 * n + 5])
-        frictions, links = (_each(law, count) for law, count in zip(laws_at(chain, place), (n, n + 1), strict=True))
-        ones = ca.SX.ones(layout.part(layout.friction_states[0]).start)
-        of_states = len(layout.friction_states)
-        x_now, x_last = (
-            ca.vertcat(ones, ca.repmat(share, of_states, 1), 1, 1) * part
-            for share, part in ((kept, x), (kept_old, x_old))
-        )
-        v_base, e_base, *own, q_a, q_l = ca.vertsplit(x_now + carry * (x_now - x_last), layout.cuts)
-        border = len(layout.link_states)
-        f, least, unknown = reference, reference, ca.SX.sym("unknown")
-
-        def root(expression: ca.SX) -> ca.SX:
-            """Where an expression that is affine in the unknown is zero."""
-            return -ca.substitute(expression, unknown, 0) / ca.jacobian(expression, unknown)
-
-        far, near = chain.far, chain.near
-        balance = far.mass_kg / H * (unknown - v_base[n + 1])
-        v = root(balance - end_force(unknown, q_l + H * unknown, f, 1, 0, 0, far))
-        v = v if chain.far_joint is None else drift[n + 1]
-        q_l = q_l + H * v
-        speeds, stretches = [v], []
-        link_ends: list[tuple[ca.SX, ...]] = []
-        mass_ends: list[tuple[ca.SX, ...]] = []
-        for i in range(n, -1, -1):
-            base, link = tuple(part[i] for part in own[:border]), links[i]
-            e = e_base[i] + H * unknown
-            rate = root(link.unclipped_force(e, unknown, link.implicit(e, base, H)) - f)
-            stretches.append(e_base[i] + H * rate)
-            link_ends.append(link.implicit(stretches[-1], base, H))
-            v = v + rate - drift[i]
-            speeds.append(v)
-            if i > 0:
-                friction = frictions[i - 1]
-                inertia = mass[i - 1] / H * (v - v_base[i])
-                without = near_tension(f, friction.viscous_force(v), inertia)
-                base = tuple(part[i - 1] for part in own[border:])
-                states = from_far_side(friction, v, base, H, f + without + 2 * piece.adhesion_N)
-                mass_ends.append(states)
-                f = tendon_force(without + friction.state_force(states))
-                least = ca.fmin(least, f)
-        q_a = q_a + H * v
-        balance = near.mass_kg / H * (v - v_base[0])
-        force = root(balance - end_force(v, q_a, f, -1, unknown, 0, near))
-        blocks = [speeds, stretches, *zip(*link_ends, strict=True), *zip(*mass_ends, strict=True)]
-        end = ca.vertcat(*(s for block in blocks for s in block[::-1]), q_a, q_l)
-        return ca.Function("invert", [pair, reference, move], [ca.vertcat(end, x), force, least], {"cse": True})
-
-    def invert(self, x: Array, time_s: float, reference: Array, record: bool) -> InverseRows:
-        """See `protocol.Inverse`."""
-        if not len(reference):
-            return InverseRows(force_N=np.empty(0), least_tension_N=np.empty(0), states=None)
-        times = time_s + self._step_s * np.arange(-1.0, len(reference) + 1)
-        moves = path_moves(self._chain, self._chain.path_at(times).table(), self._step_s, fresh=True)
-        pair, force, least = self._first(np.concatenate([x, x]), reference[0], moves[:, 0])
-        pairs, forces, leasts = [pair], [force], [least]
-        if len(reference) > 1:
-            rest = self._next.mapaccum("invert_run", len(reference) - 1)(pair, reference[1:], moves[:, 1:])
-            for whole, part in zip((pairs, forces, leasts), rest, strict=True):
-                whole.append(part)
-        states = np.hstack([np.asarray(p) for p in pairs])[: len(x)].T
-        return InverseRows(
-            force_N=np.hstack([np.asarray(f).ravel() for f in forces]),
-            least_tension_N=np.hstack([np.asarray(f).ravel() for f in leasts]),
-            states=states if record else None,
-        )

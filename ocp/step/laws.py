@@ -8,11 +8,12 @@ Arguments are named after what they are: states with "_base" for what the scheme
 `Chain.numbers`, those of either end with "end_" in front.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TypeVar
 
 import casadi as ca
+import numpy as np
 
 from tendonff.models.assembly import End, Piece, end_force, near_tension, normal_force, path_force
 from tendonff.models.chain import Chain
@@ -47,6 +48,18 @@ def symbolic(record: R, prefix: str, aliases: dict[str, str] | None = None) -> R
     """
     known = {f.name: ca.SX.sym(prefix + f.name) for f in fields(record)}  # type: ignore[arg-type]
     return replace(record, **(known | {name: known[other] for name, other in (aliases or {}).items()}))  # type: ignore[type-var]
+
+
+def twins_of(chain: Chain) -> dict[str, str]:
+    """Fields of the law of contact that equal an earlier one on every mass, and the first such.
+
+    Parameters
+    ----------
+    chain : Chain
+    """
+    known = fields_of(chain.elements.contact)
+    first = {name: next(other for other in known if np.array_equal(known[name], known[other])) for name in known}
+    return {name: other for name, other in first.items() if name != other}
 
 
 def _based(names: Sequence[str]) -> tuple[ca.SX, ...]:
@@ -251,15 +264,21 @@ class ElementLaws:
             outputs={**found, **dict(zip(self.friction.states, states, strict=True))},
         )
 
-    def contact(self) -> Law:
-        """The friction's parameters on a piece with a given wrap angle."""
-        whole = symbolic(self.friction, "contact_")
+    def contact(self, twins: Mapping[str, str]) -> Law:
+        """The friction's parameters on a piece with a given wrap angle.
+
+        Parameters
+        ----------
+        twins : mapping of str to str
+            Fields of the whole's law that equal another: one evaluation serves both.
+        """
+        whole = symbolic(self.friction, "contact_", dict(twins))
         angle, share, length = symbols("angle_rad angle_share length_share")
         outputs = fields_of(whole.on_piece(angle, share, length), "friction_")
         return Law(
             name="contact",
             comment="Parameters of friction on a piece, eqs. (8), (9), from the whole's and a wrap angle [rad].",
-            inputs=(angle, share, length, *fields_of(whole).values()),
+            inputs=(angle, share, length, *(s for name, s in fields_of(whole).items() if name not in twins)),
             outputs=outputs,
         )
 

@@ -32,7 +32,9 @@ _TEMPLATES = jinja2.Environment(  # noqa: S701 - C, not HTML
 
 _ALL_LINKS = (("c", "for (i = 0; i <= n; i++)"),)
 _LINKS_BY_KIND = (("c", "for (i = 1; i < n; i++)"), ("(&c[1])", "for (i = 0; i <= n; i += n)"))
-"""Loops over links: those at the ends are half as long, and have rows of their own."""
+_HOST_LINKS = (("c", "for (i = 1; i < n; i++)"), ("of_ends", "i = 0;"), ("of_ends", "i = n;"))
+"""Loops over links: those at the ends are half as long, and have rows of their own. On the host a loop over the two
+ends would be made one over vectors, and cost more than the rest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,8 +80,8 @@ def law_calls(prefix: str, laws: Mapping[str, SpecialisedLaw]) -> Callable[..., 
         def value(name: str) -> str:
             if (text := arguments.get(name)) is not None:
                 return text
-            if own and name.startswith(("friction_", "piece_mass")):
-                return f"{own}->{name}[{mass}]"
+            if own and mass and name.startswith(("friction_", "piece_mass")):
+                return f"{own}{name}[{mass}]"
             return f"{link}->{name.replace('end_', f'{end}_', 1)}"
 
         passed = [*([link] if known.weighted else []), *map(value, known.inputs)]
@@ -128,8 +130,10 @@ class StepCode:
     limits: Limits = Limits()
     compliances: Mapping[str, float | str] | None = None
 
-    def call(self, law: str, *parts: Mapping[str, str], end: str = "", link: str = "c", mass: str = "") -> str:
-        """C text of a call: arguments by name, parameters from the record `c`, or from `own` where masses differ.
+    def call(
+        self, law: str, *parts: Mapping[str, str], end: str = "", link: str = "c", mass: str = "", own: str = "own_"
+    ) -> str:
+        """C text of a call: arguments by name, parameters from the record `c`, or each mass's own where masses differ.
 
         Parameters
         ----------
@@ -142,8 +146,10 @@ class StepCode:
             Record of the link that the law is for.
         mass : str, optional
             Index of the mass that the law is for.
+        own : str, optional
+            What stands in front of the names of each mass's own numbers.
         """
-        own = "own" if self.moving and mass else ""
+        own = own if self.moving else ""
         return law_calls(self.prefix, self.laws)(law, *parts, end=end, link=link, own=own, mass=mass)
 
     @property
@@ -160,7 +166,7 @@ class StepCode:
         extra: list[tuple[str, str]] = []
         if self.moving:
             extra += [("gain", f"{n} + 1"), ("ratio", f"{n} + 1"), ("drift", f"{n} + 2")]
-            extra += [(name, n) for name in ("kept", "kept_old", "piece_mass_kg", *self.friction_numbers)]
+            extra += [(name, n) for name in ("angle", "kept", "kept_old", "piece_mass_kg", *self.friction_numbers)]
         base = ("base", _text(*self.layout.offset("end"), n))
         return (base, *links, *own, *((name, f"{n} + 2") for name in masses), *extra)
 
@@ -173,10 +179,11 @@ class StepCode:
             File name.
         """
         limits, precision, states = self.limits, self.precision, self.layout
-        target = f"const {self.prefix}_weights *const c = given;\n    (void)c;"
-
+        enter = f"const {self.prefix}_weights *const c = given;\n    (void)c;"
+        if self.host:  # a copy that nothing can change lets the compiler keep the numbers in registers
+            enter = f"const {self.prefix}_weights local = given[0], *const c = &local;"
         real, restrict = real_type(precision), "restrict " if self.host else ""
-        own = self.friction_numbers if self.moving else ()
+        own = ("piece_mass_kg", *self.friction_numbers) if self.moving else ()
 
         def number(value: float) -> str:
             return literal(value, precision)
@@ -190,32 +197,35 @@ class StepCode:
             real=real,
             fabs="fabsf" if precision is Precision.FLOAT else "fabs",
             restrict=restrict,
-            # On the host a copy that nothing can change lets the compiler keep the numbers in registers.
-            enter=f"const {self.prefix}_weights local[2] = {{ given[0], given[1] }}, *const c = local;"
-            if self.host
-            else target,
+            enter=enter,
+            enter_links=enter.replace(", ", ", ends = given[1], ", 1).replace(";", ", *const of_ends = &ends;")
+            if self.host and not self.moving
+            else enter,
             count=self.count,
             weights=f"const {self.prefix}_weights *c",
             given=f"const {self.prefix}_weights *given",
             solve="solve_host.c.j2" if self.host else "solve_target.c.j2",
             host=self.host,
+            view="" if self.host else "w->",
+            apart=f"{self.prefix.upper()}_APART " if self.host else "",
             moving=self.moving,
             call=self.call,
             rate=lambda i, drift: (
                 f"v[{i}] - v[{i} + 1]" if not self.moving else f"(v[{i}] - v[{i} + 1]) + {drift}[{i}]"
             ),
             row_of=lambda k: f"2 * ({k})",
-            link_loops=_ALL_LINKS if self.moving else _LINKS_BY_KIND,
+            link_loops=_ALL_LINKS if self.moving else _HOST_LINKS if self.host else _LINKS_BY_KIND,
             link_of_i="c" if self.moving else "l",
             ratio_given=lambda record: "ratio[i]" if self.moving and record == "c" else f"{record}->ratio",
-            gain_given=lambda record: "w->gain[i]" if self.moving else f"{record}->gain",
+            gain_given=lambda record: "gain[i]" if self.moving else f"{record}->gain",
             per_mass=lambda name: f"c->of_masses[({self.of_masses.index(name)} * n) + i]",
+            contact_numbers=own[1:],
             contact_arguments={
                 **{
                     f"contact_{n[9:]}": f"c->of_masses[({self.of_masses.index('contact_' + n[9:])} * n) + i]"
-                    for n in own
+                    for n in own[1:]
                 },
-                **{name: f"&w->{name}[i]" for name in own},
+                **{name: f"&{name}" for name in own[1:]},
             },
             ratio_parameter=f"const {real} *{restrict}ratio, " if self.moving else "",
             ratio_argument="w->ratio, " if self.moving else "",
@@ -223,8 +233,14 @@ class StepCode:
             gain_argument=", w->gain" if self.moving else "",
             drift_parameter=f"const {real} *{restrict}drift, " if self.moving else "",
             drift_argument="w->drift, " if self.moving else "",
-            own_parameter=f"const {self.prefix}_work *own, " if self.moving else "",
-            own_argument="w, " if self.moving else "",
+            own_parameter="".join(f"const {real} *{restrict}own_{name}, " for name in own),
+            own_argument="".join(f"w->{name}, " for name in own),
+            links_parameter=f"const {real} *restrict start, {real} *restrict force, {real} *restrict slope, "
+            if self.host
+            else "",
+            links_argument="w->start, w->force, w->slope, " if self.host else "",
+            gains_parameter=f"const {real} *{restrict}gain, " if self.moving else "",
+            gains_argument="w->gain, " if self.moving else "",
             place_argument="&place, " if self.moving else "",
             of_masses=self.of_masses,
             at=lambda name: _text(*states.offset(name), "n"),

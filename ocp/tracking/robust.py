@@ -113,10 +113,10 @@ def transmission_at(transmission: Transmission, factors: tuple[float, ...]) -> S
     ----------
     transmission : Transmission
     factors : tuple of float
-        Of mu, of k1 and k2, of both bristle stiffnesses [-].
+        Of mu, of the tendon's stiffnesses, of both bristle stiffnesses [-].
     """
     mu, stiffness, bristle = (float(f) for f in factors)
-    friction, tendon = transmission.friction, transmission.tendon
+    friction = transmission.friction
     release, release_static = friction.mu_dynamic_release, friction.mu_static_release
     return Sample(
         mu=mu,
@@ -133,11 +133,7 @@ def transmission_at(transmission: Transmission, factors: tuple[float, ...]) -> S
                 bristle_stiffness_N_per_m=friction.bristle_stiffness_N_per_m * bristle,
                 soft_bristle_stiffness_N_per_m=friction.soft_bristle_stiffness_N_per_m * bristle,
             ),
-            tendon=replace(
-                tendon,
-                stiffness_N_per_m=tendon.stiffness_N_per_m * stiffness,
-                relaxing_stiffness_N_per_m=tendon.relaxing_stiffness_N_per_m * stiffness,
-            ),
+            tendon=transmission.tendon.scaled(stiffness),
         ),
     )
 

@@ -126,3 +126,17 @@ def test_a_history_is_the_play_operator_taken_one_instant_after_the_other(
         memory = float(ca.evalf(play(ca.SX(memory), ca.SX(low), ca.SX(high))))
         expected.append(max(memory, 0.0))
     assert law.output_history_N(inputs, start).tolist() == expected
+
+
+def test_the_law_answers_without_building_a_function(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A table asks it some thousand times; a CasADi function costs a millisecond to build."""
+    law = CapstanLaw(pull_exponent=0.6, release_exponent=0.5, adhesion_N=0.2)
+    inputs = np.array([10.0, 20.0, 15.0])
+    before = law.output_history_N(inputs)
+
+    def refuse(*_: object) -> None:
+        raise AssertionError("a CasADi function was built")
+
+    monkeypatch.setattr(ca, "Function", refuse)
+    assert law.output_history_N(inputs) == pytest.approx(before, abs=0)
+    assert law.input_for_N(before, Branch.PULL)[1] == pytest.approx(20.0)

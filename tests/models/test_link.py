@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tendonff.models.link import ZenerLink, tendon_force, transfer_function
+from tendonff.models.link import TwoTimesLink, ZenerLink, tendon_force, transfer_function
 
 LINK = ZenerLink(stiffness_N_per_m=2e4, relaxing_stiffness_N_per_m=6e3, relaxation_time_s=0.4, damping_N_s_per_m=30.0)
 
@@ -53,7 +53,7 @@ def test_without_damping_the_transfer_function_is_the_printed_one() -> None:
     )
     numerator, denominator = transfer_function(plain)
     b_k = 6e3 * 0.4
-    assert np.array(numerator) * 6e3 == pytest.approx([0.0, b_k * 2.6e4, 2e4 * 6e3])
+    assert np.array(numerator) * 6e3 == pytest.approx([b_k * 2.6e4, 2e4 * 6e3])
     assert np.array(denominator) * 6e3 == pytest.approx([b_k, 6e3])
 
 
@@ -72,3 +72,43 @@ def test_the_implicit_link_satisfies_its_own_rule(e_base: float, z_base: float, 
     z, force = (float(ca.evalf(x)) for x in (end, LINK.unclipped_force(ca.SX(e), ca.SX(rate), (end,))))
     assert z == pytest.approx(z_base + step * (e - z) / 0.4, abs=1e-14)
     assert force == pytest.approx(2e4 * e + 6e3 * (e - z) + 30.0 * rate, abs=1e-9)
+
+
+TWO_TIMES = TwoTimesLink(
+    stiffness_N_per_m=2e4,
+    relaxing_stiffness_N_per_m=6e3,
+    relaxation_time_s=0.4,
+    damping_N_s_per_m=30.0,
+    second_relaxing_stiffness_N_per_m=3e3,
+    second_relaxation_time_s=5.0,
+)
+
+
+def test_a_link_with_two_times_relaxes_as_the_sum_of_two_exponentials() -> None:
+    """Stretched by e at once and held: f = k1 e + k2 e exp(-t/tau) + k3 e exp(-t/tau3), by the law's own rate."""
+    e, step, count = 1e-3, 2e-3, 5000
+    states = [ca.SX.sym("z"), ca.SX.sym("z_second")]
+    ends = TWO_TIMES.implicit(ca.SX(e), tuple(states), ca.SX(step / 2))  # midpoint rule: 2 end - start
+    midpoint = ca.Function("step", [ca.vertcat(*states)], [2 * ca.vertcat(*ends) - ca.vertcat(*states)])
+    z = np.hstack([np.zeros((2, 1)), np.asarray(midpoint.mapaccum(count)(np.zeros(2)))])
+    force = ca.Function("f", states, [TWO_TIMES.unclipped_force(ca.SX(e), ca.SX(0), tuple(states))])
+    time = step * np.arange(count + 1)
+    expected = e * (2e4 + 6e3 * np.exp(-time / 0.4) + 3e3 * np.exp(-time / 5.0))
+    assert np.asarray(force(z[:1], z[1:])).ravel() == pytest.approx(expected, abs=1e-5)
+
+
+def test_the_transfer_function_of_two_times_is_the_laplace_transform_of_the_law() -> None:
+    """F/E = k1 + c s + k2 tau s/(tau s + 1) + k3 tau3 s/(tau3 s + 1)."""
+    s = 0.3 + 2.0j
+    numerator, denominator = transfer_function(TWO_TIMES)
+    expected = 2e4 + 30.0 * s + 6e3 * 0.4 * s / (0.4 * s + 1) + 3e3 * 5.0 * s / (5.0 * s + 1)
+    assert np.polyval(numerator, s) / np.polyval(denominator, s) == pytest.approx(expected, rel=1e-12)
+
+
+def test_pieces_of_a_link_with_two_times_add_up_to_the_whole() -> None:
+    """Seven pieces in a row, each stretched by a seventh, carry what the whole carries."""
+    e, e_rate, z = 1e-3, 0.02, (2e-4, 5e-4)
+    whole = TWO_TIMES.unclipped_force(ca.SX(e), ca.SX(e_rate), tuple(map(ca.SX, z)))
+    piece = TWO_TIMES.shortened(ca.SX(7))
+    part = piece.unclipped_force(ca.SX(e / 7), ca.SX(e_rate / 7), tuple(ca.SX(one / 7) for one in z))
+    assert float(ca.evalf(part)) == pytest.approx(float(ca.evalf(whole)), rel=1e-12)

@@ -14,6 +14,8 @@ from tendonff.models.layout import ChainInputs, ChainState, StateLayout
 from tendonff.models.parameters import Transmission
 
 OTHER_RULES = (
+    "second_relaxing_stiffness_N_per_m",
+    "second_relaxation_time_s",
     "segments",
     "sections",
     "joint",

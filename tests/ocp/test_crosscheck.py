@@ -9,7 +9,8 @@ from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
-from tendonff.ocp.crosscheck import Adaptive, AdaptiveIntegrator, StepHalving, check_adaptive, check_step
+from tendonff.ocp.crosscheck.adaptive import Adaptive, AdaptiveIntegrator, check_adaptive
+from tendonff.ocp.crosscheck.halving import StepHalving, check_step
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import simulate
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
+from tendonff.models.layout import ChainState
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.inverse import InverseStatus, invert
@@ -60,13 +61,36 @@ def test_the_force_of_a_few_masses_serves_many(generic: Transmission, level: Lev
     assert 100 * math.sqrt(np.mean(plain**2)) / np.ptp(wanted) > 15
 
 
-def test_the_inverse_starts_from_any_state(generic: Transmission) -> None:
-    """At rest, T0 need not be the first reference; and a recorded state serves as a start."""
+def test_the_inverse_starts_at_rest_with_another_tension(generic: Transmission) -> None:
     chain = Chain.of(generic, Level.PRESLIDING)
     wanted = np.concatenate([[25.0], np.linspace(25.0, 40.0, 400)])
     inversion = invert(chain, wanted, STEP, state=chain.rest_state(25.0))
     run = simulate(chain, inversion.force_N, STEP, state=chain.rest_state(25.0)).require()
     assert np.abs(run.output_tension_N[1:] - wanted[1:]).max() < 1e-6
+
+
+@pytest.mark.parametrize("row", [400, 900])
+def test_a_resumed_inverse_begins_with_the_force_of_its_state(generic: Transmission, row: int) -> None:
+    """The tension at the actuator and what its viscous bearing takes: all of the force but that of its inertia."""
+    chain = Chain.of(generic, Level.PRESLIDING)
+    wanted = reference()
+    whole = invert(chain, wanted, STEP, record=True)
+    assert whole.states is not None
+    state = ChainState.from_vector(whole.states[row], chain.layout, row * STEP)
+    resumed = invert(chain, wanted[row:], STEP, state=state)
+    velocity = whole.states[row - 2 : row + 1, 0]
+    acceleration = (1.5 * velocity[2] - 2 * velocity[1] + 0.5 * velocity[0]) / STEP
+    inertia = chain.near.mass_kg * acceleration
+    assert abs(inertia) > 1e-4
+    assert resumed.force_N[0] == pytest.approx(whole.force_N[row] - inertia, abs=1e-9)
+    run = simulate(chain, resumed.force_N, STEP, state=state).require()
+    assert np.abs(run.output_tension_N[1:] - wanted[row + 1 :]).max() < 1e-6
+
+
+@pytest.mark.parametrize("bad", [-1.0, math.nan, math.inf])
+def test_a_start_that_no_tendon_can_have_is_refused(generic: Transmission, bad: float) -> None:
+    with pytest.raises(ParameterError, match=rf"initial_tension_N must be a finite number >= 0, got {bad}"):
+        invert(Chain.of(generic, Level.ELASTIC), np.full(5, 30.0), STEP, initial_tension_N=bad)
 
 
 def test_a_reference_that_falls_too_fast_is_said_to_push(generic: Transmission) -> None:

@@ -1,4 +1,4 @@
-"""Paths that move: inverse, engines, slopes, and a plant of another make."""
+"""Paths that move: inverse, engines, slopes."""
 
 from dataclasses import replace
 
@@ -6,7 +6,6 @@ import casadi as ca
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.linalg import solve_banded
 
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
@@ -150,135 +149,3 @@ def test_contact_never_gives_energy() -> None:
         least = np.minimum(least, work)
     assert least.min() > -1e-12
     assert work.max() > 0.01
-
-
-def other_plant(rig: Transmission, force_N: Array, step_s: float, count: int) -> Array:
-    """Output tension of `count` masses in each section that touches, by implicit Euler and Newton in numpy.
-
-    Written for this test alone: sections by hand, equal pieces, no code of the tool.
-    """
-    tendon, friction, motion = rig.tendon, rig.friction, rig.motion
-    assert motion is not None
-    touching = [k for k, section in enumerate(SECTIONS) if section.angle_rad > 0]
-    n, size = count * len(touching), len(touching)
-    mu = np.repeat([SECTIONS[k].mu_dynamic or friction.mu_dynamic for k in touching], count)
-    total = sum(section.length_m or 0.0 for section in SECTIONS)
-    theta0 = sum(section.angle_rad for section in SECTIONS)
-
-    def geometry(q: float) -> tuple[Array, Array]:
-        """Angles of the pieces, and positions of the middles along the path with both ends."""
-        angles, places, at = [], [0.0], 0.0
-        for k, section in enumerate(SECTIONS):
-            length = (section.length_m or 0.0) + section.length_per_rad_m * q
-            if k in touching:
-                angles += [(section.angle_rad + section.angle_per_rad * q) / count] * count
-                places += [at + length * (j + 0.5) / count for j in range(count)]
-            at += length
-        return np.array(angles), np.array([*places, at])
-
-    share = np.repeat([(SECTIONS[k].length_m or 0.0) for k in touching], count) / count
-    share = share / share.sum()
-    mass = np.concatenate([[rig.actuator.mass_kg], tendon.mass_kg * share, [rig.load.mass_kg]])
-    viscous = np.concatenate([[rig.actuator.damping_N_s_per_m], friction.viscous_N_s_per_m * share, [0.0]])
-    viscous[-1] = rig.load.damping_N_s_per_m
-    times = np.arange(len(force_N)) * step_s
-    q = np.interp(times, motion.time_s, motion.angle_rad[:, 0])
-    angle, places = geometry(q[0])
-    length = np.diff(places)
-    e = force_N[0] * length / total / tendon.stiffness_N_per_m
-    z, f_s, v = e.copy(), np.zeros(n), np.zeros(n + 2)
-    far = force_N[0] / rig.load.stiffness_N_per_m
-    h, tau, output = step_s, tendon.relaxation_time_s, [force_N[0]]
-    assert size == 3
-    for row in range(1, len(force_N)):
-        before, gone = angle, length
-        angle, places = geometry(q[row])
-        length = np.diff(places)
-        stiff, soft, damp = (
-            k * total / length
-            for k in (tendon.stiffness_N_per_m, tendon.relaxing_stiffness_N_per_m, tendon.damping_N_s_per_m)
-        )
-        sigma = friction.soft_bristle_stiffness_N_per_m * angle / theta0
-        limit = np.tanh(mu * angle / 2)
-        old = f_s * np.minimum(angle / before, 1.0)
-        drift = (length - gone) / h
-
-        def balance(
-            v: Array,
-            v_old: Array = v,
-            e_old: Array = e,
-            z_old: Array = z,
-            far_old: float = far,
-            drift: Array = drift,
-            stiff: Array = stiff,
-            soft: Array = soft,
-            damp: Array = damp,
-            sigma: Array = sigma,
-            limit: Array = limit,
-            old: Array = old,
-            row: int = row,
-        ) -> tuple[Array, Array, tuple[Array, Array, Array, Array, float]]:
-            rate = v[:-1] - v[1:] + drift
-            e_new = e_old + h * rate
-            z_new = (z_old + h / tau * e_new) / (1 + h / tau)
-            free = stiff * e_new + soft * (e_new - z_new) + damp * rate
-            f = np.maximum(free, 0.0)
-            slope = (free > 0) * (stiff * h + soft * h / (1 + h / tau) + damp)
-            f_n, inside = f[:-1] + f[1:], v[1:-1]
-            push, drag = old + h * sigma * inside, h * sigma * np.abs(inside) / limit
-            bristle = push * f_n / (f_n + drag)
-            by_v = (h * sigma * f_n - push * f_n / (f_n + drag) * h * sigma * np.sign(inside) / limit) / (f_n + drag)
-            by_n = push * drag / (f_n + drag) ** 2
-            far_new = far_old + h * v[-1]
-            sums = -viscous * v
-            sums[0] += force_N[row] - f[0]
-            sums[-1] += f[-1] - rig.load.stiffness_N_per_m * far_new
-            sums[1:-1] += f[:-1] - f[1:] - bristle
-            band = np.zeros((3, len(v)))
-            band[1] = mass / h + viscous
-            band[1, 0] += slope[0]
-            band[1, -1] += slope[-1] + rig.load.stiffness_N_per_m * h
-            band[1, 1:-1] += by_v + slope[:-1] * (1 - by_n) + slope[1:] * (1 + by_n)
-            band[0, 1] = -slope[0]
-            band[0, 2:] = -slope[1:] * (1 + by_n)
-            band[2, :-2] = -slope[:-1] * (1 - by_n)
-            band[2, -2] = -slope[-1]
-            return mass / h * (v - v_old) - sums, band, (e_new, z_new, bristle, f, far_new)
-
-        residual, band, state = balance(v)
-        for _ in range(60):
-            size_now = np.abs(residual).max()
-            if size_now < 1e-9:
-                break
-            move, t = solve_banded((1, 1), band, -residual), 1.0
-            while t > 1e-6:
-                trial = balance(v + t * move)
-                if np.abs(trial[0]).max() < size_now:
-                    break
-                t /= 2
-            v = v + t * move
-            residual, band, state = trial
-        e, z, f_s, f, far = state
-        output.append(f[-1])
-    return np.array(output)
-
-
-@pytest.mark.slow
-def test_blind_on_another_plant_the_inverse_follows_and_a_design_at_rest_does_not(
-    finger: Transmission, record_property: pytest.FixtureRequest
-) -> None:
-    """60 masses, another implementation, scheme and step; segments = 24."""
-    chain = Chain.of(finger, Level.PRESLIDING, 24)
-    parts = 2
-    fine = np.arange((len(TIME) - 1) * parts + 1) / parts
-    wanted, errors = REFERENCE, {}
-    for name, design in (("moving", chain), ("at rest", chain.at_rest())):
-        force = invert(design, REFERENCE, STEP).force_N
-        played = other_plant(finger, np.interp(fine, np.arange(len(TIME)), force), STEP / parts, 20)[::parts]
-        errors[name] = 100 * np.sqrt(np.mean((played - wanted) ** 2)) / np.ptp(wanted)
-    record_property(
-        "figure",
-        f"moving path, blind on 60 masses: {errors['moving']:.2f} % of range, at rest {errors['at rest']:.0f} %",
-    )  # type: ignore[operator]
-    assert errors["moving"] < 0.4
-    assert errors["at rest"] > 20

@@ -15,7 +15,8 @@ from tendonff.models.bounds import at_least
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.friction import COEFFICIENT_FLOOR, States, equivalent_coefficient
-from tendonff.models.parameters import Transmission
+from tendonff.models.link import TwoTimesLink
+from tendonff.models.parameters import Tendon, Transmission
 from tendonff.models.section import Section
 from tendonff.ocp.codegen.compiler import load_library
 from tendonff.ocp.codegen.engine import Engine
@@ -192,3 +193,41 @@ def test_it_is_exported_as_c(generic: Transmission, tmp_path: Path) -> None:
         assert force == pytest.approx(expected[k], abs=1e-9)
         given = (ctypes.c_double(expected[j]) for j in (k - 1, k))
         assert library.run_plant(*given, ctypes.c_int(k == 1), *places["plant"]) == pytest.approx(answer[k], abs=1e-8)
+
+
+TWO_TIMES = Tendon(
+    mass_kg=0.01,
+    stiffness_N_per_m=2e4,
+    relaxing_stiffness_N_per_m=6e3,
+    relaxation_time_s=0.1,
+    damping_N_s_per_m=30.0,
+    second_relaxing_stiffness_N_per_m=3e3,
+    second_relaxation_time_s=0.8,
+)
+
+
+@pytest.mark.compiler
+def test_a_tendon_with_two_relaxation_times_is_simulated_alike_by_both_engines_and_inverted_exactly(
+    generic: Transmission,
+) -> None:
+    chain = Chain.of(replace(generic, tendon=TWO_TIMES), Level.PRESLIDING)
+    assert isinstance(chain.link, TwoTimesLink)
+    time = np.arange(0.0, 1.0, STEP)
+    reference = 30 + 12 * np.sin(7 * time) * np.minimum(time / 0.3, 1)
+    answer = invert(chain, reference, STEP)
+    assert answer.status is InverseStatus.EXACT
+    runs = [simulate(chain, answer.force_N, STEP, engine=engine) for engine in (Engine.COMPILED, Engine.CASADI)]
+    assert runs[0].tension_N == pytest.approx(runs[1].tension_N, abs=1e-9)
+    assert runs[0].output_tension_N == pytest.approx(reference, abs=1e-8)
+    one = Chain.of(replace(generic, tendon=replace(TWO_TIMES, **NO_SECOND)), Level.PRESLIDING)
+    assert np.abs(invert(one, reference, STEP).force_N - answer.force_N).max() > 0.01  # the second branch is seen
+
+
+NO_SECOND = {"second_relaxing_stiffness_N_per_m": None, "second_relaxation_time_s": None}
+
+
+def test_levels_without_relaxation_and_tendons_with_one_time_carry_no_further_state(generic: Transmission) -> None:
+    with_two = replace(generic, tendon=TWO_TIMES)
+    assert Chain.of(with_two, Level.ELASTIC).layout.link_states == ("z",)
+    assert Chain.of(generic, Level.PRESLIDING).layout.link_states == ("z",)
+    assert Chain.of(with_two, Level.VISCOELASTIC).layout.link_states == ("z", "z_second")

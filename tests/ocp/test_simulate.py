@@ -1,4 +1,5 @@
 import ctypes
+import gc
 import math
 from dataclasses import replace
 from typing import Any
@@ -16,6 +17,7 @@ from tendonff.models.parameters import Transmission
 from tendonff.ocp.codegen.compiler import load_library
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import SolveError
+from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import Outcome, Simulator, chunks, simulate
 from tendonff.ocp.step import c_engine
 
@@ -100,7 +102,7 @@ def test_the_scheme_converges_to_cvodes_with_second_order(
     generic: Transmission, level: Level, reversing: bool, least_order: float, most_percent: float
 ) -> None:
     """Slope of the rms error over the step; reversals cost some of the order. `most_percent`: of range, at 2 ms."""
-    from tendonff.ocp.crosscheck import AdaptiveIntegrator
+    from tendonff.ocp.crosscheck.adaptive import AdaptiveIntegrator
 
     chain = Chain.of(without_stribeck(generic), level)
     fine = 5e-4
@@ -350,3 +352,19 @@ def test_a_chain_that_no_piece_of_a_step_can_solve_ends_with_a_diagnosis_instead
     run = simulate(Chain.of(stuck, Level.PRESLIDING), 30 + 20 * np.sin(2 * np.pi * time), 1e-3)
     assert run.outcome is Outcome.FAILED
     assert "did not converge although it was split" in run.message
+
+
+def test_chains_are_not_kept_alive(generic: Transmission) -> None:
+    """A batch makes thousands of them."""
+
+    def alive() -> int:
+        gc.collect()
+        return sum(isinstance(thing, Chain) for thing in gc.get_objects())
+
+    before = alive()
+    for k in range(5):
+        chain = Chain.of(with_friction(generic, mu_dynamic=0.15 + 0.001 * k), Level.PRESLIDING, 3)
+        simulate(chain, np.full(20, 30.0), STEP).require()
+        invert(chain, np.full(20, 30.0), STEP)
+    del chain
+    assert alive() == before

@@ -1,3 +1,5 @@
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -55,3 +57,8 @@ def test_a_soft_bristle_outlives_the_stribeck_effect_without_alarm(generic: Tran
     seen = foresee(Chain.of(rig, Level.PRESLIDING), REFERENCE, STEP)
     assert seen.warnings == ()
     assert error_on_a_finer_plant(rig, Level.PRESLIDING) < 0.005 * float(np.ptp(REFERENCE))
+
+
+def test_the_prediction_needs_no_control_or_drawing_library() -> None:
+    loaded = "import sys, tendonff.ocp.stability; print(sorted({'control', 'matplotlib'} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True).stdout == "[]\n"

@@ -61,7 +61,7 @@ def choose_explain(
     ----------
     records : sequence of Record
     wanted : Explain
-        The user's wish.
+        What the user asked for.
     transmission : Transmission
     static_only : bool, optional
         Do not try the chain.

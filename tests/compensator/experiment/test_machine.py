@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.experiment.machine import Machine, plan_experiment
-from tendonff.compensator.experiment.numbers import holds, reversals, sliding_direction, warnings_of
+from tendonff.compensator.experiment.numbers import holds, relaxation, reversals, sliding_direction, warnings_of
 from tendonff.compensator.experiment.rig import Modes, Rig
 from tendonff.compensator.experiment.run import experiment, run_machine
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.scenario.experiment import EndTension, Experiment, ExperimentState, MotorMode
+from tendonff.compensator.scenario.experiment import EndTension, Experiment, ExperimentState, Hold, MotorMode
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario, parse_scenario, scenario_to_toml
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 
-A, L, H = MotorMode.ACT, MotorMode.LOAD, MotorMode.HOLD
+A, L, H, F = MotorMode
 
 OWN = """
 [experiment]
@@ -108,7 +108,7 @@ def test_a_tendon_that_goes_slack_is_reported_with_its_state(finger: Scenario) -
     assert any("goes slack in pull at t = " in note and "raise low_tension_N" in note for note in notes)
 
 
-@pytest.mark.parametrize("modes", [(A, L), (H, L), (L, A), (L, H), (L, L), (H, A), (A, H), (H, H)])
+@pytest.mark.parametrize("modes", [(A, L), (F, L), (L, F), (H, L), (L, A), (L, H), (L, L), (H, A), (A, H), (H, H)])
 def test_changing_modes_at_rest_leaves_the_rig_at_rest(finger: Scenario, modes: Modes) -> None:
     """L to A sets f_c = f; A to L sets x_c = x +- f/k: after a pull, with unequal tensions at the ends."""
     rig = Rig(plan_experiment(finger).rig, Level.ELASTIC, (A, L))
@@ -173,7 +173,7 @@ def test_a_machine_takes_up_its_rate_keeps_it_until_its_condition_and_gives_it_u
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"motor_1": ["A", "A", "X"]}, r'motor_1\[2\] must be one of "A", "L", "A_h", got "X"'),
+        ({"motor_1": ["A", "A", "X"]}, r'motor_1\[2\] must be one of "A", "L", "A_h", "A_f", got "X"'),
         ({"until": ["", "tension_3 >= 80", ""]}, r'until\[1\] must read like "tension_1 >= 80".*got "tension_3 >= 80"'),
         ({"until": ["", "tension_1 >= nan", ""]}, r"until\[1\] must read like"),
         ({"until": ["", ""]}, "until must have one entry for each of the 3 states, got 2"),
@@ -217,3 +217,49 @@ def test_one_mass_is_enough_and_a_path_without_friction_has_no_reversal_to_cross
     assert run.tension_N.shape[1] == 7
     quiet = [done.last_row for done in run.passes]
     np.testing.assert_allclose(run.tension_N[quiet, 0], run.tension_N[quiet, -1], rtol=2e-3)
+
+
+def test_a_held_force_stays_while_the_tendon_creeps_and_a_held_position_relaxes(finger: Scenario) -> None:
+    """S4 on a level that relaxes: A_f keeps f_1 and the motor travels, A_h keeps the motor and loses tension."""
+    found = {}
+    for hold in Hold:
+        scenario = replace(finger, experiment=replace(finger.experiment, hold=hold))
+        _, run = run_machine(plan_experiment(scenario), Level.VISCOELASTIC)
+        found[hold] = relaxation(run)["S4"]
+    assert abs(found[Hold.FORCE].change_N) < 0.01
+    assert found[Hold.POSITION].change_N < -1
+    assert found[Hold.FORCE].travel_m > 10 * abs(found[Hold.POSITION].travel_m)
+    assert found[Hold.FORCE].travel_m > 1e-4
+
+
+def test_a_damper_acts_between_the_motor_and_its_moving_rest_position(finger: Scenario) -> None:
+    """Where mass and rest position move alike, the damper carries nothing: the run is that without a damper.
+
+    Motor 2 winds at a steady 5 mm/s and all of the tendon follows it, motor 1 has a force: after the start the tension
+    at motor 2 does not depend on the damper of its mode, and with the damper against the frame it would by b v.
+    """
+    ends = []
+    for damping in (0.0, 200.0):
+        spec = replace(plan_experiment(finger).rig, load_damping_N_s_per_m=damping)
+        rig = Rig(spec, Level.ELASTIC, (A, L))
+        rows = rig.advance(np.column_stack([np.zeros(3000), np.full(3000, 5e-3)]))
+        speed = rows.velocity_m_per_s[-1, -1]
+        assert speed == pytest.approx(-5e-3, rel=1e-3)
+        ends.append(rows.force_N[-1, 1])
+    assert ends[1] == pytest.approx(ends[0], abs=1e-3 * 200.0 * 5e-3)
+
+
+def test_each_mode_has_its_own_damper(finger: Scenario) -> None:
+    settings = replace(finger.experiment, load_damping_N_s_per_m=3.0, hold_damping_N_s_per_m=0.0)
+    spec = plan_experiment(replace(finger, experiment=settings)).rig
+    dampings = {mode: spec.end(mode).damping_N_s_per_m for mode in MotorMode}
+    own = finger.transmission.actuator.damping_N_s_per_m
+    assert own > 0
+    assert dampings == {A: own, F: own, L: 3.0, H: 0.0}
+
+
+def test_a_held_force_that_moves_is_refused() -> None:
+    with pytest.raises(
+        ParameterError, match=r"motor_1_rate\[1\] must be 0 where motor_1 holds its force \(A_f\), got 200"
+    ):
+        columns(motor_1=["A", "A_f", "A"])

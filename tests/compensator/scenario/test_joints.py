@@ -1,12 +1,13 @@
 """Sections and joints in a scenario file: what they mean, and one message for each way to get them wrong."""
 
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.scenario.joints import moved, sample_joints
+from tendonff.compensator.scenario.joint_motion import moved, sample_joints
 from tendonff.compensator.scenario.scenario import parse_scenario, scenario_to_toml
 
 
@@ -76,10 +77,11 @@ def test_measured_motion_is_taken_from_its_file_and_must_be_long_enough(text: st
     end = text.index("[joints.middle]")
     recorded = f'{text[:start]}[joints.knuckle]\nkind = "csv"\nfile = "motion.csv"\n\n{text[end:]}'
     source = tmp_path / "scenario.toml"
-    (tmp_path / "motion.csv").write_text("time_s,knuckle_rad\n0,0\n2,0.4\n5,0.1\n", encoding="utf-8")
+    rows = "".join(f"{t:.2f};{math.degrees(0.4 * math.sin(t)):.6f}\n" for t in np.arange(0.0, 5.0, 0.05))
+    (tmp_path / "motion.csv").write_text(f"time_s;knuckle_deg\n{rows}", encoding="utf-8")
     motion = sample_joints(parse_scenario(recorded, source), 4.0)
     assert motion is not None
-    assert motion.at(np.array([1.0, 3.5]))[:, 0] == pytest.approx([0.2, 0.25])
+    assert motion.at(np.array([1.02, 3.48]))[:, 0] == pytest.approx(0.4 * np.sin([1.02, 3.48]), abs=2e-5)
     (tmp_path / "motion.csv").write_text("time_s,knuckle_rad\n0,0\n2,0.4\n", encoding="utf-8")
     with pytest.raises(InputError, match=r'"knuckle" is known from 0 to 2 s, but the run takes from 0 to 4 s'):
         sample_joints(parse_scenario(recorded, source), 4.0)

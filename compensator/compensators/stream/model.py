@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonff.compensator.compensators.base import FloatArray, Problem
-from tendonff.compensator.stream.filter import StreamFilter
+from tendonff.compensator.compensators.stream.filter import StreamFilter
 from tendonff.ocp.inverse import invert
 
 RE_ENTRY_S = 0.1

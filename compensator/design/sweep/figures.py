@@ -4,8 +4,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.registry import compensator
+from tendonff.compensator.design.sweep.result import SweepData
 from tendonff.compensator.reporting.plots import legend_below, new_figure
-from tendonff.compensator.sweep.result import SweepData
 
 
 def sweep_figures(result: SweepData) -> dict[str, Figure]:

@@ -10,14 +10,14 @@ from pathlib import Path
 from tendonff.compensator.compensators.base import Compensator, Problem, Profile
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
 from tendonff.compensator.compensators.score import SimulatedPlant, verify
+from tendonff.compensator.design.sweep.output import Sweep
+from tendonff.compensator.design.sweep.plan import FACTORS, Axis, Unit, factors_of, grid_units, random_units
+from tendonff.compensator.design.sweep.result import Row
+from tendonff.compensator.design.sweep.store import Store
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
-from tendonff.compensator.sweep.output import Sweep
-from tendonff.compensator.sweep.plan import FACTORS, Axis, Unit, factors_of, grid_units, random_units
-from tendonff.compensator.sweep.result import Row
-from tendonff.compensator.sweep.store import Store
 from tendonff.models.errors import TendonffError
 from tendonff.models.uncertainty import Uncertainty
 from tendonff.ocp.batch import run_jobs

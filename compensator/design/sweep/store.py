@@ -5,9 +5,9 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
+from tendonff.compensator.design.sweep.result import Row
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_file
-from tendonff.compensator.sweep.result import Row
 
 _PLAN, _ROWS = "sweep.json", "rows.partial.csv"
 

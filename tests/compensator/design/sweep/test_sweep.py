@@ -9,15 +9,15 @@ import pytest
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.inverse import Inverse
 from tendonff.compensator.compensators.score import SimulatedPlant, verify
+from tendonff.compensator.design.sweep import run
+from tendonff.compensator.design.sweep.plan import Axis, varied
+from tendonff.compensator.design.sweep.run import sweep
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.reference import SineReference
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
-from tendonff.compensator.sweep import run
-from tendonff.compensator.sweep.plan import Axis, varied
-from tendonff.compensator.sweep.run import sweep
 from tendonff.models.uncertainty import Uncertainty
 
-EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
+EXAMPLES = Path(__file__).resolve().parents[4] / "examples"
 NAMES = ("none", "inverse")
 
 
@@ -107,7 +107,7 @@ def test_a_grid_designs_anew_at_every_point(unsure: Scenario, tmp_path: Path) ->
 @pytest.mark.slow
 def test_a_dask_cluster_by_its_address_gives_the_same_rows(unsure: Scenario, tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
-    from tendonff.compensator.sweep.cluster import executor_of
+    from tendonff.compensator.design.sweep.cluster import executor_of
 
     here = sweep(unsure, tmp_path / "here", samples=8, compensators=NAMES)
     with (

@@ -4,11 +4,11 @@ import math
 import os
 from dataclasses import dataclass
 
+from tendonff.compensator.design.sweep.figures import sweep_figures
+from tendonff.compensator.design.sweep.report import sweep_report
+from tendonff.compensator.design.sweep.result import QUANTILES, YIELD_PERCENT, SweepData
 from tendonff.compensator.files.writing import atomic_directory, write_text
 from tendonff.compensator.reporting.folder import summary_head, write_pages
-from tendonff.compensator.sweep.figures import sweep_figures
-from tendonff.compensator.sweep.report import sweep_report
-from tendonff.compensator.sweep.result import QUANTILES, YIELD_PERCENT, SweepData
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tendonff.models.parameters import Load
-from tendonff.ocp.load import tension_of_motion
+from tendonff.ocp.reference.motion import tension_of_motion
 
 LOAD = Load(mass_kg=0.3, stiffness_N_per_m=2000.0, damping_N_s_per_m=7.0)
 

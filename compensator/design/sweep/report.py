@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 from matplotlib.figure import Figure
 
+from tendonff.compensator.design.sweep.result import QUANTILES, YIELD_PERCENT, SweepData
 from tendonff.compensator.reporting.page import FileNote, Report, Section, Table, pictures_of, provenance_of
-from tendonff.compensator.sweep.result import QUANTILES, YIELD_PERCENT, SweepData
 
 
 def sweep_report(result: SweepData, figures: Mapping[str, Figure]) -> Report:

@@ -9,8 +9,8 @@ import pytest
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
-from tendonff.ocp.hold import find_holds, keep_force, last_approach
 from tendonff.ocp.inverse import invert
+from tendonff.ocp.reference.hold import find_holds, keep_force, last_approach
 
 STEP = 1e-3
 

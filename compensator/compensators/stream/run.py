@@ -7,9 +7,9 @@ import numpy as np
 
 from tendonff.compensator.compensators.base import FloatArray, Problem, Profile
 from tendonff.compensator.compensators.score import Score, SimulatedPlant, scale_N, score, simulate_profile
+from tendonff.compensator.compensators.stream.filter import StreamFilter, corner_per_sample
+from tendonff.compensator.compensators.stream.model import StreamDesign, stream_force
 from tendonff.compensator.scenario.stream import Stream
-from tendonff.compensator.stream.filter import StreamFilter, corner_per_sample
-from tendonff.compensator.stream.model import StreamDesign, stream_force
 from tendonff.ocp.errors import SolveError
 
 NOISE_GOAL_DB = 0.0

@@ -1,0 +1,88 @@
+"""The joints of a scenario over time."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from tendonff.compensator.files.quantities import TIME_UNITS, TIME_WORDS, Quantity, read_quantities
+from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.files.text import InputError
+from tendonff.compensator.scenario.courses import along_sines, along_waypoints
+from tendonff.compensator.scenario.joints import ConstantJoint, Joint, SineJoint, WaypointJoint
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.errors import ParameterError
+from tendonff.models.parameters import Transmission
+from tendonff.models.path import JointMotion, check_motion
+
+ANGLE_UNITS = {"rad": 1.0, "deg": math.pi / 180, "°": math.pi / 180}
+
+
+def moved(scenario: Scenario, end_s: float) -> Transmission:
+    """The scenario's transmission with the motion of its joints until `end_s` [s]."""
+    return replace(scenario.transmission, motion=sample_joints(scenario, end_s))
+
+
+def sample_joints(scenario: Scenario, end_s: float) -> JointMotion | None:
+    """Angles of all joints at the steps of the run until `end_s` [s]; None where there are no joints.
+
+    Raises
+    ------
+    InputError
+        If a file of motion is too short, or the path has no meaning under the motion.
+    """
+    transmission, file = scenario.transmission, scenario.source.name
+    if not scenario.joints:
+        return None
+    step = scenario.run.step_s
+    time = np.arange(math.ceil(end_s / step - 1e-9) + 1, dtype=np.float64) * step
+    folder = scenario.source.parent
+    columns = [_angles(joint, name, time, folder, end_s) for name, joint in scenario.joints.items()]
+    motion = JointMotion(names=tuple(scenario.joints), time_s=time, angle_rad=np.column_stack(columns))
+    lengths = [section.length_m for section in transmission.path.parts]
+    total = None if any(length is None for length in lengths) else math.fsum(x for x in lengths if x is not None)
+    try:
+        check_motion(transmission.path.parts, total, motion)
+    except ParameterError as error:
+        raise InputError(f"{file}: {error}") from None
+    return motion
+
+
+def _angles(joint: Joint, name: str, time_s: FloatArray, folder: Path, end_s: float) -> FloatArray:
+    if isinstance(joint, ConstantJoint):
+        return np.full(time_s.shape, joint.angle_rad)
+    if isinstance(joint, SineJoint):
+        return joint.offset_rad + along_sines(joint.amplitudes_rad, joint.frequencies_Hz, joint.fade_in_s, time_s)
+    if isinstance(joint, WaypointJoint):
+        return along_waypoints(joint.times_s, joint.angles_rad, joint.shape, time_s)
+    return read_motion(folder / joint.file, name, time_s, end_s)
+
+
+def read_motion(path: Path, name: str, time_s: FloatArray, end_s: float) -> FloatArray:
+    """Angles [rad] of one joint at `time_s` from a file with the columns time_s and NAME_rad.
+
+    Raises
+    ------
+    InputError
+        If the file is refused, or ends before `end_s` [s].
+    """
+    wanted = (
+        Quantity(name="time_s", words=TIME_WORDS, units=TIME_UNITS, option='a column "time_s" instead of "{}"'),
+        Quantity(
+            name=f"{name}_rad",
+            words=(name.lower(),),
+            units=ANGLE_UNITS,
+            option=f'a column "{name}_rad" instead of "{{}}"',
+        ),
+    )
+    values = read_quantities(path, wanted, starts_at_zero=True).values
+    time, angle = values["time_s"], values[f"{name}_rad"]
+    if len(time) < 2 or time[-1] < end_s - 1e-9:
+        raise InputError(
+            f'{path.name}: "{name}" is known from 0 to {time[-1]:g} s, but the run takes from 0 to {end_s:g} s; give a '
+            "longer motion or a shorter reference"
+        )
+    angles: FloatArray = PchipInterpolator(time, angle)(np.minimum(time_s, time[-1]))
+    return angles

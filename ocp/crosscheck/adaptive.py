@@ -1,0 +1,216 @@
+"""A simulation against the adaptive integrators of SUNDIALS, on the same equations."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import casadi as ca
+import numpy as np
+
+from tendonff.models.chain import Chain, chain_equations
+from tendonff.models.errors import ParameterError
+from tendonff.models.layout import INPUT_NAMES, ChainState
+from tendonff.ocp.crosscheck.halving import SPREAD_LIMIT
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.simulate import simulate
+from tendonff.ocp.step.protocol import Array
+
+
+class Adaptive(StrEnum):
+    """Adaptive integrator of the SUNDIALS suite.
+
+    Attributes
+    ----------
+    CVODES
+        Variable-order BDF for ordinary differential equations.
+    IDAS
+        The same for differential-algebraic equations.
+    """
+
+    CVODES = "cvodes"
+    IDAS = "idas"
+
+
+class AdaptiveIntegrator:
+    """`chain_equations` under a force, by CasADi's interface to SUNDIALS.
+
+    Parameters
+    ----------
+    chain : Chain
+    step_s : float
+        Distance of the rows [s]; the force is linear between them.
+    rows : int
+        Rows after the start.
+    solver : Adaptive, optional
+    tolerance : float, optional
+        Relative, and absolute on states scaled to 1e-2 m/s, `scale_N` and the elongation that it causes [-].
+    scale_N : float, optional
+        Typical tension [N].
+    """
+
+    def __init__(
+        self,
+        chain: Chain,
+        step_s: float,
+        rows: int,
+        *,
+        solver: Adaptive = Adaptive.CVODES,
+        tolerance: float = 1e-8,
+        scale_N: float = 10.0,
+    ) -> None:
+        layout, equations = chain.layout, chain_equations(chain)
+        self._chain = chain
+        stretch = float(chain.link.rest(scale_N)[0]) / (chain.count + 1)
+        self._scale = np.full(layout.size, stretch)
+        self._scale[layout.part("v")] = 1e-2
+        for name in layout.friction_states:
+            self._scale[layout.part(name)] = scale_N
+        self._scale[-2:] = stretch * (chain.count + 1)
+        self._solver, self._rows, self._step_s = solver, rows, step_s
+        count = 1 + equations.place.numel()  # force and path, with slopes at the row before, and its time
+        y, t, piece = ca.SX.sym("y", layout.size), ca.SX.sym("t"), ca.SX.sym("piece", 2 * count + 1)
+        slope = piece[count : 2 * count]
+        now = piece[:count] + slope * (t - piece[2 * count])
+        inputs = ca.vertcat(now[0], ca.SX.zeros(len(INPUT_NAMES) - 1))
+        rate, tension = ca.substitute(
+            [equations.rate, equations.tension_N],
+            [equations.state, equations.inputs, equations.place, equations.place_rate],
+            [self._scale * y, inputs, now[1:], slope[1:]],
+        )
+        grid = np.arange(rows + 1, dtype=np.float64) * step_s
+        options = {"reltol": tolerance, "abstol": tolerance, "max_num_steps": 200_000}
+        self._integrator = ca.integrator(
+            "adaptive",
+            solver.value,
+            {"t": t, "x": y, "u": piece, "ode": rate / self._scale},
+            0.0,
+            grid[1:],
+            options,
+        )
+        self._tension = ca.Function("tension", [y, t, piece], [tension], {"cse": True})
+
+    def run(self, state: ChainState, force_N: Array) -> Array:
+        """Tensions at the rows, the start included.
+
+        Parameters
+        ----------
+        state : ChainState
+        force_N : ndarray, shape (rows + 1,)
+
+        Returns
+        -------
+        ndarray, shape (rows + 1, N + 1)
+
+        Raises
+        ------
+        SolveError
+            If the integrator gives up.
+        """
+        time = np.arange(self._rows + 1, dtype=np.float64) * self._step_s
+        values = np.column_stack([force_N, self._chain.path_at(state.time_s + time).table()]).T
+        pieces = np.vstack([values[:, :-1], np.diff(values) / self._step_s, time[:-1]])
+        start = state.vector() / self._scale
+        try:
+            y = np.asarray(self._integrator(x0=start, u=pieces)["xf"])
+        except RuntimeError as error:
+            reason = str(error).strip().splitlines()[-1]
+            raise SolveError(f"{self._solver.value} gave up: {reason}; try a larger tolerance") from None
+        y = np.column_stack([start, y])
+        if not np.isfinite(y).all():
+            raise SolveError(f"{self._solver.value} gave numbers that are not finite; try a larger tolerance")
+        last = np.column_stack([pieces, pieces[:, -1]])
+        return np.asarray(self._tension(y, time[None, :], last)).T
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AdaptiveCheck:
+    """`simulate` against an adaptive integrator.
+
+    Parameters
+    ----------
+    solver : Adaptive
+    rms_N, peak_N : float
+        Output tension against the integrator at its tightest tolerance.
+    range_N : float
+        Largest minus smallest output tension there.
+    spread_N : float
+        Largest distance at any instant between the integrator's own tolerances: no comparison is finer than this.
+    reproducible : bool
+        The integrator agrees with itself within `SPREAD_LIMIT` of the range.
+    """
+
+    solver: Adaptive
+    rms_N: float
+    peak_N: float
+    range_N: float
+    spread_N: float
+    reproducible: bool
+
+    @property
+    def text(self) -> str:
+        """The finding in words."""
+        share = 100 / self.range_N if self.range_N > 0 else 0.0
+        found = (
+            f"output tension against {self.solver.value}: {self.rms_N:.3g} N rms, {self.peak_N:.3g} N at most "
+            f"({share * self.rms_N:.2g} % and {share * self.peak_N:.2g} % of range)"
+        )
+        apart = f"{self.spread_N:.3g} N ({share * self.spread_N:.2g} % of range)"
+        if self.reproducible:
+            return f"{found}; its own tolerances differ by {apart} at most"
+        return f"{found}; not reproducible point by point, its own tolerances differ by up to {apart}"
+
+
+def check_adaptive(
+    chain: Chain,
+    force_N: Array,
+    step_s: float,
+    *,
+    initial_tension_N: float,
+    solver: Adaptive = Adaptive.CVODES,
+    tolerances: Sequence[float] = (1e-6, 1e-8),
+) -> AdaptiveCheck:
+    """Compare `simulate` with an adaptive integrator on the same equations, and the integrator with itself.
+
+    Parameters
+    ----------
+    chain : Chain
+    force_N : ndarray, shape (n,)
+        f_c1 at 0, h, 2 h ..., piecewise linear between [N].
+    step_s : float
+        h [s].
+    initial_tension_N : float
+        T0 of the start at rest [N].
+    solver : Adaptive, optional
+    tolerances : sequence of float, optional
+        At least two; the smallest is the reference.
+
+    Raises
+    ------
+    SolveError
+        If a run fails.
+    """
+    if len(tolerances) < 2 or not all(0 < tolerance < 1 for tolerance in tolerances):
+        raise ParameterError(f"tolerances must be at least two numbers between 0 and 1, got {tuple(tolerances)}")
+    state = chain.rest_state(initial_tension_N)
+    force = np.asarray(force_N, dtype=np.float64)
+    scale = max(initial_tension_N, float(np.abs(force).max(initial=0.0)), 1e-3)
+    outputs = np.stack(
+        [
+            AdaptiveIntegrator(chain, step_s, len(force) - 1, solver=solver, tolerance=tolerance, scale_N=scale).run(
+                state, force
+            )[:, -1]
+            for tolerance in sorted(tolerances)
+        ]
+    )
+    ours = simulate(chain, force, step_s, initial_tension_N=initial_tension_N).require().output_tension_N
+    difference, spread = ours - outputs[0], float(np.ptp(outputs, axis=0).max(initial=0.0))
+    span = float(np.ptp(outputs[0]))
+    return AdaptiveCheck(
+        solver=solver,
+        rms_N=math.sqrt(float(difference @ difference) / len(difference)),
+        peak_N=float(np.abs(difference).max(initial=0.0)),
+        range_N=span,
+        spread_N=spread,
+        reproducible=spread <= SPREAD_LIMIT * span,
+    )

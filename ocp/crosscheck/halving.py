@@ -1,0 +1,204 @@
+"""A simulation against itself: with half the step, and with a force that is changed in the last digits."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from tendonff.models.chain import Chain
+from tendonff.models.layout import ChainInputs, ChainState
+from tendonff.ocp.codegen.engine import Engine
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.simulate import Simulator, describe_failure, simulate
+from tendonff.ocp.step.protocol import Array
+
+NUDGE = 1e-9
+"""Relative change of the force that must not matter in a reproducible run."""
+
+SPREAD_LIMIT = 1e-3
+"""Peak difference, as a share of the range, above which runs that should agree count as apart."""
+
+_LEAST_GAIN = 0.7
+"""A run that converges loses at least this factor of its difference when the step is halved."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepCheck:
+    """What runs with h, h/2 and h/4, and one with a nudged force, say about the run with h.
+
+    Parameters
+    ----------
+    step_s : float
+        h [s].
+    range_N : float
+        Largest minus smallest output tension of the run with h.
+    rms_N, peak_N : float
+        Output tension with h against h/2.
+    order : float
+        Observed order, log2 of the ratio of two successive rms differences, between 0.5 and 2; NaN where they vanish.
+    error_N : float
+        Estimated rms error of the run with h, extrapolated with that order.
+    spread_N : float
+        Largest distance at any instant between runs that a reproducible trajectory would not tell apart.
+    reproducible : bool
+    """
+
+    step_s: float
+    range_N: float
+    rms_N: float
+    peak_N: float
+    order: float
+    error_N: float
+    spread_N: float
+    reproducible: bool
+
+    def percent(self, value_N: float) -> float:
+        """A tension in % of the range; 0 where the tension does not move.
+
+        Parameters
+        ----------
+        value_N : float
+        """
+        return 100 * value_N / self.range_N if self.range_N > 0 else 0.0
+
+    @property
+    def text(self) -> str:
+        """The finding in words, in N and in % of range."""
+        shares = (
+            f" ({self.percent(self.rms_N):.2g} % and {self.percent(self.peak_N):.2g} % of range)"
+            if self.range_N > 0
+            else ""
+        )
+        found = (
+            f"output tension against a run with step {self.step_s / 2:g} s: "
+            f"{self.rms_N:.3g} N rms, {self.peak_N:.3g} N at most{shares}"
+        )
+        if self.reproducible:
+            return f"{found}; estimated error {self.error_N:.3g} N rms ({self.percent(self.error_N):.2g} % of range)"
+        return (
+            f"{found}; not reproducible point by point: runs that differ only in step and in the ninth digit of the "
+            f"force lie up to {self.spread_N:.3g} N apart ({self.percent(self.spread_N):.2g} % of range); impacts, or "
+            "friction that falls with speed on a stiff bristle, do that; trust means and ranges, not instants, or use "
+            "a softer bristle or mu_static = mu_dynamic"
+        )
+
+
+class StepHalving:
+    """Runs with h/2, h/4 and a nudged force beside a run with h, chunk by chunk in bounded memory.
+
+    Parameters
+    ----------
+    chain : Chain
+    step_s : float
+        h [s] of the run that is checked.
+    state : ChainState
+        Where it starts.
+    force_N : float
+        Force at the start [N].
+    engine : Engine, optional
+    """
+
+    def __init__(
+        self, chain: Chain, step_s: float, state: ChainState, force_N: float, engine: Engine = Engine.AUTO
+    ) -> None:
+        self._chain, self._step_s = chain, step_s
+        start, nudged = (ChainInputs.of_force(np.array([force])) for force in (force_N, force_N * (1 + NUDGE)))
+        self._runs = {parts: Simulator(chain, step_s / parts, state, start, engine) for parts in (2, 4)}
+        self._nudged = Simulator(chain, step_s, state, nudged, engine)
+        self._rows = 0
+        self._squares = {2: 0.0, 4: 0.0}
+        self._peaks = {2: 0.0, 4: 0.0}
+        self._nudge_peak = self._spread = 0.0
+        self._lowest, self._highest = math.inf, -math.inf
+
+    def add(self, time_s: Array, output_N: Array, force_at: Callable[[Array], Array]) -> None:
+        """Check the rows that follow the last ones.
+
+        Parameters
+        ----------
+        time_s : ndarray, shape (rows,)
+            Their instants, h apart.
+        output_N : ndarray, shape (rows,)
+            Output tension of the run with h.
+        force_at : callable
+            Force at an array of instants [N].
+
+        Raises
+        ------
+        SolveError
+            If a step of the finer runs cannot be solved.
+        """
+        outputs = {1: output_N}
+        for parts, run in self._runs.items():
+            before = np.arange(parts - 1, -1, -1, dtype=np.float64) * (self._step_s / parts)
+            times = (time_s[:, None] - before).ravel()
+            outputs[parts] = self._advance(run, times, force_at(times), self._step_s / parts)[parts - 1 :: parts]
+        nudged = self._advance(self._nudged, time_s, force_at(time_s) * (1 + NUDGE), self._step_s)
+        for parts in (2, 4):
+            difference = outputs[parts // 2] - outputs[parts]
+            self._squares[parts] += float(difference @ difference)
+            self._peaks[parts] = max(self._peaks[parts], _peak(difference))
+        self._nudge_peak = max(self._nudge_peak, _peak(output_N - nudged))
+        together = np.stack([output_N, nudged, outputs[2], outputs[4]])
+        self._spread = max(self._spread, _peak(np.ptp(together, axis=0)))
+        self._rows += len(output_N)
+        self._lowest = min(self._lowest, float(output_N.min(initial=math.inf)))
+        self._highest = max(self._highest, float(output_N.max(initial=-math.inf)))
+
+    def _advance(self, run: Simulator, time_s: Array, force_N: Array, step_s: float) -> Array:
+        rows = run.advance(ChainInputs.of_force(force_N))
+        if (good := len(rows.tension_N)) < len(time_s):
+            raise SolveError(describe_failure(self._chain, rows, float(time_s[good]), step_s))
+        return rows.tension_N[:, -1]
+
+    def result(self) -> StepCheck:
+        """What the rows so far say."""
+        first, second = (math.sqrt(self._squares[parts] / max(self._rows, 1)) for parts in (2, 4))
+        span = max(self._highest - self._lowest, 0.0)
+        order = math.log2(first / second) if first > 0 and second > 0 else math.nan
+        order = min(max(order, 0.5), 2.0)  # keeps NaN
+        gain = 2.0 ** (order if order > 0 else 1.0)
+        limit = max(SPREAD_LIMIT * span, 1000 * NUDGE * abs(self._highest))
+        apart = self._nudge_peak > limit or (second > _LEAST_GAIN * first and self._peaks[4] > limit)
+        return StepCheck(
+            step_s=self._step_s,
+            range_N=span,
+            rms_N=first,
+            peak_N=self._peaks[2],
+            order=order,
+            error_N=first * gain / (gain - 1),
+            spread_N=self._spread,
+            reproducible=not apart,
+        )
+
+
+def _peak(difference: Array) -> float:
+    return float(np.abs(difference).max(initial=0.0))
+
+
+def check_step(
+    chain: Chain, force_N: Array, step_s: float, *, initial_tension_N: float, engine: Engine = Engine.AUTO
+) -> StepCheck:
+    """Estimate the error of `simulate` for a force, and whether its trajectory is reproducible.
+
+    Parameters
+    ----------
+    chain : Chain
+    force_N : ndarray, shape (n,)
+        f_c1 at 0, h, 2 h ..., piecewise linear between [N].
+    step_s : float
+        h [s].
+    initial_tension_N : float
+        T0 of the start at rest [N].
+    engine : Engine, optional
+
+    Raises
+    ------
+    SolveError
+        If a run fails.
+    """
+    run = simulate(chain, force_N, step_s, initial_tension_N=initial_tension_N, engine=engine).require()
+    halving = StepHalving(chain, step_s, chain.rest_state(initial_tension_N), float(force_N[0]), engine)
+    halving.add(run.time_s[1:], run.output_tension_N[1:], lambda time_s: np.interp(time_s, run.time_s, run.force_N))
+    return halving.result()

@@ -1,0 +1,85 @@
+"""Moving paths on a plant of another make: 60 masses in four sections, two of which joints move."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tendonff.models.chain import Chain
+from tendonff.models.fidelity import Level
+from tendonff.models.parameters import Path, Transmission
+from tendonff.models.path import JointMotion
+from tendonff.models.section import Section
+from tendonff.ocp.inverse import invert
+from tendonff.ocp.tracking.limits import ForceLimits
+from tendonff.ocp.tracking.result import TrackStatus
+from tendonff.ocp.tracking.track import track
+from tests.moving_plant import moving_output
+
+Array = NDArray[np.float64]
+STEP = 1e-3
+TIME = np.arange(0.0, 2.0, STEP)
+REFERENCE = 30 + np.minimum(TIME / 0.5, 1) * (12 * np.sin(2 * np.pi * 0.9 * TIME) + 4 * np.sin(2 * np.pi * 2.1 * TIME))
+SECTIONS = (
+    Section(name="arm", angle_rad=1.2, length_m=0.036),
+    Section(name="knuckle", angle_rad=0.9, length_m=0.027, joint="k", angle_per_rad=1.0, length_per_rad_m=0.01),
+    Section(name="bone", angle_rad=0.0, length_m=0.03),
+    Section(name="middle", angle_rad=0.7, length_m=0.021, joint="m", angle_per_rad=1.0, length_per_rad_m=0.008),
+    Section(name="tip", angle_rad=0.6, length_m=0.018, mu_dynamic=0.15, mu_static=0.15),
+)
+
+
+@pytest.fixture(scope="module")
+def finger(generic: Transmission) -> Transmission:
+    plain = replace(generic.friction, mu_static=0.2, mu_dynamic_release=None, mu_static_release=None, adhesion_N=0.0)
+    fade = np.minimum(TIME / 0.3, 1)
+    angles = np.column_stack([0.8 * fade * np.sin(2 * np.pi * 0.7 * TIME), 0.6 * fade * np.sin(2 * np.pi * 1.1 * TIME)])
+    return replace(
+        generic,
+        path=Path(total_angle_rad=3.4, segments=24, sections=SECTIONS),
+        friction=plain,
+        motion=JointMotion(names=("k", "m"), time_s=TIME, angle_rad=angles),
+    )
+
+
+def error(finger: Transmission, force_N: Array, finer: int) -> float:
+    """RMS error on the other plant at a finer step, % of range."""
+    rows = np.arange(len(TIME))
+    force = np.interp(np.arange((len(rows) - 1) * finer + 1) / finer, rows, force_N)
+    output = moving_output(finger, force, STEP / finer, 15)[::finer]
+    return float(100 * np.sqrt(np.mean((output - REFERENCE) ** 2)) / np.ptp(REFERENCE))
+
+
+@pytest.mark.compiler
+@pytest.mark.slow
+def test_inverse_and_optimal_profile_follow_where_a_design_for_the_path_at_rest_does_not(
+    finger: Transmission, record_property: pytest.FixtureRequest
+) -> None:
+    chain = Chain.of(finger, Level.PRESLIDING)
+    limits = ForceLimits(minimum_N=0.0, maximum_N=200.0, rate_N_per_s=1e5)
+    inverse, optimal = invert(chain, REFERENCE, STEP), track(chain, REFERENCE, STEP, limits)
+    found = error(finger, inverse.force_N, 2)
+    still = error(finger, invert(chain.at_rest(), REFERENCE, STEP).force_N, 2)
+    record_property("figure", f"moving path, blind on 60 masses: {found:.2f} % of range, at rest {still:.0f} %")  # type: ignore[operator]
+    assert optimal.status is TrackStatus.EXACT
+    assert optimal.force_N == pytest.approx(inverse.force_N, abs=1e-9)
+    assert found < 0.4
+    assert still > 20
+
+
+@pytest.mark.compiler
+@pytest.mark.slow
+def test_where_the_rate_binds_the_optimal_profile_leaves_less_than_half_of_the_clipped_inverse(
+    finger: Transmission, record_property: pytest.FixtureRequest
+) -> None:
+    """At a sixth of the step: the other plant is of first order, and long slow sliding shows it."""
+    chain, limits = (
+        Chain.of(finger, Level.PRESLIDING),
+        ForceLimits(minimum_N=0.0, maximum_N=200.0, rate_N_per_s=250.0),
+    )
+    inverse, optimal = invert(chain, REFERENCE, STEP), track(chain, REFERENCE, STEP, limits)
+    clipped, best = (error(finger, force, 6) for force in (limits.apply(inverse.force_N, STEP, 30.0), optimal.force_N))
+    record_property("figure", f"moving path, 250 N/s: optimal {best:.2f} %, clipped inverse {clipped:.2f} % of range")  # type: ignore[operator]
+    assert clipped > 3
+    assert best < 0.5 * clipped
