@@ -5,8 +5,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tendonff.compensator.files.dialect import Dialect, find_dialect
+from tendonff.compensator.files.dialect import Dialect
 from tendonff.compensator.files.reading import FloatArray, nearest_column, read_csv
+from tendonff.compensator.files.tables import table_dialect
 from tendonff.compensator.files.text import InputError
 
 
@@ -78,7 +79,7 @@ def read_quantities(path: Path, wanted: Sequence[Quantity], *, starts_at_zero: b
         A column or its unit cannot be told, with the way to say it; or what `read_csv` refuses.
     """
     named = [q.column for q in wanted if q.column is not None]
-    dialect = find_dialect(path, (*named, *(q.name for q in wanted)))
+    dialect = table_dialect(path, (*named, *(q.name for q in wanted)))
     found = [_resolve(path, dialect, quantity) for quantity in wanted]
     for k, (column, _, _) in enumerate(found):
         if column in [other for other, _, _ in found[:k]]:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from synthetic import Faults, write_synthetic
 
 from tendonff.compensator.identification import outcome
 from tendonff.compensator.identification.fitting.static import FileError, middle_of, respond
@@ -11,7 +12,6 @@ from tendonff.compensator.identification.measured.smoothing import low_pass
 from tendonff.compensator.identification.moments import moved_inside
 from tendonff.compensator.identification.result import PieceComparison, summary_lines
 from tendonff.compensator.identification.run import identify
-from tendonff.compensator.identification.synthetic import Faults, write_synthetic
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from synthetic import DIRTY, Faults, write_synthetic
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import read_csv
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.identification.suggest import suggest
-from tendonff.compensator.identification.synthetic import DIRTY, Faults, write_synthetic
 from tendonff.compensator.scenario.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.capstan import CapstanLaw
