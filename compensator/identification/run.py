@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.identification.between_files import by_file
 from tendonff.compensator.identification.estimates import Answer, dynamic_estimates, static_estimates
 from tendonff.compensator.identification.fitted import Fitted, replay, scenario_of_chain, scenario_of_static
 from tendonff.compensator.identification.fitting import dynamic, tendon
+from tendonff.compensator.identification.fitting.between_files import by_file
 from tendonff.compensator.identification.fitting.delay import Delay, align, earlier
 from tendonff.compensator.identification.fitting.model_selection import (
     StaticSelection,
