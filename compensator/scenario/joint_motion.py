@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from tendonff.compensator.files.quantities import TIME_UNITS, TIME_WORDS, Quantity, read_quantities
+from tendonff.compensator.files.quantities import ANGLE_UNITS, TIME_UNITS, TIME_WORDS, Quantity, read_quantities
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.courses import along_sines, along_waypoints
@@ -16,8 +16,6 @@ from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Transmission
 from tendonff.models.path import JointMotion, check_motion
-
-ANGLE_UNITS = {"rad": 1.0, "deg": math.pi / 180, "°": math.pi / 180}
 
 
 def moved(scenario: Scenario, end_s: float, *, periodic: bool = False) -> Transmission:

@@ -81,7 +81,11 @@ def _swept(x: Array) -> Array:
 def _gap_ends(good: Mask) -> list[int]:
     """Rows after bridges that may hide an extreme of the input, which friction would remember."""
     edges = np.flatnonzero(np.diff(np.concatenate([[True], good, [True]]).astype(np.int8)))
-    return [int(stop) for start, stop in zip(edges[::2], edges[1::2], strict=True) if stop - start > SHORT_GAP_ROWS]
+    return [
+        int(stop)
+        for start, stop in zip(edges[::2], edges[1::2], strict=True)
+        if SHORT_GAP_ROWS < stop - start < len(good) - start
+    ]
 
 
 def fit_pieces(records: Sequence[Record], explain: Explain = Explain.OUTPUT) -> list[FitPiece]:

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tendonff.compensator.files.quantities import ANGLE_UNITS, FORCE_UNITS, LENGTH_UNITS, TIME_UNITS
 from tendonff.compensator.files.reading import InputError, nearest_column
+from tendonff.compensator.files.tables import Table, read_table
 from tendonff.compensator.identification.measured.offsets import slack_offsets
 from tendonff.compensator.identification.measured.onset import switched_on_s
-from tendonff.compensator.identification.measured.tables import MeasuredTable, read_table, unit_factor
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.models.path import JointMotion
 
@@ -21,6 +22,15 @@ Mask = NDArray[np.bool_]
 OUT_OF_ORDER_ROWS = 5
 """A clock that is back on its way after so many rows had rows out of order; one that stays behind has jumped."""
 
+
+UNITS = {
+    "time": TIME_UNITS,
+    "input": FORCE_UNITS,
+    "output": FORCE_UNITS,
+    "actuator_force": FORCE_UNITS,
+    "input_position": LENGTH_UNITS,
+    "output_position": LENGTH_UNITS,
+}
 
 LEAST_TARE_ROWS = 10
 
@@ -137,7 +147,7 @@ def _columns(
     path: Path, names: Mapping[str, str], findings: list[Finding]
 ) -> tuple[dict[str, Array], dict[str, float], tuple[str, ...], float | None]:
     """The wanted columns as numbers, factors from a row of units, names of the other columns, and the date it began."""
-    table = read_table(path)
+    table = read_table(path, tuple(names.values()))
     started: float | None = None
     found: dict[str, Array] = {}
     factors: dict[str, float] = {}
@@ -162,7 +172,8 @@ def _columns(
         else:
             found[key] = table.numbers(name)
         unit = table.units.get(name, "")
-        factor = unit_factor(key, unit) if unit else None
+        known = ANGLE_UNITS if key.startswith("joint") else UNITS[key]
+        factor = known.get(unit.strip(" []()"))
         if factor is not None:
             factors[key] = factor
     if table.units:
@@ -174,7 +185,7 @@ def _columns(
     return found, factors, tuple(name for name in table.columns if name not in names.values()), started
 
 
-def _proximal(table: MeasuredTable, names: Mapping[str, str]) -> bool:
+def _proximal(table: Table, names: Mapping[str, str]) -> bool:
     """No output tension was measured, and nobody asked for a column of it: the input end explains itself."""
     return names["output"] == Measurement().output_column and names["input_position"] in table.columns
 
