@@ -55,6 +55,8 @@ class Problem:
     live : bool, optional
         The reference comes sample by sample, as on a controller: nothing is known ahead, no force is kept, and the
         limits are those of the force.
+    model : Chain, optional
+        The design model where it is cut already; default: made of the transmission.
     """
 
     transmission: Transmission
@@ -64,6 +66,7 @@ class Problem:
     objective: Objective = Objective.WORST
     options: TrackOptions = TrackOptions()  # noqa: RUF009 - frozen
     live: bool = False
+    model: Chain | None = None
 
     @classmethod
     def of(
@@ -101,7 +104,7 @@ class Problem:
     @cached_property
     def chain(self) -> Chain:
         """The design model."""
-        return Chain.of(self.transmission, self.level)
+        return self.model or Chain.of(self.transmission, self.level)
 
     @cached_property
     def limits(self) -> ForceLimits:
@@ -251,12 +254,15 @@ class CModule:
         Further templates of headers.
     plays_back : bool, optional
         The module plays the profile that was computed beforehand, and takes no reference.
+    knows_joints : bool, optional
+        It has a meaning on a path that joints move.
     """
 
     name: str
     content: str
     headers: tuple[str, ...] = ()
     plays_back: bool = False
+    knows_joints: bool = True
 
 
 class Compensator(ABC):

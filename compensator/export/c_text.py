@@ -21,6 +21,7 @@ from tendonff.compensator.compensators.table import table_range
 from tendonff.compensator.compensators.table_build import BuiltTable
 from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_code
 from tendonff.compensator.export.parameters import parameter_context, settable_inverse
+from tendonff.compensator.export.path_text import padded, path_bytes, path_context
 from tendonff.compensator.export.table_index import share_index
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampling import largest_tension
@@ -31,6 +32,7 @@ from tendonff.models.drive import Drive
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
+from tendonff.ocp.step.joints import Joints
 from tendonff.ocp.step.target import plant_code, plant_limits
 
 STREAM = CModule(name="stream", content="exact inverse behind a filter, for references that arrive live")
@@ -62,8 +64,8 @@ _TEMPLATES = jinja2.Environment(  # noqa: S701 - C has no markup to escape
 )
 
 
-def check_fixed_path(scenario: Scenario) -> None:
-    """Refuse what cannot be printed for a controller yet: a path in sections, or one that moves.
+def check_servo(scenario: Scenario) -> None:
+    """Refuse what the code of a position drive does not know: self-tuning, and a path in sections or one that moves.
 
     Parameters
     ----------
@@ -73,27 +75,15 @@ def check_fixed_path(scenario: Scenario) -> None:
     ------
     InputError
     """
-    if scenario.transmission.path.sections or scenario.transmission.load.joint is not None:
+    rig, file = scenario.transmission, scenario.source.name
+    if rig.actuator.drive is not Drive.POSITION:
+        return
+    if scenario.adaptation is not None:
+        raise InputError(f'{file} [adaptation]: self-tuning needs a force drive; leave it out, or use "force"')
+    if rig.path.sections or rig.load.joint is not None:
         raise InputError(
-            f"{scenario.source.name} [path]: a path in sections is not exported yet; play the profile of `design`, or "
-            "give total_angle_rad instead of [[path.sections]]"
-        )
-
-
-def check_tuning(scenario: Scenario) -> None:
-    """Refuse self-tuning behind a position servo: the tuner's model is driven by the force that was applied.
-
-    Parameters
-    ----------
-    scenario : Scenario
-
-    Raises
-    ------
-    InputError
-    """
-    if scenario.adaptation is not None and scenario.transmission.actuator.drive is Drive.POSITION:
-        raise InputError(
-            f'{scenario.source.name} [adaptation]: self-tuning needs a force drive; leave it out, or use "force"'
+            f"{file} [path]: a path in sections is not exported for a position drive yet; play a command column of "
+            'profile.csv (design), or use drive = "force"'
         )
 
 
@@ -124,10 +114,11 @@ def c_modules(scenario: Scenario, with_stream: bool = False) -> tuple[CModule, .
     """
     stream = (STREAM,) if with_stream else ()
     more = () if scenario.adaptation is None else ADAPTIVE_MODULES
-    every = (c.c_module for c in COMPENSATORS if c.c_module is not None)
+    followed = (c.c_module for c in COMPENSATORS)
+    own = [m for m in followed if m is not None and (m.knows_joints or not scenario.joints)]
     if scenario.transmission.actuator.drive is Drive.POSITION:  # a static law knows no travel
-        every = (m for m in every if m.name not in STATIC)
-    return (*every, *stream, PLANT, *more)
+        own = [m for m in own if m.name not in STATIC]
+    return (*own, *stream, PLANT, *more)
 
 
 def c_sources(
@@ -163,14 +154,10 @@ def c_sources(
     if "plant" in names:
         plant = chain.with_end_stiffness(actuator.servo_stiffness_N_per_m or 0.0, chain.far.stiffness_N_per_m)
         code["plant"] = asdict(plant_code(plant, step, f"{prefix}_chain", precision))
-    headers = (
-        "types",
-        "parameters",
-        "limits",
-        *(header for module in modules for header in (*module.headers, module.name)),
-    )
+    shared = ("parameters", "limits", "path") if context["joints"] else ("parameters", "limits")
+    headers = ("types", *shared, *(header for module in modules for header in (*module.headers, module.name)))
     texts = {f"{prefix}_{name}.h": _render(f"{name}.h.j2", context | code.get(name, {})) for name in headers}
-    for name in ("parameters", "limits", *names):
+    for name in (*shared, *names):
         texts[f"{prefix}_{name}.c"] = _render(f"{name}.c.j2", context | code.get(name, {}))
     return texts
 
@@ -335,20 +322,28 @@ def _context(
     past = 2 * count + 2 if precision is Precision.FLOAT else 0
     servo = actuator.servo_stiffness_N_per_m  # None for a force drive
     past += 1 if servo else 0
+    joints = Joints.of(chain) if chain.moving else None
+    path = {
+        settable: 0 if joints is None else path_bytes(chain, joints, prefix, precision, settable=settable)
+        for settable in (False, True)
+    }
+    past += count + 2 if past and joints else 0
     free = 5 if chain.friction.weakening_speed_m_per_s is not None else 3
+    free = 1 if joints else free
     state = {
-        "inverse": _padded(output + (2 * reals + 6 + free + past) * size + 12, size),
+        "inverse": padded(output + (2 * reals + 6 + free + past) * size + 12 + path[True], size),
         "capstan": output + 5 * size,
-        "table": _padded(output + 4 * size + 4, size),
-        "plant": _padded((2 * reals + (3 if servo else 2)) * size + 16, size),
-        "profile": _padded(output + 4, size),
-        "bounds": _padded(4 * size + 4, size),
+        "table": padded(output + 4 * size + 4, size),
+        "plant": padded((2 * reals + (3 if servo else 2)) * size + 16 + path[False], size),
+        "profile": padded(output + 4, size),
+        "bounds": padded(4 * size + 4, size),
     }
     if "stream" in names:
         design = further["stream"]
         line = design.filter.delay + design.filter.half + 1
-        state["stream"] = _padded(output + state["inverse"] + (line + 3) * size + 12, size)
+        state["stream"] = padded(output + state["inverse"] + (line + 3) * size + 12, size)
     return _naming(scenario, problem.level, precision, prefix) | {
+        **path_context(chain, joints, prefix),
         "title": f"{prefix}: feedforward force for a tendon",
         "count": count,
         "reals": reals,
@@ -395,10 +390,6 @@ def _start_context(chain: Chain) -> dict[str, object]:
         "rest_per_N": chain.rest_state(1.0).near_position_m,
         "dry_at": layout.part("v").stop,
     }
-
-
-def _padded(size: int, alignment: int) -> int:
-    return -(-size // alignment) * alignment
 
 
 def table_bytes(table: LookupTable, precision: Precision) -> int:

@@ -16,7 +16,7 @@ import jinja2
 
 from tendonff._version import __version__
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.export.c_text import c_modules, c_sources, check_fixed_path, check_prefix, check_tuning
+from tendonff.compensator.export.c_text import c_modules, c_sources, check_prefix, check_servo
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_file
@@ -106,10 +106,9 @@ def build_fmu(
         If the compiler refuses the sources.
     """
     check_prefix(prefix)
-    check_fixed_path(scenario)
     if kind is Kind.ADAPTIVE and scenario.adaptation is None:
         raise InputError(f"{scenario.source.name}: table [adaptation] is missing; --kind adaptive needs its sensor")
-    check_tuning(scenario)
+    check_servo(scenario)
     problem = Problem.of(scenario, level=level)
     module = next(module for module in c_modules(scenario) if module.name == kind.value)
     identifier = f"{prefix}_{kind}"

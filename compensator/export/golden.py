@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonff.compensator.compensators.base import FloatArray, Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
@@ -15,6 +16,7 @@ from tendonff.compensator.compensators.stream.run import quantised
 from tendonff.compensator.compensators.table import CompensationTable
 from tendonff.compensator.export.c_text import STATIC
 from tendonff.compensator.export.table_index import rounded
+from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.inverse import InverseStatus, Inversion, invert
@@ -41,12 +43,21 @@ class Course:
         Answers: inverse, capstan, table (force within limits) and plant (output tension) [N].
     scale_N : float
         Largest force that the course asks for before the limits: what rounding is relative to [N].
+    chain : Chain
+        The model, with the motion of the course.
     """
 
     reference_N: FloatArray
     plant_force_N: FloatArray
     columns: dict[str, FloatArray]
     scale_N: float
+    chain: Chain
+
+    @property
+    def joint_rad(self) -> FloatArray:
+        """Joint angles, shape (rows, joints) [rad]; exact in the real type of the export."""
+        motion = self.chain.motion
+        return np.zeros((len(self.reference_N), 0)) if motion is None else motion.angle_rad
 
     @property
     def inputs_N(self) -> dict[str, FloatArray]:
@@ -77,15 +88,15 @@ class Golden:
 
 
 def answers(
-    problem: Problem, table: LookupTable, reference_N: FloatArray, precision: Precision
+    problem: Problem, table: LookupTable | None, reference_N: FloatArray, precision: Precision
 ) -> tuple[FloatArray, dict[str, FloatArray]]:
     """Force for the plant, and the answer of each module to a reference that starts at rest at its first row.
 
     Parameters
     ----------
     problem : Problem
-    table : LookupTable
-        The one that is exported.
+    table : LookupTable, optional
+        The one that is exported, where one is.
     reference_N : ndarray, shape (rows,)
         Exact in the real type.
     precision : Precision
@@ -95,18 +106,28 @@ def answers(
 
 
 def _course(
-    problem: Problem, table: LookupTable, reference_N: FloatArray, precision: Precision, *, with_plant: bool
+    problem: Problem,
+    table: LookupTable | None,
+    reference_N: FloatArray,
+    precision: Precision,
+    *,
+    with_plant: bool,
+    chain: Chain | None = None,
 ) -> Course:
     step, start = problem.reference.step_s, float(reference_N[0])
+    chain = chain or problem.chain
     time = np.arange(len(reference_N), dtype=np.float64) * step
     course = replace(
         problem.reference, time_s=time, tension_N=reference_N, initial_tension_N=start, periodic=False, position_m=None
     )
-    followed = replace(problem, reference=course, live=True)
+    followed = replace(problem, reference=course, live=True, model=chain)
     columns = {}
     for compensator in COMPENSATORS:
         module = compensator.c_module
-        if module is not None and not module.plays_back and not (servo_of(problem) and module.name in STATIC):
+        known = module is not None and (module.knows_joints or chain.motion is None)
+        if servo_of(problem) is not None and module is not None and module.name in STATIC:
+            continue
+        if module is not None and known and not module.plays_back:
             exported = CompensationTable(table) if isinstance(compensator, CompensationTable) else compensator
             profile = exported.profile(followed)
             columns[module.name] = profile.force_N
@@ -114,9 +135,22 @@ def _course(
                 columns[module.name] = told(problem, followed.inversion, profile.force_N)
     force = rounded(columns["inverse"], precision)
     if with_plant:
-        columns["plant"] = respond(problem, force, start).require().output_tension_N
+        columns["plant"] = respond(problem, chain, force, start).require().output_tension_N
     scale = float(np.abs(followed.inversion.force_N).max())
-    return Course(reference_N=reference_N, plant_force_N=force, columns=columns, scale_N=scale)
+    return Course(reference_N=reference_N, plant_force_N=force, columns=columns, scale_N=scale, chain=chain)
+
+
+def _moving(problem: Problem, rows: NDArray[np.int_], count: int, precision: Precision) -> Chain:
+    """The chain with the joint angles of some samples of the reference, then back to and fro; at rest at the end."""
+    motion = problem.chain.motion
+    if motion is None:
+        return problem.chain
+    there_and_back = np.concatenate([rows, rows[::-1]])
+    chosen = np.resize(there_and_back, count)
+    chosen[-2:] = chosen[-3:-2]
+    time = np.arange(count, dtype=np.float64) * problem.reference.step_s
+    angle = rounded(motion.at(problem.reference.time_s[chosen]), precision)
+    return replace(problem.chain, motion=replace(motion, time_s=time, angle_rad=angle))
 
 
 def to_and_fro(course_N: FloatArray, *, step_N: float | None = None, rows: int = _REVERSAL_ROWS) -> FloatArray:
@@ -155,7 +189,7 @@ def to_and_fro(course_N: FloatArray, *, step_N: float | None = None, rows: int =
 
 
 def golden_vectors(
-    problem: Problem, table: LookupTable, precision: Precision, *, stream: StreamDesign | None = None
+    problem: Problem, table: LookupTable | None, precision: Precision, *, stream: StreamDesign | None = None
 ) -> Golden:
     """Golden vectors along the scenario's own reference, then over reversals, then over jumps.
 
@@ -165,7 +199,8 @@ def golden_vectors(
     Parameters
     ----------
     problem : Problem
-    table : LookupTable
+    table : LookupTable, optional
+        The one that is exported, where one is.
     precision : Precision
     stream : StreamDesign, optional
         Of the stream module, where there is one.
@@ -173,17 +208,27 @@ def golden_vectors(
     tension = problem.reference.tension_N
     stride = max(1, -(-len(tension) // _ROWS))
     reference = rounded(np.concatenate([tension[::stride], to_and_fro(tension[::stride])]), precision)
-    if _invert(problem, reference).status is not InverseStatus.EXACT:
+    samples = np.arange(len(tension))
+    chain = _moving(problem, samples[::stride], len(reference), precision)
+    if _invert(problem, chain, reference).status is not InverseStatus.EXACT:
         stride, course = 1, tension[:_ROWS]
         usual = float(np.abs(np.diff(tension)).max())
         reversals = to_and_fro(course, step_N=usual, rows=_GENTLE_ROWS)
         reference = rounded(np.concatenate([course, reversals]), precision)
+        chain = _moving(problem, samples[:_ROWS], len(reference), precision)
     low, high = float(reference.min()), float(reference.max())
     jumps = rounded(low + np.array(_JUMPS) * (high - low), precision)
     return Golden(
         stride=stride,
-        course=_course(problem, table, reference, precision, with_plant=True),
-        jumps=_course(problem, table, jumps, precision, with_plant=False),
+        course=_course(problem, table, reference, precision, with_plant=True, chain=chain),
+        jumps=_course(
+            problem,
+            table,
+            jumps,
+            precision,
+            with_plant=False,
+            chain=_moving(problem, samples[: len(jumps)], len(jumps), precision),
+        ),
         live=None if stream is None else _live(problem, stream, reference, precision),
     )
 
@@ -200,7 +245,7 @@ def _live(problem: Problem, stream: StreamDesign, course_N: FloatArray, precisio
     if servo_of(problem) is not None:
         force = told(problem, exact, force)
     scale = float(np.abs(exact.force_N).max())
-    return Course(reference_N=rough, plant_force_N=force, columns={"stream": force}, scale_N=scale)
+    return Course(reference_N=rough, plant_force_N=force, columns={"stream": force}, scale_N=scale, chain=problem.chain)
 
 
 def servo_of(problem: Problem) -> float | None:
@@ -228,22 +273,22 @@ def told(problem: Problem, inversion: Inversion, force_N: FloatArray) -> FloatAr
     return command
 
 
-def respond(problem: Problem, drive: FloatArray, start_N: float) -> Simulation:
+def respond(problem: Problem, chain: Chain, drive: FloatArray, start_N: float) -> Simulation:
     """The chain under forces [N], or under commands of its servo [m], from rest.
 
     Parameters
     ----------
     problem : Problem
+    chain : Chain
     drive : ndarray, shape (rows,)
     start_N : float
         Uniform tension at rest [N].
     """
-    chain = problem.chain
     if servo_of(problem) is not None:
         chain, drive = servo(chain, problem.transmission.actuator, start_N, drive)
     return simulate(chain, drive, problem.reference.step_s, initial_tension_N=start_N)
 
 
-def _invert(problem: Problem, reference_N: FloatArray) -> Inversion:
+def _invert(problem: Problem, chain: Chain, reference_N: FloatArray) -> Inversion:
     start = float(reference_N[0])
-    return invert(problem.chain, reference_N, problem.reference.step_s, initial_tension_N=start)
+    return invert(chain, reference_N, problem.reference.step_s, initial_tension_N=start)

@@ -93,14 +93,16 @@ def settable_inverse(problem: Problem, precision: Precision, prefix: str) -> dic
     prefix : str
     """
     code = inverse_code(problem.chain, problem.reference.step_s, f"{prefix}_inverse", precision, settable=True)
-    law = _settable_law(problem, code.free)
-    printed = Specialiser(prefix=f"{prefix}_inverse", precision=precision, parameters={}).fold(law)
+    retune: dict[str, object] = {"retune": ""}
+    if not problem.chain.moving:  # else every bend has numbers of its own
+        law = _settable_law(problem, code.free)
+        printed = Specialiser(prefix=f"{prefix}_inverse", precision=precision, parameters={}).fold(law)
+        retune = {"retune": printed.code, "retune_inputs": printed.inputs}
     numbers, friction = problem.chain.numbers(), problem.transmission.friction
     mu = friction.mu_dynamic
     return {
         **asdict(code),
-        "retune": printed.code,
-        "retune_inputs": printed.inputs,
+        **retune,
         "free_values": {name: _floored(name, numbers[name]) for name in code.free},
         "release_share": friction.release_dynamic / mu if mu > 0 else 1.0,
     }

@@ -89,7 +89,7 @@ def loss_warnings(losses: Sequence[FloatLoss]) -> tuple[str, ...]:
 
 def self_test_context(
     problem: Problem,
-    table: LookupTable,
+    table: LookupTable | None,
     profile_N: FloatArray,
     golden: Golden,
     precision: Precision,
@@ -102,7 +102,7 @@ def self_test_context(
     Parameters
     ----------
     problem : Problem
-    table : LookupTable
+    table : LookupTable, optional
     profile_N : ndarray, shape (n,)
     golden : Golden
     precision : Precision
@@ -114,22 +114,20 @@ def self_test_context(
     actuator, step = problem.transmission.actuator, problem.reference.step_s
     course, jumps, live = golden.course, golden.jumps, golden.live
     start = float(course.reference_N[0])
-    ends = respond(problem, course.plant_force_N, start).require()
+    ends = respond(problem, course.chain, course.plant_force_N, start).require()
     lowest = -start if servo_of(problem) is None else -3 * start * per_newton(problem)
-    rest = start if servo_of(problem) is None else 0.0
-    pushed = respond(problem, np.append(rest, np.full(_SLACK_ROWS, lowest)), start)
+    rest, still = start if servo_of(problem) is None else 0.0, course.chain.at_rest()
+    pushed = respond(problem, still, np.append(rest, np.full(_SLACK_ROWS, lowest)), start)
     slack = len(pushed.tension_N) > _SLACK_ROWS and float(pushed.output_tension_N[-1]) <= 0
     stiffness = min(problem.transmission.load.stiffness_N_per_m, problem.transmission.tendon.stiffness_N_per_m)
     unit = per_newton(problem)
     tolerances = _tolerances(course, precision, None if found_N is None else found_N[0], unit)
     bits = {}
     least, most = actuator.force_min_N, actuator.force_max_N
-    exact = invert(problem.chain, jumps.reference_N, step, initial_tension_N=float(jumps.reference_N[0]))
+    exact = invert(jumps.chain, jumps.reference_N, step, initial_tension_N=float(jumps.reference_N[0]))
     high, low_end = float(course.reference_N.max()), 1.02 * accepted_N[0]
     dropped = (np.array([high, drop, drop]) for drop in (low_end, 2 * low_end))  # the second: beyond doubt
-    pushes = all(
-        (invert(problem.chain, fall, step, initial_tension_N=high).least_tension_N <= 0).any() for fall in dropped
-    )
+    pushes = all((invert(still, fall, step, initial_tension_N=high).least_tension_N <= 0).any() for fall in dropped)
     for name, limited in jumps.columns.items():
         bits[name] = Status.OK
         if name == "inverse":
@@ -139,8 +137,7 @@ def self_test_context(
         "limit_cases": limit_cases(least, most, actuator.force_rate_max_N_per_s * step, precision),
         "checksums": {
             "profile": checksum(profile_N, precision),
-            **{b.value: checksum(_numbers(table, b), precision) for b in Branch},
-            **{f"{b}_cell": integer_checksum(share_index(table.branch(b).share, precision).cell) for b in Branch},
+            **({} if table is None else _table_checksums(table, precision)),
         },
         "tolerances": {
             "course": tolerances,
@@ -155,6 +152,12 @@ def self_test_context(
         "slack_rows": _SLACK_ROWS if slack else 0,
         "slack_drive": lowest,
     }
+
+
+def _table_checksums(table: LookupTable, precision: Precision) -> dict[str, int]:
+    numbers = {b.value: checksum(_numbers(table, b), precision) for b in Branch}
+    cells = {f"{b}_cell": integer_checksum(share_index(table.branch(b).share, precision).cell) for b in Branch}
+    return numbers | cells
 
 
 def _numbers(table: LookupTable, branch: Branch) -> list[float]:

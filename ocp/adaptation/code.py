@@ -15,8 +15,8 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import fields_of
 from tendonff.models.parameters import Transmission
-from tendonff.ocp.adaptation.recursion import covariance_names, update_law
-from tendonff.ocp.adaptation.tuning import GATE, MAX_DELAY, Tunable
+from tendonff.ocp.adaptation.recursion import covariance_names, trust_law, update_law
+from tendonff.ocp.adaptation.tuning import GATE, MAX_DELAY, PEAK, Tunable
 from tendonff.ocp.codegen.compiler import load_library
 from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import Specialiser
@@ -175,6 +175,7 @@ def tuner_context(tuned: TunedChain, precision: Precision, *, prefix: str, past:
         "entries": len(covariance_names(len(tuned.parameters))),
         "past": past,
         "gate": GATE,
+        "peak": PEAK,
         "reals": layout.size,
         "masses": chain.count,
         "numbers": list(chain.numbers()),
@@ -202,7 +203,8 @@ def tuner_laws(tuned: TunedChain) -> tuple[Law, ...]:
     ----------
     tuned : TunedChain
     """
-    return update_law(len(tuned.parameters)), tuned.retuned_numbers()[0]
+    count = len(tuned.parameters)
+    return update_law(count), trust_law(count), tuned.retuned_numbers()[0]
 
 
 def render_tuner(template: str, context: Mapping[str, object]) -> str:

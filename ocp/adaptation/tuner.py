@@ -25,7 +25,8 @@ class TunerStatus(IntFlag):
     LIMITED
         The actuator's limits changed the force.
     FROZEN
-        The model does not explain the measurement: the last safe values hold until a rest.
+        The model does not explain the measurement: estimates count no more than they stand out from what is left
+        unexplained; otherwise the last safe values hold.
     AT_BOUND
         A factor is at an end of its range.
     """
@@ -37,7 +38,7 @@ class TunerStatus(IntFlag):
 
 REALS = (
     *("lowest", "highest", "variance", "deviation", "full_speed", "drift_variance", "start_deviation", "slew"),
-    *("watch_limit", "watch_samples"),
+    *("quick", "slow", "watch_level", "lost_level", "hold_travel"),
 )
 """Fields of `Tuning` that the C record takes as reals, in its order."""
 
@@ -47,7 +48,6 @@ class _TuningStruct(ctypes.Structure):
         ("sensor", ctypes.c_int),
         ("delay", ctypes.c_int),
         *((name, ctypes.c_double) for name in REALS),
-        ("hold_samples", ctypes.c_int),
         ("rest_samples", ctypes.c_int),
         ("integral_gain", ctypes.c_double),
     )
@@ -77,7 +77,8 @@ class TunedRun:
     force_N, tension_N : ndarray, shape (n,)
         Force of the actuator and output tension of the rig at the end of the step.
     factors, deviation : ndarray, shape (n, parameters)
-        Estimates as factors on the scenario's values, and their standard deviations.
+        Estimates as factors on the scenario's values, as far as they count, and the standard deviations of what was
+        learnt.
     slopes : ndarray, shape (n, parameters)
         Change of the predicted measurement with each factor.
     moved : ndarray, shape (n,)
@@ -85,7 +86,7 @@ class TunedRun:
     measured : ndarray, shape (n,)
         What the tuner was given at the beginning of the step, unit of the sensor.
     residual : ndarray, shape (n,)
-        Mean size of what the model does not explain, unit of the sensor.
+        RMS of what the model does not explain, unit of the sensor; at least that of a good model.
     status : ndarray of int, shape (n,)
         Bits of `TunerStatus`.
     """
@@ -180,7 +181,6 @@ class SelfTuner:
             int(tuning.sensor is Sensor.ACTUATOR_POSITION),
             tuning.delay_samples,
             *(getattr(tuning, name) for name in REALS),
-            tuning.hold_samples,
             tuning.rest_samples,
             tuning.integral_gain,
         )
