@@ -272,8 +272,10 @@ def link_compliances(chain: Chain, precision: Precision) -> dict[str, str]:
 
 
 def _travel(chain: Chain, precision: Precision, compliances: dict[str, str] | None, upper: str) -> str:
-    """Statements for the travel; where states are relative, from elongations and tensions: rounding adds up nowhere."""
+    """Statements for the travel, none on a moving path; of relative states without an integral that rounding shifts."""
     layout, more = chain.layout, "(tension - self->start)"
+    if chain.moving:
+        return ""
     if compliances is None:
         slope = literal(chain.rest_state(1.0).near_position_m, precision)
         return f"    travel = self->x[{layout.part('q_a').start}] - (self->start * {slope});"
