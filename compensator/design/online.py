@@ -130,7 +130,7 @@ def online_figure(result: Online) -> Figure:
     panel.axvline(NOISE_GOAL_DB, color=INK, linewidth=0.8, linestyle=(0, (6, 3)))
     panel.set(
         xlabel="noise in the force over noise in the reference, above 30 Hz [dB]",
-        ylabel="error [% of range rms]",
+        ylabel="RMS error [% of range]",
         yscale="log",
         title=f"Reference in steps of {result.choice.resolution_N:.3g} N, one of them noise",
     )

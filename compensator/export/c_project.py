@@ -11,19 +11,14 @@ import numpy as np
 from tendonff._version import __version__
 from tendonff.compensator.adapt.setup import learnt, tuning_of
 from tendonff.compensator.compensators.base import CModule, FloatArray, Problem
-from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
+from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.stream.run import StreamChoice, choose_stream
 from tendonff.compensator.compensators.table import CompensationTable, table_of
 from tendonff.compensator.compensators.table_build import BuiltTable
 from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_golden
 from tendonff.compensator.export.c_text import (
-    PLANT,
-    STATIC,
     accepted_range,
-    c_modules,
     c_sources,
-    check_prefix,
-    check_servo,
     folder_files,
     measured,
     table_bytes,
@@ -32,11 +27,11 @@ from tendonff.compensator.export.c_text import (
 from tendonff.compensator.export.golden import golden_vectors
 from tendonff.compensator.export.host import run_on_host
 from tendonff.compensator.export.judgement import Judged, answer_of, judge, judge_stream
+from tendonff.compensator.export.modules import PLANT, c_modules, check_prefix, check_servo, check_tuning, exportable
 from tendonff.compensator.export.self_test import FloatLoss, float_losses, loss_warnings, self_test_context
 from tendonff.compensator.files.writing import atomic_directory, write_text
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.capstan import CapstanLaw
-from tendonff.models.drive import Drive
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
@@ -80,6 +75,7 @@ class Exported:
         """
         with atomic_directory(folder) as partial:
             for name, text in self.files.items():
+                (partial / name).parent.mkdir(parents=True, exist_ok=True)
                 write_text(partial / name, text)
 
 
@@ -121,6 +117,7 @@ def export_project(
     """
     check_prefix(prefix)
     check_servo(scenario)
+    check_tuning(scenario)
     problem = Problem.of(scenario, level=level)
     warnings = problem.reference.warnings
     if profile_N is None:
@@ -205,13 +202,7 @@ def _joint_rad(problem: Problem) -> FloatArray:
 def _forces(problem: Problem, built: BuiltTable | None, profile_N: FloatArray) -> dict[str, FloatArray]:
     """Force [N] or command [m] of each module at the samples of the reference; no profile of another length."""
     forces = {}
-    for each in COMPENSATORS:
-        module = each.c_module
-        static = module is not None and module.name in STATIC
-        if module is None or (built is None and not module.knows_joints):
-            continue
-        if static and problem.transmission.actuator.drive is Drive.POSITION:
-            continue
+    for each, module in exportable(problem.transmission, moving=built is None):
         if module.plays_back:
             if len(profile_N) == len(problem.reference.tension_N):
                 forces[module.name] = profile_N

@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 from tendonff.compensator.compensators.base import FloatArray, Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.motion import servo
-from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import scale_N
 from tendonff.compensator.compensators.stream.model import StreamDesign, smoothed, stream_force
 from tendonff.compensator.compensators.stream.run import quantised
 from tendonff.compensator.compensators.table import CompensationTable
-from tendonff.compensator.export.c_text import STATIC
+from tendonff.compensator.export.modules import exportable
 from tendonff.compensator.export.table_index import rounded
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
@@ -26,6 +25,9 @@ _ROWS = 1000
 _REVERSAL_ROWS = 240
 _GENTLE_ROWS = 900
 _LIVE_ROWS = 500
+_GROWTH = 1e5
+"""Difference between two courses of the plant that differ by rounding, over that rounding, where comparing ends."""
+
 _LOST = slice(200, 240)
 _LEGS = tuple(0.6**k for k in (0, 3, 1, 4, 2, 6, 3, 8, 1, 5, 2, 7))  # of the range: reversals at many depths
 _JUMPS = (0.0, 1.0, 1.0, 0.0, 0.0, 0.5, 1.0, 0.2, 0.2, 0.9, 0.0, 0.0)  # places in the range, a sample each
@@ -40,7 +42,8 @@ class Course:
     reference_N, plant_force_N : ndarray, shape (rows,)
         Inputs, exact in the real type of the export; of a position drive commands [m].
     columns : dict of str to ndarray, shape (rows,)
-        Answers: inverse, capstan, table (force within limits) and plant (output tension) [N].
+        Answers: inverse, capstan, table (force within limits) and plant (output tension) [N]; of the plant as many
+        rows as rounding leaves alone.
     scale_N : float
         Largest force that the course asks for before the limits: what rounding is relative to [N].
     chain : Chain
@@ -62,7 +65,8 @@ class Course:
     @property
     def inputs_N(self) -> dict[str, FloatArray]:
         """What each module with answers is given, by name [N]."""
-        return {name: self.plant_force_N if name == "plant" else self.reference_N for name in self.columns}
+        rows = len(self.columns.get("plant", ()))
+        return {name: self.plant_force_N[:rows] if name == "plant" else self.reference_N for name in self.columns}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,12 +126,8 @@ def _course(
     )
     followed = replace(problem, reference=course, live=True, model=chain)
     columns = {}
-    for compensator in COMPENSATORS:
-        module = compensator.c_module
-        known = module is not None and (module.knows_joints or chain.motion is None)
-        if servo_of(problem) is not None and module is not None and module.name in STATIC:
-            continue
-        if module is not None and known and not module.plays_back:
+    for compensator, module in exportable(problem.transmission, moving=chain.motion is not None):
+        if not module.plays_back:
             exported = CompensationTable(table) if isinstance(compensator, CompensationTable) else compensator
             profile = exported.profile(followed)
             columns[module.name] = profile.force_N
@@ -135,7 +135,7 @@ def _course(
                 columns[module.name] = told(problem, followed.inversion, profile.force_N)
     force = rounded(columns["inverse"], precision)
     if with_plant:
-        columns["plant"] = respond(problem, chain, force, start).require().output_tension_N
+        columns["plant"] = respond(problem, force, start, chain).require().output_tension_N
     scale = float(np.abs(followed.inversion.force_N).max())
     return Course(reference_N=reference_N, plant_force_N=force, columns=columns, scale_N=scale, chain=chain)
 
@@ -151,6 +151,18 @@ def _moving(problem: Problem, rows: NDArray[np.int_], count: int, precision: Pre
     time = np.arange(count, dtype=np.float64) * problem.reference.step_s
     angle = rounded(motion.at(problem.reference.time_s[chosen]), precision)
     return replace(problem.chain, motion=replace(motion, time_s=time, angle_rad=angle))
+
+
+def _repeatable(problem: Problem, course: Course, precision: Precision) -> Course:
+    """The course with the plant's answers up to where rounding grows: friction that falls with speed makes it grow."""
+    force, plant = course.plant_force_N, course.columns["plant"]
+    start, size = float(course.reference_N[0]), np.finfo(np.float32 if precision is Precision.FLOAT else np.float64).eps
+    nudged = force * (1 + 4 * size * np.where(np.arange(len(force)) % 2, 1, -1))
+    other = respond(problem, nudged, start, course.chain)
+    rows = min(len(other.tension_N), len(plant))
+    apart = np.abs(other.output_tension_N[:rows] - plant[:rows]) > _GROWTH * size * course.scale_N
+    kept = int(np.argmax(apart)) if apart.any() else rows
+    return replace(course, columns={**course.columns, "plant": plant[: max(kept, 2)]})
 
 
 def to_and_fro(course_N: FloatArray, *, step_N: float | None = None, rows: int = _REVERSAL_ROWS) -> FloatArray:
@@ -220,7 +232,9 @@ def golden_vectors(
     jumps = rounded(low + np.array(_JUMPS) * (high - low), precision)
     return Golden(
         stride=stride,
-        course=_course(problem, table, reference, precision, with_plant=True, chain=chain),
+        course=_repeatable(
+            problem, _course(problem, table, reference, precision, with_plant=True, chain=chain), precision
+        ),
         jumps=_course(
             problem,
             table,
@@ -273,16 +287,17 @@ def told(problem: Problem, inversion: Inversion, force_N: FloatArray) -> FloatAr
     return command
 
 
-def respond(problem: Problem, chain: Chain, drive: FloatArray, start_N: float) -> Simulation:
+def respond(problem: Problem, drive: FloatArray, start_N: float, chain: Chain) -> Simulation:
     """The chain under forces [N], or under commands of its servo [m], from rest.
 
     Parameters
     ----------
     problem : Problem
-    chain : Chain
     drive : ndarray, shape (rows,)
     start_N : float
         Uniform tension at rest [N].
+    chain : Chain
+        With the motion of the course.
     """
     if servo_of(problem) is not None:
         chain, drive = servo(chain, problem.transmission.actuator, start_N, drive)

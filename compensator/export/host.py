@@ -14,8 +14,7 @@ from tendonff.ocp.errors import CodeError
 
 _FLAGS = ("-std=c99", "-O1", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno")
 _DRIVER = """
-void run_{module}(
-    long n, double start, const {prefix}_real *given, const {prefix}_real *joint, {prefix}_real *answer)
+void run_{module}(long n, double start, const {prefix}_real *given, const {prefix}_real *joint, {prefix}_real *answer)
 {{
     {prefix}_{module} self;
     long k;
@@ -78,10 +77,10 @@ def run_on_host(
         getattr(code, f"run_{module}")(ctypes.c_long(len(given)), ctypes.c_double(start), *pointers)
         return answered.astype(np.float64)
 
-    every = joints_rad or [np.empty(0)] * len(runs)
     answers = []
+    every = joints_rad or [np.empty(0)] * len(runs)
     for inputs, joint in zip(runs, every, strict=True):
-        # The plant takes forces or commands, and starts under the tension that the others start from.
+        # the plant takes forces or commands, and starts under the tension that the others start from
         starts = {module: float(inputs.get("inverse", values)[0]) for module, values in inputs.items()}
         answers.append({module: answer(module, values, joint, starts[module]) for module, values in inputs.items()})
     return answers

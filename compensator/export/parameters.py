@@ -12,7 +12,7 @@ from tendonff.models.layout import fields_of
 from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import Specialiser
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.step.target import inverse_code
+from tendonff.ocp.step.target import SETTABLE, inverse_code
 
 PARAMETERS = CModule(name="parameters", content="what can be changed while the controller runs")
 """Goes with every module that uses it."""
@@ -106,6 +106,17 @@ def settable_inverse(problem: Problem, precision: Precision, prefix: str) -> dic
         "free_values": {name: _floored(name, numbers[name]) for name in code.free},
         "release_share": friction.release_dynamic / mu if mu > 0 else 1.0,
     }
+
+
+def settable_numbers(problem: Problem) -> tuple[str, ...]:
+    """Numbers of one mass in the record of the inverse.
+
+    Parameters
+    ----------
+    problem : Problem
+    """
+    alike = {f"friction_{name}" for name in problem.chain.friction.aliases()}
+    return tuple(name for name in SETTABLE if name not in alike)
 
 
 def _settable_law(problem: Problem, names: tuple[str, ...]) -> Law:

@@ -10,6 +10,7 @@ from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.score import scale_N
 from tendonff.compensator.export.checks import Status, checksum, integer_checksum, limit_cases, seen
 from tendonff.compensator.export.golden import Course, Golden, respond, servo_of
+from tendonff.compensator.export.parameters import settable_numbers
 from tendonff.compensator.export.table_index import share_index
 from tendonff.models.capstan import Branch
 from tendonff.ocp.codegen.precision import Precision
@@ -114,10 +115,12 @@ def self_test_context(
     actuator, step = problem.transmission.actuator, problem.reference.step_s
     course, jumps, live = golden.course, golden.jumps, golden.live
     start = float(course.reference_N[0])
-    ends = respond(problem, course.chain, course.plant_force_N, start).require()
+    force = course.plant_force_N[: len(course.columns["plant"])]
+    ends = respond(problem, force, start, course.chain).require()
+    still = course.chain.at_rest()
     lowest = -start if servo_of(problem) is None else -3 * start * per_newton(problem)
-    rest, still = start if servo_of(problem) is None else 0.0, course.chain.at_rest()
-    pushed = respond(problem, still, np.append(rest, np.full(_SLACK_ROWS, lowest)), start)
+    rest = start if servo_of(problem) is None else 0.0
+    pushed = respond(problem, np.append(rest, np.full(_SLACK_ROWS, lowest)), start, still)
     slack = len(pushed.tension_N) > _SLACK_ROWS and float(pushed.output_tension_N[-1]) <= 0
     stiffness = min(problem.transmission.load.stiffness_N_per_m, problem.transmission.tendon.stiffness_N_per_m)
     unit = per_newton(problem)
@@ -147,6 +150,10 @@ def self_test_context(
         },
         "jump_bits": {name: int(value) for name, value in bits.items()},
         "plant_ends": (float(ends.near_position_m[-1]), float(ends.far_position_m[-1])),
+        "settable": {
+            "capstan": ("pull", "release", "adhesion"),
+            "inverse": ("mu", "adhesion", *(f"own.{name}" for name in settable_numbers(problem))),
+        },
         "narrow_N": (least + 0.25 * (min(most, 1e6) - least), least + 0.75 * (min(most, 1e6) - least)),
         "push_N": (high, low_end) if pushes else None,
         "slack_rows": _SLACK_ROWS if slack else 0,

@@ -77,10 +77,8 @@ def identify(
         Stop after the static stage.
     conditions : mapping of str to str, optional
         Labels by file name: estimates are told for each label.
-    say : callable, optional
-        Told what was read, before any work, and what is being done.
-    confirm : callable, optional
-        Asked before a fit that takes very many steps; the default declines.
+    say, confirm : callable, optional
+        Told what is being done; asked before a fit that takes very many steps (the default declines).
 
     Raises
     ------
@@ -102,7 +100,8 @@ def identify(
     if twice := sorted({p.name for p in fit_files if p.resolve() in {v.resolve() for v in judging}}):
         raise InputError(f"{', '.join(twice)}: given with --data and with --validate; a file cannot judge its own fit")
     how = scenario.measurement
-    raw = [read_measurement(path, how) for path in (*fit_files, *judging)]
+    joints = scenario.transmission.joints
+    raw = [read_measurement(path, how, joints) for path in (*fit_files, *judging)]
     check_plan(raw, how, static_only=static_only, say=say, confirm=confirm)
     everything = [clean(one, how) for one in raw]
     records, judges = everything[: len(fit_files)], everything[len(fit_files) :]

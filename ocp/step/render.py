@@ -160,8 +160,8 @@ class StepCode:
     limits: Limits = Limits()
     free: tuple[str, ...] = ()
     compliances: Mapping[str, float | str] | None = None
-    held: bool = False
     on_joints: OnJoints | None = None
+    held: bool = False
 
     def call(
         self,

@@ -51,10 +51,10 @@ class ChainCode:
         The scheme around them.
     rest : str
         Statements that fill `self->x` with the state at rest under `tension`.
-    travel : str
-        Statements that set `travel` to that of the actuator's end since the rest under `self->start`; of the inverse.
     contact : str
         Record of friction on a bend, where the path moves or has sections; else empty.
+    travel : str
+        Statements that set `travel` to that of the actuator's end since the rest under `self->start`; of the inverse.
     free : tuple of str, optional
         Numbers of the chain that the inverse takes as arguments.
     """
@@ -64,8 +64,8 @@ class ChainCode:
     laws: str
     body: str
     rest: str
-    travel: str = ""
     contact: str = ""
+    travel: str = ""
     free: tuple[str, ...] = ()
 
 
@@ -146,8 +146,8 @@ def inverse_code(
         laws=_text(folded, contact),
         body=code.render("inverse.c.j2"),
         rest=_rest(chain, precision, relative=compliances is not None),
-        travel=_travel(chain, precision, compliances, folder.prefix.upper()),
         contact=contact.record if contact else "",
+        travel=_travel(chain, precision, compliances, folder.prefix.upper()),
         free=free,
     )
 
@@ -221,9 +221,9 @@ def _code(
         limits=limits or Limits(),
         free=free,
         compliances=compliances,
-        held=folder.precision is Precision.FLOAT and chain.near.stiffness_N_per_m > 0,
         moving=contact is not None,
         on_joints=on_joints,
+        held=folder.precision is Precision.FLOAT and chain.near.stiffness_N_per_m > 0,
     )
 
 
@@ -272,10 +272,10 @@ def link_compliances(chain: Chain, precision: Precision) -> dict[str, str]:
 
 
 def _travel(chain: Chain, precision: Precision, compliances: dict[str, str] | None, upper: str) -> str:
-    """Statements for the travel, none on a moving path; of relative states without an integral that rounding shifts."""
+    """Statements for the travel; where states are relative, from elongations and tensions: rounding adds up nowhere."""
     layout, more = chain.layout, "(tension - self->start)"
-    if chain.moving:
-        return ""
+    if chain.far_joint is not None or chain.moving:
+        return ""  # no module tells a travel there
     if compliances is None:
         slope = literal(chain.rest_state(1.0).near_position_m, precision)
         return f"    travel = self->x[{layout.part('q_a').start}] - (self->start * {slope});"

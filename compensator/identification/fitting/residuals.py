@@ -110,7 +110,12 @@ def fit_pieces(records: Sequence[Record], explain: Explain = Explain.OUTPUT) -> 
                 known = int(np.argmax(swept >= enough)) if swept[-1] >= enough else len(swept)
                 good[end : end + min(known, int(FORGET_MOST * len(good)))] = False
             first = piece.input_N[0] if explain is Explain.POSITION else piece.output_N[0]
-            drive = Drive(input_N=piece.input_N, step_s=record.step_s, first_output_N=float(first))
+            drive = Drive(
+                input_N=piece.input_N,
+                step_s=record.step_s,
+                first_output_N=float(first),
+                motion=piece.motion_from_start(),
+            )
             found.append(
                 FitPiece(
                     file=record.name,

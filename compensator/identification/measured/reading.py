@@ -13,6 +13,7 @@ from tendonff.compensator.identification.measured.offsets import slack_offsets
 from tendonff.compensator.identification.measured.onset import switched_on_s
 from tendonff.compensator.identification.measured.tables import MeasuredTable, read_table, unit_factor
 from tendonff.compensator.scenario.measurement import Measurement
+from tendonff.models.path import JointMotion
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -102,6 +103,8 @@ class RawMeasurement:
         Time rises strictly; `output_N` is NaN where the output tension was not measured.
     input_m, output_m, actuator_N : ndarray, shape (n,), or None
         Positions and the actuator's force, where the file has them.
+    motion : JointMotion or None
+        Measured joint angles, where the path has joints.
     breaks : tuple of int
         First rows after a clock that jumped back.
     unread : tuple of str
@@ -118,6 +121,7 @@ class RawMeasurement:
     input_m: Array | None
     output_m: Array | None
     actuator_N: Array | None
+    motion: JointMotion | None
     breaks: tuple[int, ...]
     unread: tuple[str, ...]
     started_s: float | None
@@ -144,6 +148,11 @@ def _columns(
                 raise InputError(
                     f'{path.name}: column "{name}" is missing{near} (choose one with --{key}-column, and its unit with '
                     "--scale)"
+                )
+            if key.startswith("joint"):
+                raise InputError(
+                    f'{path.name}: column "{name}" is missing{nearest_column(name, list(table.columns))}; the path '
+                    "moves with this joint: log its angle, or give a scenario of a path at rest"
                 )
             continue
         if key == "time":
@@ -199,7 +208,7 @@ def _zeroed(name: str, data: dict[str, Array], how: Measurement, findings: list[
     return {key: values - offsets.get(key, 0.0) for key, values in data.items()}
 
 
-def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
+def read_measurement(path: Path, how: Measurement, joints: Sequence[str] = ()) -> RawMeasurement:
     """Read one measured file, tolerant of data issues but never silent about them.
 
     Parameters
@@ -207,6 +216,8 @@ def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
     path : Path
     how : Measurement
         Names of columns, units, rows to skip.
+    joints : sequence of str, optional
+        Joints of the path: their angles are read from the columns NAME_rad.
 
     Raises
     ------
@@ -221,6 +232,7 @@ def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
         "input_position": how.input_position_column,
         "output_position": how.output_position_column,
         "actuator_force": how.actuator_force_column or "actuator_force_N",
+        **{f"joint {name}": f"{name}_rad" for name in joints},
     }
     for key, name in columns.items():
         if twin := next((k for k, n in columns.items() if n == name and k != key), None):
@@ -235,7 +247,10 @@ def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
         "output_position": how.output_position_scale,
         "actuator_force": how.actuator_force_scale or 1.0,
     }
-    data = {k: values * (scales[k] if scales[k] != 1 else factors.get(k, 1.0)) for k, values in table.items()}
+    data = {
+        k: values * (scales.get(k, 1.0) if scales.get(k, 1.0) != 1 else factors.get(k, 1.0))
+        for k, values in table.items()
+    }
     bad: Mask = np.asarray(~np.isfinite(np.stack(list(data.values()))).all(axis=0))
     if bad.any():
         findings.append(issue_found(DataIssue.MISSING, _times(data["time"], bad), "rows left out", int(bad.sum())))
@@ -274,6 +289,10 @@ def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
                 f"{path.name}: {columns[key]} is {kept[key][0]:g} N in all {len(kept[key])} usable rows; nothing can "
                 "be identified from a tension that never moves: drive the tendon, or check the column"
             )
+    motion = None
+    if joints:
+        angles = np.column_stack([kept[f"joint {name}"] for name in joints])
+        motion = JointMotion(names=tuple(joints), time_s=time, angle_rad=angles)
     return RawMeasurement(
         name=path.name,
         time_s=time,
@@ -282,6 +301,7 @@ def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
         input_m=kept.get("input_position"),
         output_m=kept.get("output_position"),
         actuator_N=kept.get("actuator_force"),
+        motion=motion,
         breaks=breaks,
         unread=unread,
         started_s=started,

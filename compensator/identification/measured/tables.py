@@ -2,6 +2,7 @@
 
 import gzip
 import io
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -26,6 +27,7 @@ PACKED = {".xlsx": "openpyxl", ".xls": "xlrd", ".parquet": "pyarrow"}
 UNITS = {
     "time": {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
     "input": {"n": 1.0, "kn": 1e3, "mn": 1e-3},
+    "joint": {"rad": 1.0, "deg": math.pi / 180, "°": math.pi / 180},
     "position": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "um": 1e-6},
 }
 
@@ -82,7 +84,15 @@ def unit_factor(key: str, unit: str) -> float | None:
         "time", "input", "output", "actuator_force", "input_position" or "output_position".
     unit : str
     """
-    kind = "position" if key.endswith("position") else "input" if key in ("output", "actuator_force") else key
+    kind = (
+        "joint"
+        if key.startswith("joint")
+        else "position"
+        if key.endswith("position")
+        else "input"
+        if key in ("output", "actuator_force")
+        else key
+    )
     word = unit.strip(" []()").replace("µ", "u").replace("μ", "u")
     known = UNITS[kind]
     return known.get(word) if word in known else known.get(word.lower()) if word.lower() in known else None

@@ -10,8 +10,9 @@ import pytest
 
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.c_project import export_project
-from tendonff.compensator.export.c_text import c_modules, c_sources
+from tendonff.compensator.export.c_text import c_sources
 from tendonff.compensator.export.host import run_on_host
+from tendonff.compensator.export.modules import c_modules
 from tendonff.compensator.export.table_index import rounded
 from tendonff.compensator.scenario.joints import SineJoint
 from tendonff.compensator.scenario.scenario import load_scenario
@@ -134,8 +135,8 @@ def test_the_self_test_sees_a_wrong_moment_arm(folder, tmp_path):
     torn = tmp_path / "torn"
     shutil.copytree(folder, torn)
     source = (torn / "tff_path.c").read_text()
-    drift = next(line for line in source.splitlines() if ".drift = " in line and "rate[0]" in line)
-    (torn / "tff_path.c").write_text(source.replace(drift, drift.replace("rate[0]", "1.01 * rate[0]")))
+    drift = next(line for line in source.splitlines() if ".drift = " in line and "rate_0" in line)
+    (torn / "tff_path.c").write_text(source.replace(drift, drift.replace("rate_0", "1.01 * rate_0")))
     said = subprocess.run(["make", "test"], cwd=torn, capture_output=True, text=True, check=False)
     assert "FAILS  inverse: golden vectors" in said.stdout
 
