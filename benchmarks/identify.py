@@ -6,7 +6,9 @@ spikes, gaps and missing cells. Rigs of the group "mismatch" have something besi
 for every rig and in sum: errors, share of the 95 % intervals that hold the truth, RMS error of the exact inverse
 designed from the fitted scenario, and how far the fitted scenario's own error is from the one reported.
 
-    python benchmarks/identify.py [RIGS_PER_GROUP] [FIRST_SEED]
+    python benchmarks/identify.py [RIGS_PER_GROUP [FIRST_SEED [RESULTS]]]
+
+A rig takes about half a minute; started again, rigs that are in RESULTS (identify.jsonl) are not measured again.
 """
 
 import json
@@ -21,7 +23,7 @@ from typing import Any
 import numpy as np
 from independent_plant import Array, Plant
 
-from tendonff.compensator.identification.result import Identification
+from tendonff.compensator.identification.output import Identification
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.identification.suggest import suggest
 from tendonff.compensator.scenario.sampling import sample_reference
@@ -223,18 +225,32 @@ def summary(rows: Sequence[dict[str, Any]]) -> Iterable[str]:
     if rubbing:
         close = [abs(v["fitted"] / v["truth"] - 1) <= 0.2 for v in rubbing]
         yield f"  adhesion in fitted.toml within 20 %: {sum(close)} of {len(close)}"
+    off = [abs(row["replay_percent"] / row["fit_percent"] - 1) for row in rows if row["replay_percent"]]
+    yield f"  fitted.toml simulated again, within 5 % of its error: {sum(x <= 0.05 for x in off)} of {len(off)}"
 
 
-def main(rigs: int, first_seed: int) -> None:
+def measured(results: Path, rigs: range) -> list[dict[str, Any]]:
+    """Rows of all rigs in both groups; those that `results` has already are taken from it, the others join it."""
+    rows = [json.loads(text) for text in results.read_text().splitlines()] if results.exists() else []
+    done = {(row["seed"], row["group"]) for row in rows}
     nominal = load_scenario(EXAMPLES / "finger.toml")
-    for mismatch in (False, True):
-        rows = []
-        for seed in range(first_seed, first_seed + rigs):
-            rows.append(study(nominal, seed, mismatch=mismatch))
-            print(line(rows[-1]), flush=True)
-            print(json.dumps(rows[-1]), file=sys.stderr, flush=True)
-        print("\n".join(summary(rows)), flush=True)
+    for seed in rigs:
+        for group in ("nominal", "mismatch"):
+            if (seed, group) not in done:
+                rows.append(study(nominal, seed, mismatch=group == "mismatch"))
+                print(line(rows[-1]), flush=True)
+                with results.open("a", encoding="utf-8") as file:
+                    print(json.dumps(rows[-1]), file=file)
+    return [row for row in rows if row["seed"] in rigs]
+
+
+def main(count: int, first: int, results: Path) -> None:
+    rows = measured(results, range(first, first + count))
+    for group in ("nominal", "mismatch"):
+        print("\n".join(summary([row for row in rows if row["group"] == group])))
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 25, int(sys.argv[2]) if len(sys.argv) > 2 else 0)
+    _, *words = sys.argv
+    rigs, first_seed, file = (*words, *("25", "0", "identify.jsonl")[len(words) :])
+    main(int(rigs), int(first_seed), Path(file))

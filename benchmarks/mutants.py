@@ -42,7 +42,7 @@ SWAPS = (  # file, what, old, new
     ("limits.c", "start not clamped below", "start < TFF_FORCE_MIN_N", "start < -TFF_LARGEST_N"),
     ("limits.c", "start not clamped above", "start > TFF_FORCE_MAX_N", "start > TFF_LARGEST_N"),
     ("limits.c", "wider limits taken: change", "(change < TFF_CHANGE_MAX_N)", "(change > TFF_CHANGE_MAX_N)"),
-    ("parameters.c", "NaN is good", "(value >= low) && ", "!(value < low) && "),
+    ("parameters.c", "NaN is good", "((value >= low) && (value <= high))", "(!(value < low) && !(value > high))"),
     ("parameters.c", "no upper end", " && (value <= high)", ""),
     (
         "parameters.c",

@@ -311,3 +311,9 @@ class Transmission:
     actuator: Actuator
     load: Load
     motion: "JointMotion | None" = None
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints that move the path or its far end."""
+        named = (*(section.joint for section in self.path.sections), self.load.joint)
+        return tuple(dict.fromkeys(name for name in named if name is not None))

@@ -28,7 +28,7 @@ ANGLE_FLOOR_RAD = 1e-12
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JointMotion:
-    """Joint angles over time, linear between instants and held beyond them.
+    """Joint angles over time, linear between instants and held beyond them, or repeated.
 
     Parameters
     ----------
@@ -36,11 +36,14 @@ class JointMotion:
     time_s : ndarray, shape (rows,)
         Strictly increasing.
     angle_rad : ndarray, shape (rows, joints)
+    period_s : float, optional
+        They repeat after so long; default: they are held.
     """
 
     names: tuple[str, ...]
     time_s: Array
     angle_rad: Array
+    period_s: float | None = None
 
     def at(self, time_s: Array) -> Array:
         """Joint angles at instants, shape (len(time_s), joints) [rad].
@@ -49,7 +52,8 @@ class JointMotion:
         ----------
         time_s : ndarray
         """
-        return np.column_stack([np.interp(time_s, self.time_s, column) for column in self.angle_rad.T])
+        time = time_s if self.period_s is None else np.mod(time_s, self.period_s)
+        return np.column_stack([np.interp(time, self.time_s, column) for column in self.angle_rad.T])
 
     def held(self, angle_rad: Array) -> "JointMotion":
         """Joints that stand still.

@@ -1,8 +1,10 @@
 """The documentation builds without a warning, holds every public name, and its examples run."""
 
 import html
+import json
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -73,6 +75,8 @@ def test_in_a_browser_from_disk_every_page_is_whole_and_nothing_complains(site, 
         assert browser.execute_script(broken) == [], page
         browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
         assert browser.execute_script("return document.documentElement.scrollWidth") <= 390, page
+        vanished = "return [...document.querySelectorAll('mjx-container > svg')].filter(s => s.clientWidth < 4).length"
+        assert browser.execute_script(vanished) == 0, page
         browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
         assert browser.get_log("browser") == [], page
 
@@ -144,6 +148,28 @@ def test_the_commands_of_the_identification_tutorial_find_the_friction(tmp_path)
     run_commands_of((ROOT / "docs" / "tutorials" / "identify.md").read_text(encoding="utf-8"), tmp_path)
     found = load_scenario(tmp_path / "fit" / "fitted.toml").transmission.friction
     assert found.mu_dynamic == pytest.approx(0.2, rel=0.055)  # "to 5 %", says the page
+
+
+@pytest.mark.slow
+def test_the_commands_of_the_moving_finger_end_in_tested_c_and_its_numbers_are_those_of_the_design(tmp_path):
+    if find_compiler() is None or shutil.which("make") is None:
+        pytest.skip("no C compiler or no make")
+    text = (ROOT / "docs" / "tutorials" / "finger.md").read_text(encoding="utf-8")
+    done = run_commands_of(text, tmp_path)
+    assert "self test passed" in done.stdout
+    found = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+    expected = found["expectation"]["worst_percent_of_range"][found["expectation"]["recommended"]]
+    assert f"up to {expected:.2g} % of the 31.04 N range" in " ".join(text.split())
+    ignored = found["ignored_motion"]["rmse_percent_of_range"]
+    assert f"would leave on this finger: {ignored:.1f} %" in " ".join(text.split())
+
+
+def test_the_table_of_moving_paths_is_what_the_package_gives():
+    """To the digits that the page prints."""
+    page = (ROOT / "docs" / "theory" / "moving.md").read_text(encoding="utf-8")
+    printed = dict(re.findall(r"^\| ([\w ]+) \| ([\d.]+) \|$", page, re.MULTILINE))
+    measured = runpy.run_path(str(ROOT / "docs" / "figures" / "moving.py"))["errors_percent"]()
+    assert {name: f"{value:.2g}" for name, value in measured.items()} == printed
 
 
 def test_every_command_is_in_the_documentation():

@@ -1,8 +1,11 @@
 """What is in the tree is what gets installed, from a checkout with links or without."""
 
+import re
+import runpy
 import shutil
 import subprocess
 import sys
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -41,7 +44,7 @@ def test_the_tree_imports_under_its_public_name_without_an_installation(top: str
 def build(target: str, folder: Path) -> set[str]:
     """Names in a wheel of the tree as git writes it where there are no links: each is a text file."""
     pytest.importorskip("hatchling", reason="hatchling is not installed")
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
+    for name in ("pyproject.toml", "hatch_build.py", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, folder)
     shutil.copytree(ROOT / "tendonff", folder / "tendonff", symlinks=True)
     for top in LINKED:
@@ -54,10 +57,37 @@ def build(target: str, folder: Path) -> set[str]:
 
 
 def test_a_wheel_built_without_links_holds_the_whole_tree(tmp_path: Path) -> None:
-    """As on Windows without developer mode."""
-    assert build("wheel", tmp_path) == tree()
+    """As on Windows without developer mode; the finger of MuJoCo is to be run from a checkout."""
+    assert build("wheel", tmp_path) == {name for name in tree() if "mujoco_finger" not in name}
 
 
 def test_an_editable_installation_copies_nothing(tmp_path: Path) -> None:
     """A copy would go stale, and type checkers would read it instead of the tree."""
     assert build("wheel:editable", tmp_path) == {"_tendonff.pth"}
+
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+def test_the_readme_of_a_wheel_leads_to_the_repository_and_every_file_it_names_is_there() -> None:
+    pytest.importorskip("hatchling", reason="hatchling is not installed")
+    text, source = (ROOT / "README.md").read_text(encoding="utf-8"), PROJECT["urls"]["Source"]
+    made = runpy.run_path(str(ROOT / "hatch_build.py"))["absolute"](text, source)
+    assert f"]({source}/raw/main/docs/finger.png)" in made
+    targets = re.findall(r"\]\(([^)]+)\)", made)
+    assert all(target.startswith(("http", "#")) for target in targets)
+    named = [t.removeprefix(f"{source}/").split("/", 2)[2] for t in targets if t.startswith(source)]
+    assert [path for path in named if not (ROOT / path.split("#")[0]).exists()] == []
+
+
+def test_the_address_of_the_project_is_the_same_everywhere() -> None:
+    home = PROJECT["urls"]["Homepage"]
+    for name in ("CITATION.cff", "conda/meta.yaml"):
+        assert home in (ROOT / name).read_text(encoding="utf-8"), f"{name} must follow [project.urls]"
+
+
+def test_the_conda_recipe_requires_what_the_package_requires() -> None:
+    recipe = (ROOT / "conda" / "meta.yaml").read_text(encoding="utf-8")
+    run = recipe.split("  run:\n")[1].split("\n\n")[0]
+    listed = {re.sub(r"^\s*- ", "", line).replace(" ", "").replace("-base", "") for line in run.splitlines()}
+    assert listed == {*PROJECT["dependencies"], f"python{PROJECT['requires-python']}"}

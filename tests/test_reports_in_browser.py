@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
+from tendonff.compensator.compensators.base import Style
 from tendonff.compensator.files.reading import read_csv
 from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.reporting.interactive import interactive_view
 from tendonff.compensator.reporting.page import (
     FileNote,
+    Interactive,
     Picture,
     Provenance,
     Report,
@@ -190,6 +193,29 @@ def test_the_report_of_every_command_opens_and_is_readable(browser, small, tmp_p
         assert link.startswith("#") or (folder / link).is_file()
 
 
+def test_an_interactive_view_draws_from_disk_loads_nothing_and_stays_out_of_print(browser, tmp_path, examples):
+    pytest.importorskip("bokeh", reason="bokeh is not installed")
+    time = np.linspace(0, 4, 4001)
+    styles = Style(color="#0072B2", linestyle="-"), Style(color="#D55E00", linestyle="--")
+    curves = {"inverse": (np.sin(time), styles[0]), "optimal": (np.cos(time), styles[1])}
+    view = Interactive(html=interactive_view(time, {"force [N]": curves}), caption="Zoom.")
+    provenance = Provenance(scenario=load_scenario(examples / "finger.toml"))
+    report = Report(
+        title="T", summary="S", sections=(Section(title="Look closer", blocks=(view,)),), provenance=provenance
+    )
+    write_report(tmp_path / "report.html", report)
+    browser.get((tmp_path / "report.html").as_uri())
+    drawn = "return window.Bokeh !== undefined && Bokeh.documents.length == 1 && document.querySelector('.bk-Column')"
+    WebDriverWait(browser, 30).until(lambda b: b.execute_script(drawn))
+    assert complaints(browser) == []
+    loaded = browser.execute_script("return performance.getEntriesByType('resource').map(e => e.name)")
+    assert [name for name in loaded if not name.startswith(("data:", "blob:"))] == []
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    shown = browser.execute_script("return getComputedStyle(document.getElementById('section-1')).display")
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+    assert shown == "none"
+
+
 @pytest.fixture(scope="module")
 def explorer(examples):
     """Address of a running interactive page."""
@@ -236,6 +262,42 @@ def move(browser, title, value):
     )
 
 
+def tick(browser, label, *, on):
+    browser.execute_script(
+        """for (const m of Bokeh.documents[0]._all_models.values())
+            if (m.type == 'Checkbox' && m.label.startsWith(arguments[0])) m.active = arguments[1]""",
+        label,
+        on,
+    )
+
+
+def ranges(browser):
+    """Ends of all axes."""
+    return browser.execute_script(
+        "return [...Bokeh.documents[0]._all_models.values()]"
+        ".filter(m => m.type == 'Range1d').map(m => [m.start, m.end])"
+    )
+
+
+def opacities(browser):
+    """Of the compensators' curves."""
+    found = browser.execute_script(
+        "return [...Bokeh.documents[0]._all_models.values()].filter(m => m.type == 'Figure')"
+        ".flatMap(m => m.renderers.slice(0, 3)).map(r => r.glyph.line_alpha.value)"
+    )
+    return set(found)
+
+
+def test_the_interactive_page_fits_a_phone(browser, explorer):
+    with phone(browser):
+        browser.get(explorer["url"])
+        WebDriverWait(browser, 30).until(
+            lambda b: b.execute_script("return window.Bokeh && Bokeh.documents.length > 0")
+        )
+        assert browser.execute_script("return document.documentElement.clientWidth") == PHONE_WIDTH
+        assert browser.execute_script("return document.documentElement.scrollWidth") <= PHONE_WIDTH + 1
+
+
 def test_the_interactive_page_follows_its_sliders(browser, explorer):
     assert explorer["addresses"] == {"127.0.0.1"}
     browser.get(explorer["url"])
@@ -245,18 +307,27 @@ def test_the_interactive_page_follows_its_sliders(browser, explorer):
     )
     before = scores(browser)
     assert "exact inverse" in before
+    scales = ranges(browser)
     move(browser, "friction", 0.3)
     wait.until(lambda b: scores(b) != before)
     assert "Infeasible" not in scores(browser)
+    assert ranges(browser) == scales  # they stay, so that changes are seen
+    tick(browser, "Show", on=True)
+    wait.until(lambda b: "self-tuning" in scores(b) and "optimal" in scores(b))
+    assert opacities(browser) == {1.0}
+    tick(browser, "Show", on=False)
+    tick(browser, "Redesign", on=True)
     move(browser, "wrap angle", 360.0)
     move(browser, "friction", 0.5)
     wait.until(lambda b: "Infeasible" in scores(b))  # in words, not as a dead page
+    assert max(opacities(browser)) < 0.5  # and what was computed before is pale
     move(browser, "wrap angle", 180.0)
     move(browser, "friction", 0.2)
+    tick(browser, "Redesign", on=False)
     wait.until(lambda b: scores(b) == before)
     drawn = browser.execute_script(
         "return [...Bokeh.documents[0]._all_models.values()].filter(m => m.type == 'ColumnDataSource')"
         ".map(m => m.data[Object.keys(m.data)[0]].length)"
     )
-    assert min(drawn) > 1000
+    assert sorted(drawn)[3] > 1000  # all but those that were not asked for, and the text to be saved
     assert complaints(browser) == []

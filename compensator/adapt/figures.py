@@ -38,7 +38,7 @@ def adaptation_figures(result: AdaptationData) -> dict[str, Figure]:
             "friction": case_figure(result, _case(result, mu=1.2)),
             "drift": case_figure(result, max(result.cases, key=lambda case: case.time_s[-1])),
             "information": information_figure(result),
-            "bounds": bounds_figure(result),
+            **({} if result.interval is None else {"bounds": bounds_figure(result, result.interval.spread)}),
         }
 
 
@@ -136,22 +136,25 @@ def information_figure(result: AdaptationData) -> Figure:
     return figure
 
 
-def bounds_figure(result: AdaptationData) -> Figure:
+def bounds_figure(result: AdaptationData, spread: float) -> Figure:
     """The certified interval of the output tension along the reference.
 
     Parameters
     ----------
     result : AdaptationData
+    spread : float
+        Relative half-width of mu theta that it admits.
     """
-    reference, (low, high) = result.reference, result.bounds_N
+    reference, (low, high) = result.reference, result.bounds_N or (np.empty(0), np.empty(0))
     rows = thinned(len(reference.time_s))
     figure, axes = new_figure(height_in=2.8)
     panel = axes[0, 0]
     panel.fill_between(reference.time_s[rows], low[rows], high[rows], color=BLUE, alpha=0.25, linewidth=0)
     panel.plot(reference.time_s[rows], reference.tension_N[rows], color=INK, label="reference")
-    spread = 100 * result.interval.spread
     panel.set(
-        xlabel="time [s]", ylabel="output tension [N]", title=f"Certified interval, mu theta within {spread:.0f} %"
+        xlabel="time [s]",
+        ylabel="output tension [N]",
+        title=f"Certified interval, mu theta within {100 * spread:.0f} %",
     )
     panel.legend()
     return figure

@@ -78,7 +78,9 @@ def summary(result: AdaptationData) -> dict[str, object]:
         if certificate is None
         else asdict(certificate)
         | {"recommended_gain_per_s": certificate.recommended_gain_per_s, "certified": certificate.holds},
-        "interval": {"spread": result.interval.spread, "margin": result.interval.margin},
+        "interval": None
+        if result.interval is None
+        else {"spread": result.interval.spread, "margin": result.interval.margin},
         "plants": {
             case.variation.name: {
                 "limit": case.is_limit,

@@ -3,7 +3,17 @@
 from matplotlib.figure import Figure
 
 from tendonff.compensator.adapt.result import SETTLED_S, AdaptationData, Case, Scheme
-from tendonff.compensator.reporting.page import FileNote, Report, Section, Table, Text, pictures_of, provenance_of
+from tendonff.compensator.reporting.page import (
+    FileNote,
+    Picture,
+    Report,
+    Section,
+    Table,
+    Text,
+    pictures_of,
+    provenance_of,
+)
+from tendonff.ocp.adaptation.bounds import CertifiedInterval
 
 _CAPTIONS = {
     "overview": "Each row is a plant that differs from the scenario as its name says; sensor noise as in the scenario.",
@@ -53,23 +63,27 @@ def adaptation_report(result: AdaptationData, figures: dict[str, Figure]) -> Rep
                 blocks=(pictures["information"], *(Text(_sentence(text)) for text in known.sentences())),
             ),
             Section(title="Integral action", blocks=(Text(_sentence(feedback)),)),
-            Section(
-                title="Certified interval",
-                blocks=(
-                    pictures["bounds"],
-                    Text(
-                        f"Two plays bound the output tension with mu theta within {100 * interval.spread:.0f} % either "
-                        "way. Stretch, presliding and inertia, which the static law leaves out, take a margin of "
-                        f"{100 * interval.margin:.2g} % of T + p on this reference, measured on the chain at both "
-                        "ends and in the middle of that range."
-                    ),
-                ),
-            ),
+            *([] if interval is None else [_interval(interval, pictures["bounds"])]),
         ),
         provenance=provenance_of(result.scenario, "adapt"),
         files=(
             FileNote(name="estimate.csv", content="reference, tensions and estimates of every plant over time"),
             FileNote(name="summary.json", content="everything on this page for other programs"),
+        ),
+    )
+
+
+def _interval(interval: CertifiedInterval, picture: Picture) -> Section:
+    return Section(
+        title="Certified interval",
+        blocks=(
+            picture,
+            Text(
+                f"Two plays bound the output tension with mu theta within {100 * interval.spread:.0f} % either "
+                "way. Stretch, presliding and inertia, which the static law leaves out, take a margin of "
+                f"{100 * interval.margin:.2g} % of T + p on this reference, measured on the chain at both "
+                "ends and in the middle of that range."
+            ),
         ),
     )
 

@@ -104,9 +104,9 @@ class AdaptationData:
         Along the reference, on the scenario's own plant.
     certificate : FeedbackCertificate or None
         Of the integral action; None without a measured output tension.
-    interval : CertifiedInterval
-        What two plays can promise along the reference.
-    bounds_N : tuple of 2 ndarray, shape (n,)
+    interval : CertifiedInterval or None
+        What two plays can promise along the reference; None where the path moves.
+    bounds_N : tuple of 2 ndarray of shape (n,), or None
         That interval for the design's force.
     cases : tuple of Case
     headline : str
@@ -119,8 +119,8 @@ class AdaptationData:
     tuning: Tuning
     information: Information
     certificate: FeedbackCertificate | None
-    interval: CertifiedInterval
-    bounds_N: tuple[FloatArray, FloatArray]
+    interval: CertifiedInterval | None
+    bounds_N: tuple[FloatArray, FloatArray] | None
     cases: tuple[Case, ...]
     headline: str
     warnings: tuple[str, ...]

@@ -1,6 +1,7 @@
 """Compute the study of the self-tuning compensator."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -58,7 +59,7 @@ def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy
     reference, tuning = problem.reference, tuning_of(problem, settings)
     known = learnt(problem, tuning)
     certificate = _certificate(scenario, settings)
-    bounds = certified(problem)
+    bounds = None if problem.chain.moving else certified(problem)
     every = variations(settings.sensor)
     cases: list[Case] = []
     for one in every:  # one after the other: CasADi's symbols are not safe in threads
@@ -70,8 +71,8 @@ def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy
         tuning=tuning,
         information=known,
         certificate=certificate,
-        interval=bounds.interval,
-        bounds_N=(bounds.low_N, bounds.high_N),
+        interval=None if bounds is None else bounds.interval,
+        bounds_N=None if bounds is None else (bounds.low_N, bounds.high_N),
         cases=tuple(cases),
         headline=_headline(cases, known),
         warnings=_warnings(cases, known, certificate),
@@ -88,7 +89,7 @@ def _certificate(scenario: Scenario, settings: Adaptation) -> FeedbackCertificat
 
 def _case(problem: Problem, tuning: Tuning, certificate: FeedbackCertificate | None, one: Variation) -> Case:
     reference = problem.reference
-    wanted = _extended(reference, one.duration_s)
+    problem, wanted = _extended(problem, one.duration_s)
     rows = len(wanted) - 1
     shares = np.linspace(0, 1, rows)
     mu = np.ones(rows) * one.mu
@@ -134,13 +135,8 @@ def _run(
     reference, start = problem.reference, problem.reference.initial_tension_N
     tuned = tuned_chain(problem, tuning)
     plant = TunedChain.of(problem.transmission, problem.level, _VARIED, PLANT_MASSES)
-    plant = TunedChain(
-        whole=plant.whole.changed(
-            {"bristle_stiffness_N_per_m": one.bristle * plant.whole.value("bristle_stiffness_N_per_m")}
-        ),
-        chain=plant.chain,
-        parameters=_VARIED,
-    )
+    bristle = {"bristle_stiffness_N_per_m": one.bristle * plant.whole.value("bristle_stiffness_N_per_m")}
+    plant = replace(plant, whole=plant.whole.changed(bristle))
     noise = np.random.default_rng(0).normal(size=len(mu)) * tuning.noise + one.offset * tuning.span
     cuts = [0, len(mu)] if not one.changes else list(np.linspace(0, len(mu), _SEGMENTS_OF_A_DRIFT + 1, dtype=int))
     tuner = SelfTuner(tuned, reference.step_s, tuning, problem.limits, start)
@@ -161,15 +157,18 @@ def _run(
     return TunedRun.joined(runs)
 
 
-def _extended(reference: Reference, duration_s: float) -> FloatArray:
-    """The reference, forwards and backwards until it is long enough."""
-    once = reference.tension_N
-    parts, back = [once], False
-    while sum(map(len, parts)) * reference.step_s < duration_s:
-        back = not back
-        parts.append(once[-2::-1] if back else once[1:])
-    rows = max(len(once), math.ceil(duration_s / reference.step_s) + 1)
-    return np.concatenate(parts)[:rows]
+def _extended(problem: Problem, duration_s: float) -> tuple[Problem, FloatArray]:
+    """The reference and the joints, forwards and backwards until they are long enough."""
+    reference, step = problem.reference, problem.reference.step_s
+    once = len(reference.tension_N)
+    rows = max(once, math.ceil(duration_s / step) + 1)
+    there = np.arange(rows) % (2 * once - 2) if once > 1 else np.zeros(rows, dtype=int)
+    places = np.minimum(there, 2 * once - 2 - there)
+    motion = problem.transmission.motion
+    if motion is not None:
+        motion = replace(motion, time_s=step * np.arange(rows, dtype=np.float64), angle_rad=motion.at(step * places))
+        problem = replace(problem, transmission=replace(problem.transmission, motion=motion))
+    return problem, reference.tension_N[places]
 
 
 def _trace(scheme: Scheme, run: TunedRun, wanted: FloatArray, reference: Reference) -> Trace:

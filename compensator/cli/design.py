@@ -19,6 +19,9 @@ def design(
     online: Annotated[
         bool, typer.Option("--online", help="Also draw and pick the filter of a reference that arrives live.")
     ] = False,
+    interactive: Annotated[
+        bool, typer.Option("--interactive", help="Put a view that zooms into the report; needs Bokeh, 1 MB more.")
+    ] = False,
 ) -> int:
     """Design and verify the actuator force.
 
@@ -33,7 +36,7 @@ def design(
         with progress("designing") as advance:
             result = design_profile(loaded, strict=strict, progress=advance)
         with progress("writing"):
-            result.write(folder)
+            result.write(folder, interactive=interactive)
         if online:
             from tendonff.compensator.design.online import study_online
 

@@ -17,7 +17,7 @@ def explore(
 ) -> None:
     """Explore a scenario in the browser.
 
-    Sliders change friction, angle, presliding stiffness, relaxation and rate limit.
+    Sliders change friction, angle, presliding stiffness, relaxation, rate limit, load and the pose of joints.
     """
     from tendonff.compensator.files.reading import InputError
     from tendonff.compensator.scenario.scenario import load_scenario

@@ -19,6 +19,9 @@ def export_fmu(
     ] = None,
     prefix: PrefixOption = "tff",
     level: LevelOption = None,
+    everywhere: Annotated[
+        bool, typer.Option("--everywhere", help="Binaries for Windows and macOS too (needs ziglang); not run here.")
+    ] = False,
 ) -> None:
     """Write FMUs for Simulink, dSPACE or Modelica.
 
@@ -33,10 +36,12 @@ def export_fmu(
 
         with progress("exporting"):
             for each in FmiVersion if fmi is None else (fmi,):
-                unit = build_fmu(loaded, kind, each, prefix=prefix, level=level)
+                unit = build_fmu(loaded, kind, each, prefix=prefix, level=level, everywhere=everywhere)
                 unit.write(folder)
                 names.append(unit.name)
                 complete = complete and unit.has_binary
     if not complete:
         warn("no binary was made here (a C compiler on Linux makes one); the unit holds its sources")
+    if everywhere:
+        say("binaries for Windows and macOS were built, not run: try them on such a machine first")
     say(f"{', '.join(names)} in {out}")

@@ -32,6 +32,15 @@ def simulate(
             show_default=False,
         ),
     ] = None,
+    joints: Annotated[
+        Path | None,
+        typer.Option(
+            "--joints",
+            metavar="J.csv",
+            help="Motion of the joints: time_s,NAME_rad; default: that of the scenario.",
+            show_default=False,
+        ),
+    ] = None,
     level: LevelOption = None,
     check: Annotated[
         bool, typer.Option("--check", help="Simulate with smaller steps as well and state the discretisation error.")
@@ -45,12 +54,14 @@ def simulate(
     from tendonff.compensator.scenario.scenario import load_scenario
 
     loaded = load_scenario(scenario)  # before the imports below, which take a second: a refusal is quick
+    from tendonff.compensator.scenario.joints import moved_by_file
     from tendonff.compensator.simulate.run import read_force, simulate_force
 
+    loaded = loaded if joints is None else moved_by_file(loaded, joints)
     profile = read_force(force, column, loaded.transmission.actuator.drive)
     for note in profile.notes:
         say(note)
-    if out.exists() and any(out.samefile(source) for source in (scenario, force)):
+    if out.exists() and any(out.samefile(source) for source in (scenario, force, joints) if source):
         raise InputError(f"{out} is an input of this run; name another file for the result")
     with progress("simulating") as advance:
         simulated = simulate_force(loaded, level or loaded.run.level, profile, out, check=check, progress=advance)

@@ -42,7 +42,7 @@ class LevelTraits:
     reversal_width_N : float
         Further fall of the force until the output follows at its full rate [N]: 0 is a corner.
     relaxation_percent : float
-        Tension at the actuator's end that is lost while its position is held, of the tension at the start [%].
+        Stress relaxation: fall of the tension at the actuator's end while its position is held, of its start [%].
     hold_time_s, hold_input_N : ndarray, shape (m,)
         Course of that tension.
     """

@@ -32,7 +32,7 @@ class Comparison(ComparisonData):
 
 
 def write_matrix(result: ComparisonData, path: Path) -> None:
-    """Write `matrix.csv`: compensator, design level, plant level, rms error, peak error, lag and spread.
+    """Write `matrix.csv`: compensator, design level, plant level, RMS error, peak error, lag and spread.
 
     Parameters
     ----------

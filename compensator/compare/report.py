@@ -72,7 +72,7 @@ def compare_report(result: ComparisonData, figures: dict[str, Figure]) -> Report
     peaks = Table(
         caption="Largest error [N] and lag [ms]",
         columns=("design", *(f"on {plant}" for plant in plants())),
-        rows=[(label, *(f"{e.peak_error_N:.2f} N, {round(1e3 * e.lag_s)} ms" for e in row)) for label, row in rows],
+        rows=[(label, *(f"{e.peak_error_N:.2f} N, {_milliseconds(e.lag_s)}" for e in row)) for label, row in rows],
     )
     differences = Table(
         caption="Traits of the levels",
@@ -141,3 +141,7 @@ def compare_report(result: ComparisonData, figures: dict[str, Figure]) -> Report
             FileNote(name="summary.json", content="everything on this page for other programs"),
         ),
     )
+
+
+def _milliseconds(time_s: float) -> str:
+    return f"{round(1e3 * time_s)} ms".replace("-", "\N{MINUS SIGN}")

@@ -61,7 +61,7 @@ def compare(
         If a simulation fails.
     """
     reference = sample_reference(scenario)
-    transmission = moved(scenario, float(reference.time_s[-1]))
+    transmission = moved(scenario, float(reference.time_s[-1]), periodic=scenario.reference.periodic)
     warnings = list(reference.warnings)
     parts = Parts(progress, len(Level) * (len(compensators) + len(plants()) + 2))
     entries: list[Entry] = []
@@ -137,6 +137,7 @@ def worst_percent(
             reference.tension_N,
             reference.step_s,
             initial_tension_N=reference.initial_tension_N,
+            periodic=reference.periodic,
         )
         seen[force.tobytes()] = 100 * band.worst_rms_N / scale_N(reference.tension_N)
     return {key: seen[force.tobytes()] for key, force in forces_N.items()}

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.compensator.files.progress import Progress, silent
-from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.joint_motion import moved
 from tendonff.compensator.scenario.reference import Hold
 from tendonff.compensator.scenario.sampling import Reference, sample_reference
@@ -56,6 +55,8 @@ class Problem:
     live : bool, optional
         The reference comes sample by sample, as on a controller: nothing is known ahead, no force is kept, and the
         limits are those of the force.
+    model : Chain, optional
+        The design model where it is cut already; default: made of the transmission.
     """
 
     transmission: Transmission
@@ -65,6 +66,7 @@ class Problem:
     objective: Objective = Objective.WORST
     options: TrackOptions = TrackOptions()  # noqa: RUF009 - frozen
     live: bool = False
+    model: Chain | None = None
 
     @classmethod
     def of(
@@ -88,10 +90,8 @@ class Problem:
             Default: those of the scenario.
         """
         reference = sample_reference(scenario) if reference is None else reference
-        transmission = moved(scenario, float(reference.time_s[-1]))
+        transmission = moved(scenario, float(reference.time_s[-1]), periodic=scenario.reference.periodic)
         samples = sample_transmissions(transmission, scenario.robust)
-        if len(samples) > 1 and scenario.reference.periodic:
-            raise InputError(f"{scenario.source.name}: [robust] knows no periodic reference yet; leave one of them out")
         return cls(
             transmission=transmission,
             level=level or scenario.run.level,
@@ -104,7 +104,7 @@ class Problem:
     @cached_property
     def chain(self) -> Chain:
         """The design model."""
-        return Chain.of(self.transmission, self.level)
+        return self.model or Chain.of(self.transmission, self.level)
 
     @cached_property
     def limits(self) -> ForceLimits:
@@ -254,12 +254,15 @@ class CModule:
         Further templates of headers.
     plays_back : bool, optional
         The module plays the profile that was computed beforehand, and takes no reference.
+    knows_joints : bool, optional
+        It has a meaning on a path that joints move.
     """
 
     name: str
     content: str
     headers: tuple[str, ...] = ()
     plays_back: bool = False
+    knows_joints: bool = True
 
 
 class Compensator(ABC):

@@ -13,7 +13,7 @@ class Capstan(Compensator):
     label = "static capstan law"
     style = Style(color=ORANGE, linestyle="-.")
     knows_the_level = False
-    c_module = CModule(name="capstan", content="static capstan law")
+    c_module = CModule(name="capstan", content="static capstan law", knows_joints=False)
 
     def profile(self, problem: Problem, *, progress: Progress = silent) -> Profile:  # noqa: ARG002
         """Answer by the static law; see `Compensator.profile`."""

@@ -7,9 +7,10 @@ scenario's uncertainty admits.
 from tendonff.compensator.compensators.base import CModule, Compensator, Problem, Profile, ProfileStatus, Style
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.reporting.colours import VERMILION
+from tendonff.models.chain import Chain
 from tendonff.ocp.tracking.cycle import track_cycle
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
-from tendonff.ocp.tracking.robust import track_robust
+from tendonff.ocp.tracking.robust import POWER, track_robust
 from tendonff.ocp.tracking.track import track
 
 _STATUS = {
@@ -55,13 +56,14 @@ def solve(problem: Problem, *, progress: Progress = silent) -> Tracking:
     wanted, step, start = problem.followed_N, reference.step_s, reference.initial_tension_N
     if reference.periodic:
         return track_cycle(
-            problem.chain,
+            (problem.chain, *(Chain.of(sample.transmission, problem.level) for sample in problem.samples[1:])),
             wanted,
             step,
             problem.limits,
             problem.options,
             initial_tension_N=start,
             inversion=problem.inversion,
+            power=POWER[problem.objective],
             progress=progress,
         )
     if not problem.samples:

@@ -29,7 +29,7 @@ class CompensationTable(Compensator):
     label = "compensation table"
     style = Style(color=GREEN, linestyle=":")
     is_fast = False
-    c_module = CModule(name="table", content="compensation table", headers=("table_data",))
+    c_module = CModule(name="table", content="compensation table", headers=("table_data",), knows_joints=False)
 
     table: LookupTable | None = None
 

@@ -154,7 +154,7 @@ def drive_warnings(result: DesignData) -> list[str]:
             continue
         rms = use.force_rms_N * motor.travel_per_rad_m
         if motor.torque_rated_N_m is not None and rms > motor.torque_rated_N_m:
-            found.append(f"{use.name}: {rms:.3g} N m rms torque, torque_rated_N_m is {motor.torque_rated_N_m:.3g}")
+            found.append(f"{use.name}: {rms:.3g} N m RMS torque, torque_rated_N_m is {motor.torque_rated_N_m:.3g}")
         if motor.stall_torque_N_m is not None and (share := use.load_of_the_line(motor)) > 1:
             over = f"{100 * share:.3g} % of it" if math.isfinite(share) else "beyond its no-load speed"
             found.append(f"{use.name}: the motor is asked for more than its torque-speed line gives, {over}")

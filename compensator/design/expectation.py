@@ -62,7 +62,15 @@ def expect(
         found.bands
         if found is not None
         else {
-            name: error_band(real.samples, level, force, reference.tension_N, reference.step_s, initial_tension_N=start)
+            name: error_band(
+                real.samples,
+                level,
+                force,
+                reference.tension_N,
+                reference.step_s,
+                initial_tension_N=start,
+                periodic=reference.periodic,
+            )
             for name, force in forces_N.items()
         }
     )

@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.stream.run import NOISE_GOAL_DB, Candidate, StreamChoice, choose_stream
-from tendonff.compensator.export.c_text import accepted_range, check_fixed_path
+from tendonff.compensator.export.c_text import accepted_range
+from tendonff.compensator.files.text import InputError
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.reporting.plots import GREY, INK, legend_below, new_figure, save_figure
 from tendonff.compensator.scenario.scenario import Scenario
@@ -82,7 +83,11 @@ def study_online(scenario: Scenario) -> Online:
     SolveError
         If no filtered force can be simulated.
     """
-    check_fixed_path(scenario)
+    if scenario.joints:
+        raise InputError(
+            f"{scenario.source.name} [joints]: live references are for a path at rest; `export-c` gives an inverse "
+            "that takes joint angles, and `design` without --online the profile"
+        )
     problem = Problem.of(scenario)
     accepted = accepted_range(problem)
     choice = choose_stream(problem, scenario.stream, accepted)
@@ -125,7 +130,7 @@ def online_figure(result: Online) -> Figure:
     panel.axvline(NOISE_GOAL_DB, color=INK, linewidth=0.8, linestyle=(0, (6, 3)))
     panel.set(
         xlabel="noise in the force over noise in the reference, above 30 Hz [dB]",
-        ylabel="error [% of range rms]",
+        ylabel="RMS error [% of range]",
         yscale="log",
         title=f"Reference in steps of {result.choice.resolution_N:.3g} N, one of them noise",
     )

@@ -8,7 +8,7 @@ from tendonff.compensator.compensators.base import FloatArray
 from tendonff.compensator.compensators.score import Verified
 from tendonff.compensator.design.drive_use import drive_columns, drive_summary
 from tendonff.compensator.design.figures import design_figures
-from tendonff.compensator.design.report import design_report
+from tendonff.compensator.design.report import design_report, interactive_panels
 from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS, DesignData
 from tendonff.compensator.design.robustness import robustness_summary
 from tendonff.compensator.files.writing import atomic_directory, write_csv
@@ -21,18 +21,21 @@ from tendonff.ocp.tracking.result import Tracking
 class Design(DesignData):
     """A design that can be written."""
 
-    def write(self, folder: str | os.PathLike[str]) -> None:
+    def write(self, folder: str | os.PathLike[str], *, interactive: bool = False) -> None:
         """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing.
 
         Parameters
         ----------
         folder : str or path
             Made where it is missing.
+        interactive : bool, optional
+            Put a view with zoom, hover and a legend that hides curves into the report; needs Bokeh.
         """
         figures = design_figures(self)
+        view = interactive_panels(self) if interactive else None
         with atomic_directory(folder) as partial:
             write_csv(partial / "profile.csv", profile_columns(self))
-            write_pages(partial, summary(self), figures, design_report(self, figures))
+            write_pages(partial, summary(self), figures, design_report(self, figures, view))
 
 
 def profile_columns(result: DesignData) -> dict[str, FloatArray]:

@@ -3,13 +3,17 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from tendonff.compensator.compensators.base import Style
 from tendonff.compensator.compensators.score import scale_N
 from tendonff.compensator.design.drive_use import drive_use
 from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS, DesignData
 from tendonff.compensator.reporting.cells import Cell
+from tendonff.compensator.reporting.colours import INK
+from tendonff.compensator.reporting.interactive import interactive_view
 from tendonff.compensator.reporting.page import (
     Block,
     FileNote,
+    Interactive,
     Report,
     Section,
     Table,
@@ -71,7 +75,29 @@ def _worst(result: DesignData, name: str | None = None) -> str:
     return f"{result.expectation.worst_percent[name or result.expectation.recommended]:.3g} %"
 
 
-def design_report(result: DesignData, figures: dict[str, Figure]) -> Report:
+def interactive_panels(result: DesignData) -> Interactive:
+    """Output tension, force and error of all profiles, to be zoomed.
+
+    Parameters
+    ----------
+    result : DesignData
+    """
+    reference = result.reference
+    output, force, error = {"reference": (reference.tension_N, Style(color=INK, linestyle="-"))}, {}, {}
+    for c in result.compensators:
+        delivered = result.on_proof(c.name).output_N
+        output[c.label] = (delivered, c.style)
+        force[c.label] = (result.profiles[c.name].force_N, c.style)
+        error[c.label] = (delivered - reference.tension_N, c.style)
+    panels = {"output tension [N]": output, "actuator force [N]": force, "error [N]": error}
+    return Interactive(
+        html=interactive_view(reference.time_s, panels),
+        caption="Drag a box to zoom, hover for values, click a name in a legend to hide its curve. "
+        f"{FINE_SEGMENTS} masses, the design's own parameters.",
+    )
+
+
+def design_report(result: DesignData, figures: dict[str, Figure], view: Interactive | None = None) -> Report:
     """The page of a design.
 
     Parameters
@@ -79,6 +105,8 @@ def design_report(result: DesignData, figures: dict[str, Figure]) -> Report:
     result : DesignData
     figures : dict of str to Figure
         From `design_figures`.
+    view : Interactive, optional
+        From `interactive_panels`.
     """
     joints = "" if result.ignored is None else " Bottom: the joint angles."
     pictures = pictures_of(figures, {**_CAPTIONS, "tension": _CAPTIONS["tension"] + joints})
@@ -119,6 +147,7 @@ def design_report(result: DesignData, figures: dict[str, Figure]) -> Report:
         warnings=result.warnings,
         sections=(
             Section(title="What to expect", blocks=(pictures["expectation"], scores, *_motion(result))),
+            *([] if view is None else [Section(title="Interactive view", blocks=(view,))]),
             Section(title="Output tension", blocks=(pictures["tension"], peaks, *_positions(result))),
             Section(title="Actuator force", blocks=(pictures["force"], *_holds(result), *_solver(result))),
             Section(title="Sizing the drive", blocks=(pictures["drive"], *_drive(result))),
@@ -176,7 +205,7 @@ def _positions(result: DesignData) -> tuple[Block, ...]:
             rows.append((c.label, own[0], own[1], fine[0], fine[1], share))
     table = Table(
         caption="Error of the load's position: design level, and finer chain",
-        columns=("profile", "rms [m]", "largest [m]", "rms, finer [m]", "largest, finer [m]", "% of range, finer"),
+        columns=("profile", "RMS [m]", "largest [m]", "RMS, finer [m]", "largest, finer [m]", "% of range, finer"),
         rows=tuple(rows),
     )
     return (table,)
@@ -198,12 +227,12 @@ def _drive(result: DesignData) -> tuple[Block, ...]:
     row("stroke [m]", [use.stroke_m for use in used], None if lower is None or upper is None else upper - lower)
     row("peak speed [m/s]", speeds, actuator.speed_max_m_per_s)
     row("peak force [N]", [float(np.max(use.force_N)) for use in used], actuator.force_max_N)
-    row("rms force [N]", [use.force_rms_N for use in used], None)
+    row("RMS force [N]", [use.force_rms_N for use in used], None)
     row("peak power [W]", [float(np.max(use.power_W)) for use in used], None)
     if motor is not None:
         per_rad = motor.travel_per_rad_m
         row("motor: peak torque [N m]", [float(np.max(use.force_N)) * per_rad for use in used], motor.torque_max_N_m)
-        row("motor: rms torque [N m]", [use.force_rms_N * per_rad for use in used], motor.torque_rated_N_m)
+        row("motor: RMS torque [N m]", [use.force_rms_N * per_rad for use in used], motor.torque_rated_N_m)
         row("motor: peak speed [rad/s]", [speed / per_rad for speed in speeds], motor.speed_max_rad_per_s)
         row("motor: way [turns]", [use.stroke_m / per_rad / (2 * np.pi) for use in used], None)
         if motor.stall_torque_N_m is not None:

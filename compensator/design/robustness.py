@@ -48,6 +48,7 @@ def robustness(problem: Problem, forces_N: Mapping[str, FloatArray]) -> Robustne
             reference.tension_N,
             reference.step_s,
             initial_tension_N=reference.initial_tension_N,
+            periodic=reference.periodic,
         )
         for name, force in forces_N.items()
     }

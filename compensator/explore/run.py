@@ -1,105 +1,67 @@
 """What the interactive page computes: one scenario with a few parameters changed, designed and simulated."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.compensator.compensators.base import Problem, ProfileStatus
+from tendonff.compensator.adapt.setup import tuned_chain, tuning_of
+from tendonff.compensator.compensators.base import Compensator, Problem, Profile, ProfileStatus, Style
 from tendonff.compensator.compensators.motion import with_motion
+from tendonff.compensator.compensators.optimal import Optimal
 from tendonff.compensator.compensators.registry import COMPENSATORS
-from tendonff.compensator.compensators.score import SimulatedPlant, verify
+from tendonff.compensator.compensators.score import SimulatedPlant, score, verify
+from tendonff.compensator.explore.parameters import ExploreParameters
 from tendonff.compensator.explore.result import Course, Exploration
+from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.reporting.colours import PURPLE
+from tendonff.compensator.scenario.adaptation import Adaptation
+from tendonff.compensator.scenario.joint_motion import moved
 from tendonff.compensator.scenario.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.models.fidelity import Level
+from tendonff.models.chain import Chain
+from tendonff.models.errors import TendonffError
 from tendonff.models.parameters import Transmission
-
-SHOWN = tuple(c for c in COMPENSATORS if c.is_fast)
-"""Fast enough to follow a slider; the optimal profile takes seconds: `tendonff design`."""
+from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig
+from tendonff.ocp.adaptation.tuning import Sensor
 
 _MOST_POINTS = 1500
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ExploreParameters:
-    """The parameters that the page lets one change.
+class Curve:
+    """What the page can show: a compensator, or the one that tunes itself.
 
     Parameters
     ----------
-    mu : float
-        Dynamic coefficient when pulling [-]; the static one and those of releasing keep their ratio to it.
-    total_angle_deg : float
-        Wrap angle [deg].
-    bristle_stiffness_N_per_m : float
-        Of the level that is shown [N/m].
-    relaxation_time_s : float
-        tau [s].
-    force_rate_max_N_per_s : float
-        The actuator's rate limit [N/s].
+    name, label : str
+    style : Style
+    compensator : Compensator or None
+        None tunes itself to a measurement.
     """
 
-    mu: float
-    total_angle_deg: float
-    bristle_stiffness_N_per_m: float
-    relaxation_time_s: float
-    force_rate_max_N_per_s: float
-
-    @classmethod
-    def of(cls, transmission: Transmission, level: Level) -> "ExploreParameters":
-        """The parameters of a transmission.
-
-        Parameters
-        ----------
-        transmission : Transmission
-        level : Level
-        """
-        friction = transmission.friction
-        soft = level.features.soft_bristle
-        return cls(
-            mu=friction.mu_dynamic,
-            total_angle_deg=float(np.degrees(transmission.path.total_angle_rad)),
-            bristle_stiffness_N_per_m=(
-                friction.soft_bristle_stiffness_N_per_m if soft else friction.bristle_stiffness_N_per_m
-            ),
-            relaxation_time_s=transmission.tendon.relaxation_time_s,
-            force_rate_max_N_per_s=transmission.actuator.force_rate_max_N_per_s,
-        )
-
-    def apply(self, transmission: Transmission, level: Level) -> Transmission:
-        """The transmission with these values.
-
-        Parameters
-        ----------
-        transmission : Transmission
-        level : Level
-        """
-        old = transmission.friction
-        friction = replace(
-            old,
-            mu_dynamic=self.mu,
-            mu_static=_in_proportion(old.mu_static, old.mu_dynamic, self.mu),
-            mu_dynamic_release=_in_proportion(old.release_dynamic, old.mu_dynamic, self.mu),
-            mu_static_release=_in_proportion(old.release_static, old.mu_dynamic, self.mu),
-        )
-        if level.features.soft_bristle:
-            friction = replace(friction, soft_bristle_stiffness_N_per_m=self.bristle_stiffness_N_per_m)
-        else:
-            friction = replace(friction, bristle_stiffness_N_per_m=self.bristle_stiffness_N_per_m)
-        return replace(
-            transmission,
-            path=replace(transmission.path, total_angle_rad=float(np.radians(self.total_angle_deg))),
-            tendon=replace(transmission.tendon, relaxation_time_s=self.relaxation_time_s),
-            friction=friction,
-            actuator=replace(transmission.actuator, force_rate_max_N_per_s=self.force_rate_max_N_per_s),
-        )
+    name: str
+    label: str
+    style: Style
+    compensator: Compensator | None
 
 
-def _in_proportion(value: float, old: float, new: float) -> float:
-    return value * new / old if old > 0 else new
+FAST = tuple(Curve(name=c.name, label=c.label, style=c.style, compensator=c) for c in COMPENSATORS if c.is_fast)
+"""Fast enough to follow a slider."""
+SLOW = (
+    *(Curve(name=c.name, label=c.label, style=c.style, compensator=c) for c in COMPENSATORS if isinstance(c, Optimal)),
+    Curve(
+        name="self_tuning",
+        label="self-tuning inverse",
+        style=Style(color=PURPLE, linestyle="-"),
+        compensator=None,
+    ),
+)
+"""These take a second or more, and come when they are asked for."""
 
 
 class Explorer:
-    """A scenario to be explored: its reference is sampled once.
+    """A scenario to be explored.
 
     Parameters
     ----------
@@ -108,46 +70,85 @@ class Explorer:
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
-        self.start = ExploreParameters.of(scenario.transmission, scenario.run.level)
+        self.start = ExploreParameters.of(scenario)
 
-    def at(self, parameters: ExploreParameters, *, design_knows: bool = True) -> Exploration:
+    def scenario_at(self, parameters: ExploreParameters) -> Scenario:
+        """The scenario with changed parameters."""
+        return parameters.apply(self._scenario)
+
+    def at(
+        self, parameters: ExploreParameters, *, design_knows: bool = True, curves: Sequence[Curve] = FAST
+    ) -> Exploration:
         """Design and simulate with changed parameters.
 
         Parameters
         ----------
         parameters : ExploreParameters
         design_knows : bool, optional
-            The design is made for the changed tendon; else it is made for the scenario's own and tried on the changed
-            one, with the changed actuator.
+            The design is made for the changed transmission; else it is made for the scenario's own and tried on the
+            changed one, with the changed actuator.
+        curves : sequence of Curve, optional
 
         Raises
         ------
         TendonffError
             When the changed transmission cannot deliver the reference, or a value is out of bounds.
         """
-        level = self._scenario.run.level
-        plant = parameters.apply(self._scenario.transmission, level)
-        model = plant if design_knows else replace(self._scenario.transmission, actuator=plant.actuator)
-        problem = Problem(
-            transmission=model,
-            level=level,
-            reference=sample_reference(replace(self._scenario, transmission=model)),
+        changed = self.scenario_at(parameters)
+        known = self._scenario.transmission
+        model = (
+            changed
+            if design_knows
+            else replace(self._scenario, transmission=replace(known, actuator=changed.transmission.actuator))
         )
-        reference = problem.reference
-        rows = slice(None, None, max(1, len(reference.time_s) // _MOST_POINTS))
-        notes, slack, courses = [], [], {}
-        for compensator in SHOWN:
-            profile = with_motion(problem, compensator.name, compensator.profile(problem))
-            if profile.status is not ProfileStatus.GOOD:
-                notes.append(f"{compensator}: {profile.message}")
-            found = verify(plant, SimulatedPlant(level=level), compensator.name, profile, reference)
-            if found.slack:
-                slack.append(f"{compensator}: {found.slack}")
-            courses[compensator.name] = Course(
-                time_s=reference.time_s[rows],
-                force_N=profile.force_N[rows],
-                output_N=found.output_N[rows],
-                error_N=(found.output_N - reference.tension_N)[rows],
-                score=found.score,
-            )
-        return Exploration(reference=reference, courses=courses, notes=(*notes, *slack))
+        problem = replace(Problem.of(model, reference=sample_reference(model)), samples=())
+        plant = moved(changed, float(problem.reference.time_s[-1]))
+        notes: list[str] = []
+        courses = {}
+        for curve in curves:
+            try:
+                courses[curve.name] = _course(problem, plant, curve, self._scenario.adaptation, notes)
+            except TendonffError as error:
+                if curve in FAST:
+                    raise
+                notes.append(f"{curve.label}: {error}")
+        return Exploration(reference=problem.reference, courses=courses, notes=tuple(notes))
+
+
+def _course(
+    problem: Problem, plant: Transmission, curve: Curve, settings: Adaptation | None, notes: list[str]
+) -> Course:
+    """One curve on the plant; what the reader should know goes to `notes`."""
+    reference = problem.reference
+    if curve.compensator is None:
+        force, output = _tuned(problem, plant, settings or Adaptation(sensor=Sensor.ACTUATOR_POSITION))
+        return _thinned(problem, force, output)
+    profile: Profile = with_motion(problem, curve.name, curve.compensator.profile(problem))
+    if profile.status is not ProfileStatus.GOOD:
+        notes.append(f"{curve.label}: {profile.message}")
+    found = verify(plant, SimulatedPlant(level=problem.level), curve.name, profile, reference)
+    if found.slack:
+        notes.append(f"{curve.label}: {found.slack}")
+    return _thinned(problem, profile.force_N, found.output_N)
+
+
+def _tuned(problem: Problem, plant: Transmission, settings: Adaptation) -> tuple[FloatArray, FloatArray]:
+    """Force and output tension of the inverse that tunes itself, without noise."""
+    reference, tuning = problem.reference, tuning_of(problem, settings)
+    step, start = reference.step_s, reference.initial_tension_N
+    tuner = SelfTuner(tuned_chain(problem, tuning), step, tuning, problem.limits, start)
+    rig = SimulatedRig(Chain.of(plant, problem.level), step, 1, start)
+    run = tuner.run(rig, reference.tension_N[1:], np.zeros(len(reference.tension_N) - 1))
+    return np.concatenate([[start], run.force_N]), np.concatenate([[start], run.tension_N])
+
+
+def _thinned(problem: Problem, force_N: FloatArray, output_N: FloatArray) -> Course:
+    reference = problem.reference
+    rows = slice(None, None, max(1, len(reference.time_s) // _MOST_POINTS))
+    return Course(
+        time_s=reference.time_s[rows],
+        force_N=force_N[rows],
+        output_N=output_N[rows],
+        error_N=(output_N - reference.tension_N)[rows],
+        score=score(reference.tension_N, output_N),
+    )

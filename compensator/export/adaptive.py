@@ -8,6 +8,7 @@ import numpy as np
 from tendonff.compensator.adapt.setup import Certified, certified, tuned_chain, tuning_of
 from tendonff.compensator.compensators.base import CModule, FloatArray, Problem
 from tendonff.compensator.export.table_index import rounded
+from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.adaptation import Adaptation
 from tendonff.ocp.adaptation.target import tuner_code
 from tendonff.ocp.adaptation.tuner import REALS, SelfTuner, SimulatedRig
@@ -59,6 +60,11 @@ def adaptive_code(problem: Problem, settings: Adaptation, precision: Precision, 
     precision : Precision
     prefix : str
     """
+    if problem.chain.moving:
+        raise InputError(
+            "[adaptation]: the tuner for a path in sections or one that moves is not exported as C or FMU yet; "
+            "leave the table out here (tendonff adapt takes such paths)"
+        )
     tuning, bounds = tuning_of(problem, settings), certified(problem)
     tuned = tuned_chain(problem, tuning)
     code = tuner_code(tuned, problem.reference.step_s, f"{prefix}_adaptive", precision, settings.delay_samples)

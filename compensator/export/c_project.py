@@ -11,18 +11,14 @@ import numpy as np
 from tendonff._version import __version__
 from tendonff.compensator.adapt.setup import learnt, tuning_of
 from tendonff.compensator.compensators.base import CModule, FloatArray, Problem
-from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
+from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.stream.run import StreamChoice, choose_stream
 from tendonff.compensator.compensators.table import CompensationTable, table_of
 from tendonff.compensator.compensators.table_build import BuiltTable
 from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_golden
 from tendonff.compensator.export.c_text import (
-    PLANT,
     accepted_range,
-    c_modules,
     c_sources,
-    check_fixed_path,
-    check_prefix,
     folder_files,
     measured,
     table_bytes,
@@ -30,16 +26,16 @@ from tendonff.compensator.export.c_text import (
 )
 from tendonff.compensator.export.golden import golden_vectors
 from tendonff.compensator.export.host import run_on_host
-from tendonff.compensator.export.judgement import Judged, judge, judge_stream
+from tendonff.compensator.export.judgement import Judged, answer_of, judge, judge_stream
+from tendonff.compensator.export.modules import PLANT, c_modules, check_prefix, check_servo, check_tuning, exportable
 from tendonff.compensator.export.self_test import FloatLoss, float_losses, loss_warnings, self_test_context
-from tendonff.compensator.files.text import InputError
 from tendonff.compensator.files.writing import atomic_directory, write_text
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.capstan import CapstanLaw
-from tendonff.models.drive import Drive
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
+from tendonff.ocp.step.joints import Joints
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +46,8 @@ class Exported:
     ----------
     files : dict of str to str
         Text by file name.
-    built : BuiltTable
+    built : BuiltTable or None
+        None on a path that joints move: no table holds it.
     profile_N : ndarray, shape (n,)
         The profile that is played back [N].
     judged : tuple of Judged
@@ -62,7 +59,7 @@ class Exported:
     """
 
     files: dict[str, str]
-    built: BuiltTable
+    built: BuiltTable | None
     profile_N: FloatArray
     judged: tuple[Judged, ...]
     warnings: tuple[str, ...]
@@ -78,6 +75,7 @@ class Exported:
         """
         with atomic_directory(folder) as partial:
             for name, text in self.files.items():
+                (partial / name).parent.mkdir(parents=True, exist_ok=True)
                 write_text(partial / name, text)
 
 
@@ -105,7 +103,8 @@ def export_project(
     level : Level, optional
         Fidelity level of inverse, table and plant; default: the scenario's own.
     profile_N : ndarray, optional
-        Profile to play [N]; default: the optimal one. It is judged where it has a sample for each of the reference.
+        Profile to play [N] or, of a position drive, [m]; default: the optimal one. It is judged where it has a sample
+        for each of the reference.
     force_export : bool, optional
         Export modules all the same that are worse than no compensation.
 
@@ -117,31 +116,28 @@ def export_project(
         If there is no profile that may be exported, or nothing is better than no compensation; the message says why.
     """
     check_prefix(prefix)
-    check_fixed_path(scenario)
-    if scenario.transmission.actuator.drive is Drive.POSITION:
-        raise InputError(
-            f'{scenario.source.name} [actuator]: drive = "position" is not exported yet; play a command column of '
-            'profile.csv (design), or export with drive = "force"'
-        )
+    check_servo(scenario)
+    check_tuning(scenario)
     problem = Problem.of(scenario, level=level)
     warnings = problem.reference.warnings
     if profile_N is None:
         profile = compensator("optimal").profile(problem).require()
-        profile_N, warnings = profile.force_N, (*warnings, *profile.warnings)
-    built = table_of(problem)
+        profile_N, warnings = answer_of(problem, "optimal", profile), (*warnings, *profile.warnings)
+    built = None if scenario.joints else table_of(problem)
+    table = None if built is None else built.table
     forces = _forces(problem, built, profile_N)
     if problem.reference.periodic:
         profile_N = profile_N[:-1]  # its last row is the first of the next period
     numbers: dict[str, object] = {
-        **table_context(built, precision),
-        "table_bytes": table_bytes(built.table, precision),
+        **({} if built is None else table_context(built, precision)),
+        "table_bytes": 0 if table is None else table_bytes(table, precision),
         "profile": profile_N,
         "profile_loops": problem.reference.periodic,
         "profile_bytes": (4 if precision is Precision.FLOAT else 8) * len(profile_N),
     }
-    choice = choose_stream(problem, scenario.stream, accepted_range(problem))
+    choice = None if scenario.joints else choose_stream(problem, scenario.stream, accepted_range(problem))
     stream = None if choice is None else choice.picked.design
-    golden = golden_vectors(problem, built.table, precision, stream=stream)
+    golden = golden_vectors(problem, table, precision, stream=stream)
     losses: tuple[FloatLoss, ...] = ()
     found: Sequence[Mapping[str, FloatArray]] | None = None
     numbers["stream"] = stream
@@ -151,18 +147,18 @@ def export_project(
         followed = dict.fromkeys(golden.jumps.columns, problem.reference.tension_N)
         live = {} if golden.live is None else golden.live.inputs_N
         inputs = [golden.course.inputs_N, golden.jumps.inputs_N, live, followed]
-        found = run_on_host(every, prefix, precision, inputs)
+        angles = [golden.course.joint_rad, golden.jumps.joint_rad, np.empty(0), _joint_rad(problem)]
+        found = run_on_host(every, prefix, precision, inputs, angles if scenario.joints else ())
         if found is not None:
-            losses = float_losses(golden.course, found[0])
+            losses = float_losses(golden.course, found[0], problem)
             forces |= found[3]
     judged = judge(problem, forces)
-    judged = (*judged, judge_stream(judged, choice, problem))
+    if not scenario.joints:
+        judged = (*judged, judge_stream(judged, choice, problem))
     modules, faults = _chosen(judged, c_modules(scenario, stream is not None), force_export=force_export)
     further: dict[str, object] = {
         **numbers,
-        **self_test_context(
-            problem, built.table, profile_N, golden, precision, found, accepted_N=accepted_range(problem)
-        ),
+        **self_test_context(problem, table, profile_N, golden, precision, found, accepted_N=accepted_range(problem)),
         "measured": measured(precision),
         "judged": judged,
         "choice": choice,
@@ -183,7 +179,7 @@ def export_project(
     texts |= folder_files(scenario, problem, modules, precision, prefix, further)
     texts["design.json"] = _design_json(
         scenario,
-        problem.level,
+        problem,
         precision,
         prefix,
         built=built,
@@ -197,19 +193,22 @@ def export_project(
     return Exported(files=texts, built=built, profile_N=profile_N, judged=judged, warnings=warnings, notes=notes)
 
 
-def _forces(problem: Problem, built: BuiltTable, profile_N: FloatArray) -> dict[str, FloatArray]:
-    """Force of each module at the samples of the reference [N]; that of a profile of another length is left out."""
+def _joint_rad(problem: Problem) -> FloatArray:
+    """Joint angles at the samples of the reference, shape (n, joints) [rad]."""
+    motion = problem.chain.motion
+    return np.empty(0) if motion is None else motion.at(problem.reference.time_s)
+
+
+def _forces(problem: Problem, built: BuiltTable | None, profile_N: FloatArray) -> dict[str, FloatArray]:
+    """Force [N] or command [m] of each module at the samples of the reference; no profile of another length."""
     forces = {}
-    for each in COMPENSATORS:
-        module = each.c_module
-        if module is None:
-            continue
+    for each, module in exportable(problem.transmission, moving=built is None):
         if module.plays_back:
             if len(profile_N) == len(problem.reference.tension_N):
                 forces[module.name] = profile_N
         else:
-            exported = CompensationTable(built.table) if isinstance(each, CompensationTable) else each
-            forces[module.name] = exported.profile(problem).force_N
+            exported = CompensationTable(built.table) if built and isinstance(each, CompensationTable) else each
+            forces[module.name] = answer_of(problem, each.name, exported.profile(problem))
     return forces
 
 
@@ -234,11 +233,11 @@ def _chosen(
 
 def _design_json(
     scenario: Scenario,
-    level: Level,
+    problem: Problem,
     precision: Precision,
     prefix: str,
     *,
-    built: BuiltTable,
+    built: BuiltTable | None,
     profile: FloatArray,
     judged: Sequence[Judged],
     losses: Sequence[FloatLoss],
@@ -246,23 +245,29 @@ def _design_json(
     modules: Sequence[CModule],
 ) -> str:
     transmission = scenario.transmission
+    joints = Joints.of(problem.chain) if scenario.joints else None
     law = CapstanLaw.of(transmission)
     content = {
         "schema": 1,
         "scenario": scenario.name,
         "scenario_hash": scenario_hash(scenario),
         "tendonff": __version__,
-        "level": level,
+        "level": problem.level,
         "precision": precision,
         "prefix": prefix,
         "step_s": scenario.run.step_s,
         "parameters": asdict(transmission),
-        "capstan": {
+        **({} if joints is None else {"joints": _described(joints)}),
+        "capstan": None
+        if joints is not None
+        else {
             "pull_ratio": math.exp(law.pull_exponent),
             "release_ratio": math.exp(-law.release_exponent),
             "adhesion_N": law.adhesion_N,
         },
-        "table": {
+        "table": None
+        if built is None
+        else {
             "nodes": built.table.nodes,
             "bound_N": built.bound_N,
             "interpolation_error_N": built.error_N,
@@ -283,3 +288,9 @@ def _design_json(
         "files": {f"{prefix}_{module.name}": module.content for module in modules},
     }
     return json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _described(joints: Joints) -> list[dict[str, object]]:
+    """Joints in the order of the arguments, with the range that the exported code accepts."""
+    rows = zip(joints.names, joints.least_rad, joints.most_rad, joints.start_rad, strict=True)
+    return [{"name": name, "least_rad": a, "most_rad": b, "start_rad": start} for name, a, b, start in rows]

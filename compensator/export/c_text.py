@@ -2,7 +2,6 @@
 
 import json
 import math
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from importlib.resources import files
@@ -15,14 +14,15 @@ import numpy as np
 from tendonff._version import __version__
 from tendonff.compensator.compensators.base import CModule, Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
-from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.stream.model import RE_ENTRY_S
 from tendonff.compensator.compensators.table import table_range
 from tendonff.compensator.compensators.table_build import BuiltTable
 from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_code
+from tendonff.compensator.export.modules import PLANT, STREAM
+from tendonff.compensator.export.packaging import packed
 from tendonff.compensator.export.parameters import parameter_context, settable_inverse
+from tendonff.compensator.export.path_text import padded, path_bytes, path_context
 from tendonff.compensator.export.table_index import share_index
-from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampling import largest_tension
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.capstan import Branch, CapstanLaw
@@ -30,80 +30,18 @@ from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
+from tendonff.ocp.step.joints import Joints
 from tendonff.ocp.step.target import plant_code, plant_limits
 
-STREAM = CModule(name="stream", content="exact inverse behind a filter, for references that arrive live")
-"""What is exported for references that are not known in advance."""
-
-PLANT = CModule(name="plant", content="the chain itself")
-"""What is exported beside the compensators, for tests."""
-
 _FOLDER_FILES = ("self_test.c", "example_main.c", "Makefile", "CMakeLists.txt", "README.md")
-_KEYWORDS = frozenset(
-    re.findall(
-        r"\w+",
-        """
-        auto break case char const continue default do double else enum extern float for goto if inline int
-        long register restrict return short signed sizeof static struct switch typedef union unsigned void
-        volatile while main nan class new delete this template public private try catch throw bool true false
-        """,
-    )
-)
 _TEMPLATES = jinja2.Environment(  # noqa: S701 - C has no markup to escape
-    loader=jinja2.PackageLoader("tendonff.compensator.export", "templates/c"),
+    loader=jinja2.PackageLoader("tendonff.compensator.export", "templates"),
     undefined=jinja2.StrictUndefined,
     keep_trailing_newline=True,
     trim_blocks=True,
     lstrip_blocks=True,
 )
-
-
-def check_fixed_path(scenario: Scenario) -> None:
-    """Refuse what cannot be printed for a controller yet: a path in sections, or one that moves.
-
-    Parameters
-    ----------
-    scenario : Scenario
-
-    Raises
-    ------
-    InputError
-    """
-    if scenario.transmission.path.sections or scenario.transmission.load.joint is not None:
-        raise InputError(
-            f"{scenario.source.name} [path]: a path in sections is not exported yet; play the profile of `design`, or "
-            "give total_angle_rad instead of [[path.sections]]"
-        )
-
-
-def check_prefix(prefix: str) -> str:
-    """A prefix that every C and C++ compiler takes, or an error that says what is wrong.
-
-    Parameters
-    ----------
-    prefix : str
-    """
-    good = prefix.isascii() and prefix.isidentifier() and not prefix.startswith("_") and len(prefix) <= 24
-    if not good or prefix.endswith("_") or "__" in prefix or prefix.lower() in _KEYWORDS:
-        raise InputError(
-            f'--prefix must be a C identifier of at most 24 letters, digits and single underscores, got "{prefix}"; '
-            'the default is "tff"'
-        )
-    return prefix
-
-
-def c_modules(scenario: Scenario, with_stream: bool = False) -> tuple[CModule, ...]:
-    """Modules of the compensators that can be exported, in the order of the registry, of the plant, and of the tuner.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    with_stream : bool, optional
-        The module for live references too.
-    """
-    stream = (STREAM,) if with_stream else ()
-    more = () if scenario.adaptation is None else ADAPTIVE_MODULES
-    return (*(c.c_module for c in COMPENSATORS if c.c_module is not None), *stream, PLANT, *more)
+_TEMPLATES.filters["st"] = lambda value: literal(float(value), Precision.DOUBLE)
 
 
 def c_sources(
@@ -126,7 +64,7 @@ def c_sources(
     further : mapping, optional
         What the templates of these modules need beyond scenario and level: table, profile.
     """
-    chain, step = problem.chain, problem.reference.step_s
+    chain, step, actuator = problem.chain, problem.reference.step_s, problem.transmission.actuator
     context = _context(scenario, problem, modules, precision, prefix, further) | dict(further)
     names = [module.name for module in modules]
     code: dict[str, dict[str, object]] = {}
@@ -137,15 +75,12 @@ def c_sources(
     if "inverse" in names:
         code["inverse"] = settable_inverse(problem, precision, prefix)
     if "plant" in names:
-        code["plant"] = asdict(plant_code(chain, step, f"{prefix}_chain", precision))
-    headers = (
-        "types",
-        "parameters",
-        "limits",
-        *(header for module in modules for header in (*module.headers, module.name)),
-    )
+        plant = chain.with_end_stiffness(actuator.servo_stiffness_N_per_m or 0.0, chain.far.stiffness_N_per_m)
+        code["plant"] = asdict(plant_code(plant, step, f"{prefix}_chain", precision))
+    shared = ("parameters", "limits", "path") if context["joints"] else ("parameters", "limits")
+    headers = ("types", *shared, *(header for module in modules for header in (*module.headers, module.name)))
     texts = {f"{prefix}_{name}.h": _render(f"{name}.h.j2", context | code.get(name, {})) for name in headers}
-    for name in ("parameters", "limits", *names):
+    for name in (*shared, *names):
         texts[f"{prefix}_{name}.c"] = _render(f"{name}.c.j2", context | code.get(name, {}))
     return texts
 
@@ -171,26 +106,19 @@ def folder_files(
         What the templates need beyond scenario and level.
     """
     context = _context(scenario, problem, modules, precision, prefix, further) | dict(further)
-    described = {f"{prefix}_parameters.a2l": _render("parameters.a2l.j2", context)}
-    return {name: _render(f"{name}.j2", context) for name in _FOLDER_FILES} | described
+    beside = packed([m.name for m in modules], str(context["follower"]), prefix)
+    templates = {name: f"c/{name}.j2" for name in _FOLDER_FILES} | beside
+    return {path: _TEMPLATES.get_template(template).render(context) for path, template in templates.items()}
 
 
 def table_header(scenario: Scenario, built: BuiltTable, level: Level, prefix: str = "tff") -> str:
-    """The C header of a table alone, in double.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    built : BuiltTable
-    level : Level
-    prefix : str, optional
-    """
+    """The C header of a table alone, in double."""
     context = _naming(scenario, level, Precision.DOUBLE, prefix) | table_context(built, Precision.DOUBLE)
     return _render("table_data.h.j2", context)
 
 
 def _render(template: str, context: dict[str, object]) -> str:
-    return _TEMPLATES.get_template(template).render(context)
+    return _TEMPLATES.get_template(f"c/{template}").render(context)
 
 
 def _naming(scenario: Scenario, level: Level, precision: Precision, prefix: str) -> dict[str, object]:
@@ -254,13 +182,7 @@ def _wrapped(items: list[str]) -> str:
 
 
 def table_context(built: BuiltTable, precision: Precision) -> dict[str, object]:
-    """What the templates of a table need.
-
-    Parameters
-    ----------
-    built : BuiltTable
-    precision : Precision
-    """
+    """What the templates of a table need."""
     table = built.table
     notes = (
         f"Interpolation error at most {built.error_N:.3g} N (bound {built.bound_N:.3g} N); made for a reference that",
@@ -277,12 +199,7 @@ def table_context(built: BuiltTable, precision: Precision) -> dict[str, object]:
 
 
 def accepted_range(problem: Problem) -> tuple[float, float]:
-    """References that the exported modules accept [N].
-
-    Parameters
-    ----------
-    problem : Problem
-    """
+    """References that the exported modules accept [N]."""
     tension = problem.reference.tension_N
     low, _ = table_range(problem)
     high = max(largest_tension(problem.transmission), float(np.max(tension)))
@@ -308,20 +225,30 @@ def _context(
     followers = [m for m in modules if not m.plays_back and m not in others]  # of a reference, without delay
     output = max(size, 4) + 8 + 3 * size
     past = 2 * count + 2 if precision is Precision.FLOAT else 0
+    joints = Joints.of(chain) if chain.moving else None
+    path = {
+        settable: 0 if joints is None else path_bytes(chain, joints, prefix, precision, settable=settable)
+        for settable in (False, True)
+    }
+    past += count + 2 if past and joints else 0
+    servo = actuator.servo_stiffness_N_per_m  # None for a force drive
+    past += 1 if servo else 0
     free = 5 if chain.friction.weakening_speed_m_per_s is not None else 3
+    free = 1 if joints else free
     state = {
-        "inverse": _padded(output + (2 * reals + 6 + free + past) * size + 12, size),
+        "inverse": padded(output + (2 * reals + 6 + free + past) * size + 12 + path[True], size),
         "capstan": output + 5 * size,
-        "table": _padded(output + 4 * size + 4, size),
-        "plant": _padded((2 * reals + 2) * size + 16, size),
-        "profile": _padded(output + 4, size),
-        "bounds": _padded(4 * size + 4, size),
+        "table": padded(output + 4 * size + 4, size),
+        "plant": padded((2 * reals + (3 if servo else 2)) * size + 16 + path[False], size),
+        "profile": padded(output + 4, size),
+        "bounds": padded(4 * size + 4, size),
     }
     if "stream" in names:
         design = further["stream"]
         line = design.filter.delay + design.filter.half + 1
-        state["stream"] = _padded(output + state["inverse"] + (line + 3) * size + 12, size)
+        state["stream"] = padded(output + state["inverse"] + (line + 3) * size + 12, size)
     return _naming(scenario, problem.level, precision, prefix) | {
+        **path_context(chain, joints, prefix),
         "title": f"{prefix}: feedforward force for a tendon",
         "count": count,
         "reals": reals,
@@ -337,6 +264,8 @@ def _context(
         "adhesion": law.adhesion_N,
         "re_entry": max(1, round(RE_ENTRY_S / step)),
         **_start_context(chain),
+        "servo": servo,
+        "told": "command" if servo else "force",
         **parameter_context(problem),
         "exp": "expf" if precision is Precision.FLOAT else "exp",
         "modules": modules,
@@ -363,22 +292,13 @@ def _start_context(chain: Chain) -> dict[str, object]:
         "link_parts": stretched,
         "near_at": layout.part("q_a").start,
         "coulomb": chain.coulomb_N,
+        "rest_per_N": chain.rest_state(1.0).near_position_m,
         "dry_at": layout.part("v").stop,
     }
 
 
-def _padded(size: int, alignment: int) -> int:
-    return -(-size // alignment) * alignment
-
-
 def table_bytes(table: LookupTable, precision: Precision) -> int:
-    """Constant data of a table: forces, shares and the index of the shares [bytes].
-
-    Parameters
-    ----------
-    table : LookupTable
-    precision : Precision
-    """
+    """Constant data of a table: forces, shares and the index of the shares [bytes]."""
     size, total = 4 if precision is Precision.FLOAT else 8, 0
     for branch in Branch:
         share = table.branch(branch).share
@@ -388,12 +308,7 @@ def table_bytes(table: LookupTable, precision: Precision) -> int:
 
 
 def measured(precision: Precision) -> dict[str, object]:
-    """Instructions, code and stack of the example, as `tests/target` measured them.
-
-    Parameters
-    ----------
-    precision : Precision
-    """
+    """Instructions, code and stack of the example, as `tests/target` measured them."""
     text = files("tendonff.compensator.export").joinpath("measured.json").read_text(encoding="utf-8")
     content: dict[str, dict[str, object]] = json.loads(text)
     return content[precision]

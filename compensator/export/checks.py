@@ -58,7 +58,8 @@ def limit_cases(low_N: float, high_N: float, change_N: float, precision: Precisi
     precision : Precision
     """
     real = np.float32 if precision is Precision.FLOAT else np.float64
-    low, high, change = (real(np.clip(v, -1e30, 1e30)) for v in (low_N, high_N, change_N))
+    given = (float(np.clip(v, -1e30, 1e30)) for v in (low_N, high_N, change_N))
+    low, high, change = (real(float(literal(v, precision).rstrip("f"))) for v in given)  # as the header is read
     span = high - low
     middle = low + real(0.5) * span
     small = real(0.25) * min(change, span)

@@ -16,17 +16,22 @@ import jinja2
 
 from tendonff._version import __version__
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.export.c_text import c_modules, c_sources, check_fixed_path, check_prefix
+from tendonff.compensator.compensators.table import table_of
+from tendonff.compensator.export.c_text import c_sources, table_context
 from tendonff.compensator.export.kinds import FmiVersion, Kind
+from tendonff.compensator.export.modules import c_modules, check_prefix, check_servo, check_tuning
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_file
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
+from tendonff.models.chain import Chain
 from tendonff.models.drive import Drive
 from tendonff.models.fidelity import Level
 from tendonff.ocp.adaptation.tuning import Sensor
 from tendonff.ocp.codegen.compiler import find_compiler, run_compiler
+from tendonff.ocp.codegen.cross import Target, cross_compile
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import CodeError
+from tendonff.ocp.step.joints import Joints
 
 _TEMPLATES = jinja2.Environment(  # noqa: S701 - the one place with markup escapes what it inserts
     loader=jinja2.PackageLoader("tendonff.compensator.export", "templates/fmu"),
@@ -34,6 +39,11 @@ _TEMPLATES = jinja2.Environment(  # noqa: S701 - the one place with markup escap
     keep_trailing_newline=True,
     trim_blocks=True,
     lstrip_blocks=True,
+)
+_ELSEWHERE = (  # target, folder in FMI 2.0 (empty: it has no name for it) and 3.0
+    (Target(triple="x86_64-windows-gnu", suffix=".dll"), "win64", "x86_64-windows"),
+    (Target(triple="x86_64-macos", suffix=".dylib"), "darwin64", "x86_64-darwin"),
+    (Target(triple="aarch64-macos", suffix=".dylib"), "", "aarch64-darwin"),
 )
 _MACHINES = {"x86_64": "x86_64", "AMD64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
 
@@ -86,6 +96,7 @@ def build_fmu(
     *,
     prefix: str = "tff",
     level: Level | None = None,
+    everywhere: bool = False,
 ) -> Fmu:
     """Wrap the exported C of a scenario.
 
@@ -99,27 +110,27 @@ def build_fmu(
         Prefix of the C names.
     level : Level, optional
         Fidelity level; default: the scenario's own.
+    everywhere : bool, optional
+        Binaries for Windows and macOS too, built here by ziglang; what is run here are those of this machine alone.
 
     Raises
     ------
     CodeError
-        If the compiler refuses the sources.
+        If a compiler refuses the sources, or is missing.
     """
     check_prefix(prefix)
-    check_fixed_path(scenario)
     if kind is Kind.ADAPTIVE and scenario.adaptation is None:
         raise InputError(f"{scenario.source.name}: table [adaptation] is missing; --kind adaptive needs its sensor")
-    if scenario.transmission.actuator.drive is Drive.POSITION:
-        raise InputError(
-            f'{scenario.source.name} [actuator]: drive = "position" has no FMU yet; play a command column of '
-            'profile.csv (design), or export with drive = "force"'
-        )
+    check_servo(scenario)
+    check_tuning(scenario)
     problem = Problem.of(scenario, level=level)
     module = next(module for module in c_modules(scenario) if module.name == kind.value)
     identifier = f"{prefix}_{kind}"
-    compiled = [f"{prefix}_{name}.c" for name in ("parameters", "limits", kind)]
+    path = ("path",) if problem.chain.moving else ()
+    compiled = [f"{prefix}_{name}.c" for name in ("parameters", "limits", *path, kind)]
     wrapper = "fmi2.c" if fmi is FmiVersion.V2 else "fmi3.c"
-    sources = c_sources(scenario, problem, (module,), Precision.DOUBLE, prefix)
+    further = table_context(table_of(problem), Precision.DOUBLE) if kind is Kind.TABLE else {}
+    sources = c_sources(scenario, problem, (module,), Precision.DOUBLE, prefix, further)
     headers = files("tendonff.compensator.export").joinpath("templates", "fmu", "headers")
     for name in fmi.headers:
         sources[name] = headers.joinpath(name).read_text(encoding="utf-8")
@@ -137,6 +148,8 @@ def build_fmu(
     binary = _compile(sources, compiled)
     if binary is not None:
         members[f"binaries/{_platform(fmi)}/{identifier}.so"] = binary
+    if everywhere:
+        members |= _binaries_elsewhere(sources, compiled, identifier, fmi)
     return Fmu(name=f"{identifier}_fmi{fmi.value[0]}.fmu", content=_archive(members), has_binary=binary is not None)
 
 
@@ -178,6 +191,9 @@ def _context(
     initial = repr(reference.initial_tension_N)
     tension = _Variable(name="tension", text="output tension", unit="N", start=initial)
     force = _Variable(name="force", text="force of the actuator, within its limits", unit="N", start=initial)
+    servo = scenario.transmission.actuator.drive is Drive.POSITION
+    if servo:
+        force = _Variable(name="command", text="position of the servo relative to the start", unit="m", start="0.0")
     extras: list[_Variable] = []
     mu = repr(scenario.transmission.friction.mu_dynamic)
     if kind is Kind.ADAPTIVE and scenario.adaptation is not None:
@@ -187,18 +203,20 @@ def _context(
         first = initial if sensor is Sensor.OUTPUT_TENSION else "0.0"
         words = f"last measurement: {sensor.words}"
         extras.append(_Variable(name="measured", text=words, unit=sensor.unit, start=first))
-    elif kind is Kind.INVERSE:
-        extras.append(_Variable(name="mu", text="mu_dynamic", unit="", start=mu, is_parameter=True))
+    elif kind in (Kind.INVERSE, Kind.TABLE):
+        if kind is Kind.INVERSE:
+            extras.append(_Variable(name="mu", text="mu_dynamic", unit="", start=mu, is_parameter=True))
         variable = _Variable(name="reference", text="wanted output tension", unit="N", start=initial)
         outputs = [force]
     else:
-        variable = _Variable(name="force", text="force of the actuator", unit="N", start=initial)
+        variable = force if servo else _Variable(name="force", text="force of the actuator", unit="N", start=initial)
         near, far = repr(rest.near_position_m), repr(rest.far_position_m)
         outputs = [
             tension,
             _Variable(name="actuator_position", text="positive towards the actuator", unit="m", start=near),
             _Variable(name="load_position", text="positive towards the actuator", unit="m", start=far),
         ]
+    joints = [] if problem.chain.motion is None else _joint_inputs(problem.chain)
     release = __version__
     name = " ".join(scenario.name.replace("*/", "* /").split())
     return {
@@ -211,7 +229,9 @@ def _context(
         "version": release,
         "input": variable,
         "outputs": outputs,
-        "extras": extras,
+        **({"servo": True} if servo else {}),
+        "extras": [*extras, *joints],
+        "joint_at": len(extras) if joints else -1,
         "initial": initial,
         "step": repr(scenario.run.step_s),
         "stop": repr(float(reference.time_s[-1])),
@@ -219,11 +239,19 @@ def _context(
     }
 
 
+def _joint_inputs(chain: Chain) -> list[_Variable]:
+    joints = Joints.of(chain)
+    return [
+        _Variable(name=f"joint_{name}", text=f"angle of the joint {name}", unit="rad", start=repr(start))
+        for name, start in zip(joints.names, joints.start_rad, strict=True)
+    ]
+
+
 def _token(sources: dict[str, str], context: dict[str, object], fmi: FmiVersion) -> str:
     """Identifier that changes with anything that the unit holds."""
     parts = [
         fmi.value,
-        repr(sorted((k, str(v)) for k, v in context.items() if k != "extras" or v)),
+        repr(sorted((k, str(v)) for k, v in context.items() if (k != "extras" or v) and (k, v) != ("joint_at", -1))),
         *(sources[k] for k in sorted(sources)),
     ]
     digest = hashlib.sha256("\0".join(parts).encode()).hexdigest()
@@ -256,6 +284,21 @@ def _compile(sources: dict[str, str], compiled: list[str]) -> bytes | None:
         if complaint := run_compiler(compiler, arguments, Path(folder)):
             raise CodeError(f"the unit's sources: {complaint}")
         return (Path(folder) / "unit.so").read_bytes()
+
+
+def _binaries_elsewhere(
+    sources: dict[str, str], compiled: list[str], identifier: str, fmi: FmiVersion
+) -> dict[str, bytes]:
+    """Libraries for other systems, by their place in the archive."""
+    made = {}
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        for name, text in sources.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        for target, *places in _ELSEWHERE:
+            if place := places[0 if fmi is FmiVersion.V2 else 1]:
+                made[f"binaries/{place}/{identifier}{target.suffix}"] = cross_compile(target, compiled, folder)
+    return made
 
 
 def _archive(members: dict[str, bytes]) -> bytes:

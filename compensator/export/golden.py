@@ -4,23 +4,30 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonff.compensator.compensators.base import FloatArray, Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
-from tendonff.compensator.compensators.registry import COMPENSATORS
+from tendonff.compensator.compensators.motion import servo
 from tendonff.compensator.compensators.score import scale_N
 from tendonff.compensator.compensators.stream.model import StreamDesign, smoothed, stream_force
 from tendonff.compensator.compensators.stream.run import quantised
 from tendonff.compensator.compensators.table import CompensationTable
+from tendonff.compensator.export.modules import exportable
 from tendonff.compensator.export.table_index import rounded
+from tendonff.models.chain import Chain
+from tendonff.models.errors import ParameterError
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.inverse import InverseStatus, Inversion, invert
-from tendonff.ocp.simulate import simulate
+from tendonff.ocp.simulate import Simulation, simulate
 
 _ROWS = 1000
 _REVERSAL_ROWS = 240
 _GENTLE_ROWS = 900
 _LIVE_ROWS = 500
+_NUDGE, _GROWTH = 1e-9, 20.0
+"""Relative change of the force from row to row, and how much larger its effect may get before comparing ends."""
+
 _LOST = slice(200, 240)
 _LEGS = tuple(0.6**k for k in (0, 3, 1, 4, 2, 6, 3, 8, 1, 5, 2, 7))  # of the range: reversals at many depths
 _JUMPS = (0.0, 1.0, 1.0, 0.0, 0.0, 0.5, 1.0, 0.2, 0.2, 0.9, 0.0, 0.0)  # places in the range, a sample each
@@ -33,22 +40,33 @@ class Course:
     Parameters
     ----------
     reference_N, plant_force_N : ndarray, shape (rows,)
-        Inputs, exact in the real type of the export.
+        Inputs, exact in the real type of the export; of a position drive commands [m].
     columns : dict of str to ndarray, shape (rows,)
-        Answers: inverse, capstan, table (force within limits) and plant (output tension) [N].
+        Answers: inverse, capstan, table (force within limits) and plant (output tension) [N]; of the plant as many
+        rows as rounding leaves alone.
     scale_N : float
         Largest force that the course asks for before the limits: what rounding is relative to [N].
+    chain : Chain
+        The model, with the motion of the course.
     """
 
     reference_N: FloatArray
     plant_force_N: FloatArray
     columns: dict[str, FloatArray]
     scale_N: float
+    chain: Chain
+
+    @property
+    def joint_rad(self) -> FloatArray:
+        """Joint angles, shape (rows, joints) [rad]; exact in the real type of the export."""
+        motion = self.chain.motion
+        return np.zeros((len(self.reference_N), 0)) if motion is None else motion.angle_rad
 
     @property
     def inputs_N(self) -> dict[str, FloatArray]:
         """What each module with answers is given, by name [N]."""
-        return {name: self.plant_force_N if name == "plant" else self.reference_N for name in self.columns}
+        rows = len(self.columns.get("plant", ()))
+        return {name: self.plant_force_N[:rows] if name == "plant" else self.reference_N for name in self.columns}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,15 +92,15 @@ class Golden:
 
 
 def answers(
-    problem: Problem, table: LookupTable, reference_N: FloatArray, precision: Precision
+    problem: Problem, table: LookupTable | None, reference_N: FloatArray, precision: Precision
 ) -> tuple[FloatArray, dict[str, FloatArray]]:
     """Force for the plant, and the answer of each module to a reference that starts at rest at its first row.
 
     Parameters
     ----------
     problem : Problem
-    table : LookupTable
-        The one that is exported.
+    table : LookupTable, optional
+        The one that is exported, where one is.
     reference_N : ndarray, shape (rows,)
         Exact in the real type.
     precision : Precision
@@ -92,25 +110,58 @@ def answers(
 
 
 def _course(
-    problem: Problem, table: LookupTable, reference_N: FloatArray, precision: Precision, *, with_plant: bool
+    problem: Problem,
+    table: LookupTable | None,
+    reference_N: FloatArray,
+    precision: Precision,
+    *,
+    with_plant: bool,
+    chain: Chain | None = None,
 ) -> Course:
     step, start = problem.reference.step_s, float(reference_N[0])
+    chain = chain or problem.chain
     time = np.arange(len(reference_N), dtype=np.float64) * step
     course = replace(
         problem.reference, time_s=time, tension_N=reference_N, initial_tension_N=start, periodic=False, position_m=None
     )
-    followed = replace(problem, reference=course, live=True)
+    followed = replace(problem, reference=course, live=True, model=chain)
     columns = {}
-    for compensator in COMPENSATORS:
-        module = compensator.c_module
-        if module is not None and not module.plays_back:
+    for compensator, module in exportable(problem.transmission, moving=chain.motion is not None):
+        if not module.plays_back:
             exported = CompensationTable(table) if isinstance(compensator, CompensationTable) else compensator
-            columns[module.name] = exported.profile(followed).force_N
+            profile = exported.profile(followed)
+            columns[module.name] = profile.force_N
+            if servo_of(problem) is not None:
+                columns[module.name] = told(problem, followed.inversion, profile.force_N)
     force = rounded(columns["inverse"], precision)
     if with_plant:
-        columns["plant"] = simulate(problem.chain, force, step, initial_tension_N=start).require().output_tension_N
+        columns["plant"] = respond(problem, force, start, chain).require().output_tension_N
     scale = float(np.abs(followed.inversion.force_N).max())
-    return Course(reference_N=reference_N, plant_force_N=force, columns=columns, scale_N=scale)
+    return Course(reference_N=reference_N, plant_force_N=force, columns=columns, scale_N=scale, chain=chain)
+
+
+def _moving(problem: Problem, rows: NDArray[np.int_], count: int, precision: Precision) -> Chain:
+    """The chain with the joint angles of some samples of the reference, then back to and fro; at rest at the end."""
+    motion = problem.chain.motion
+    if motion is None:
+        return problem.chain
+    there_and_back = np.concatenate([rows, rows[::-1]])
+    chosen = np.resize(there_and_back, count)
+    chosen[-2:] = chosen[-3:-2]
+    time = np.arange(count, dtype=np.float64) * problem.reference.step_s
+    angle = rounded(motion.at(problem.reference.time_s[chosen]), precision)
+    return replace(problem.chain, motion=replace(motion, time_s=time, angle_rad=angle))
+
+
+def _repeatable(problem: Problem, course: Course) -> Course:
+    """The course with the plant's answers as far as small differences stay small, which falling friction may end."""
+    force, plant = course.plant_force_N, course.columns["plant"]
+    nudged = force + _NUDGE * float(np.abs(force).max()) * np.where(np.arange(len(force)) % 2, 1, -1)
+    other = respond(problem, nudged, float(course.reference_N[0]), course.chain)
+    rows = min(len(other.tension_N), len(plant))
+    apart = np.abs(other.output_tension_N[:rows] - plant[:rows]) > _GROWTH * _NUDGE * course.scale_N
+    kept = int(np.argmax(apart)) if apart.any() else rows
+    return replace(course, columns={**course.columns, "plant": plant[: max(kept, 2)]})
 
 
 def to_and_fro(course_N: FloatArray, *, step_N: float | None = None, rows: int = _REVERSAL_ROWS) -> FloatArray:
@@ -149,7 +200,7 @@ def to_and_fro(course_N: FloatArray, *, step_N: float | None = None, rows: int =
 
 
 def golden_vectors(
-    problem: Problem, table: LookupTable, precision: Precision, *, stream: StreamDesign | None = None
+    problem: Problem, table: LookupTable | None, precision: Precision, *, stream: StreamDesign | None = None
 ) -> Golden:
     """Golden vectors along the scenario's own reference, then over reversals, then over jumps.
 
@@ -159,7 +210,8 @@ def golden_vectors(
     Parameters
     ----------
     problem : Problem
-    table : LookupTable
+    table : LookupTable, optional
+        The one that is exported, where one is.
     precision : Precision
     stream : StreamDesign, optional
         Of the stream module, where there is one.
@@ -167,17 +219,27 @@ def golden_vectors(
     tension = problem.reference.tension_N
     stride = max(1, -(-len(tension) // _ROWS))
     reference = rounded(np.concatenate([tension[::stride], to_and_fro(tension[::stride])]), precision)
-    if _invert(problem, reference).status is not InverseStatus.EXACT:
+    samples = np.arange(len(tension))
+    chain = _moving(problem, samples[::stride], len(reference), precision)
+    if _invert(problem, chain, reference).status is not InverseStatus.EXACT:
         stride, course = 1, tension[:_ROWS]
         usual = float(np.abs(np.diff(tension)).max())
         reversals = to_and_fro(course, step_N=usual, rows=_GENTLE_ROWS)
         reference = rounded(np.concatenate([course, reversals]), precision)
+        chain = _moving(problem, samples[:_ROWS], len(reference), precision)
     low, high = float(reference.min()), float(reference.max())
     jumps = rounded(low + np.array(_JUMPS) * (high - low), precision)
     return Golden(
         stride=stride,
-        course=_course(problem, table, reference, precision, with_plant=True),
-        jumps=_course(problem, table, jumps, precision, with_plant=False),
+        course=_repeatable(problem, _course(problem, table, reference, precision, with_plant=True, chain=chain)),
+        jumps=_course(
+            problem,
+            table,
+            jumps,
+            precision,
+            with_plant=False,
+            chain=_moving(problem, samples[: len(jumps)], len(jumps), precision),
+        ),
         live=None if stream is None else _live(problem, stream, reference, precision),
     )
 
@@ -189,12 +251,56 @@ def _live(problem: Problem, stream: StreamDesign, course_N: FloatArray, precisio
     rough[0] = course_N[0]
     rough[_LOST] = np.nan
     start = float(rough[0])
-    force = stream_force(stream, problem, rough)
-    exact = invert(problem.chain, smoothed(stream, rough, start), problem.reference.step_s, initial_tension_N=start)
+    force, step = stream_force(stream, problem, rough), problem.reference.step_s
+    exact = invert(problem.chain, smoothed(stream, rough, start), step, initial_tension_N=start, record=True)
+    if servo_of(problem) is not None:
+        force = told(problem, exact, force)
     scale = float(np.abs(exact.force_N).max())
-    return Course(reference_N=rough, plant_force_N=force, columns={"stream": force}, scale_N=scale)
+    return Course(reference_N=rough, plant_force_N=force, columns={"stream": force}, scale_N=scale, chain=problem.chain)
 
 
-def _invert(problem: Problem, reference_N: FloatArray) -> Inversion:
+def servo_of(problem: Problem) -> float | None:
+    """Stiffness of a position drive's servo [N/m]; None for a force drive."""
+    return problem.transmission.actuator.servo_stiffness_N_per_m
+
+
+def told(problem: Problem, inversion: Inversion, force_N: FloatArray) -> FloatArray:
+    """Command of a position drive as exported code tells it: the inverse's travel plus the limited force's stretch [m].
+
+    Parameters
+    ----------
+    problem : Problem
+    inversion : Inversion
+        With states.
+    force_N : ndarray, shape (rows,)
+        Within the limits.
+    """
+    stiffness = servo_of(problem)
+    if inversion.states is None or stiffness is None:
+        raise ParameterError("a command needs the inverse's states and a position drive; record them")
+    start = float(inversion.least_tension_N[0])  # at rest, where it is the same everywhere
+    travel = inversion.states[:, -2] - problem.chain.rest_state(start).near_position_m
+    command: FloatArray = travel + (force_N - start) / stiffness
+    return command
+
+
+def respond(problem: Problem, drive: FloatArray, start_N: float, chain: Chain) -> Simulation:
+    """The chain under forces [N], or under commands of its servo [m], from rest.
+
+    Parameters
+    ----------
+    problem : Problem
+    drive : ndarray, shape (rows,)
+    start_N : float
+        Uniform tension at rest [N].
+    chain : Chain
+        With the motion of the course.
+    """
+    if servo_of(problem) is not None:
+        chain, drive = servo(chain, problem.transmission.actuator, start_N, drive)
+    return simulate(chain, drive, problem.reference.step_s, initial_tension_N=start_N)
+
+
+def _invert(problem: Problem, chain: Chain, reference_N: FloatArray) -> Inversion:
     start = float(reference_N[0])
-    return invert(problem.chain, reference_N, problem.reference.step_s, initial_tension_N=start)
+    return invert(chain, reference_N, problem.reference.step_s, initial_tension_N=start)

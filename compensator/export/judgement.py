@@ -4,9 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
 from tendonff.compensator.compensators.base import FloatArray, Problem, Profile
+from tendonff.compensator.compensators.motion import with_motion
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import Score, SimulatedPlant, is_worse, verify
 from tendonff.compensator.compensators.stream.run import StreamChoice
+from tendonff.models.drive import Drive
 from tendonff.ocp.errors import SolveError
 
 UNCOMPENSATED = "none"
@@ -42,14 +44,14 @@ def judge(problem: Problem, forces_N: Mapping[str, FloatArray]) -> tuple[Judged,
     ----------
     problem : Problem
     forces_N : mapping of str to ndarray, shape (n,)
-        Force of each module at the samples of the reference, within the limits [N].
+        Force of each module at the samples of the reference, within the limits [N], or command [m].
 
     Returns
     -------
     tuple of Judged
         "none" first, then the modules in the order given.
     """
-    nothing = _score(problem, compensator(UNCOMPENSATED).profile(problem).force_N)
+    nothing = _score(problem, answer_of(problem, UNCOMPENSATED, compensator(UNCOMPENSATED).profile(problem)))
     if nothing is None:
         raise SolveError(
             "the reference itself as force cannot be simulated on this chain, so no module can be judged; "
@@ -104,9 +106,29 @@ def score_lines(judged: Sequence[Judged]) -> list[str]:
     return lines
 
 
-def _score(problem: Problem, force_N: FloatArray) -> Score | None:
+def answer_of(problem: Problem, name: str, profile: Profile) -> FloatArray:
+    """What the actuator is told: the force of a profile [N], or the command of a position drive [m].
+
+    Parameters
+    ----------
+    problem : Problem
+    name : str
+        Of the compensator.
+    profile : Profile
+    """
+    if problem.transmission.actuator.drive is not Drive.POSITION:
+        return profile.force_N
+    moved = with_motion(problem, name, profile)
+    if moved.command_m is None:
+        raise SolveError(f"{name}: the chain cannot be simulated under its force, so no command is known")
+    return moved.command_m
+
+
+def _score(problem: Problem, answer: FloatArray) -> Score | None:
     plant = SimulatedPlant(level=problem.level)
+    command = answer if problem.transmission.actuator.drive is Drive.POSITION else None
+    profile = Profile(force_N=answer, command_m=command)
     try:
-        return verify(problem.transmission, plant, "", Profile(force_N=force_N), problem.reference).score
+        return verify(problem.transmission, plant, "", profile, problem.reference).score
     except SolveError:
         return None

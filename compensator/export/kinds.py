@@ -12,12 +12,15 @@ class Kind(StrEnum):
         Reference tension in, force out, within the actuator's limits.
     PLANT
         Force in, output tension and end positions out.
+    TABLE
+        As INVERSE, from the compensation table.
     ADAPTIVE
         Reference tension and measurement in, force and present mu out.
     """
 
     INVERSE = "inverse"
     PLANT = "plant"
+    TABLE = "table"
     ADAPTIVE = "adaptive"
 
 

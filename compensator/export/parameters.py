@@ -12,7 +12,9 @@ from tendonff.models.layout import fields_of
 from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import Specialiser
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.step.target import inverse_code
+from tendonff.ocp.step.joints import Joints
+from tendonff.ocp.step.target import SETTABLE, inverse_code
+from tendonff.ocp.step.target_joints import contact_code
 
 PARAMETERS = CModule(name="parameters", content="what can be changed while the controller runs")
 """Goes with every module that uses it."""
@@ -93,17 +95,35 @@ def settable_inverse(problem: Problem, precision: Precision, prefix: str) -> dic
     prefix : str
     """
     code = inverse_code(problem.chain, problem.reference.step_s, f"{prefix}_inverse", precision, settable=True)
-    law = _settable_law(problem, code.free)
-    printed = Specialiser(prefix=f"{prefix}_inverse", precision=precision, parameters={}).fold(law)
+    retune: dict[str, object] = {"retune": ""}
+    if not problem.chain.moving:  # else every bend has numbers of its own
+        law = _settable_law(problem, code.free)
+        printed = Specialiser(prefix=f"{prefix}_inverse", precision=precision, parameters={}).fold(law)
+        retune = {"retune": printed.code, "retune_inputs": printed.inputs}
     numbers, friction = problem.chain.numbers(), problem.transmission.friction
     mu = friction.mu_dynamic
     return {
         **asdict(code),
-        "retune": printed.code,
-        "retune_inputs": printed.inputs,
+        **retune,
         "free_values": {name: _floored(name, numbers[name]) for name in code.free},
         "release_share": friction.release_dynamic / mu if mu > 0 else 1.0,
     }
+
+
+def settable_numbers(problem: Problem) -> tuple[str, ...]:
+    """Members of the inverse that hold the numbers of its masses.
+
+    Parameters
+    ----------
+    problem : Problem
+    """
+    if problem.chain.moving:
+        joints = Joints.of(problem.chain)
+        own = contact_code(problem.chain, joints, "tff_inverse", Precision.DOUBLE, settable=True).own
+        contact = (f"contact[{k}].{name}" for k in range(len(joints.bends)) for name in own)
+        return ("own.piece_adhesion_N", "pull", "release", *contact)
+    alike = {f"friction_{name}" for name in problem.chain.friction.aliases()}
+    return tuple(f"own.{name}" for name in SETTABLE if name not in alike)
 
 
 def _settable_law(problem: Problem, names: tuple[str, ...]) -> Law:

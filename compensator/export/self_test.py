@@ -9,12 +9,12 @@ from tendonff.compensator.compensators.base import FloatArray, Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.score import scale_N
 from tendonff.compensator.export.checks import Status, checksum, integer_checksum, limit_cases, seen
-from tendonff.compensator.export.golden import Course, Golden
+from tendonff.compensator.export.golden import Course, Golden, respond, servo_of
+from tendonff.compensator.export.parameters import settable_numbers
 from tendonff.compensator.export.table_index import share_index
 from tendonff.models.capstan import Branch
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.inverse import invert
-from tendonff.ocp.simulate import simulate
 
 _DOUBLE = 1e-9
 _UNMEASURED_FLOAT = 1e-3
@@ -42,18 +42,19 @@ class FloatLoss:
     percent_of_range: float
 
 
-def float_losses(course: Course, found_N: Mapping[str, FloatArray]) -> tuple[FloatLoss, ...]:
+def float_losses(course: Course, found_N: Mapping[str, FloatArray], problem: Problem) -> tuple[FloatLoss, ...]:
     """What single precision costs each module.
 
     Parameters
     ----------
     course : Course
     found_N : mapping of str to ndarray, shape (rows,)
-        Answers of the exported code to the course [N].
+        Answers of the exported code to the course [N]; commands [m] count as the tension that they are worth at rest.
+    problem : Problem
     """
     losses = []
     for module, found in found_N.items():
-        error = found - course.columns[module]
+        error = (found - course.columns[module]) / (1.0 if module == "plant" else per_newton(problem))
         rms = float(np.sqrt(np.mean(error**2)))
         losses.append(
             FloatLoss(
@@ -64,6 +65,12 @@ def float_losses(course: Course, found_N: Mapping[str, FloatArray]) -> tuple[Flo
             )
         )
     return tuple(losses)
+
+
+def per_newton(problem: Problem) -> float:
+    """What the actuator is told for one newton more at rest: 1, or the command of a position drive [m/N]."""
+    stiffness = servo_of(problem)
+    return 1.0 if stiffness is None else problem.chain.rest_state(1.0).near_position_m + 1 / stiffness
 
 
 def loss_warnings(losses: Sequence[FloatLoss]) -> tuple[str, ...]:
@@ -83,7 +90,7 @@ def loss_warnings(losses: Sequence[FloatLoss]) -> tuple[str, ...]:
 
 def self_test_context(
     problem: Problem,
-    table: LookupTable,
+    table: LookupTable | None,
     profile_N: FloatArray,
     golden: Golden,
     precision: Precision,
@@ -96,7 +103,7 @@ def self_test_context(
     Parameters
     ----------
     problem : Problem
-    table : LookupTable
+    table : LookupTable, optional
     profile_N : ndarray, shape (n,)
     golden : Golden
     precision : Precision
@@ -108,19 +115,22 @@ def self_test_context(
     actuator, step = problem.transmission.actuator, problem.reference.step_s
     course, jumps, live = golden.course, golden.jumps, golden.live
     start = float(course.reference_N[0])
-    ends = simulate(problem.chain, course.plant_force_N, step, initial_tension_N=start).require()
-    pushed = simulate(problem.chain, np.append(start, np.full(_SLACK_ROWS, -start)), step, initial_tension_N=start)
+    force = course.plant_force_N[: len(course.columns["plant"])]
+    ends = respond(problem, force, start, course.chain).require()
+    still = course.chain.at_rest()
+    lowest = -start if servo_of(problem) is None else -3 * start * per_newton(problem)
+    rest = start if servo_of(problem) is None else 0.0
+    pushed = respond(problem, np.append(rest, np.full(_SLACK_ROWS, lowest)), start, still)
     slack = len(pushed.tension_N) > _SLACK_ROWS and float(pushed.output_tension_N[-1]) <= 0
     stiffness = min(problem.transmission.load.stiffness_N_per_m, problem.transmission.tendon.stiffness_N_per_m)
-    tolerances = _tolerances(course, precision, None if found_N is None else found_N[0])
+    unit = per_newton(problem)
+    tolerances = _tolerances(course, precision, None if found_N is None else found_N[0], unit)
     bits = {}
     least, most = actuator.force_min_N, actuator.force_max_N
-    exact = invert(problem.chain, jumps.reference_N, step, initial_tension_N=float(jumps.reference_N[0]))
+    exact = invert(jumps.chain, jumps.reference_N, step, initial_tension_N=float(jumps.reference_N[0]))
     high, low_end = float(course.reference_N.max()), 1.02 * accepted_N[0]
     dropped = (np.array([high, drop, drop]) for drop in (low_end, 2 * low_end))  # the second: beyond doubt
-    pushes = all(
-        (invert(problem.chain, fall, step, initial_tension_N=high).least_tension_N <= 0).any() for fall in dropped
-    )
+    pushes = all((invert(still, fall, step, initial_tension_N=high).least_tension_N <= 0).any() for fall in dropped)
     for name, limited in jumps.columns.items():
         bits[name] = Status.OK
         if name == "inverse":
@@ -130,21 +140,31 @@ def self_test_context(
         "limit_cases": limit_cases(least, most, actuator.force_rate_max_N_per_s * step, precision),
         "checksums": {
             "profile": checksum(profile_N, precision),
-            **{b.value: checksum(_numbers(table, b), precision) for b in Branch},
-            **{f"{b}_cell": integer_checksum(share_index(table.branch(b).share, precision).cell) for b in Branch},
+            **({} if table is None else _table_checksums(table, precision)),
         },
         "tolerances": {
             "course": tolerances,
-            "jumps": _tolerances(jumps, precision, None if found_N is None else found_N[1]),
-            "live": {} if live is None else _tolerances(live, precision, None if found_N is None else found_N[2]),
+            "jumps": _tolerances(jumps, precision, None if found_N is None else found_N[1], unit),
+            "live": {} if live is None else _tolerances(live, precision, None if found_N is None else found_N[2], unit),
             "position": tolerances["plant"] / stiffness,
         },
         "jump_bits": {name: int(value) for name, value in bits.items()},
         "plant_ends": (float(ends.near_position_m[-1]), float(ends.far_position_m[-1])),
+        "settable": {
+            "capstan": ("pull", "release", "adhesion"),
+            "inverse": ("mu", "adhesion", *settable_numbers(problem)),
+        },
         "narrow_N": (least + 0.25 * (min(most, 1e6) - least), least + 0.75 * (min(most, 1e6) - least)),
         "push_N": (high, low_end) if pushes else None,
         "slack_rows": _SLACK_ROWS if slack else 0,
+        "slack_drive": lowest,
     }
+
+
+def _table_checksums(table: LookupTable, precision: Precision) -> dict[str, int]:
+    numbers = {b.value: checksum(_numbers(table, b), precision) for b in Branch}
+    cells = {f"{b}_cell": integer_checksum(share_index(table.branch(b).share, precision).cell) for b in Branch}
+    return numbers | cells
 
 
 def _numbers(table: LookupTable, branch: Branch) -> list[float]:
@@ -152,13 +172,16 @@ def _numbers(table: LookupTable, branch: Branch) -> list[float]:
     return [*table.branch(branch).share.tolist(), *table.ratio(branch).ravel().tolist()]
 
 
-def _tolerances(course: Course, precision: Precision, found_N: Mapping[str, FloatArray] | None) -> dict[str, float]:
-    """Largest difference from the model that passes, by module [N]."""
+def _tolerances(
+    course: Course, precision: Precision, found_N: Mapping[str, FloatArray] | None, per_newton: float
+) -> dict[str, float]:
+    """Largest difference from the model that passes, by module [N]; of commands [m]."""
     tolerances = {}
     for name, expected in course.columns.items():
-        scale = max(float(np.abs(expected).max()), 1.0)
+        unit = 1.0 if name == "plant" else per_newton
+        scale = max(float(np.abs(expected).max()), unit)
         if name in ("inverse", "plant", "stream"):  # where the force before the limits rounds
-            scale = max(scale, course.scale_N)
+            scale = max(scale, course.scale_N * unit)
         if precision is Precision.DOUBLE:
             allowed = _DOUBLE * scale
         elif found_N is None:

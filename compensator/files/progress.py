@@ -7,7 +7,7 @@ Progress = Callable[[int, int], None]
 
 
 def silent(_done: int, _total: int) -> None:
-    """Report to nobody."""
+    """No-op progress callback."""
 
 
 class Parts:

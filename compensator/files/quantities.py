@@ -1,12 +1,14 @@
 """Columns with a meaning: found by their own name, by the user's, or by a name that tells quantity and unit."""
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tendonff.compensator.files.dialect import Dialect, find_dialect
+from tendonff.compensator.files.dialect import Dialect
 from tendonff.compensator.files.reading import FloatArray, nearest_column, read_csv
+from tendonff.compensator.files.tables import table_dialect
 from tendonff.compensator.files.text import InputError
 
 
@@ -58,6 +60,7 @@ class Quantities:
 
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0, "sec": 1.0}
 FORCE_UNITS = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "lbf": 4.4482216152605}
+ANGLE_UNITS = {"rad": 1.0, "deg": math.pi / 180, "°": math.pi / 180}
 LENGTH_UNITS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "um": 1e-6, "µm": 1e-6}
 TIME_WORDS = ("time", "t", "timestamp", "zeit")
 
@@ -78,7 +81,7 @@ def read_quantities(path: Path, wanted: Sequence[Quantity], *, starts_at_zero: b
         A column or its unit cannot be told, with the way to say it; or what `read_csv` refuses.
     """
     named = [q.column for q in wanted if q.column is not None]
-    dialect = find_dialect(path, (*named, *(q.name for q in wanted)))
+    dialect = table_dialect(path, (*named, *(q.name for q in wanted)))
     found = [_resolve(path, dialect, quantity) for quantity in wanted]
     for k, (column, _, _) in enumerate(found):
         if column in [other for other, _, _ in found[:k]]:

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.compensator.files.dialect import Dialect, find_dialect, is_comment
+from tendonff.compensator.files.dialect import Dialect, is_comment
+from tendonff.compensator.files.tables import is_packed, read_table, table_dialect
 from tendonff.compensator.files.text import InputError, open_text, read_text, suggestion
 
 __all__ = ["FloatArray", "InputError", "nearest_column", "open_text", "read_csv", "read_text", "suggestion"]
@@ -52,7 +53,7 @@ def read_csv(
         One message with file, row (as an editor counts: the header is row 1), column, and what was found.
     """
     if dialect is None:
-        dialect = find_dialect(path, (*required, *optional))
+        dialect = table_dialect(path, (*required, *optional))
     names = dialect.names
     for name in required:
         if name not in names:
@@ -61,7 +62,7 @@ def read_csv(
     for name in wanted:
         if names.count(name) > 1:
             raise InputError(f'{path.name}: column "{name}" appears {names.count(name)} times; keep one')
-    columns = _parse(path, dialect, wanted)
+    columns = _unpacked(path, wanted) if is_packed(path) else _parse(path, dialect, wanted)
     if columns[wanted[0]].size == 0:
         raise InputError(f"{path.name} has a header but no rows; add at least one")
     for name, values in columns.items():
@@ -96,6 +97,12 @@ def nearest_column(name: str, names: Sequence[str]) -> str:
         The file's columns.
     """
     return suggestion(name, [other or "(empty)" for other in names])
+
+
+def _unpacked(path: Path, wanted: Sequence[str]) -> dict[str, FloatArray]:
+    """Numbers of the wanted columns of a table that is no text."""
+    table = read_table(path)
+    return {name: table.numbers(name) for name in wanted}
 
 
 def _parse(path: Path, dialect: Dialect, wanted: Sequence[str]) -> dict[str, FloatArray]:

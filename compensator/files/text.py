@@ -1,9 +1,10 @@
 """Text files of the user, and the error that every bad input becomes."""
 
+import gzip
 from collections.abc import Sequence
 from difflib import get_close_matches
 from pathlib import Path
-from typing import IO
+from typing import IO, cast
 
 from tendonff.models.errors import TendonffError
 
@@ -29,10 +30,12 @@ def suggestion(name: str, valid: Sequence[str]) -> str:
 
 
 def open_text(path: Path) -> IO[str]:
-    """Open a user's text file, turning what can go wrong into an InputError."""
+    """Open a user's text file, packed or not, turning what can go wrong into an InputError."""
     if path.is_dir():
         raise InputError(f"{path} is a folder, not a file")
     try:
+        if path.suffix.lower() == ".gz":
+            return cast("IO[str]", gzip.open(path, "rt", encoding="utf-8-sig", newline=""))
         return path.open(encoding="utf-8-sig", newline="")
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None

@@ -15,7 +15,7 @@ from tendonff.compensator.identification.result import Estimate
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.ocp.fits.chain import DynamicParameter
-from tendonff.ocp.fits.static import StaticParameter
+from tendonff.ocp.fits.static import SPREADS, StaticParameter
 
 P, D = StaticParameter, DynamicParameter
 
@@ -68,6 +68,7 @@ def static_estimates(scenario: Scenario, stage: StaticSelection, now: Excitation
         P.OUTPUT_BIAS: ("output_bias_N", 1.0),
         P.GUIDE: ("guide_stiffness_N_per_m", 1.0),
         P.BRISTLE: ("soft_bristle_stiffness_N_per_m", 1.0),
+        **{k: (k.value, 1.0) for k in SPREADS},
     }
     estimates: list[Estimate] = []
     correlation = solution.correlation()

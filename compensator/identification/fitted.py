@@ -9,6 +9,7 @@ from tendonff.compensator.identification.fitting.static import (
     FileError,
     StaticFit,
     errors_of,
+    fit_static,
     middle_of,
     pooled_percent,
 )
@@ -34,10 +35,13 @@ class Fitted:
     scenario : Scenario
     offsets_N : tuple of 2 floats
         What the input and the output cell read at zero, beyond what was taken off when the files were read.
+    static : StaticFit or None
+        The static law that it holds.
     """
 
     scenario: Scenario
     offsets_N: tuple[float, float] = (0.0, 0.0)
+    static: StaticFit | None = None
 
 
 def scenario_of_chain(scenario: Scenario, fit: DynamicFit, records: Sequence[Record]) -> Fitted:
@@ -78,6 +82,8 @@ def scenario_of_static(
 ) -> Fitted:
     """The scenario with all values of a fitted static law, at the fidelity level that replays the files best.
 
+    What a scenario has no key for is left out, and the rest fitted again without it.
+
     Parameters
     ----------
     scenario : Scenario
@@ -88,6 +94,8 @@ def scenario_of_static(
         No simulation: the scenario's own level stays.
     """
     t, fit = scenario.transmission, stage.fit
+    if fit.model.guide or fit.model.spread:
+        fit = fit_static(records, replace(fit.model, guide=False, spread=False), fit.explain, start=fit)
     theta, f = t.path.total_angle_rad, t.friction
     pull, release = (max(fit.values[k], 0.0) / theta for k in (P.PULL, P.RELEASE))
     ratio = f.mu_static / f.mu_dynamic if f.mu_dynamic > 0 else 1.0
@@ -106,10 +114,10 @@ def scenario_of_static(
     own = scenario.run.level
     driven = static_only or fit.explain is Explain.INPUT or any(r.signed for r in records)
     levels = [Level.PRESLIDING] if fit.model.presliding else [own] if driven else [own, Level.VISCOELASTIC]
-    tried = [_fitted(changed, level, offsets, records) for level in dict.fromkeys(levels)]
+    tried = [replace(_fitted(changed, level, offsets, records), static=fit) for level in dict.fromkeys(levels)]
     if len(tried) == 1:
         return tried[0]
-    return min(tried, key=lambda found: pooled_percent(replay(found, fit, records), records, fit.explain))
+    return min(tried, key=lambda found: pooled_percent(replay(found, fit.explain, records), records, fit.explain))
 
 
 def with_coulomb(scenario: Scenario, coulomb_N: float) -> Scenario:
@@ -131,23 +139,21 @@ def _fitted(scenario: Scenario, level: Level, offsets_N: tuple[float, float], re
 
 
 def replay(
-    fitted: Fitted, fit: StaticFit | None, records: Sequence[Record], *, static_only: bool = False
+    fitted: Fitted, explain: Explain, records: Sequence[Record], *, static_only: bool = False
 ) -> tuple[FileError, ...]:
     """Errors of a fitted scenario, simulated again over the files with its own number of masses.
 
     Parameters
     ----------
     fitted : Fitted
-    fit : StaticFit or None
-        Says what is explained, by default the position of the input end; its guide is no part of a scenario and left
-        out.
+    explain : Explain
     records : sequence of Record
     static_only : bool, optional
         By the static law, without the chain.
     """
-    if fit is not None and (static_only or fit.explain is Explain.INPUT or any(r.signed for r in records)):
-        without = replace(fit, values={**fit.values, P.GUIDE: 0.0})
-        return errors_of(without, records, middle_of(records))
+    driven = static_only or explain is Explain.INPUT or any(r.signed for r in records)
+    if fitted.static is not None and driven:
+        return errors_of(fitted.static, records, middle_of(records))
     scenario = fitted.scenario
     model = ChainModel(
         transmission=scenario.transmission,
@@ -157,6 +163,6 @@ def replay(
     )
     values = {**model.values(), D.INPUT_BIAS: fitted.offsets_N[0], D.OUTPUT_BIAS: fitted.offsets_N[1]}
     try:
-        return chain_errors(model, values, records, Explain.POSITION if fit is None else Explain.OUTPUT)
+        return chain_errors(model, values, records, Explain.OUTPUT if explain is Explain.INPUT else explain)
     except SolveError:
         return tuple(FileError(name=r.name, rms=float("inf"), span=1.0) for r in records)

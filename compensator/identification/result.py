@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tendonff.compensator.identification.between_files import ByFile
+from tendonff.compensator.identification.fitting.between_files import ByFile
 from tendonff.compensator.identification.fitting.sliding_ratio import SlidingRatio
 from tendonff.compensator.identification.fitting.static import FileError
 from tendonff.compensator.identification.measured.reading import Array, Finding

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.identification.between_files import by_file
 from tendonff.compensator.identification.estimates import Answer, dynamic_estimates, static_estimates
 from tendonff.compensator.identification.fitted import (
     Fitted,
@@ -18,6 +17,8 @@ from tendonff.compensator.identification.fitted import (
     with_coulomb,
 )
 from tendonff.compensator.identification.fitting import dynamic, tendon
+from tendonff.compensator.identification.fitting.between_files import by_file
+from tendonff.compensator.identification.fitting.delay import Delay, align, earlier
 from tendonff.compensator.identification.fitting.drive import drive_estimate
 from tendonff.compensator.identification.fitting.model_selection import (
     StaticSelection,
@@ -28,7 +29,7 @@ from tendonff.compensator.identification.fitting.sliding_ratio import SlidingRat
 from tendonff.compensator.identification.fitting.static import pooled_percent
 from tendonff.compensator.identification.identifiability import summarise_excitation
 from tendonff.compensator.identification.measured.cleaning import Record, clean
-from tendonff.compensator.identification.measured.plan import check_plan
+from tendonff.compensator.identification.measured.plan import check_plan, check_question
 from tendonff.compensator.identification.measured.reading import DataIssue, read_measurement
 from tendonff.compensator.identification.measured.units import magnitude_warning, unit_warnings
 from tendonff.compensator.identification.moments import moved_inside
@@ -39,7 +40,7 @@ from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.chain import DynamicParameter
-from tendonff.ocp.fits.static import StaticParameter
+from tendonff.ocp.fits.static import SPREADS, StaticParameter
 
 P, D = StaticParameter, DynamicParameter
 
@@ -77,32 +78,19 @@ def identify(
         Stop after the static stage.
     conditions : mapping of str to str, optional
         Labels by file name: estimates are told for each label.
-    say : callable, optional
-        Told what was read, before any work, and what is being done.
-    confirm : callable, optional
-        Asked before a fit that takes very many steps; the default declines.
+    say, confirm : callable, optional
+        Told what is being done; asked before a fit that takes very many steps (the default declines).
 
     Raises
     ------
     InputError
         If a file cannot be used.
     """
-    if not data:
-        raise InputError("no measured file given; name at least one with --data")
-    if scenario.transmission.path.total_angle_rad == 0:
-        raise InputError(
-            "total_angle_rad is 0: without a wrap angle friction has no coefficient; give the path's angle"
-        )
-    if scenario.transmission.tendon.second_relaxation_time_s is not None:
-        raise InputError(
-            "second_relaxation_time_s is given, but one relaxation time is fitted; "
-            "leave it and second_relaxing_stiffness_N_per_m out"
-        )
     fit_files, judging = [Path(file) for file in data], [Path(file) for file in validate]
-    if twice := sorted({p.name for p in fit_files if p.resolve() in {v.resolve() for v in judging}}):
-        raise InputError(f"{', '.join(twice)}: given with --data and with --validate; a file cannot judge its own fit")
+    check_question(scenario, fit_files, judging)
     how = scenario.measurement
-    raw = [read_measurement(path, how) for path in (*fit_files, *judging)]
+    joints = scenario.transmission.joints
+    raw = [read_measurement(path, how, joints) for path in (*fit_files, *judging)]
     check_plan(raw, how, static_only=static_only, say=say, confirm=confirm)
     everything = [clean(one, how) for one in raw]
     records, judges = everything[: len(fit_files)], everything[len(fit_files) :]
@@ -110,6 +98,7 @@ def identify(
     foreign = _foreign(scenario, records)
     warnings += [foreign] if foreign else []
     stage: StaticSelection | None = None
+    delay: Delay | None = None
     chain: dynamic.DynamicFit | None
     if _proximal(scenario, everything, static_only=static_only):
         chain = _fit_proximal(scenario, records, judges, say)
@@ -118,15 +107,17 @@ def identify(
             f"{scenario.transmission.load.stiffness_N_per_m:g} N/m; an error of it goes into the estimates"
         )
     else:
-        stage, chain, trouble = _fit(scenario, records, judges, static_only=static_only, say=say)
+        stage, chain, delay, trouble = _fit(scenario, records, judges, static_only=static_only, say=say)
         warnings += trouble
+        if delay is not None and delay.told:
+            records, judges = ([earlier(r, delay.seconds) for r in some] for some in (records, judges))
     explain = Explain.POSITION if stage is None else stage.fit.explain
     laws = compared(stage, chain, records)
     if chain is not None and not any(law.chosen and law.stage == "dynamic" for law in laws):
         chain = None
     outcome = outcome_of(laws, stage, chain, records, judges)
     files, said = by_file(chain, records, conditions or {})
-    warnings += [*said, *_delay(chain), *_touched(outcome)]
+    warnings += [*said, *_delay(delay), *_touched(outcome)]
     sliding = sliding_ratios(records)
     failure = _failure(outcome)
     if failure:
@@ -159,7 +150,7 @@ def identify(
         comparisons=outcome.comparisons,
         inputs=(*fit_files, *judging),
         by_file=files,
-        output_delay_s=None if chain is None or chain.delay is None else chain.delay.seconds,
+        output_delay_s=None if delay is None else delay.seconds,
         comparable=foreign is None,
     )
 
@@ -199,15 +190,19 @@ def _fit(
     *,
     static_only: bool,
     say: Callable[[str], None],
-) -> tuple[StaticSelection, dynamic.DynamicFit | None, list[str]]:
-    """Static law, and the chain where it can be tried, with what went wrong."""
+) -> tuple[StaticSelection, dynamic.DynamicFit | None, Delay | None, list[str]]:
+    """Static law, and the chain where it can be tried, with the output's delay and what went wrong."""
     transmission = scenario.transmission
     say("first look")
     explain, coarse = choose_explain(records, scenario.measurement.explain, transmission, static_only=static_only)
+    delay: Delay | None = None
+    if coarse is not None and explain is Explain.OUTPUT and coarse.percent < POOR_PERCENT:
+        delay, coarse, records = align(records, coarse, transmission)
+        judges = [earlier(r, delay.seconds) for r in judges] if delay.told else judges
     say("static stage")
     stage = select_static(records, judges, explain)
     if coarse is None or coarse.percent >= 3 * POOR_PERCENT:
-        return stage, None, []
+        return stage, None, delay, []
     start = _start(scenario, stage)
     try:
         if all(r.has_positions for r in records):
@@ -218,8 +213,8 @@ def _fit(
                 coarse = min(coarse, other, key=lambda c: c.solution.cost)
         chain = dynamic.fit_dynamic(coarse, start, validation=judges, biases=_biased(stage, records), say=say)
     except SolveError as error:
-        return stage, None, [f"the dynamic stage found no answer ({error}); the static law is reported"]
-    return stage, chain, []
+        return stage, None, delay, [f"the dynamic stage found no answer ({error}); the static law is reported"]
+    return stage, chain, delay, []
 
 
 def _estimates(
@@ -253,18 +248,17 @@ def _carried_on(
         fitted = scenario_of_chain(scenario, chain, records)
     elif stage is not None:
         fitted = scenario_of_static(scenario, stage, records, static_only=static_only)
-    errors = replay(fitted, None if stage is None else stage.fit, records, static_only=static_only)
-    return fitted, pooled_percent(errors, records, Explain.POSITION if stage is None else stage.fit.explain)
+    explain = Explain.POSITION if stage is None else stage.fit.explain
+    return fitted, pooled_percent(replay(fitted, explain, records, static_only=static_only), records, explain)
 
 
-def _delay(chain: dynamic.DynamicFit | None) -> list[str]:
+def _delay(delay: Delay | None) -> list[str]:
     """What to say where one channel is read later than the other."""
-    if chain is None or chain.delay is None or not chain.delay.told:
+    if delay is None or not delay.told:
         return []
-    late = chain.delay.seconds
     told = (
-        f"the output is read {1e3 * abs(late):.3g} ms {'later' if late > 0 else 'earlier'} than the input "
-        f"(+-{1e3 * chain.delay.error_s:.2g} ms): shift its time stamps, or log both with one clock"
+        f"the output is read {1e3 * abs(delay.seconds):.3g} ms {'later' if delay.seconds > 0 else 'earlier'} than the "
+        f"input (+-{1e3 * delay.error_s:.2g} ms), which was taken out before the fit: log both with one clock"
     )
     return [told]
 
@@ -373,10 +367,12 @@ def _not_in_a_scenario(
 ) -> list[str]:
     """What the law has and a scenario has no place for, or a place that is easily overlooked."""
     found = []
-    if chain is None and stage is not None and stage.fit.values[P.GUIDE] != 0:
+    foreign = [] if chain is not None or stage is None else [k for k in (P.GUIDE, *SPREADS) if stage.fit.values[k] != 0]
+    if foreign:
+        guide = "; add the guide's friction force by hand" if P.GUIDE in foreign else ""
         found.append(
-            "a scenario has no key for guide_stiffness_N_per_m: fitted.toml leaves it out, and so does a design with "
-            "it; add the guide's friction force by hand"
+            f"a scenario has no key for {', '.join(foreign)}: fitted.toml has the other values fitted again without"
+            f"{guide}"
         )
     if any(fitted.offsets_N):
         shown = ", ".join(f"{end} {v:.4g} N" for end, v in zip(("input", "output"), fitted.offsets_N, strict=True) if v)

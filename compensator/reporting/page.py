@@ -16,7 +16,7 @@ A command fills a `Report` and writes it beside its other files, inside the fold
                         blocks=(
                             Text("Four forces for the same reference."),
                             Picture(figure=figure, caption="Forces over time."),
-                            Table(caption="Error", columns=("compensator", "rms [N]"), rows=(("none", 3.1),)),
+                            Table(caption="Error", columns=("compensator", "RMS [N]"), rows=(("none", 3.1),)),
                         ),
                     ),
                 ),
@@ -26,8 +26,8 @@ A command fills a `Report` and writes it beside its other files, inside the fold
         )
 
 Figures come from `plots.new_figure`; the page carries them inside, as vector graphics. Nothing on the page is loaded
-from elsewhere, no script runs, and whatever a scenario or a file name holds is shown as text. The page carries no date:
-equal results give equal pages.
+from elsewhere, no script runs but that of an interactive view that was asked for, and whatever a scenario or a file
+name holds is shown as text. The page carries no date: equal results give equal pages.
 """
 
 import base64
@@ -129,7 +129,22 @@ class PictureFile:
     caption: str
 
 
-Block = Text | Table | Picture | PictureFile
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Interactive:
+    """Panels that can be zoomed; the only block with a script.
+
+    Parameters
+    ----------
+    html : str
+        From `interactive.interactive_view`.
+    caption : str
+    """
+
+    html: str
+    caption: str
+
+
+Block = Text | Table | Picture | PictureFile | Interactive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -267,8 +282,10 @@ def render_report(report: Report) -> str:
         keep_trailing_newline=True,
     )
     provenance, figures = report.provenance, count(1)
+    blocks = [block for section in report.sections for block in section.blocks]
     return environment.get_template("report.html.j2").render(
         report=report,
+        interactive=any(isinstance(block, Interactive) for block in blocks),
         sections=[
             {"title": section.title, "blocks": [_prepared(block, figures) for block in section.blocks]}
             for section in report.sections
@@ -315,6 +332,8 @@ def _prepared(block: Block, numbers: Iterator[int]) -> dict[str, object]:
         case Picture():
             source = figure_uri(block.figure)
             return {"kind": "picture", "caption": block.caption, "source": source, "number": next(numbers)}
+        case Interactive():
+            return {"kind": "interactive", "caption": block.caption, "html": block.html}
         case PictureFile():
             source = _uri("image/png", block.path.read_bytes())
             return {"kind": "picture", "caption": block.caption, "source": source, "number": next(numbers)}

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from tendonff.compensator.files.quantities import TIME_UNITS, TIME_WORDS, Quantity, read_quantities
+from tendonff.compensator.files.quantities import ANGLE_UNITS, TIME_UNITS, TIME_WORDS, Quantity, read_quantities
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.courses import along_sines, along_waypoints
@@ -17,16 +17,21 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Transmission
 from tendonff.models.path import JointMotion, check_motion
 
-ANGLE_UNITS = {"rad": 1.0, "deg": math.pi / 180, "°": math.pi / 180}
+
+def moved(scenario: Scenario, end_s: float, *, periodic: bool = False) -> Transmission:
+    """The scenario's transmission with the motion of its joints until `end_s` [s], which repeats then or not."""
+    return replace(scenario.transmission, motion=sample_joints(scenario, end_s, periodic=periodic))
 
 
-def moved(scenario: Scenario, end_s: float) -> Transmission:
-    """The scenario's transmission with the motion of its joints until `end_s` [s]."""
-    return replace(scenario.transmission, motion=sample_joints(scenario, end_s))
-
-
-def sample_joints(scenario: Scenario, end_s: float) -> JointMotion | None:
+def sample_joints(scenario: Scenario, end_s: float, *, periodic: bool = False) -> JointMotion | None:
     """Angles of all joints at the steps of the run until `end_s` [s]; None where there are no joints.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    end_s : float
+    periodic : bool, optional
+        That is their period.
 
     Raises
     ------
@@ -40,7 +45,12 @@ def sample_joints(scenario: Scenario, end_s: float) -> JointMotion | None:
     time = np.arange(math.ceil(end_s / step - 1e-9) + 1, dtype=np.float64) * step
     folder = scenario.source.parent
     columns = [_angles(joint, name, time, folder, end_s) for name, joint in scenario.joints.items()]
-    motion = JointMotion(names=tuple(scenario.joints), time_s=time, angle_rad=np.column_stack(columns))
+    if periodic:
+        for (name, joint), column in zip(scenario.joints.items(), columns, strict=True):
+            _check_period(name, joint, column, end_s, file)
+            column[-1] = column[0]
+    names, period = tuple(scenario.joints), end_s if periodic else None
+    motion = JointMotion(names=names, time_s=time, angle_rad=np.column_stack(columns), period_s=period)
     lengths = [section.length_m for section in transmission.path.parts]
     total = None if any(length is None for length in lengths) else math.fsum(x for x in lengths if x is not None)
     try:
@@ -48,6 +58,17 @@ def sample_joints(scenario: Scenario, end_s: float) -> JointMotion | None:
     except ParameterError as error:
         raise InputError(f"{file}: {error}") from None
     return motion
+
+
+def _check_period(name: str, joint: Joint, angle_rad: FloatArray, period_s: float, file: str) -> None:
+    """Refuse a joint that is elsewhere after a period of the reference."""
+    off = abs(float(angle_rad[-1] - angle_rad[0]))
+    fades = isinstance(joint, SineJoint) and joint.fade_in_s > 0
+    if fades or off > 1e-6 * max(float(np.ptp(angle_rad)), 1e-9):
+        raise InputError(
+            f"{file} [joints.{name}]: the reference repeats after {period_s:g} s, the joint starts at "
+            f"{angle_rad[0]:.4g} rad and is at {angle_rad[-1]:.4g} rad then; give it whole periods and fade_in_s = 0"
+        )
 
 
 def _angles(joint: Joint, name: str, time_s: FloatArray, folder: Path, end_s: float) -> FloatArray:

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.compensators.motion import servo
-from tendonff.compensator.files.dialect import find_dialect
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.quantities import (
     FORCE_UNITS,
@@ -20,6 +19,7 @@ from tendonff.compensator.files.quantities import (
     read_quantities,
 )
 from tendonff.compensator.files.reading import FloatArray, InputError
+from tendonff.compensator.files.tables import table_dialect
 from tendonff.compensator.files.writing import open_csv
 from tendonff.compensator.scenario.joint_motion import moved
 from tendonff.compensator.scenario.plausibility import questions
@@ -87,7 +87,7 @@ def read_force(path: Path, column: str | None = None, drive: Drive = Drive.FORCE
     """
     word, unit, units = ("force", "N", FORCE_UNITS) if drive is Drive.FORCE else ("command", "m", LENGTH_UNITS)
     plain, usual = f"{word}_{unit}", f"{word}_optimal_{unit}"
-    names = find_dialect(path, ("time_s", plain, *([column] if column else []))).names
+    names = table_dialect(path, ("time_s", plain, *([column] if column else []))).names
     profiles = [name for name in names if re.fullmatch(rf"{word}_\w+_{unit}", name)]
     note: tuple[str, ...] = ()
     if column is None and plain not in names and usual in profiles:

@@ -1,13 +1,15 @@
 """`tendonff table`: make the tables of a scenario, and say how good they are."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.motion import with_motion
 from tendonff.compensator.compensators.score import SimulatedPlant, verify
 from tendonff.compensator.compensators.table import CompensationTable, table_of, table_range
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.scenario.joints import posed
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.tables.output import Tables
 from tendonff.compensator.tables.result import AngleTable
@@ -21,6 +23,7 @@ def make_tables(
     bound_N: float | None = None,
     angles_rad: Sequence[float] = (),
     rates_N_per_s: Sequence[float] = (),
+    pose_rad: Mapping[str, float] = MappingProxyType({}),
 ) -> Tables:
     """Tables over the axes that were asked for, and the scores of the scenario's own.
 
@@ -35,7 +38,10 @@ def make_tables(
         Wrap angles [rad], > 0; a further column of the file.
     rates_N_per_s : sequence of float, optional
         Rates of the reference [N/s], > 0; a further column of the file.
+    pose_rad : mapping of str to float, optional
+        Angles of joints that stand still for the table, by name [rad].
     """
+    scenario = posed(scenario, pose_rad) if pose_rad else scenario
     for name, values in (("angles", angles_rad), ("rates", rates_N_per_s)):
         for value in values:
             if not 0 < value < float("inf"):
@@ -45,8 +51,8 @@ def make_tables(
     if transmission.motion is not None and transmission.motion.moves:
         raise InputError(
             "no table can hold a path that moves: where the angle sits decides, not how much there is of it, and the "
-            "length changes too; use the exact inverse or the optimal profile of `tendonff design`, or hold the joints "
-            'with kind = "constant" for the table of one pose'
+            "length changes too; `tendonff export-c` gives an inverse that takes joint angles, and --pose NAME=ANGLE "
+            "(for each joint) the table of one pose"
         )
     own_angle, covered = transmission.path.total_angle_rad, table_range(problem)
     own = table_of(problem, bound_N=bound_N)
@@ -65,6 +71,7 @@ def make_tables(
     profile = with_motion(problem, "table", CompensationTable(own.table).profile(problem))
     scores = {on: verify(transmission, SimulatedPlant(level=on), "table", profile, reference).score for on in Level}
     options = {"level": level, "bound": bound_N, "angles": _listed(angles_rad), "rates": _listed(rates_N_per_s)}
+    options["pose"] = " --pose ".join(f"{name}={angle}" for name, angle in pose_rad.items())
     return Tables(
         scenario=scenario,
         level=problem.level,

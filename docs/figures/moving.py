@@ -1,37 +1,70 @@
-"""Sketch of a path in three sections, at two angles of the joint in its middle."""
+"""Errors on a finger whose joints move: what a design must know of the motion, measured on a finer chain."""
+
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from tendonff.compensator.reporting.plots import BLUE, GREEN, INK, VERMILION, figure_style, new_figure
+import tendonff as tf
+from tendonff.compensator.reporting.plots import BLUE, GREY, VERMILION, figure_style, new_figure
+from tendonff.compensator.scenario.joint_motion import moved
 
-RADIUS, ANGLES, STRAIGHT = 1.0, (1.2, 0.9, 0.6), 0.6
+SCENARIO = Path(__file__).resolve().parents[2] / "examples" / "finger_moving.toml"
+PLANT_MASSES = 60
 
 
-def path(joint_rad: float) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Points of each section for an angle of the joint."""
-    position, heading, sections = np.zeros(2), 0.0, []
-    for wrap in np.array(ANGLES) + np.array([0.0, joint_rad, 0.0]):
-        turn = heading + np.linspace(0, wrap, 40)
-        arc = position + RADIUS * np.column_stack([np.sin(turn) - np.sin(heading), np.cos(heading) - np.cos(turn)])
-        heading += wrap
-        end = arc[-1] + STRAIGHT * np.array([np.cos(heading), np.sin(heading)])
-        sections.append((arc, np.vstack([arc[-1], end])))
-        position = end
-    return sections
+def outputs() -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """Time, reference and the output tension on 60 masses of each design."""
+    scenario = tf.load_scenario(SCENARIO)
+    reference = tf.sample_reference(scenario)
+    wanted, step, start = reference.tension_N, reference.step_s, reference.initial_tension_N
+    moving = moved(scenario, float(reference.time_s[-1]))
+    sections = tuple(replace(section, length_per_rad_m=0.0) for section in moving.path.sections)
+    angles_only = replace(moving, path=replace(moving.path, sections=sections))
+    plant = tf.Chain.of(moving, scenario.run.level, PLANT_MASSES)
+
+    def force(chain: tf.Chain) -> np.ndarray:
+        return tf.invert(chain, wanted, step, initial_tension_N=start).force_N
+
+    def chain(transmission: tf.Transmission, masses: int = 12) -> tf.Chain:
+        return tf.Chain.of(transmission, scenario.run.level, masses)
+
+    forces = {"none": wanted, "at rest": force(chain(moving).at_rest()), "angles only": force(chain(angles_only))}
+    forces |= {f"{n} masses": force(chain(moving, n)) for n in (6, 12, 24)}
+    found = {
+        name: tf.simulate(plant, each, step, initial_tension_N=start).output_tension_N for name, each in forces.items()
+    }
+    return reference.time_s, wanted, found
+
+
+def errors_percent() -> dict[str, float]:
+    """RMS error of each design, % of the reference's range: the table of the page."""
+    _, wanted, found = outputs()
+    return {
+        name: float(100 * np.sqrt(np.mean((output - wanted) ** 2)) / np.ptp(wanted)) for name, output in found.items()
+    }
 
 
 def draw() -> Figure:
     """Draw the figure."""
+    time, wanted, found = outputs()
+    scenario = tf.load_scenario(SCENARIO)
+    motion = moved(scenario, float(time[-1])).motion
     with figure_style():
-        figure, axes = new_figure(1, 2, height_in=3.0)
-        for panel, joint in zip(axes[0], (-0.6, 0.6), strict=True):
-            sections = zip(path(joint), (BLUE, VERMILION, GREEN), strict=True)
-            for wrap, ((arc, straight), colour) in zip((1.2, 0.9 + joint, 0.6), sections, strict=True):
-                panel.plot(*arc.T, color=colour, linewidth=4)
-                panel.plot(*straight.T, color=INK, linewidth=1)
-                panel.annotate(f"{wrap:.1f} rad", arc[20], textcoords="offset points", xytext=(10, -10), color=colour)
-            panel.set(aspect="equal", title=f"joint at {joint:+.1f} rad".replace("-", "\N{MINUS SIGN}"))
-            panel.set(xlim=(-1.2, 3.2), ylim=(-0.5, 3.2))
-            panel.axis("off")
+        figure, axes = new_figure(3, 1, height_in=5.4, share_x=True)
+        joints, tension, error = axes[:, 0]
+        for name, angle, style in zip(motion.names, motion.at(time).T, ("-", "--"), strict=True):
+            joints.plot(time, angle, style, color=GREY, label=name)
+        joints.set(ylabel="joint angle [rad]")
+        joints.legend(loc="upper right", ncols=2)
+        looks = {"none": (GREY, ":"), "at rest": (VERMILION, "--"), "12 masses": (BLUE, "-")}
+        names = {"none": "no compensation", "at rest": "designed for the path at rest", "12 masses": "motion known"}
+        for name, (colour, style) in looks.items():
+            tension.plot(time, found[name], style, color=colour, label=names[name])
+            error.plot(time, found[name] - wanted, style, color=colour)
+        tension.plot(time, wanted, color="black", linewidth=0.8, label="reference")
+        tension.set(ylabel="output tension [N]")
+        error.set(ylabel="error [N]", xlabel="time [s]")
+        figure.legend(*tension.get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return figure

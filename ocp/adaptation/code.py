@@ -11,20 +11,21 @@ import numpy as np
 
 from tendonff.models.chain import Chain
 from tendonff.models.elements import Whole, whole_of
-from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import fields_of
 from tendonff.models.parameters import Transmission
-from tendonff.ocp.adaptation.recursion import covariance_names, update_law
-from tendonff.ocp.adaptation.tuning import GATE, MAX_DELAY, Tunable
-from tendonff.ocp.codegen.compiler import load_library
+from tendonff.ocp.adaptation.recursion import covariance_names, trust_law, update_law
+from tendonff.ocp.adaptation.tuning import GATE, MAX_DELAY, PEAK, Tunable
+from tendonff.ocp.codegen.compiler import find_compiler, load_library
 from tendonff.ocp.codegen.law import Law
-from tendonff.ocp.codegen.partial_evaluation import Specialiser
+from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal, real_type
+from tendonff.ocp.errors import CodeError
 from tendonff.ocp.step.c_engine import PREFIX, host_source
 from tendonff.ocp.step.laws import ElementLaws
 from tendonff.ocp.step.protocol import Array
+from tendonff.ocp.step.render import law_calls
 
 _TEMPLATES = jinja2.Environment(  # noqa: S701 - C, not HTML
     loader=jinja2.PackageLoader("tendonff.ocp.adaptation"),
@@ -43,6 +44,7 @@ _SCALED: dict[Tunable, tuple[str, ...]] = {
         "second_relaxing_stiffness_N_per_m",  # where the tendon has one
     ),
 }
+_OF_SECTIONS = _FRICTION[0] + _FRICTION[1]
 LOAD_STIFFNESS = "far_stiffness_N_per_m"
 
 
@@ -62,13 +64,6 @@ class TunedChain:
     whole: Whole
     chain: Chain
     parameters: tuple[Tunable, ...]
-
-    def __post_init__(self) -> None:
-        if self.chain.moving:
-            raise ParameterError(
-                "[adaptation] needs a path of one section at rest: friction of sections or of a path that moves cannot "
-                "be tuned yet; leave [adaptation] out, or describe the path by total_angle_rad"
-            )
 
     @classmethod
     def of(
@@ -97,17 +92,28 @@ class TunedChain:
         factors : mapping of Tunable to float or ca.SX
         """
         known = fields_of(self.whole.friction) | fields_of(self.whole.link)
-        names = ((name, f) for key, f in factors.items() for name in _SCALED.get(key, ()) if name in known)
-        values = {name: f * known[name] for name, f in names}
+        scales = {n: f for key, f in factors.items() for n in _SCALED.get(key, ()) if n in known}
+        own = self.chain.moving  # then sections may have friction of their own
+        values = {n: f * known[n] for n, f in scales.items() if not (own and n in _OF_SECTIONS)}
         far = self.chain.far
         if Tunable.LOAD_STIFFNESS in factors:
             far = replace(far, stiffness_N_per_m=factors[Tunable.LOAD_STIFFNESS] * far.stiffness_N_per_m)
-        return replace(self.chain, elements=self.whole.changed(values).divided(self.chain.count), far=far)
+        elements = self.whole.changed(values).divided(self.chain.count, self.chain.motion)
+        if own and (mus := {n: f * getattr(elements.contact, n) for n, f in scales.items() if n in _OF_SECTIONS}):
+            path, contact = elements.path, replace(elements.contact, **mus)  # type: ignore[type-var]
+            phi = path.at().angle_rad[0]
+            share = phi / path.total_angle_rad if path.total_angle_rad > 0 else path.length_share
+            friction = contact.on_piece(phi, share, path.length_share)
+            elements = replace(elements, contact=contact, friction=friction)
+        return replace(self.chain, elements=elements, far=far)
 
     def retuned_numbers(self) -> tuple[Law, tuple[str, ...]]:
         """The chain's numbers that follow the factors, with their slopes; and their names."""
         factors = [ca.SX.sym(f"f{k}") for k in range(len(self.parameters))]
-        symbolic = self.with_factors(dict(zip(self.parameters, factors, strict=True))).numbers()
+        known = dict(zip(self.parameters, factors, strict=True))
+        if self.chain.moving:  # friction is the masses' own: see `own_slopes`
+            known = {key: f for key, f in known.items() if not set(_SCALED.get(key, ())) & set(_OF_SECTIONS)}
+        symbolic = self.with_factors(known).numbers()
         every = ca.vertcat(*factors)
         found = {name: ca.SX(value) for name, value in symbolic.items()}
         names = tuple(name for name, value in found.items() if ca.depends_on(value, every))
@@ -116,6 +122,31 @@ class TunedChain:
         comment = "Numbers of the chain that are tuned, and their slopes over the factors."
         return Law(name="retuned_numbers", comment=comment, inputs=tuple(factors), outputs=outputs), names
 
+    def scaled_rows(self) -> list[tuple[int, int]]:
+        """Rows of `Chain.of_masses` that carry a factor, with its place among the parameters."""
+        of_masses = list(self.chain.of_masses())
+        return [
+            (of_masses.index(f"contact_{name}"), k)
+            for k, key in enumerate(self.parameters)
+            for name in _SCALED.get(key, ())
+            if name in _OF_SECTIONS
+        ]
+
+    def own_slopes(self) -> Law:
+        """Change of a mass's friction with each factor, from its scaled coefficients and its wrap angle."""
+        law = ElementLaws.of(self.chain).contact({})
+        factors = [ca.SX.sym(f"f{k}") for k in range(len(self.parameters))]
+        by_name = {symbol.name(): symbol for symbol in law.inputs}
+        outputs = {}
+        for k, key in enumerate(self.parameters):
+            for name, value in law.outputs.items():
+                mus = [by_name[f"contact_{n}"] for n in _SCALED.get(key, ()) if n in _OF_SECTIONS]
+                slope = sum((ca.jacobian(value, mu) * mu for mu in mus), start=ca.SX(0)) / factors[k]
+                if not slope.is_zero():
+                    outputs[f"{name}_by_f{k}"] = slope
+        comment = "Change of friction on a piece with the tuned factors."
+        return Law(name="own_slopes", comment=comment, inputs=(*law.inputs, *factors), outputs=outputs)
+
     def rest(self, tension_N: float) -> Array:
         """State at rest of the model beside the rig: q_l = 0, where the load's spring has the tension of the start.
 
@@ -123,7 +154,19 @@ class TunedChain:
         ----------
         tension_N : float
         """
-        return self.chain.rest_state(tension_N, -tension_N / self.chain.far.stiffness_N_per_m).vector()
+        return rest_on_spring(self.chain, tension_N)
+
+
+def rest_on_spring(chain: Chain, tension_N: float) -> Array:
+    """State at rest with q_l = 0, where the load's spring has the tension of the start, or a joint holds the far end.
+
+    Parameters
+    ----------
+    chain : Chain
+    tension_N : float
+    """
+    anchor = 0.0 if chain.far_joint is not None else -tension_N / chain.far.stiffness_N_per_m
+    return chain.rest_state(tension_N, anchor).vector()
 
 
 def rest_statements(at_zero: Array, at_one: Array, array: str, precision: Precision) -> str:
@@ -175,6 +218,7 @@ def tuner_context(tuned: TunedChain, precision: Precision, *, prefix: str, past:
         "entries": len(covariance_names(len(tuned.parameters))),
         "past": past,
         "gate": GATE,
+        "peak": PEAK,
         "reals": layout.size,
         "masses": chain.count,
         "numbers": list(chain.numbers()),
@@ -192,6 +236,9 @@ def tuner_context(tuned: TunedChain, precision: Precision, *, prefix: str, past:
         "q_a": layout.part("q_a").start,
         "q_l": layout.part("q_l").start,
         "rest": lambda array: rest_statements(zero, one, array, precision),
+        "moving": chain.moving,
+        "far_driven": chain.far_joint is not None,
+        "inverse_argument": "",
     }
 
 
@@ -202,7 +249,10 @@ def tuner_laws(tuned: TunedChain) -> tuple[Law, ...]:
     ----------
     tuned : TunedChain
     """
-    return update_law(len(tuned.parameters)), tuned.retuned_numbers()[0]
+    count = len(tuned.parameters)
+    numbers = tuned.retuned_numbers()[0]
+    own = (tuned.own_slopes(),) if tuned.chain.moving else ()
+    return update_law(count), trust_law(count), *((numbers,) if numbers.outputs else ()), *own
 
 
 def render_tuner(template: str, context: Mapping[str, object]) -> str:
@@ -222,7 +272,7 @@ def _host_text(tuned: TunedChain) -> str:
     every = (*laws.simulation(), *laws.inverse(), *laws.tangent())
     scheme = host_source(chain, every, ("kernel.c.j2", "inverse.c.j2", "weigh.c.j2", "tangent.c.j2"))
     printer = Specialiser(prefix=PREFIX, precision=precision, parameters={})
-    own = [printer.fold(law).code for law in tuner_laws(tuned)]
+    own = {law.name: printer.fold(law) for law in tuner_laws(tuned)}
     zero, one = (chain.rest_state(value).vector() for value in (0.0, 1.0))
     gain = f"{PREFIX}_link_gain({', '.join(_gain_arguments(laws))}, &rows[k].gain)"
     context = tuner_context(tuned, precision, prefix=PREFIX, past=MAX_DELAY) | {
@@ -238,8 +288,30 @@ def _host_text(tuned: TunedChain) -> str:
         "work": "&work_area",
         "plant_q_a": "(({} * n) + {})".format(*chain.layout.offset("q_a")),
     }
+    if chain.moving:
+        context |= _moving_context(tuned, own["own_slopes"]) | {"inverse_argument": ", double *inverse_memory"}
     templates = [render_tuner(name, context) for name in ("tuner.h.j2", "tuner.c.j2", "tuner_host.c.j2")]
-    return "\n".join([scheme, *own, *templates])
+    return "\n".join([scheme, *(law.code for law in own.values()), *templates])
+
+
+def _moving_context(tuned: TunedChain, own_slopes: SpecialisedLaw) -> dict[str, object]:
+    of_masses, layout = list(tuned.chain.of_masses()), tuned.chain.layout
+
+    def per_mass(name: str) -> str:
+        return f"c->of_masses[({of_masses.index(name)} * n) + i]"
+
+    known = {name: per_mass(name) for name in of_masses} | {"angle_rad": "angle_rad", "angle_share": "angle_share"}
+    known |= {f"f{k}": f"self->f[{k}]" for k in range(len(tuned.parameters))} | {"length_share": "length_share"}
+    known |= {name: f"&{name}" for name in own_slopes.outputs}
+    return {
+        "of_masses": of_masses,
+        "friction": [name for name in tuned.chain.numbers() if name.startswith("friction_")],
+        "friction_at": [(name, layout.part(name).start) for name in layout.friction_states],
+        "scaled_rows": tuned.scaled_rows(),
+        "per_mass": per_mass,
+        "own_outputs": own_slopes.outputs,
+        "own_call": law_calls(PREFIX, {"own_slopes": own_slopes})("own_slopes", known),
+    }
 
 
 def _gain_arguments(laws: ElementLaws) -> list[str]:
@@ -257,7 +329,6 @@ def _loaded(text: str) -> ctypes.CDLL:
     return library
 
 
-@functools.lru_cache(maxsize=32)
 def host_library(tuned: TunedChain) -> ctypes.CDLL:
     """The compiled tuner of the host; double.
 
@@ -270,4 +341,14 @@ def host_library(tuned: TunedChain) -> ctypes.CDLL:
     CodeError
         If no C compiler works here.
     """
+    if find_compiler() is None:
+        raise CodeError(
+            "self-tuning runs as compiled C only, and no C compiler works here; `pip install ziglang` brings one "
+            "(whatever has no [adaptation] works without, several times slower)"
+        )
+    return _loaded(_host_text(tuned)) if tuned.chain.moving else _cached(tuned)
+
+
+@functools.lru_cache(maxsize=32)
+def _cached(tuned: TunedChain) -> ctypes.CDLL:
     return _loaded(_host_text(tuned))

@@ -3,6 +3,10 @@
 The measured quantity is predicted by a model that is driven by the applied force; `s` is its derivative with respect
 to the tuned factors. A sample counts by the share `weight` of full speed at which the prediction moves: friction does
 not depend on rate, so a sample at rest repeats what is known, and nothing moves there, the covariance included.
+
+`level` is the mean square of what stays unexplained, relative to that of a good model. A wrong model's errors repeat
+with the reference, so they are averaged over a longer past (forgetting goes down with the level), and an estimate
+counts only as far as it stands out from what they alone could make of it.
 """
 
 import casadi as ca
@@ -11,6 +15,18 @@ from tendonff.ocp.codegen.law import Law
 
 CLIP = 3.0
 """Innovations count up to so many standard deviations."""
+
+KNOWN = 1.0
+"""Variances of the prediction within which an error is explained by what the factors may be."""
+
+LEAST, MOST = 0.03, 1e4
+"""Bounds of what is unexplained, as a square of errors of a good model."""
+
+TRUST = 6.0
+"""Squared standard deviations by which an estimate must stand out before it counts."""
+
+CURVED = 5.0
+"""Relative growth of the covariance for a factor that moves by 1: the slopes of the way there were others."""
 
 
 def _indexed(name: str, count: int) -> list[ca.SX]:
@@ -28,6 +44,43 @@ def covariance_names(count: int) -> tuple[str, ...]:
     return tuple(f"P{i}{j}" for i in range(count) for j in range(i + 1))
 
 
+def _covariance(count: int) -> tuple[dict[str, ca.SX], list[list[ca.SX]]]:
+    entries = {name: ca.SX.sym(name) for name in covariance_names(count)}
+    return entries, [[entries[f"P{max(i, j)}{min(i, j)}"] for j in range(count)] for i in range(count)]
+
+
+def trust_law(count: int) -> Law:
+    """How far to go from the safe values to the estimates.
+
+    Parameters
+    ----------
+    count : int
+        Tuned factors, 1 or 2.
+
+    Returns
+    -------
+    Law
+        `share` is 1 - (TRUST/D^2)^2, not below 0, where D is the distance in standard deviations, with the covariance
+        at the present level; times 1 - (level/lost)^2, not below 0.
+    """
+    d, (entries, P) = _indexed("d", count), _covariance(count)
+    level, lost = ca.SX.sym("level"), ca.SX.sym("lost")
+    if count == 1:
+        have, unit = d[0] * d[0], P[0][0]
+    else:
+        have = d[0] * d[0] * P[1][1] + d[1] * d[1] * P[0][0] - 2 * d[0] * d[1] * P[1][0]
+        unit = P[0][0] * P[1][1] - P[1][0] * P[1][0]
+    need = TRUST * level * unit
+    doubt, wrong = need / ca.fmax(have, need), level / lost
+    share = (1 - doubt * doubt) * ca.fmax(1 - wrong * wrong, 0)
+    return Law(
+        name="tuning_trust",
+        comment="Share of the way from the safe values to the estimates.",
+        inputs=(*d, *entries.values(), level, lost),
+        outputs={"share": share},
+    )
+
+
 def update_law(count: int) -> Law:
     """Factors and covariance after one measurement.
 
@@ -39,32 +92,39 @@ def update_law(count: int) -> Law:
     Returns
     -------
     Law
-        `spread` is the variance of the prediction that the factors' covariance explains.
+        `mean_new` is the mean of `e` over a short time, in units of `deviation`; `surprise` is the part of its square
+        that the factors' covariance does not explain, within LEAST and MOST.
     """
-    e, w, R, deviation, drift, start, low, high = (
-        ca.SX.sym(name) for name in ("e", "weight", "R", "deviation", "drift", "start", "low", "high")
+    e, w, mean, quick, level = (ca.SX.sym(name) for name in ("e", "weight", "mean", "quick", "level"))
+    R, deviation, drift, start, low, high = (
+        ca.SX.sym(name) for name in ("R", "deviation", "drift", "start", "low", "high")
     )
-    s, f = _indexed("s", count), _indexed("f", count)
-    entries = {name: ca.SX.sym(name) for name in covariance_names(count)}
-    P = [[entries[f"P{max(i, j)}{min(i, j)}"] for j in range(count)] for i in range(count)]
+    s, f, (entries, P) = _indexed("s", count), _indexed("f", count), _covariance(count)
 
     Ps = [sum((P[i][j] * s[j] for j in range(count)), start=ca.SX(0)) for i in range(count)]
     spread = sum((s[i] * Ps[i] for i in range(count)), start=ca.SX(0))
-    limit = CLIP * ca.sqrt(spread + deviation * deviation)
+    variance = deviation * deviation
+    limit = CLIP * ca.sqrt(spread + level * variance)
     clipped = ca.fmax(ca.fmin(e, limit), -limit)
     share = w / (w * spread + R)
     gain = [share * p for p in Ps]
     new = [ca.fmax(ca.fmin(f[i] + gain[i] * clipped, high), low) for i in range(count)]
 
-    after = [[P[i][j] - gain[i] * Ps[j] + (w * drift if i == j else 0) for j in range(count)] for i in range(count)]
+    grown = 1 + CURVED * ca.fabs(clipped) * sum((ca.fabs(g) for g in gain), start=ca.SX(0))
+    after = [
+        [grown * (P[i][j] - gain[i] * Ps[j]) + (w * drift / level if i == j else 0) for j in range(count)]
+        for i in range(count)
+    ]
     most = start * start
     # Where forgetting would carry a variance beyond that of the start, row and column are scaled back.
     scale = [ca.sqrt(most / ca.fmax(after[i][i], most)) for i in range(count)]
     outputs = {f"f{i}_new": new[i] for i in range(count)}
     outputs |= {f"P{i}{j}_new": after[i][j] * scale[i] * scale[j] for i in range(count) for j in range(i + 1)}
+    found = mean + (e / deviation - mean) * w * quick
+    surprise = ca.fmin(ca.fmax(found * found - KNOWN * spread / variance, LEAST), MOST)
     return Law(
         name="tuning_update",
         comment="Recursive Gauss-Newton step with forgetting; the weight is the gate.",
-        inputs=(e, w, *s, *f, *entries.values(), R, deviation, drift, start, low, high),
-        outputs=outputs | {"spread": spread},
+        inputs=(e, w, *s, *f, *entries.values(), mean, quick, level, R, deviation, drift, start, low, high),
+        outputs=outputs | {"mean_new": found, "surprise": surprise},
     )

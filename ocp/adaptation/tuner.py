@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
-from tendonff.ocp.adaptation.code import TunedChain, host_library
+from tendonff.ocp.adaptation.code import TunedChain, host_library, rest_on_spring
 from tendonff.ocp.adaptation.tuning import Sensor, Tuning
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.step.c_engine import chain_struct, pointer
+from tendonff.ocp.step.c_engine import chain_struct, places_of, pointer
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.limits import ForceLimits
 
@@ -25,7 +25,8 @@ class TunerStatus(IntFlag):
     LIMITED
         The actuator's limits changed the force.
     FROZEN
-        The model does not explain the measurement: the last safe values hold until a rest.
+        The model does not explain the measurement: estimates count no more than they stand out from what is left
+        unexplained; otherwise the last safe values hold.
     AT_BOUND
         A factor is at an end of its range.
     """
@@ -37,7 +38,7 @@ class TunerStatus(IntFlag):
 
 REALS = (
     *("lowest", "highest", "variance", "deviation", "full_speed", "drift_variance", "start_deviation", "slew"),
-    *("watch_limit", "watch_samples"),
+    *("quick", "slow", "watch_level", "lost_level", "hold_travel"),
 )
 """Fields of `Tuning` that the C record takes as reals, in its order."""
 
@@ -47,7 +48,6 @@ class _TuningStruct(ctypes.Structure):
         ("sensor", ctypes.c_int),
         ("delay", ctypes.c_int),
         *((name, ctypes.c_double) for name in REALS),
-        ("hold_samples", ctypes.c_int),
         ("rest_samples", ctypes.c_int),
         ("integral_gain", ctypes.c_double),
     )
@@ -77,7 +77,8 @@ class TunedRun:
     force_N, tension_N : ndarray, shape (n,)
         Force of the actuator and output tension of the rig at the end of the step.
     factors, deviation : ndarray, shape (n, parameters)
-        Estimates as factors on the scenario's values, and their standard deviations.
+        Estimates as factors on the scenario's values, as far as they count, and the standard deviations of what was
+        learnt.
     slopes : ndarray, shape (n, parameters)
         Change of the predicted measurement with each factor.
     moved : ndarray, shape (n,)
@@ -85,7 +86,7 @@ class TunedRun:
     measured : ndarray, shape (n,)
         What the tuner was given at the beginning of the step, unit of the sensor.
     residual : ndarray, shape (n,)
-        Mean size of what the model does not explain, unit of the sensor.
+        RMS of what the model does not explain, unit of the sensor; at least that of a good model.
     status : ndarray of int, shape (n,)
         Bits of `TunerStatus`.
     """
@@ -128,9 +129,8 @@ class SimulatedRig:
     """
 
     def __init__(self, chain: Chain, step_s: float, substeps: int, initial_tension_N: float) -> None:
-        rest = -initial_tension_N / chain.far.stiffness_N_per_m  # q_l = 0 where the spring has this tension
-        self.chain = chain
-        self.x = chain.rest_state(initial_tension_N, rest).vector()
+        self.chain, self.rows = chain, 0
+        self.x = rest_on_spring(chain, initial_tension_N)
         self.x_old = self.x.copy()
         start = float(self.x[chain.layout.part("q_a")][0])
         self.struct = _RigStruct(step_s / substeps, substeps, 1, initial_tension_N, start, initial_tension_N)
@@ -176,26 +176,29 @@ class SelfTuner:
                 f"got {', '.join(tuned.parameters)}"
             )
         self._library, self._count, self._tuning = host_library(tuned), len(tuning.parameters), tuning
+        self._chain, self._step_s, self._rows = tuned.chain, step_s, 0
+        self._numbers = chain_struct(tuned.chain)  # the tuner points at what differs from mass to mass
         self._struct = _TuningStruct(
             int(tuning.sensor is Sensor.ACTUATOR_POSITION),
             tuning.delay_samples,
             *(getattr(tuning, name) for name in REALS),
-            tuning.hold_samples,
             tuning.rest_samples,
             tuning.integral_gain,
         )
         change = limits.rate_N_per_s * step_s
         self._limits = _LimitsStruct(limits.minimum_N, limits.maximum_N, change)
-        self._memory = np.empty(self._library.tff_work_reals(ctypes.c_int(tuned.chain.count)))
+        self._memory = np.empty(2 * self._library.tff_work_reals(ctypes.c_int(tuned.chain.count)))
         self._state = ctypes.create_string_buffer(self._library.tff_tuner_bytes())
         first = 0.0 if tuning.sensor is Sensor.ACTUATOR_POSITION else initial_tension_N
         self._late = np.full(tuning.delay_samples + 1, first)
+        places = places_of(tuned.chain, 0.0, step_s, 0)
         self._library.tff_tuner_begin(
             self._state,
-            ctypes.byref(chain_struct(tuned.chain)),
+            ctypes.byref(self._numbers),
             ctypes.c_double(step_s),
             ctypes.byref(self._struct),
             ctypes.c_double(initial_tension_N),
+            *map(pointer, places),
         )
 
     def step(self, reference_N: float, measured: float) -> float:
@@ -208,6 +211,8 @@ class SelfTuner:
         measured : float
             Last measurement: output tension [N], or actuator position relative to the start [m].
         """
+        self._rows += 1
+        places = places_of(self._chain, (self._rows + 1) * self._step_s, self._step_s, 0)  # begins with this row
         return float(
             self._library.tff_tuner_step(
                 self._state,
@@ -216,6 +221,7 @@ class SelfTuner:
                 ctypes.c_double(reference_N),
                 ctypes.c_double(measured),
                 pointer(self._memory),
+                *map(pointer, places),
             )
         )
 
@@ -274,6 +280,13 @@ class SelfTuner:
         factors, deviation, slopes = (np.empty((rows, count)) for _ in range(3))
         status = np.zeros(rows, dtype=np.intc)
         memory = np.empty(self._library.tff_work_reals(ctypes.c_int(rig.chain.count)))
+        fine = rig.struct.step_s
+        places = [
+            *places_of(self._chain, self._rows * self._step_s, self._step_s, rows),
+            *places_of(rig.chain, rig.rows * self._step_s, fine, rows * rig.struct.substeps),
+        ]
+        if len(places) == 1:
+            raise ParameterError("rig and tuner must both be on a path that moves, or neither; give both the same path")
         done = self._library.tff_tuner_run(
             self._state,
             ctypes.byref(self._struct),
@@ -298,7 +311,10 @@ class SelfTuner:
             pointer(residual),
             pointer(measured),
             ctypes.c_void_p(status.ctypes.data),
+            *(pointer(table) for table in places),
         )
+        self._rows += rows
+        rig.rows += rows
         if done < rows:
             raise SolveError(
                 f"the simulated rig failed in step {done}: its chain did not converge; "

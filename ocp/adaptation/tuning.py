@@ -12,16 +12,21 @@ MAX_DELAY = 64
 # Found by the study in docs/adaptation.md; shares are of the range that the measured quantity covers.
 MODEL_ERROR_SHARE = 0.005
 WATCH_SHARE = 0.035
+LOST_SHARE = 0.07
 FULL_SPEED_PER_S = 0.3
-CORRELATION_S = 0.05
-DRIFT_PER_S = 3e-3
+CORRELATION_S = 0.5
+DRIFT_PER_S = 1e-3
 START_DEVIATION = 0.3
 SLEW_PER_S = 2.0
-WATCH_S = 0.1
-HOLD_S = 0.5
+QUICK_S = 0.02
+SLOW_S = 0.5
+HOLD_SPANS = 2.0
 REST_S = 0.3
 GATE = 0.01
 """Share of full speed below which nothing is learnt."""
+
+PEAK = 1.5
+"""What is unexplained over `QUICK_S` counts where it is so many times its mean over `SLOW_S`."""
 
 
 class Sensor(StrEnum):
@@ -117,10 +122,16 @@ class Tuning:
         Standard deviation of a factor at the start, and the largest later on [-].
     slew : float
         Largest change of the inverse's factors per sample [-].
-    watch_limit : float
-        Mean residual at which the model counts as wrong, unit of the sensor.
-    watch_samples, hold_samples, rest_samples : int
-        Samples of the mean residual, of an estimate before it counts as safe, and of a rest that allows a new start.
+    quick, slow : float
+        Shares by which the mean of the error, and that of what is unexplained of it, follow a sample at full speed [-].
+    watch_level : float
+        Mean square of what is unexplained at which the model counts as wrong, in squares of `deviation` [-].
+    lost_level : float
+        Where it says nothing any more.
+    hold_travel : float
+        Path of the prediction over which an estimate must hold before it counts as safe, unit of the sensor.
+    rest_samples : int
+        Samples of a rest that allows a new start.
     integral_gain : float
         Share of the logarithmic error that is integrated per sample [-]; 0 for none.
     noise, span, step_s : float
@@ -138,9 +149,11 @@ class Tuning:
     drift_variance: float
     start_deviation: float
     slew: float
-    watch_limit: float
-    watch_samples: int
-    hold_samples: int
+    quick: float
+    slow: float
+    watch_level: float
+    lost_level: float
+    hold_travel: float
     rest_samples: int
     integral_gain: float
     noise: float
@@ -213,9 +226,11 @@ class Tuning:
             drift_variance=DRIFT_PER_S * step_s,
             start_deviation=START_DEVIATION,
             slew=SLEW_PER_S * step_s,
-            watch_limit=WATCH_SHARE * span + 2 * noise,
-            watch_samples=max(round(WATCH_S / step_s), 1),
-            hold_samples=max(round(HOLD_S / step_s), 1),
+            quick=min(step_s / QUICK_S, 1.0),
+            slow=min(step_s / SLOW_S, 1.0),
+            watch_level=((WATCH_SHARE * span + 2 * noise) / deviation) ** 2,
+            lost_level=((LOST_SHARE * span + 2 * noise) / deviation) ** 2,
+            hold_travel=HOLD_SPANS * span,
             rest_samples=max(round(REST_S / step_s), 1),
             integral_gain=integral_gain_per_s * step_s,
             noise=noise,

@@ -75,6 +75,8 @@ class Specialiser:
         Value of each known argument for each weight H.
     reorder : bool, optional
         Fewer operations at the price of other roundings.
+    functions : mapping of int to str, optional
+        Names, after the prefix, of functions to call for operations of a CasADi tape instead of those of the library.
     floors : mapping of str to float, optional
         Lower bounds that the caller keeps, by name of the argument: maxima with what is not above them go.
     """
@@ -83,6 +85,7 @@ class Specialiser:
     precision: Precision
     parameters: Mapping[str, Values]
     reorder: bool = False
+    functions: Mapping[int, str] = field(default_factory=dict)
     floors: Mapping[str, float] = field(default_factory=dict)
     coefficients: dict[str, Values] = field(default_factory=dict)
 
@@ -157,6 +160,8 @@ class Specialiser:
             if node.op == SELECT:
                 which, yes, no = node.operands
                 return f"{condition_of(which)} ? {text_of(yes)} : {text_of(no)}"
+            if (own := self.functions.get(node.op or 0)) is not None:
+                return f"{self.prefix}_{own}({', '.join(map(text_of, node.operands))})"
             known = operator(node.op or 0, law.name)
             operands = [condition_of(o) if known.of_conditions else text_of(o) for o in node.operands]
             return known.text.format(*operands, f=suffix, **constants)

@@ -22,6 +22,7 @@ from tendonff.models.chain import Chain
 from tendonff.models.elements import Whole, whole_of
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
+from tendonff.models.path import JointMotion
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.sensitivity import Parameter, force_sensitivity, parameter_sensitivity
 from tendonff.ocp.simulate import simulate
@@ -31,6 +32,7 @@ Array = NDArray[np.float64]
 NEAR_MASS_KG = 1e-6
 LEAD_IN_S = 0.4
 LEAST_TENSION_N = 1e-6
+_DIFFERENCE = 1e-4  # of a parameter
 
 
 class DynamicParameter(StrEnum):
@@ -95,11 +97,14 @@ class Drive:
     step_s : float
     first_output_N : float
         Output at the first sample, as the cell read it.
+    motion : JointMotion or None
+        Joint angles, from the first sample on; they stand still before it.
     """
 
     input_N: Array
     step_s: float
     first_output_N: float
+    motion: JointMotion | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -177,11 +182,11 @@ class ChainModel:
         direct = {name.value: values[k] for k, name in _DIRECT.items()}
         return whole_of(self.transmission, self.level).changed({name.value: mu for name, mu in mus} | direct)
 
-    def chain(self, whole: Whole) -> Chain:
+    def chain(self, whole: Whole, motion: JointMotion | None = None) -> Chain:
         """The chain with a massless near end."""
-        chain = Chain.of(self.transmission, self.level, self.count)
+        chain = Chain.of(replace(self.transmission, motion=motion), self.level, self.count)
         near = End(mass_kg=NEAR_MASS_KG, damping_N_s_per_m=0.0, stiffness_N_per_m=0.0)
-        return replace(chain, elements=whole.divided(self.count), near=near)
+        return replace(chain, elements=whole.divided(self.count, motion), near=near)
 
     def respond(
         self, values: Mapping[DynamicParameter, float], drive: Drive, over: Sequence[DynamicParameter] = ()
@@ -201,8 +206,11 @@ class ChainModel:
             If the simulation fails.
         """
         whole = self.whole(values)
-        chain = self.chain(whole)
         force, step, lead, thin, refine, rest = self._force(values, drive)
+        motion = drive.motion and replace(drive.motion, time_s=drive.motion.time_s + lead * step)
+        chain = self.chain(whole, motion)
+        if over and chain.moving:
+            return self._differences(values, drive, over)
         if not over:
             run = simulate(chain, force, step, initial_tension_N=rest).require()
             output, near, far = run.output_tension_N, run.near_position_m, run.far_position_m
@@ -228,6 +236,27 @@ class ChainModel:
             elongation_slopes=sampled(slopes[:, 1]),
             near_slopes=sampled(slopes[:, 2]),
         )
+
+    def _differences(
+        self, values: Mapping[DynamicParameter, float], drive: Drive, over: Sequence[DynamicParameter]
+    ) -> ChainResponse:
+        """Derivatives by differences: compiled runs of a chain whose masses differ cost less than its exact slopes."""
+        middle = self.respond(values, drive)
+        slopes = []
+        for name in over:
+            step = _DIFFERENCE * (abs(values[name]) or 1.0)
+            above = self.respond({**values, name: values[name] + step}, drive)
+            # what is zero may not fall below it
+            below = self.respond({**values, name: values[name] - step}, drive) if values[name] else middle
+            width = (2 if values[name] else 1) * step
+            slopes.append(
+                [
+                    (getattr(above, channel) - getattr(below, channel)) / width
+                    for channel in ("output_N", "elongation_m", "near_m")
+                ]
+            )
+        output, elongation, near = (np.stack([each[k] for each in slopes], axis=1) for k in range(3))
+        return replace(middle, output_slopes=output, elongation_slopes=elongation, near_slopes=near)
 
     def _force(
         self, values: Mapping[DynamicParameter, float], drive: Drive

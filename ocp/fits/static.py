@@ -2,7 +2,8 @@
 
 Two questions about the same friction on the path::
 
-    output from input    T_out is the play of T_in: one driven end, the load moves only with the tendon.
+    output from input    T_out is the play of T_in: one driven end, the load moves only with the tendon. Spread
+                         bounds: the mean of several plays (generalised Prandtl-Ishlinskii operator).
     input from output    T_in is T_out plus the friction of a bristle that the measured motion of the input end strains:
                          the output tension may be imposed by anything. One element carries the whole wrap angle, so
                          that in gross sliding T_in + p = (T_out + p) e^{+-mu theta} holds exactly, eqs. (4), (8), (9).
@@ -12,7 +13,7 @@ Both are recursions over the samples. State and output of one sample are CasADi 
 """
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -47,6 +48,10 @@ class StaticParameter(StrEnum):
         Stiffness of whatever pulls on the input end beside the tendon [N/m].
     BRISTLE
         sigma0 of the whole path [N/m]; only in the law that uses the motion.
+    BRISTLE_SPREAD
+        s: one half of the friction has a bristle e^s times as stiff, the other one e^s times as soft [-], >= 0.
+    PULL_SPREAD, RELEASE_SPREAD
+        Bounds of the plays reach over (1 -+ spread) mu theta, evenly [-], 0 to 1.
     """
 
     PULL = "pull_exponent"
@@ -56,9 +61,19 @@ class StaticParameter(StrEnum):
     OUTPUT_BIAS = "output_bias_N"
     GUIDE = "guide_stiffness_N_per_m"
     BRISTLE = "bristle_stiffness_N_per_m"
+    BRISTLE_SPREAD = "bristle_spread"
+    PULL_SPREAD = "pull_spread"
+    RELEASE_SPREAD = "release_spread"
 
 
+P = StaticParameter
 ORDER = tuple(StaticParameter)
+
+SPREADS = (P.BRISTLE_SPREAD, P.PULL_SPREAD, P.RELEASE_SPREAD)
+PLAYS = 8
+PLACES = tuple((2 * k + 1) / PLAYS - 1 for k in range(PLAYS))
+"""Of the plays' bounds in their spread, evenly from -1 to 1."""
+
 NEUTRAL: Mapping[StaticParameter, float] = {
     **dict.fromkeys(StaticParameter, 0.0),
     StaticParameter.BRISTLE: STIFF_N_PER_M,
@@ -72,7 +87,7 @@ class Response:
     Parameters
     ----------
     prediction_N : ndarray, shape (n,)
-    slopes : ndarray, shape (n, 7)
+    slopes : ndarray, shape (n, len(StaticParameter))
         Over the parameters in the order of `StaticParameter`.
     """
 
@@ -92,7 +107,8 @@ def output_from_input(values: Mapping[StaticParameter, float], input_N: Array, f
         Measured output at the first sample: the memory starts there, within its bounds.
     """
     signals = np.stack([input_N, np.full_like(input_N, first_output_N)])
-    return _run(_play_step, values, signals)
+    spread = any(values.get(k, NEUTRAL[k]) for k in SPREADS[1:])
+    return _run(_play_step(PLAYS if spread else 1), values, signals)
 
 
 def input_from_output(
@@ -112,10 +128,10 @@ def input_from_output(
     """
     before = np.concatenate([input_m[:1], input_m[:-1]])
     signals = np.stack([output_N, input_m, before, np.full_like(output_N, first_input_N)])
-    return _run(_bristle_step, values, signals)
+    return _run(_bristle_step(), values, signals)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Step:
     """Functions of one law: start (parameters, signals) and step (state and slopes, signals, parameters)."""
 
@@ -124,70 +140,76 @@ class _Step:
 
 
 def _with_slopes(state: ca.SX, signals: ca.SX, parameters: ca.SX, start: ca.SX, after: ca.SX, output: ca.SX) -> _Step:
-    """Carry the derivatives of a scalar state along with it."""
-    count = parameters.numel()
-    slopes = ca.SX.sym("slopes", 1, count)
-    after_slopes = ca.jacobian(after, state) * slopes + ca.jacobian(after, parameters)
-    output_slopes = ca.jacobian(output, state) * slopes + ca.jacobian(output, parameters)
-    whole = ca.vertcat(state, slopes.T)
+    """Carry the derivatives of the states along with them; `output` is that of the step from `state` to `after`."""
+    states, count = state.numel(), parameters.numel()
+    slopes = ca.SX.sym("slopes", states, count)
+    after_slopes = ca.jacobian(after, state) @ slopes + ca.jacobian(after, parameters)
+    output_slopes = ca.jacobian(output, state) @ slopes + ca.jacobian(output, parameters)
+    whole = ca.vertcat(state, ca.vec(slopes))
     return _Step(
-        start=ca.Function("start", [signals, parameters], [ca.vertcat(start, ca.jacobian(start, parameters).T)]),
+        start=ca.Function("start", [signals, parameters], [ca.vertcat(start, ca.vec(ca.jacobian(start, parameters)))]),
         step=ca.Function(
             "step",
             [whole, signals, parameters],
-            [ca.vertcat(after, after_slopes.T), ca.vertcat(output, output_slopes.T)],
+            [ca.vertcat(after, ca.vec(after_slopes)), ca.vertcat(output, output_slopes.T)],
             {"cse": True},
         ),
     )
 
 
 @functools.cache
-def _play_step() -> _Step:
-    w, signals, parameters = ca.SX.sym("w"), ca.SX.sym("signals", 2), ca.SX.sym("parameters", len(ORDER))
+def _play_step(count: int) -> _Step:
+    w, signals, places = ca.SX.sym("w", count), ca.SX.sym("signals", 2), ca.DM(PLACES if count == PLAYS else 0.0)
+    parameters = ca.SX.sym("parameters", len(ORDER))
     at = dict(zip(ORDER, ca.vertsplit(parameters), strict=True))
-    p, bias_in, bias_out = (
-        at[k] for k in (StaticParameter.ADHESION, StaticParameter.INPUT_BIAS, StaticParameter.OUTPUT_BIAS)
-    )
+    p, bias_in, bias_out = (at[k] for k in (P.ADHESION, P.INPUT_BIAS, P.OUTPUT_BIAS))
     lifted = ca.fmax(signals[0] - bias_in + p, LIFTED_FLOOR_N)
-    low = lifted * ca.exp(-at[StaticParameter.PULL])
-    high = lifted * ca.exp(at[StaticParameter.RELEASE])
+    low = lifted * ca.exp(-at[P.PULL] * (1 + at[P.PULL_SPREAD] * places))
+    high = lifted * ca.exp(at[P.RELEASE] * (1 + at[P.RELEASE_SPREAD] * places))
     after = play(w, low, high)
     # The memory is T_out + p; the samples of the output enter only through the first of them.
-    return _with_slopes(w, signals, parameters, signals[1] - bias_out + p, after, after - p + bias_out)
+    start = ca.repmat(signals[1] - bias_out + p, count, 1)
+    return _with_slopes(w, signals, parameters, start, after, ca.sum1(after) / count - p + bias_out)
 
 
 @functools.cache
 def _bristle_step() -> _Step:
-    f_s, signals, parameters = ca.SX.sym("f_s"), ca.SX.sym("signals", 4), ca.SX.sym("parameters", len(ORDER))
+    f_s, signals = ca.SX.sym("f_s", 2), ca.SX.sym("signals", 4)
+    parameters = ca.SX.sym("parameters", len(ORDER))
     at = dict(zip(ORDER, ca.vertsplit(parameters), strict=True))
     out, q, q_before, first = ca.vertsplit(signals)
-    far = out - at[StaticParameter.OUTPUT_BIAS]
-    # Without speed dependence the law knows no time: with a unit step the velocity is the travel of the sample.
-    pull, release = (ca.tanh(at[k] / 2) for k in (StaticParameter.PULL, StaticParameter.RELEASE))
-    bristle = LuGreBristle(
-        bristle_stiffness_N_per_m=at[StaticParameter.BRISTLE],
-        mu_dynamic_pull=pull,
-        mu_static_pull=pull,
-        mu_dynamic_release=release,
-        mu_static_release=release,
-        stribeck_velocity_m_per_s=1.0,
-        viscous_N_s_per_m=0.0,
-    )
-    far_sum = ca.fmax(2 * (far + at[StaticParameter.ADHESION]), LIFTED_FLOOR_N)
-    (after,) = bristle.implicit_from_far_side(q - q_before, (f_s,), ca.SX(1), far_sum)
-    beside = at[StaticParameter.INPUT_BIAS] + at[StaticParameter.GUIDE] * q
-    return _with_slopes(f_s, signals, parameters, first - beside - far, after, far + after + beside)
+    far = out - at[P.OUTPUT_BIAS]
+    # Two strands side by side, each with half of the tension. Without speed dependence the law knows no time: with a
+    # unit step the velocity is the travel of the sample.
+    half_sum = ca.fmax(far + at[P.ADHESION], LIFTED_FLOOR_N)
+    pull, release = (ca.tanh(at[k] / 2) for k in (P.PULL, P.RELEASE))
+    strands: list[ca.SX] = []
+    for force, sign in zip(ca.vertsplit(f_s), (1, -1), strict=True):
+        bristle = LuGreBristle(
+            bristle_stiffness_N_per_m=at[P.BRISTLE] / 2 * ca.exp(sign * at[P.BRISTLE_SPREAD]),
+            mu_dynamic_pull=pull,
+            mu_static_pull=pull,
+            mu_dynamic_release=release,
+            mu_static_release=release,
+            stribeck_velocity_m_per_s=1.0,
+            viscous_N_s_per_m=0.0,
+        )
+        strands += bristle.implicit_from_far_side(q - q_before, (force,), ca.SX(1), half_sum)
+    after = ca.vertcat(*strands)
+    beside = at[P.INPUT_BIAS] + at[P.GUIDE] * q
+    start = ca.repmat((first - beside - far) / 2, 2, 1)
+    return _with_slopes(f_s, signals, parameters, start, after, far + ca.sum1(after) + beside)
 
 
 @functools.lru_cache(maxsize=64)
-def _accumulated(law: Callable[[], _Step], count: int) -> ca.Function:
-    return law().step.mapaccum(f"run{law.__name__}_{count}", count)
+def _accumulated(law: _Step, count: int) -> ca.Function:
+    return law.step.mapaccum(f"run_{count}", count)
 
 
-def _run(law: Callable[[], _Step], values: Mapping[StaticParameter, float], signals: Array) -> Response:
+def _run(law: _Step, values: Mapping[StaticParameter, float], signals: Array) -> Response:
     numbers = ca.DM([values.get(k, NEUTRAL[k]) for k in ORDER])
     run = _accumulated(law, signals.shape[1])
-    start = law().start(signals[:, 0], numbers)
+    start = law.start(signals[:, 0], numbers)
     _, found = run(start, signals, ca.repmat(numbers, 1, signals.shape[1]))
     rows = np.asarray(found).T
     return Response(prediction_N=rows[:, 0].copy(), slopes=rows[:, 1:].copy())

@@ -62,7 +62,29 @@ class Limits:
     evaluations: int = 0
 
 
-def law_calls(prefix: str, laws: Mapping[str, SpecialisedLaw]) -> Callable[..., str]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OnJoints:
+    """What a controller keeps of a path in sections.
+
+    Parameters
+    ----------
+    types : str
+        Prefix of the C names of the path itself.
+    own : tuple of str
+        Numbers of friction that differ from bend to bend, or with the joints.
+    joints, far_driven : bool
+        There are any; one moves the far end.
+    """
+
+    types: str
+    own: tuple[str, ...]
+    joints: bool
+    far_driven: bool
+
+
+def law_calls(
+    prefix: str, laws: Mapping[str, SpecialisedLaw], own_names: tuple[str, ...] = ("friction_", "piece_mass")
+) -> Callable[..., str]:
     """How generated code calls its laws: see `StepCode.call`.
 
     Parameters
@@ -71,6 +93,8 @@ def law_calls(prefix: str, laws: Mapping[str, SpecialisedLaw]) -> Callable[..., 
         Prefix of every C name.
     laws : mapping of str to SpecialisedLaw
         By their names; those of an end mass that differ between the ends with "_near" or "_far" behind.
+    own_names : tuple of str, optional
+        How the names of what each mass has for itself begin.
     """
 
     def call(law: str, *parts: Mapping[str, str], end: str = "", link: str = "c", own: str = "", mass: str = "") -> str:
@@ -80,8 +104,8 @@ def law_calls(prefix: str, laws: Mapping[str, SpecialisedLaw]) -> Callable[..., 
         def value(name: str) -> str:
             if (text := arguments.get(name)) is not None:
                 return text
-            if own and mass and name.startswith(("friction_", "piece_mass")):
-                return f"{own}{name}[{mass}]"
+            if own and mass and name.startswith(own_names):
+                return own.format(name=name, mass=mass)
             return f"{link}->{name.replace('end_', f'{end}_', 1)}"
 
         passed = [*([link] if known.weighted else []), *map(value, known.inputs)]
@@ -115,8 +139,12 @@ class StepCode:
     limits : Limits, optional
     free : tuple of str, optional
         Numbers that the caller of the inverse hands over.
+    on_joints : OnJoints, optional
+        For a controller, where the path moves or has sections.
     compliances : mapping of str to float or C text, optional
         For an inverse that keeps states relative to what the tension alone would cause: by state, [m/N].
+    held : bool, optional
+        A servo's stiffness holds the near end, whose rounding counts too.
     """
 
     prefix: str
@@ -132,9 +160,17 @@ class StepCode:
     limits: Limits = Limits()
     free: tuple[str, ...] = ()
     compliances: Mapping[str, float | str] | None = None
+    on_joints: OnJoints | None = None
+    held: bool = False
 
     def call(
-        self, law: str, *parts: Mapping[str, str], end: str = "", link: str = "c", mass: str = "", own: str = "own_"
+        self,
+        law: str,
+        *parts: Mapping[str, str],
+        end: str = "",
+        link: str = "c",
+        mass: str = "",
+        own: str = "own_{name}[{mass}]",
     ) -> str:
         """C text of a call: arguments by name, parameters from the record `c`, or each mass's own where masses differ.
 
@@ -150,9 +186,13 @@ class StepCode:
         mass : str, optional
             Index of the mass that the law is for.
         own : str, optional
-            What stands in front of the names of each mass's own numbers.
+            Each mass's own numbers, by {name} and {mass}.
         """
-        own, given = own if self.moving else "", {name: name for name in self.free}
+        given = {name: name for name in self.free}
+        if self.on_joints is not None:
+            own = f"contact[{self.on_joints.types}_path_bend_of[{{mass}}]].{{name}}"
+        elif not self.moving:
+            own = ""
         return law_calls(self.prefix, self.laws)(law, given, *parts, end=end, link=link, own=own, mass=mass)
 
     @property
@@ -170,6 +210,7 @@ class StepCode:
         extra: list[tuple[str, str]] = []
         if self.moving:
             extra += [("gain", f"{n} + 1"), ("ratio", f"{n} + 1"), ("drift", f"{n} + 2")]
+        if self.moving and self.host:
             extra += [(name, n) for name in ("angle", "kept", "kept_old", "piece_mass_kg", *self.friction_numbers)]
         base = ("base", _text(*self.layout.offset("end"), n))
         return (base, *links, *own, *((name, f"{n} + 2") for name in masses), *extra)
@@ -187,7 +228,9 @@ class StepCode:
         if self.host:  # a copy that nothing can change lets the compiler keep the numbers in registers
             enter = f"const {self.prefix}_weights local = given[0], *const c = &local;"
         real, restrict = real_type(precision), "restrict " if self.host else ""
-        own = ("piece_mass_kg", *self.friction_numbers) if self.moving else ()
+        own = ("piece_mass_kg", *self.friction_numbers) if self.moving and self.host else ()
+        on_joints = self.on_joints
+        contact = f"const {self.prefix}_contact *contact, " if on_joints else ""
 
         def number(value: float) -> str:
             return literal(value, precision)
@@ -217,7 +260,7 @@ class StepCode:
             rate=lambda i, drift: (
                 f"v[{i}] - v[{i} + 1]" if not self.moving else f"(v[{i}] - v[{i} + 1]) + {drift}[{i}]"
             ),
-            row_of=lambda k: f"2 * ({k})",
+            row_of=lambda k: k if on_joints else f"2 * ({k})",
             link_loops=_ALL_LINKS if self.moving else _HOST_LINKS if self.host else _LINKS_BY_KIND,
             link_of_i="c" if self.moving else "l",
             ratio_given=lambda record: "ratio[i]" if self.moving and record == "c" else f"{record}->ratio",
@@ -238,8 +281,10 @@ class StepCode:
             gain_argument=", w->gain" if self.moving else "",
             drift_parameter=f"const {real} *{restrict}drift, " if self.moving else "",
             drift_argument="w->drift, " if self.moving else "",
-            own_parameter="".join(f"const {real} *{restrict}own_{name}, " for name in own),
-            own_argument="".join(f"w->{name}, " for name in own),
+            own_parameter=contact or "".join(f"const {real} *{restrict}own_{name}, " for name in own),
+            own_argument="w->contact, " if on_joints else "".join(f"w->{name}, " for name in own),
+            on_joints=on_joints,
+            skips_friction=on_joints is not None and on_joints.joints,
             links_parameter=f"const {real} *restrict start, {real} *restrict force, {real} *restrict slope, "
             if self.host
             else "",
@@ -263,6 +308,7 @@ class StepCode:
             end_addresses=lambda x: {name: f"&{x}[{_text(*states.offset(name), 'n')}]" for name in states.end_states},
             own_law=lambda law, end: f"{law}_{end}" if f"{law}_{end}" in self.laws else law,
             index=list(self.numbers).index,
+            takes=lambda law, name: name in self.laws[law].inputs,
             outputs={name: law.outputs for name, law in self.laws.items()},
             addresses=lambda law: {name: f"&{name}" for name in self.laws[law].outputs},
             work=self.work(),
@@ -270,6 +316,7 @@ class StepCode:
             link_states=states.link_states,
             friction_states=states.friction_states,
             input_names=INPUT_NAMES,
+            held=self.held,
             shifted=self.compliances is not None,
             compliances={
                 name: value if isinstance(value, str) else number(value)

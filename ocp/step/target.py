@@ -11,16 +11,28 @@ from tendonff.models.layout import fields_of
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal, real_type
-from tendonff.ocp.errors import CodeError
 from tendonff.ocp.step.c_engine import link_ratios
+from tendonff.ocp.step.joints import Joints
 from tendonff.ocp.step.laws import ElementLaws, end_mass, far_velocity, near_force
-from tendonff.ocp.step.render import Limits, StepCode
+from tendonff.ocp.step.render import Limits, OnJoints, StepCode
 from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT, RESIDUAL_ROUNDING, RESIDUAL_TOLERANCE_N
+from tendonff.ocp.step.target_joints import Contact, contact_code
 
 Weights = tuple[tuple[float, float], ...]
 
 _KINDS = 2
 _LINK_KIND = "((i == 0) || (i == n))"
+_OF_LINKS = (
+    "/* What depends on the weight H [s] of the scheme: two rows for the first step (implicit Euler), two for",
+    " * every later step (second-order backward differences; `carry` is the share of the last change in the base),",
+    " * and two for each halving of a step, where there are any: for inner links, and for those at the ends, which",
+    " * are half as long. Fields are named after the law that needs them. */",
+)
+_OF_WEIGHTS = (
+    "/* What depends on the weight H [s] of the scheme: a row for the first step (implicit Euler), one for every",
+    " * later step (second-order backward differences; `carry` is the share of the last change in the base), and one",
+    " * for each halving of a step, where there are any. Fields are named after the law that needs them. */",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,6 +51,10 @@ class ChainCode:
         The scheme around them.
     rest : str
         Statements that fill `self->x` with the state at rest under `tension`.
+    contact : str
+        Record of friction on a bend, where the path moves or has sections; else empty.
+    travel : str
+        Statements that set `travel` to that of the actuator's end since the rest under `self->start`; of the inverse.
     free : tuple of str, optional
         Numbers of the chain that the inverse takes as arguments.
     """
@@ -48,6 +64,8 @@ class ChainCode:
     laws: str
     body: str
     rest: str
+    contact: str = ""
+    travel: str = ""
     free: tuple[str, ...] = ()
 
 
@@ -103,12 +121,12 @@ def inverse_code(
     """
     weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY))
     left = SETTABLE if settable else ()
-    folder, laws = _specialiser(chain, weights, prefix, precision, left), ElementLaws.of(chain, folded=settable)
-    compliances = (
-        None
-        if precision is Precision.DOUBLE
-        else {"q_l": literal(1 / chain.far.stiffness_N_per_m, precision), **link_compliances(chain, precision)}
-    )
+    contact = _contact(chain, prefix, precision, settable=settable)
+    if contact is not None and settable:
+        left = ("piece_adhesion_N",)
+    folder = _specialiser(chain, weights, prefix, precision, contact, left)
+    laws = ElementLaws.of(chain, folded=settable) if contact is None else contact.laws
+    compliances = None if precision is Precision.DOUBLE else _compliances(chain, precision)
     far, rate = {"f_c": 0.0, "x_c": 0.0, "pull": 1.0}, {}
     if compliances is not None:  # the laws depend on tension and position through their balance only
         far["f"], rate["force"] = 0.0, 0.0
@@ -116,18 +134,20 @@ def inverse_code(
         folder.fold(laws.link_start()),
         folder.fold(laws.link_rate(), fixed=rate),
         folder.fold(laws.link_states()),
-        folder.fold(far_velocity(), fixed=_end(chain, "far") | far),
+        *(() if chain.far_joint else (folder.fold(far_velocity(), fixed=_end(chain, "far") | far),)),
         folder.fold(near_force(chain.near), fixed=_end(chain, "near") | {"x_c": 0.0, "pull": -1.0}),
         folder.fold(laws.path_mass_inverse(drop=compliances is not None)),
     )
     free = tuple(name for name in left if any(name in law.inputs for law in folded))
-    code = _code(chain, folder, folded, compliances=compliances, free=free)
+    code = _code(chain, folder, folded, compliances=compliances, contact=contact, free=free)
     return ChainCode(
         header="",
         record=_record(folder, weights),
-        laws="\n".join(law.code for law in folded),
+        laws=_text(folded, contact),
         body=code.render("inverse.c.j2"),
         rest=_rest(chain, precision, relative=compliances is not None),
+        contact=contact.record if contact else "",
+        travel=_travel(chain, precision, compliances, folder.prefix.upper()),
         free=free,
     )
 
@@ -147,8 +167,11 @@ def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -
     limits = plant_limits(precision)
     pieces = tuple((step_s / 2**k, 0.0) for k in range(1, limits.splits + 1))
     weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY), *pieces)
-    folder, laws = _specialiser(chain, weights, prefix, precision), ElementLaws.of(chain)
-    near, far = {"x_c": 0.0, "pull": -1.0}, {"x_c": 0.0, "f_c": 0.0, "pull": 1.0}
+    contact = _contact(chain, prefix, precision)
+    folder, laws = _specialiser(chain, weights, prefix, precision, contact, whole=False), _laws(chain, contact)
+    near, far = {"pull": -1.0}, {"x_c": 0.0, "f_c": 0.0, "pull": 1.0}
+    if not chain.near.stiffness_N_per_m:
+        near["x_c"] = 0.0
     folded = (
         folder.fold(laws.link_start()),
         folder.fold(laws.link_force()),
@@ -156,14 +179,16 @@ def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -
         folder.fold(laws.path_mass()),
         folder.fold(end_mass(chain.near), "end_mass_near", fixed=_end(chain, "near") | near),
         folder.fold(end_mass(), "end_mass_far", fixed=_end(chain, "far") | far),
+        *((folder.fold(laws.link_gain()),) if contact else ()),
     )
-    code = _code(chain, folder, folded, limits=limits)
+    code = _code(chain, folder, folded, limits=limits, contact=contact)
     return ChainCode(
         header=code.render("types.h.j2") + code.render("target.h.j2"),
         record=_record(folder, weights),
-        laws="\n".join(law.code for law in folded),
-        body=code.render("kernel.c.j2"),
+        laws=_text(folded, contact),
+        body=(code.render("moving_target.c.j2") if contact else "") + code.render("kernel.c.j2"),
         rest=_rest(chain, precision),
+        contact=contact.record if contact else "",
     )
 
 
@@ -174,8 +199,17 @@ def _code(
     *,
     limits: Limits | None = None,
     compliances: dict[str, str] | None = None,
+    contact: Contact | None = None,
     free: tuple[str, ...] = (),
 ) -> StepCode:
+    on_joints = None
+    if contact is not None:
+        on_joints = OnJoints(
+            types=folder.prefix.rpartition("_")[0],
+            own=contact.own,
+            joints=chain.motion is not None,
+            far_driven=chain.far_joint is not None,
+        )
     return StepCode(
         prefix=folder.prefix,
         precision=folder.precision,
@@ -187,7 +221,33 @@ def _code(
         limits=limits or Limits(),
         free=free,
         compliances=compliances,
+        moving=contact is not None,
+        on_joints=on_joints,
+        held=folder.precision is Precision.FLOAT and chain.near.stiffness_N_per_m > 0,
     )
+
+
+def _contact(chain: Chain, prefix: str, precision: Precision, *, settable: bool = False) -> Contact | None:
+    return contact_code(chain, Joints.of(chain), prefix, precision, settable=settable) if chain.moving else None
+
+
+def _laws(chain: Chain, contact: Contact | None) -> ElementLaws:
+    return ElementLaws.of(chain) if contact is None else contact.laws
+
+
+def _text(folded: tuple[SpecialisedLaw, ...], contact: Contact | None) -> str:
+    parts = [law.code for law in folded] + ([contact.functions] if contact else [])
+    return "\n".join(parts)
+
+
+def _compliances(chain: Chain, precision: Precision) -> dict[str, str]:
+    """What a lasting newton does to the load and to the states of a link, or where links differ of the whole [m/N]."""
+    known = {} if chain.far_joint else {"q_l": literal(1 / chain.far.stiffness_N_per_m, precision)}
+    if not chain.moving:
+        return known | link_compliances(chain, precision)
+    stretch, states = chain.link.rest(1.0)
+    of_link = {"e": stretch, **dict(zip(chain.link.states, states, strict=True))}
+    return known | {name: literal(float(value), precision) for name, value in of_link.items()}
 
 
 def link_compliances(chain: Chain, precision: Precision) -> dict[str, str]:
@@ -211,22 +271,54 @@ def link_compliances(chain: Chain, precision: Precision) -> dict[str, str]:
     }
 
 
+def _travel(chain: Chain, precision: Precision, compliances: dict[str, str] | None, upper: str) -> str:
+    """Statements for the travel; where states are relative, from elongations and tensions: rounding adds up nowhere."""
+    layout, more = chain.layout, "(tension - self->start)"
+    if chain.far_joint is not None or chain.moving:
+        return ""  # no module tells a travel there
+    if compliances is None:
+        slope = literal(chain.rest_state(1.0).near_position_m, precision)
+        return f"    travel = self->x[{layout.part('q_a').start}] - (self->start * {slope});"
+    lines = (
+        "    {",
+        f"        const int32_t n = {upper}_COUNT;",
+        f"        {real_type(precision)} tension = self->past.reference;",
+        "        int32_t i;",
+        f"        travel = self->x[{layout.part('q_l').start}] + ({more} * {compliances['q_l']});",
+        "        for (i = n; i >= 0; i--) {",
+        f"            travel += self->x[{layout.part('e').start} + i] + ({more} * {compliances['e']});",
+        f"            tension += (i > 0) ? self->past.drop[i - 1] : {literal(0.0, precision)};",
+        "        }",
+        "    }",
+    )
+    return "\n".join(lines)
+
+
 def _specialiser(
-    chain: Chain, weights: Weights, prefix: str, precision: Precision, free: tuple[str, ...] = ()
+    chain: Chain,
+    weights: Weights,
+    prefix: str,
+    precision: Precision,
+    contact: Contact | None,
+    free: tuple[str, ...] = (),
+    *,
+    whole: bool = True,
 ) -> Specialiser:
-    if chain.moving:
-        raise CodeError(
-            "a path in sections, or one that moves, cannot be printed for a controller yet; use one section"
-        )
-    rows = [(weight, ratio) for weight, _ in weights for ratio in link_ratios(chain.elements.ratio)]
-    parameters = {name: (value,) * len(rows) for name, value in _snapped(chain).items() if name not in free}
-    parameters["H"], parameters["ratio"] = tuple(weight for weight, _ in rows), tuple(ratio for _, ratio in rows)
-    folder = Specialiser(prefix=prefix, precision=precision, parameters=parameters)
-    (gain,) = folder.evaluate(ElementLaws.of(chain).link_gain())
-    reorder = precision is Precision.FLOAT
+    """What folds the laws; on a moving path a link is the whole tendon, or with `whole` unset its ratio is unknown."""
+    reorder = precision is Precision.FLOAT or contact is not None
+    ratios = link_ratios(chain.elements.ratio) if contact is None else (1.0,)
+    rows = [(weight, ratio) for weight, _ in weights for ratio in ratios]
+    numbers = _snapped(chain) if contact is None else contact.constants
+    parameters = {name: (value,) * len(rows) for name, value in numbers.items() if name not in free}
+    parameters["H"] = tuple(weight for weight, _ in rows)
     floors = {name: 0.0 if name == "piece_adhesion_N" else COEFFICIENT_FLOOR for name in free}
-    known = parameters | {"gain": gain}
-    return Specialiser(prefix=prefix, precision=precision, parameters=known, reorder=reorder, floors=floors)
+    floors |= {} if contact is None else contact.floors
+    if whole or contact is None:
+        parameters["ratio"] = tuple(ratio for _, ratio in rows)
+        folder = Specialiser(prefix=prefix, precision=precision, parameters=parameters)
+        (gain,) = folder.evaluate(ElementLaws.of(chain).link_gain())
+        parameters["gain"] = gain
+    return Specialiser(prefix=prefix, precision=precision, parameters=parameters, reorder=reorder, floors=floors)
 
 
 def _snapped(chain: Chain) -> dict[str, float]:
@@ -246,26 +338,24 @@ def _end(chain: Chain, which: str) -> dict[str, float]:
 
 def _record(folder: Specialiser, weights: Weights) -> str:
     real = real_type(folder.precision)
+    kinds = folder.weights // len(weights)
     fields = ["H", "carry", *folder.coefficients]
     columns = [
-        tuple(w for w, _ in weights for _ in range(_KINDS)),
-        tuple(carry for _, carry in weights for _ in range(_KINDS)),
+        tuple(w for w, _ in weights for _ in range(kinds)),
+        tuple(carry for _, carry in weights for _ in range(kinds)),
         *folder.coefficients.values(),
     ]
     lines = [
-        "/* What depends on the weight H [s] of the scheme: two rows for the first step (implicit Euler), two for",
-        " * every later step (second-order backward differences; `carry` is the share of the last change in the base),",
-        " * and two for each halving of a step, where there are any: for inner links, and for those at the ends, which",
-        " * are half as long. Fields are named after the law that needs them. */",
+        *(_OF_LINKS if kinds == _KINDS else _OF_WEIGHTS),
         "typedef struct {",
         *(f"    {real} {name};" for name in fields),
         f"}} {folder.prefix}_weights;",
         "",
         f"static const {folder.prefix}_weights *{folder.prefix}_rows(void)",
         "{",
-        f"    static const {folder.prefix}_weights rows[{_KINDS * len(weights)}] = {{",
+        f"    static const {folder.prefix}_weights rows[{folder.weights}] = {{",
     ]
-    rows = ([literal(column[k], folder.precision) for column in columns] for k in range(_KINDS * len(weights)))
+    rows = ([literal(column[k], folder.precision) for column in columns] for k in range(folder.weights))
     return "\n".join(
         [*lines, *(f"        {{ {', '.join(row)} }}," for row in rows), "    };", "    return rows;", "}", ""]
     )

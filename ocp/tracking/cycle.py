@@ -8,6 +8,7 @@ from tendonff.models.chain import Chain
 from tendonff.models.layout import ChainState
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import Inversion
+from tendonff.ocp.periodic import steady_response
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
@@ -19,7 +20,7 @@ _CYCLES = 3
 
 
 def track_cycle(
-    chain: Chain,
+    chains: tuple[Chain, ...],
     cycle_N: Array,
     step_s: float,
     limits: ForceLimits,
@@ -27,6 +28,7 @@ def track_cycle(
     *,
     initial_tension_N: float,
     inversion: Inversion,
+    power: float = 1.0,
     progress: Progress | None = None,
 ) -> Tracking:
     """Find the force of a cycle within the limits: three cycles from the inverse's steady state, the middle one kept.
@@ -35,8 +37,8 @@ def track_cycle(
 
     Parameters
     ----------
-    chain : Chain
-        Design model.
+    chains : tuple of Chain
+        Design models, the nominal one first.
     cycle_N : ndarray, shape (n,)
         One period of the desired output tension, its last row the first of the next [N].
     step_s : float
@@ -45,7 +47,9 @@ def track_cycle(
     initial_tension_N : float
         Tension of the rest that travel counts from [N].
     inversion : Inversion
-        `steady_inverse` of the same cycle, with its states.
+        `steady_inverse` of the same cycle on the nominal chain, with its states.
+    power : float, optional
+        Order of the mean over the chains.
     progress : callable, optional
         Callback(completed, total), in iterations.
 
@@ -56,21 +60,25 @@ def track_cycle(
     """
     if inversion.states is None:
         raise SolveError("the steady cycle kept no states")
-    state = ChainState.from_vector(inversion.states[0], chain.layout)
+    clipped = limits.apply(inversion.force_N, step_s)
+    states = [ChainState.from_vector(inversion.states[0], chains[0].layout)]
+    others = (steady_response(other, clipped, step_s, initial_tension_N=initial_tension_N) for other in chains[1:])
+    states.extend(run.final for run, _ in others)  # each in its own steady state under the same force
 
     def repeated(rows: Array) -> Array:
         return np.concatenate([*[rows[:-1]] * (_CYCLES - 1), rows])
 
     problem = TrackingProblem.of(
-        (chain,),
+        chains,
         repeated(cycle_N),
         step_s,
         limits,
         options,
         initial_tension_N=initial_tension_N,
         inverse_N=repeated(inversion.force_N),
+        power=power,
     )
-    plants = tuple(replace(plant, state=state) for plant in problem.plants)
+    plants = tuple(replace(plant, state=state) for plant, state in zip(problem.plants, states, strict=True))
     problem = replace(problem, plants=plants, start_N=limits.start(float(inversion.force_N[0])))
     force = repeated(inversion.force_N)
     time = np.arange(len(force), dtype=np.float64) * step_s

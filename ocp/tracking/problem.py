@@ -233,7 +233,7 @@ class TrackingProblem:
             start_N=limits.start(initial_tension_N),
             rest_N=initial_tension_N,
             newtons=MotionScale(
-                per_speed_N_s_per_m=0.01 * span / limits.motion.speed_m_per_s,
+                per_speed_N_s_per_m=0.1 * span / limits.motion.speed_m_per_s,
                 per_travel_N_per_m=initial_tension_N / chains[0].rest_state(initial_tension_N).near_position_m,
             ),
         )

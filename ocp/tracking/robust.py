@@ -1,5 +1,6 @@
 """One profile for a tendon that is not known exactly, and what uncertainty does to any profile."""
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,8 +10,10 @@ from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.models.uncertainty import Objective, Uncertainty
+from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import Inversion, invert
-from tendonff.ocp.simulate import Outcome, simulate
+from tendonff.ocp.periodic import steady_response
+from tendonff.ocp.simulate import Outcome, Simulation, simulate
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.problem import WORST_POWER, TrackingProblem, TrackOptions
@@ -18,7 +21,8 @@ from tendonff.ocp.tracking.receding_horizon import Progress
 from tendonff.ocp.tracking.result import Tracking
 from tendonff.ocp.tracking.track import solve_tracking
 
-_POWER = {Objective.WORST: WORST_POWER, Objective.MEAN: 1.0}
+POWER = {Objective.WORST: WORST_POWER, Objective.MEAN: 1.0}
+"""Order of the mean over the samples that is made small."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,6 +151,7 @@ def error_band(
     *,
     segments: int | None = None,
     initial_tension_N: float | None = None,
+    periodic: bool = False,
 ) -> ErrorBand:
     """Play one profile on every sample.
 
@@ -161,13 +166,15 @@ def error_band(
         Number of masses; default: the path's own.
     initial_tension_N : float, optional
         Default: the first reference.
+    periodic : bool, optional
+        In the steady state of a cycle, not from rest.
     """
     reference = np.asarray(reference_N, dtype=np.float64)
     start = float(reference[0]) if initial_tension_N is None else initial_tension_N
     rms, peak, swing, slack = [], [], [], 0
     for sample in samples:
         chain = Chain.of(sample.transmission, level, segments)
-        run = simulate(chain, force_N, step_s, initial_tension_N=start)
+        run = _response(chain, force_N, step_s, start, periodic=periodic)
         slack += run.outcome is Outcome.SLACK
         if run.outcome is Outcome.FAILED:
             rms.append(np.inf)
@@ -190,6 +197,14 @@ def error_band(
         amplified_sample=samples[widest],
         slack_samples=slack,
     )
+
+
+def _response(chain: Chain, force_N: Array, step_s: float, start_N: float, *, periodic: bool) -> Simulation:
+    """From rest, or in the steady cycle where it can be simulated."""
+    if periodic:
+        with suppress(SolveError):
+            return steady_response(chain, force_N, step_s, initial_tension_N=start_N)[0]
+    return simulate(chain, force_N, step_s, initial_tension_N=start_N)
 
 
 def track_robust(
@@ -241,6 +256,6 @@ def track_robust(
         options,
         initial_tension_N=start,
         inverse_N=inverse.force_N,
-        power=_POWER[objective],
+        power=POWER[objective],
     )
     return solve_tracking(problem, inverse, options, progress)

@@ -177,11 +177,15 @@ def _search(problem: TrackingProblem, inversion: Inversion, options: TrackOption
         starts = (started, law, *([programme(problem)] if _differ(problem) else []))
         force, refinements = solve(_taut(problem, started), starts, options, progress)
         candidates.append((evaluate(problem, force), force))
+        if limits.motion.binds:  # the search may end beyond a limit of the motion
+            led = problem.clipped(moderate(force))
+            candidates.append((evaluate(problem, led), led))
     except (CodeError, SolveError) as error:
         note = f"; the search stopped: {error}"
-    best = min(range(len(candidates)), key=lambda i: candidates[i][0].merit)
+    inside = [k for k, (found, _) in enumerate(candidates) if found.beyond_N <= _BEYOND * float(np.ptp(reference))]
+    best = min(inside or range(len(candidates)), key=lambda i: candidates[i][0].merit)
     evaluation, force = candidates[best]
-    won = best == len(candidates) - 1 and any(r.improved for r in refinements)
+    won = best > 1 and any(r.improved for r in refinements)
     return Found(
         status=_status(problem, evaluation, refinements if won else ()),
         note=note,
@@ -199,6 +203,7 @@ def _differ(problem: TrackingProblem) -> bool:
 
 
 _SOBER = 1.0  # of the clipped inverse's squared error: the cost of travelling as far once more
+_BEYOND = 5e-4  # of the reference's range, as `MotionScale` counts: half a percent of the speed
 _EXACT = 1e-3  # of the reference's range: an error below this is called rounding
 _FLOORS = (1.0, 4.0, 16.0, 64.0, 256.0)
 

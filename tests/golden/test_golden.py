@@ -121,12 +121,13 @@ def test_export_c_gives_what_is_stored(example, precision, command, golden):
     stored.messages(command("export-c", example, "--precision", precision, "--out", "out"))
     stored.arrays(Path("out"), SOLVED.get(example, frozenset()))
     stored.data(Path("out/design.json"))
-    files = sorted(f for f in Path("out").iterdir() if f.name != "design.json")
+    out = Path("out")
+    files = sorted(f for f in out.rglob("*") if f.is_file() and f.name != "design.json")
     if (example, precision) == ("finger", "double"):
-        for file in files:
+        for file in (f for f in files if f.parent == out or f.parent.name == "structured_text"):
             stored.text(file.name, file.read_text(encoding="utf-8"))
     else:
-        stored.text("files.txt", "".join(f"{f.name}\n" for f in files))
+        stored.text("files.txt", "".join(f"{f.relative_to(out).as_posix()}\n" for f in files))
 
 
 @pytest.mark.parametrize(("example", "kind"), UNITS)

@@ -192,9 +192,9 @@ def on_host(source: Path, folder: Path, precision: Precision, kinds: tuple[str, 
 
 
 def _sources(source: Path, kinds: tuple[str, ...]) -> tuple[Path, list[Path]]:
-    modules = MODULES if kinds == KINDS else ("parameters", "limits", *kinds)
+    modules = MODULES if kinds == KINDS else ("parameters", "limits", "path", *kinds)
     return HERE / ("bench.c" if kinds == KINDS else f"bench_{kinds[0]}.c"), [
-        source / f"tff_{name}.c" for name in modules
+        source / f"tff_{name}.c" for name in modules if name != "path" or (source / "tff_path.c").exists()
     ]
 
 

@@ -24,21 +24,16 @@ def sweep_report(result: SweepData, figures: Mapping[str, Figure]) -> Report:
         rows=[(name, *(100 * result.yield_of(name, at) for at in YIELD_PERCENT)) for name in result.compensators],
     )
     quantiles = Table(
-        caption=f"Error that a share of the {unit} stays within [% of range rms]",
+        caption=f"RMS error that a share of the {unit} stays within [% of reference range]",
         columns=("compensator", *(f"{100 * q:g} %" for q in QUANTILES)),
         rows=[(name, *result.quantiles(name)) for name in result.compensators],
     )
     budget = Table(
         caption="First-order budget: error with one parameter at the ends of its range, all else nominal [% of range]",
-        columns=(
-            "parameter",
-            "from",
-            "to",
-            *(f"{name}, {end}" for name in result.compensators for end in ("from", "to")),
-        ),
+        columns=("compensator", *(f"{key} {at:g}" for key, low, high, _, _ in result.budget for at in (low, high))),
         rows=[
-            (key, low, high, *(value for pair in zip(at_low, at_high, strict=True) for value in pair))
-            for key, low, high, at_low, at_high in result.budget
+            (name, *(error[k] for _, _, _, at_low, at_high in result.budget for error in (at_low, at_high)))
+            for k, name in enumerate(result.compensators)
         ],
     )
     captions = {
@@ -49,8 +44,8 @@ def sweep_report(result: SweepData, figures: Mapping[str, Figure]) -> Report:
     return Report(
         title=f"Sweep: {result.scenario.name}",
         summary=(
-            f"{len(result.rows)} {unit}. {best}: error below 1 % of range in {100 * result.yield_of(best, 1.0):.3g} % "
-            f"of them, below {result.quantiles(best)[-2]:.3g} % in 95 %."
+            f"{len(result.rows)} {unit}; best, {best}: RMS error below 1 % of range in "
+            f"{100 * result.yield_of(best, 1.0):.3g} % of them, below {result.quantiles(best)[-2]:.3g} % in 95 %."
         ),
         warnings=(),
         sections=(

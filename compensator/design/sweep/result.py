@@ -23,7 +23,7 @@ class Row:
     values : tuple of float
         Of the varied keys.
     percent, peak_N : tuple of float
-        Of each compensator: error, % of range rms, and largest error [N]; NaN where it failed.
+        Of each compensator: error, % of range RMS, and largest error [N]; NaN where it failed.
     """
 
     index: int

@@ -15,7 +15,7 @@ D = DynamicParameter
 CORE = (D.MU_PULL, D.MU_RELEASE, D.BRISTLE)
 CONSTANTS = (D.ADHESION, D.OUTPUT_BIAS, D.INPUT_BIAS)
 SPEED_TERMS = (D.STATIC_EXCESS, D.VISCOUS)
-NUDGES = {D.ADHESION: 0.01, D.STATIC_EXCESS: 0.02}
+NUDGES = {D.ADHESION: 0.05, D.STATIC_EXCESS: 0.02}
 LAW_NAMES = {
     D.ADHESION: "adhesion",
     D.STATIC_EXCESS: "Stribeck effect",
@@ -34,9 +34,13 @@ WORTH_A_VALUE, SLIGHTLY = 1.4, 1.1
 """A term that depends on speed is worth having where it lowers the validation error by the first factor, or by the
 second where it lowers the fit error by the first ..."""
 
-SURE_OF_EXTRA, WORTH_A_DOUBT = 4.0, 1.8
-"""... and is this many standard errors away from nothing, for noise on the input imitates such effects; or where it
-lowers the error by more than that. A lower threshold finds Stribeck effects that are not there."""
+SURE = 2.0
+"""... and is plausible: every value it brings is this many standard errors away from nothing, and a Stribeck velocity
+lies among the speeds that were visited. Noise on the input lowers friction near reversals, which a Stribeck effect
+imitates: it halves the error where there is none, but with a velocity that the data do not tell."""
+
+MOVING_SHARE, SPEED_PERCENTILES = 0.01, (2, 98)
+"""Speeds above this share of the largest are visited, from the first to the second percentile."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -271,10 +275,40 @@ def _try_speed_term(
     task, name = search.extended(extra), f"{search.name}, {LAW_NAMES[extra]}"
     found = search.attempt(task, _nudged(search.values, extra, start, mean_N), name)
     solution, fitted, error = found
-    told = abs(solution.values[extra]) > SURE_OF_EXTRA * solution.standard_error(extra)
-    agreed = fitted * WORTH_A_VALUE < search.fitted and error * SLIGHTLY < search.least
-    if search.least > (WORTH_A_VALUE if told else WORTH_A_DOUBT) * error or (told and agreed):
+    better = WORTH_A_VALUE * error < search.least or (
+        WORTH_A_VALUE * fitted < search.fitted and SLIGHTLY * error < search.least
+    )
+    if better and _is_plausible(task, solution, extra):
         search.accept(task, found, name)
+
+
+def _is_plausible(task: ChainResiduals, solution: Solution, extra: DynamicParameter) -> bool:
+    """The data tell the values of a term that depends on speed, and visit the speeds that it is about."""
+    if not solution.values[extra] > SURE * solution.standard_error(extra):
+        return False
+    if extra is not D.STATIC_EXCESS:
+        return True
+    velocity = solution.values[D.STRIBECK_VELOCITY]
+    # Searched by its logarithm: an error as large as the value leaves every size open.
+    if not velocity > SURE * solution.standard_error(D.STRIBECK_VELOCITY):
+        return False
+    slowest, fastest = visited_speeds_m_per_s(task, solution)
+    return slowest <= velocity <= fastest
+
+
+def visited_speeds_m_per_s(task: ChainResiduals, solution: Solution) -> tuple[float, float]:
+    """Slow and fast end of the speeds at which the tendon's input end moves [m/s].
+
+    Parameters
+    ----------
+    task : ChainResiduals
+    solution : Solution
+    """
+    full = task.complete(solution.values)
+    speeds = [np.abs(np.gradient(task.model.respond(full, run.drive).near_m, run.step_s)) for run in task.pieces]
+    every = np.concatenate(speeds)
+    slowest, fastest = np.percentile(every[every > MOVING_SHARE * every.max()], SPEED_PERCENTILES)
+    return float(slowest), float(fastest)
 
 
 def _nudged(

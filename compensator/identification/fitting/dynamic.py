@@ -13,13 +13,7 @@ from tendonff.compensator.identification.fitting.chain_law import (
     choose_law,
     fit_free,
 )
-from tendonff.compensator.identification.fitting.per_file import (
-    Delay,
-    FileEstimate,
-    delay_of,
-    file_estimates,
-    with_scatter,
-)
+from tendonff.compensator.identification.fitting.per_file import FileEstimate, file_estimates, with_scatter
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece, fit_pieces, spans_of
 from tendonff.compensator.identification.fitting.static import FileError
 from tendonff.compensator.identification.fitting.uncertainty import (
@@ -71,8 +65,6 @@ class DynamicFit:
         Mean output tension.
     files : tuple of FileEstimate
         What each file says by itself; empty for a single file.
-    delay : Delay or None
-        Of the output channel.
     """
 
     model: ChainModel
@@ -82,7 +74,6 @@ class DynamicFit:
     law: ChosenLaw
     mean_N: float
     files: tuple[FileEstimate, ...]
-    delay: Delay | None
 
 
 def _tension_N(run: FitPiece) -> Array:
@@ -134,6 +125,8 @@ def fit_coarse(
     transmission: Transmission,
     start: Mapping[DynamicParameter, float],
     explain: Explain = Explain.OUTPUT,
+    *,
+    several: bool = True,
 ) -> CoarseFit:
     """Fit friction and presliding, and the tendon where positions exist, from several stiffnesses of the bristle.
 
@@ -145,6 +138,8 @@ def fit_coarse(
         From the stages before; the rest comes from `transmission`.
     explain : Explain, optional
         OUTPUT, or POSITION where nothing was measured at the far end.
+    several : bool, optional
+        Start from several values of the bristle, and of mu where nothing was measured at the far end.
     """
     pieces = fit_pieces(records, explain)
     span, span_m = spans_of(pieces)
@@ -171,8 +166,8 @@ def fit_coarse(
             D.MU_PULL: share * known[D.MU_PULL],
             D.MU_RELEASE: share * known[D.MU_RELEASE],
         }
-        for factor in BRISTLE_STARTS
-        for share in (MU_STARTS if proximal else (1.0,))
+        for factor in (BRISTLE_STARTS if several else (1.0,))
+        for share in (MU_STARTS if proximal and several else (1.0,))
     ]
     first = min((fit_free(task, at, span_N, 5, 1e-3) for at in starts), key=lambda s: s.cost)
     solution = fit_free(task, task.complete(first.values), span_N, 10, 1e-3)
@@ -226,7 +221,6 @@ def fit_dynamic(
     every = (*task.free, *(n for n in D if n not in task.free))
     slopes = slopes_over_all(quick, every)
     files = () if slopes is None else file_estimates(quick, slopes, solution)
-    delay = None if slopes is None else delay_of(quick, slopes, len(task.free))
     solution = with_scatter(with_other_laws(solution, slopes, every, quick), files)
     solution = with_floors(with_input_noise(quick, solution), mean_N)
     return DynamicFit(
@@ -237,7 +231,6 @@ def fit_dynamic(
         law=law,
         mean_N=mean_N,
         files=files,
-        delay=delay,
     )
 
 

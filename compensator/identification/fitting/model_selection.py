@@ -113,6 +113,7 @@ def select_static(records: Sequence[Record], validation: Sequence[Record], expla
     signed = any(r.signed for r in records)
     train, judge = (records, validation) if validation else split(records)
     tried: list[tuple[StaticFit, CandidateLaw]] = []
+    by_model: dict[StaticModel, StaticFit] = {}
     best_of: dict[tuple[bool, bool, bool], StaticFit] = {}
     for model in candidates(explain):
         if signed and model.presliding and not model.constants:
@@ -120,7 +121,9 @@ def select_static(records: Sequence[Record], validation: Sequence[Record], expla
         simpler = best_of.get((model.constants, model.presliding, False)) or best_of.get(
             (model.constants, False, False)
         )
-        fit = fit_static(train, model, explain, most=40, start=simpler)
+        if model.spread:
+            simpler = by_model[replace(model, name=model.name.rpartition(",")[0], spread=False)]
+        fit = by_model[model] = fit_static(train, model, explain, most=40, start=simpler)
         best_of[model.constants, model.presliding, model.guide] = fit
         middle = middle_of(train)
         law = CandidateLaw(

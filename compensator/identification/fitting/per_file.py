@@ -1,4 +1,4 @@
-"""What each file says by itself: estimates, their scatter between files, and a delay between the channels."""
+"""What each file says by itself: estimates, and their scatter between files."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -7,7 +7,6 @@ import numpy as np
 
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals
 from tendonff.compensator.identification.measured.reading import Array
-from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.fits.chain import DynamicParameter
 from tendonff.ocp.fits.least_squares import Residuals, Solution, block_covariance
 
@@ -15,9 +14,6 @@ D = DynamicParameter
 
 LEAST_FILES = 3
 """So many files show a scatter between them."""
-
-SURE, LEAST_STEPS = 4.0, 1.0
-"""A delay is told when it is so many standard errors from nothing, and at least so many sampling steps."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,22 +32,6 @@ class FileEstimate:
     errors: dict[DynamicParameter, float]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Delay:
-    """How much later the output is read than the input.
-
-    Parameters
-    ----------
-    seconds, error_s : float
-    told : bool
-        Beyond doubt, and more than a sampling step.
-    """
-
-    seconds: float
-    error_s: float
-    told: bool
-
-
 def file_estimates(task: ChainResiduals, found: Residuals, solution: Solution) -> tuple[FileEstimate, ...]:
     """One Gauss-Newton step from the joint solution for each file alone.
 
@@ -68,14 +48,14 @@ def file_estimates(task: ChainResiduals, found: Residuals, solution: Solution) -
         return ()
     own = found.slopes[:, : len(free)]
     of_piece = found.blocks // task.BLOCKS_A_PIECE
-    joint = _step(found.values, own)
+    joint = gauss_newton_step(found.values, own)
     estimates = []
     for name in names:
         rows = np.isin(of_piece, [k for k, run in enumerate(task.pieces) if run.file == name])
         part = Residuals(values=found.values[rows], slopes=own[rows], blocks=found.blocks[rows])
         covariance, _ = block_covariance(part, robust=True)
         errors = np.sqrt(np.diag(covariance))
-        moved = _step(part.values, part.slopes) - joint
+        moved = gauss_newton_step(part.values, part.slopes) - joint
         estimates.append(
             FileEstimate(
                 file=name,
@@ -86,7 +66,8 @@ def file_estimates(task: ChainResiduals, found: Residuals, solution: Solution) -
     return tuple(estimates)
 
 
-def _step(residuals: Array, slopes: Array) -> Array:
+def gauss_newton_step(residuals: Array, slopes: Array) -> Array:
+    """Change of the values that the residuals ask for, large ones counted linearly, shape (k,)."""
     weight = 1 / np.sqrt(1 + residuals**2)
     scale = np.maximum(np.sqrt((slopes**2).sum(axis=0)), 1e-300)
     scaled = slopes / scale
@@ -123,34 +104,3 @@ def with_scatter(solution: Solution, estimates: Sequence[FileEstimate]) -> Solut
         return solution
     extra = [scatter_of(estimates, D(n)) ** 2 / len(estimates) for n in solution.values]
     return replace(solution, covariance=solution.covariance + np.diag(extra))
-
-
-def delay_of(task: ChainResiduals, found: Residuals, count: int) -> Delay:
-    """Delay of the output channel against the input, fitted together with the values.
-
-    Parameters
-    ----------
-    task : ChainResiduals
-    found : Residuals
-        At the joint solution, its first `count` columns over the free values.
-    count : int
-    """
-    rates = []
-    for run in task.pieces:
-        response = task.model.respond(task.fixed, run.drive)
-        prediction, _ = run.predicted(response)
-        rate = np.gradient(run.shaped(prediction), run.step_s * run.thin)[run.good]
-        rates.append(-run.centred(rate) / task.output_unit)
-        if run.with_elongation:
-            rates.append(np.zeros(int(run.good.sum())))
-    slopes = np.column_stack([found.slopes[:, :count], np.concatenate(rates)])
-    seconds = float(_step(found.values, slopes)[-1])
-    weight = 1 / np.sqrt(1 + found.values**2)
-    scale = np.maximum(np.sqrt((slopes**2).sum(axis=0)), 1e-300)
-    inverse = np.linalg.pinv((slopes / scale).T @ (slopes / scale * weight[:, None]), rcond=1e-12)
-    # Rows that are independent of each other count: a delay shows at every stroke alike.
-    share = float((weight * found.values**2).sum()) / task.independent_rows(found)
-    error = float(np.sqrt(max(inverse[-1, -1], 0.0) * share) / scale[-1])
-    step = max(run.step_s for run in task.pieces)
-    told = abs(seconds) > max(SURE * error, LEAST_STEPS * step) and task.pieces[0].explain is Explain.OUTPUT
-    return Delay(seconds=seconds, error_s=error, told=told)

@@ -81,7 +81,11 @@ def _swept(x: Array) -> Array:
 def _gap_ends(good: Mask) -> list[int]:
     """Rows after bridges that may hide an extreme of the input, which friction would remember."""
     edges = np.flatnonzero(np.diff(np.concatenate([[True], good, [True]]).astype(np.int8)))
-    return [int(stop) for start, stop in zip(edges[::2], edges[1::2], strict=True) if stop - start > SHORT_GAP_ROWS]
+    return [
+        int(stop)
+        for start, stop in zip(edges[::2], edges[1::2], strict=True)
+        if SHORT_GAP_ROWS < stop - start < len(good) - start
+    ]
 
 
 def fit_pieces(records: Sequence[Record], explain: Explain = Explain.OUTPUT) -> list[FitPiece]:
@@ -110,7 +114,12 @@ def fit_pieces(records: Sequence[Record], explain: Explain = Explain.OUTPUT) -> 
                 known = int(np.argmax(swept >= enough)) if swept[-1] >= enough else len(swept)
                 good[end : end + min(known, int(FORGET_MOST * len(good)))] = False
             first = piece.input_N[0] if explain is Explain.POSITION else piece.output_N[0]
-            drive = Drive(input_N=piece.input_N, step_s=record.step_s, first_output_N=float(first))
+            drive = Drive(
+                input_N=piece.input_N,
+                step_s=record.step_s,
+                first_output_N=float(first),
+                motion=piece.motion_from_start(),
+            )
             found.append(
                 FitPiece(
                     file=record.name,

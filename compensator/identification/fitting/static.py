@@ -20,6 +20,7 @@ SIMPLER_WITHIN = 1.02
 EXPONENT_STARTS = (0.02, 0.1, 0.3, 0.6, 1.2, 2.5, 4.0)
 MOST_EXPONENT = 8.0
 BLOCKS_WANTED = 60
+LEAST_SPREAD = 1e-3
 
 P = StaticParameter
 
@@ -40,6 +41,8 @@ class StaticModel:
         A soft bristle before gross sliding; needs the motion.
     guide : bool
         A spring beside the tendon; needs the motion.
+    spread : bool
+        With presliding two bristles, else plays with spread bounds.
     """
 
     name: str
@@ -47,11 +50,13 @@ class StaticModel:
     constants: bool = False
     presliding: bool = False
     guide: bool = False
+    spread: bool = False
 
     @property
     def size(self) -> int:
         """Number of free values."""
-        return 1 + self.asymmetric + 2 * self.constants + self.presliding + self.guide
+        spread = self.spread * (1 if self.presliding else 1 + self.asymmetric)
+        return 1 + self.asymmetric + 2 * self.constants + self.presliding + self.guide + spread
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +92,7 @@ class StaticFit:
     explain : Explain
         OUTPUT or INPUT.
     values : dict of StaticParameter to float
-        All seven.
+        All of them.
     solution : Solution
     bias_split : bool
         The adhesion would have to be negative: both biases are free instead.
@@ -163,10 +168,11 @@ def candidates(explain: Explain) -> tuple[StaticModel, ...]:
         StaticModel(name="asymmetric with adhesion", asymmetric=True, constants=True),
     )
     if explain is Explain.OUTPUT:
-        return plain
+        return (*plain, *(replace(m, name=f"{m.name}, spread bounds", spread=True) for m in plain if m.asymmetric))
     soft = [replace(m, name=f"{m.name}{',' if m.constants else ' with'} presliding", presliding=True) for m in plain]
     guided = [replace(m, name=f"{m.name}, guide spring", guide=True) for m in soft if m.constants]
-    return (*plain, *soft, *guided)
+    spread = [replace(m, name=f"{m.name}, two bristles", spread=True) for m in (*soft, *guided) if m.constants]
+    return (*plain, *soft, *guided, *spread)
 
 
 def _thinning(record: Record) -> int:
@@ -266,7 +272,7 @@ def _fit(
 
 
 def complete(values: Mapping[str, float], model: StaticModel) -> dict[StaticParameter, float]:
-    """All seven values from the free ones.
+    """All values from the free ones.
 
     Parameters
     ----------
@@ -275,7 +281,7 @@ def complete(values: Mapping[str, float], model: StaticModel) -> dict[StaticPara
     """
     full = {k: values.get(k.value, NEUTRAL[k]) for k in ORDER}
     if not model.asymmetric:
-        full[P.RELEASE] = full[P.PULL]
+        full[P.RELEASE], full[P.RELEASE_SPREAD] = full[P.PULL], full[P.PULL_SPREAD]
     return full
 
 
@@ -284,7 +290,7 @@ def _chosen(slopes: Array, unknowns: Sequence[Unknown], model: StaticModel) -> A
     index = {k.value: i for i, k in enumerate(ORDER)}
     columns = slopes[:, [index[u.name] for u in unknowns]].copy()
     if not model.asymmetric:
-        columns[:, 0] += slopes[:, index[P.RELEASE.value]]
+        columns[:, 0] += slopes[:, index[P.RELEASE.value]]  # no symmetric law has spread bounds
     return columns
 
 
@@ -336,6 +342,13 @@ def _unknowns(
                 logarithmic=True,
             )
         )
+    if model.spread and model.presliding:
+        list_of.append(Unknown(name=P.BRISTLE_SPREAD.value, start=1.0, low=0, high=6, scale=0.5))
+    elif model.spread:
+        list_of += [
+            Unknown(name=name.value, start=LEAST_SPREAD + 0.3, low=LEAST_SPREAD, high=1, scale=0.2)
+            for name in (P.PULL_SPREAD, P.RELEASE_SPREAD)
+        ]
     if model.guide:
         most = 10 * span / travel
         list_of.append(

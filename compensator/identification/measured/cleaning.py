@@ -22,6 +22,7 @@ from tendonff.compensator.identification.measured.smoothing import (
     noise_of,
 )
 from tendonff.compensator.scenario.measurement import Measurement
+from tendonff.models.path import JointMotion
 
 SHORT_GAP_ROWS = 10
 """A gap of at most so many rows is bridged by a straight line, a longer one by a polynomial over both sides."""
@@ -57,6 +58,8 @@ class Piece:
         False where a value was bridged or a spike replaced.
     input_filter : AdaptiveLowPass
         How the input was smoothed: it drives the models.
+    motion : JointMotion or None
+        Joint angles after the low-pass, where the path has joints.
     """
 
     time_s: Array
@@ -66,6 +69,7 @@ class Piece:
     output_m: Array | None
     good: Mask
     input_filter: AdaptiveLowPass
+    motion: JointMotion | None = None
 
     def travel_m(self) -> Array:
         """Measured position of the input end, shape (n,) [m]."""
@@ -79,13 +83,12 @@ class Piece:
             raise InputError("the position of the output end was not measured; name it with --output-position-column")
         return np.asarray(self.travel_m() - self.output_m)
 
-    def part(self, rows: slice) -> "Piece":
-        """Some of the rows.
+    def motion_from_start(self) -> JointMotion | None:
+        """Joint angles, their time counted from the first row."""
+        return None if self.motion is None else replace(self.motion, time_s=self.motion.time_s - self.time_s[0])
 
-        Parameters
-        ----------
-        rows : slice
-        """
+    def part(self, rows: slice) -> "Piece":
+        """Some of the rows."""
         return Piece(
             time_s=self.time_s[rows],
             input_N=self.input_N[rows],
@@ -94,6 +97,7 @@ class Piece:
             output_m=None if self.output_m is None else self.output_m[rows],
             good=self.good[rows],
             input_filter=replace(self.input_filter, level=self.input_filter.level[rows]),
+            motion=self.motion,
         )
 
 
@@ -157,12 +161,7 @@ class Record:
 
 
 def spikes(x: Array) -> Mask:
-    """Rows that stand alone, far off their neighbours.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-    """
+    """Rows that stand alone, far off their neighbours."""
     if len(x) < 9:
         return np.zeros(len(x), dtype=bool)
     off = np.abs(x - median_filter(x, size=2 * SPIKE_ROWS + 1, mode="nearest"))
@@ -227,6 +226,7 @@ def clean(raw: RawMeasurement, how: Measurement) -> Record:
                 output_m=smooth.get("output_m"),
                 good=good,
                 input_filter=input_filter,
+                motion=_smooth_motion(raw.motion, smooth["time_s"], step, cutoff),
             )
         )
     signed = _judge_signs(pieces, findings)
@@ -245,13 +245,16 @@ def clean(raw: RawMeasurement, how: Measurement) -> Record:
     )
 
 
-def longest_bridge_s(step_s: float) -> float:
-    """Longest interval between rows that is bridged [s].
+def _smooth_motion(motion: JointMotion | None, time_s: Array, step: float, cutoff_Hz: float) -> JointMotion | None:
+    """Joint angles on the grid of a piece, without what the low-pass takes away from the tensions."""
+    if motion is None:
+        return None
+    columns = [low_pass(column, step, cutoff_Hz) for column in motion.at(time_s).T]
+    return JointMotion(names=motion.names, time_s=time_s, angle_rad=np.column_stack(columns))
 
-    Parameters
-    ----------
-    step_s : float
-    """
+
+def longest_bridge_s(step_s: float) -> float:
+    """Longest interval between rows that is bridged [s]."""
     return max(min(LONGEST_BRIDGE_S, LONGEST_BRIDGE_ROWS * step_s), (SHORT_GAP_ROWS + 0.5) * step_s)
 
 

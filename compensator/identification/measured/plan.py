@@ -1,12 +1,14 @@
 """What a fit will have to do, said before any of it is done."""
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.measured.reading import RawMeasurement
 from tendonff.compensator.scenario.measurement import Measurement
+from tendonff.compensator.scenario.scenario import Scenario
 
 LONGEST_STEP_S = 1e-3
 """The chain takes no longer steps."""
@@ -66,3 +68,25 @@ def check_plan(
         raise InputError(
             f"{question}. Not started: give --yes to fit all of it, --static for the static law alone, or shorter files"
         )
+
+
+def check_question(scenario: Scenario, fit_files: Sequence[Path], judging: Sequence[Path]) -> None:
+    """Refuse what cannot be answered: no file, a straight path, two relaxation times, a file that judges itself.
+
+    Raises
+    ------
+    InputError
+    """
+    if not fit_files:
+        raise InputError("no measured file given; name at least one with --data")
+    if scenario.transmission.path.total_angle_rad == 0:
+        raise InputError(
+            "total_angle_rad is 0: without a wrap angle friction has no coefficient; give the path's angle"
+        )
+    if scenario.transmission.tendon.second_relaxation_time_s is not None:
+        raise InputError(
+            "second_relaxation_time_s is given, but one relaxation time is fitted; "
+            "leave it and second_relaxing_stiffness_N_per_m out"
+        )
+    if twice := sorted({p.name for p in fit_files if p.resolve() in {v.resolve() for v in judging}}):
+        raise InputError(f"{', '.join(twice)}: given with --data and with --validate; a file cannot judge its own fit")

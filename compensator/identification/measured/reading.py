@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tendonff.compensator.files.quantities import ANGLE_UNITS, FORCE_UNITS, LENGTH_UNITS, TIME_UNITS
 from tendonff.compensator.files.reading import InputError, nearest_column
+from tendonff.compensator.files.tables import Table, read_table
 from tendonff.compensator.identification.measured.offsets import slack_offsets
 from tendonff.compensator.identification.measured.onset import switched_on_s
-from tendonff.compensator.identification.measured.tables import MeasuredTable, read_table, unit_factor
 from tendonff.compensator.scenario.measurement import Measurement
+from tendonff.models.path import JointMotion
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -20,6 +22,15 @@ Mask = NDArray[np.bool_]
 OUT_OF_ORDER_ROWS = 5
 """A clock that is back on its way after so many rows had rows out of order; one that stays behind has jumped."""
 
+
+UNITS = {
+    "time": TIME_UNITS,
+    "input": FORCE_UNITS,
+    "output": FORCE_UNITS,
+    "actuator_force": FORCE_UNITS,
+    "input_position": LENGTH_UNITS,
+    "output_position": LENGTH_UNITS,
+}
 
 LEAST_TARE_ROWS = 10
 
@@ -102,6 +113,8 @@ class RawMeasurement:
         Time rises strictly; `output_N` is NaN where the output tension was not measured.
     input_m, output_m, actuator_N : ndarray, shape (n,), or None
         Positions and the actuator's force, where the file has them.
+    motion : JointMotion or None
+        Measured joint angles, where the path has joints.
     breaks : tuple of int
         First rows after a clock that jumped back.
     unread : tuple of str
@@ -118,6 +131,7 @@ class RawMeasurement:
     input_m: Array | None
     output_m: Array | None
     actuator_N: Array | None
+    motion: JointMotion | None
     breaks: tuple[int, ...]
     unread: tuple[str, ...]
     started_s: float | None
@@ -133,7 +147,7 @@ def _columns(
     path: Path, names: Mapping[str, str], findings: list[Finding]
 ) -> tuple[dict[str, Array], dict[str, float], tuple[str, ...], float | None]:
     """The wanted columns as numbers, factors from a row of units, names of the other columns, and the date it began."""
-    table = read_table(path)
+    table = read_table(path, tuple(names.values()))
     started: float | None = None
     found: dict[str, Array] = {}
     factors: dict[str, float] = {}
@@ -145,6 +159,11 @@ def _columns(
                     f'{path.name}: column "{name}" is missing{near} (choose one with --{key}-column, and its unit with '
                     "--scale)"
                 )
+            if key.startswith("joint"):
+                raise InputError(
+                    f'{path.name}: column "{name}" is missing{nearest_column(name, list(table.columns))}; the path '
+                    "moves with this joint: log its angle, or give a scenario of a path at rest"
+                )
             continue
         if key == "time":
             found[key], started = table.seconds(name)
@@ -153,7 +172,8 @@ def _columns(
         else:
             found[key] = table.numbers(name)
         unit = table.units.get(name, "")
-        factor = unit_factor(key, unit) if unit else None
+        known = ANGLE_UNITS if key.startswith("joint") else UNITS[key]
+        factor = known.get(unit.strip(" []()"))
         if factor is not None:
             factors[key] = factor
     if table.units:
@@ -165,7 +185,7 @@ def _columns(
     return found, factors, tuple(name for name in table.columns if name not in names.values()), started
 
 
-def _proximal(table: MeasuredTable, names: Mapping[str, str]) -> bool:
+def _proximal(table: Table, names: Mapping[str, str]) -> bool:
     """No output tension was measured, and nobody asked for a column of it: the input end explains itself."""
     return names["output"] == Measurement().output_column and names["input_position"] in table.columns
 
@@ -199,7 +219,7 @@ def _zeroed(name: str, data: dict[str, Array], how: Measurement, findings: list[
     return {key: values - offsets.get(key, 0.0) for key, values in data.items()}
 
 
-def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
+def read_measurement(path: Path, how: Measurement, joints: Sequence[str] = ()) -> RawMeasurement:
     """Read one measured file, tolerant of data issues but never silent about them.
 
     Parameters
@@ -207,6 +227,8 @@ def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
     path : Path
     how : Measurement
         Names of columns, units, rows to skip.
+    joints : sequence of str, optional
+        Joints of the path: their angles are read from the columns NAME_rad.
 
     Raises
     ------
@@ -221,6 +243,7 @@ def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
         "input_position": how.input_position_column,
         "output_position": how.output_position_column,
         "actuator_force": how.actuator_force_column or "actuator_force_N",
+        **{f"joint {name}": f"{name}_rad" for name in joints},
     }
     for key, name in columns.items():
         if twin := next((k for k, n in columns.items() if n == name and k != key), None):
@@ -235,7 +258,10 @@ def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
         "output_position": how.output_position_scale,
         "actuator_force": how.actuator_force_scale or 1.0,
     }
-    data = {k: values * (scales[k] if scales[k] != 1 else factors.get(k, 1.0)) for k, values in table.items()}
+    data = {
+        k: values * (scales.get(k, 1.0) if scales.get(k, 1.0) != 1 else factors.get(k, 1.0))
+        for k, values in table.items()
+    }
     bad: Mask = np.asarray(~np.isfinite(np.stack(list(data.values()))).all(axis=0))
     if bad.any():
         findings.append(issue_found(DataIssue.MISSING, _times(data["time"], bad), "rows left out", int(bad.sum())))
@@ -274,6 +300,10 @@ def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
                 f"{path.name}: {columns[key]} is {kept[key][0]:g} N in all {len(kept[key])} usable rows; nothing can "
                 "be identified from a tension that never moves: drive the tendon, or check the column"
             )
+    motion = None
+    if joints:
+        angles = np.column_stack([kept[f"joint {name}"] for name in joints])
+        motion = JointMotion(names=tuple(joints), time_s=time, angle_rad=angles)
     return RawMeasurement(
         name=path.name,
         time_s=time,
@@ -282,6 +312,7 @@ def read_measurement(path: Path, how: Measurement) -> RawMeasurement:
         input_m=kept.get("input_position"),
         output_m=kept.get("output_position"),
         actuator_N=kept.get("actuator_force"),
+        motion=motion,
         breaks=breaks,
         unread=unread,
         started_s=started,

@@ -80,7 +80,7 @@ def exported(finger) -> Callable[..., ExportedTuner]:
             scenario = adapted(finger, sensor, parameters)
             problem = Problem.of(scenario)
             texts = c_sources(scenario, problem, ADAPTIVE_MODULES, precision, "tff")
-            order = ("types.h", "limits.h", "adaptive.h", "limits.c", "adaptive.c")
+            order = ("types.h", "parameters.h", "limits.h", "adaptive.h", "parameters.c", "limits.c", "adaptive.c")
             own = "\n".join(texts[f"tff_{name}"] for name in order)
             lines = [line for line in own.splitlines() if not line.startswith('#include "')]
             source = "\n".join(["#include <stdlib.h>", *lines, DRIVER])

@@ -17,10 +17,25 @@ def test_a_scenario_for_a_rig_has_plausible_values_that_can_be_delivered(tmp_pat
     path = tmp_path / "mine.toml"
     assert run(["new", str(path), "--for", rig]) == 0
     scenario = load_scenario(path)
-    assert all("least_tension_N sets it" in note for note in sample_reference(scenario).warnings)
+    assert all("least_tension_N" in note for note in sample_reference(scenario).warnings)
     assert scenario.transmission.actuator.motor is not None
     text = path.read_text(encoding="utf-8")
     assert all("#" in line for line in text.splitlines() if line.startswith(("elastic", "mu_dynamic", "drum_radius")))
+
+
+def test_the_example_of_an_exosuit_is_what_new_writes(tmp_path: Path, examples: Path) -> None:
+    assert run(["new", str(tmp_path / "mine.toml"), "--for", "exosuit"]) == 0
+    assert (tmp_path / "mine.toml").read_text(encoding="utf-8") == (examples / "exosuit.toml").read_text(
+        encoding="utf-8"
+    )
+
+
+@pytest.mark.parametrize("rig", ["finger", "bowden", "surgical", "exosuit"])
+def test_no_range_claims_a_source_that_cannot_be_looked_up(tmp_path: Path, rig: str) -> None:
+    assert run(["new", str(tmp_path / "mine.toml"), "--for", rig]) == 0
+    text = (tmp_path / "mine.toml").read_text(encoding="utf-8")
+    assert "orders of magnitude\n# without a source" in text
+    assert not any(word in text for word in ("handbook", "usual value", "literature", "typical"))
 
 
 def test_a_scenario_that_exists_is_replaced_only_on_request(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

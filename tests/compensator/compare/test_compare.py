@@ -93,13 +93,19 @@ def test_stick_slip_shows_as_spread_and_is_warned_of(examples):
     assert any("depends on the time step" in warning for warning in result.warnings)
 
 
-@pytest.mark.parametrize("delay", [-0.1, 0.0, 0.0125, 0.2])
+@pytest.mark.parametrize("delay", [-0.9, -0.1, 0.0, 0.0125, 0.2, 0.95])
 def test_a_delay_is_found_as_lag(delay):
     time = np.arange(0, 4, 1e-3)
     wanted = 30 + 10 * np.sin(2 * np.pi * 0.7 * time) + 3 * np.sin(2 * np.pi * 1.9 * time)
     late = time - delay
     got = 25 + 4 * np.sin(2 * np.pi * 0.7 * late) + 1.2 * np.sin(2 * np.pi * 1.9 * late)
     assert lag(wanted, got, 1e-3) == pytest.approx(delay, abs=5e-4)
+
+
+def test_a_whole_period_is_no_lag():
+    """A sine of 1.25 s looks the same a period later; lags are sought within a quarter of the duration."""
+    wave = 30 + 10 * np.sin(2 * np.pi * np.arange(0, 4, 1e-3) / 1.25)
+    assert lag(wave, wave, 1e-3) == pytest.approx(0, abs=5e-4)
 
 
 def test_a_constant_has_no_lag():

@@ -40,6 +40,11 @@ def test_the_interpolation_error_stays_under_its_bound(built):
     assert 0 < built.error_N <= built.bound_N
 
 
+def test_a_table_is_at_least_as_sharp_as_the_samples(finger, built):
+    """A step counts as met within less than the tension that passes between two samples."""
+    assert 0 < built.resolution_N < built.rate_N_per_s * finger.run.step_s
+
+
 @pytest.mark.parametrize("branch", Branch)
 def test_reversals_that_the_table_was_not_made_from_are_met_within_the_bound(finger, built, branch):
     """Sweeps at tensions between those of the making, with the masses of the chain left out of the comparison."""

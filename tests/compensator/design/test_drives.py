@@ -1,15 +1,20 @@
 """Drives: travel, commands, limits of the motion, cycles and positions, on a plant that shares no code with them."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from tendonff.compensator.cli import run
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.motion import with_motion
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import SimulatedPlant, verify
 from tendonff.compensator.design.drive_use import DriveUse
+from tendonff.compensator.design.robustness import robustness
+from tendonff.compensator.files.text import InputError
+from tendonff.compensator.scenario.joints import SineJoint
 from tendonff.compensator.scenario.reference import Hold, Quantity, Shape, WaypointReference
 from tendonff.compensator.scenario.run import Run
 from tendonff.compensator.scenario.scenario import load_scenario
@@ -171,3 +176,74 @@ def test_the_motor_gets_force_times_radius_over_gear():
     assert use.angle_rad(motor) == pytest.approx([0.0, 2.0])
     assert use.power_W == pytest.approx([0.0, 16.0])
     assert use.load_of_the_line(motor) == pytest.approx(0.8)
+
+
+def test_a_cycle_that_fits_uncertain_friction_is_better_in_the_worst_case(cable):
+    """[robust] on a cycle: every sample in its own steady state."""
+    slow = actuated(replace(cable, reference=CYCLE), force_rate_max_N_per_s=3000.0)
+    uncertain = replace(slow, robust=replace(slow.robust, mu=0.2, samples=3))
+    problem = Problem.of(uncertain)
+    assert len(problem.samples) == 3
+    forces = {name: compensator(name).profile(problem).force_N for name in ("inverse", "optimal")}
+    nominal = compensator("optimal").profile(Problem.of(slow)).force_N
+    bands = robustness(problem, forces | {"nominal": nominal}).bands
+    assert bands["optimal"].worst_rms_N < 0.8 * bands["inverse"].worst_rms_N
+    assert bands["optimal"].worst_rms_N < bands["nominal"].worst_rms_N
+    assert forces["optimal"][0] == pytest.approx(forces["optimal"][-1], abs=1e-9)
+
+
+@pytest.fixture(scope="module")
+def exosuit(examples):
+    return load_scenario(examples / "exosuit.toml")
+
+
+def test_a_joint_with_the_period_of_the_cycle_is_followed(exosuit, record_property):
+    scenario = actuated(exosuit, force_rate_max_N_per_s=1e5)
+    problem = Problem.of(scenario)
+    profile = compensator("inverse").profile(problem)
+    path = problem.chain.path_at(np.array([0.3, 1.3, -0.7]))
+    assert np.ptp(path.gained_m, axis=0).max() < 1e-12  # it repeats
+    errors = [
+        verify(problem.transmission, plant, "inverse", profile, problem.reference).score.rmse_percent_of_range
+        for plant in (
+            SimulatedPlant(level=Level.PRESLIDING),
+            SimulatedPlant(level=Level.PRESLIDING, segments=40, refinement=4),
+        )
+    ]
+    record_property(
+        "figure", f"exosuit cycle with its joints: {errors[0]:.2g} %, on 40 masses {errors[1]:.2g} % of range"
+    )
+    assert errors[0] < 0.01
+    assert errors[1] < 0.2
+    still = replace(problem.transmission, motion=problem.transmission.motion.held(np.zeros(2)))
+    ignorant = compensator("inverse").profile(replace(problem, transmission=still))
+    plant = SimulatedPlant(level=Level.PRESLIDING)
+    assert verify(problem.transmission, plant, "", ignorant, problem.reference).score.rmse_percent_of_range > 2
+
+
+def test_the_motor_of_the_exosuit_is_sized(exosuit, tmp_path):
+    assert run(["design", str(exosuit.source), "--out", str(tmp_path)]) == 0
+    drive = json.loads((tmp_path / "summary.json").read_text())["drive"]["inverse"]
+    motor = exosuit.transmission.actuator.motor
+    assert 0.5 * motor.torque_max_N_m < drive["peak_torque_N_m"] <= motor.torque_max_N_m
+    assert drive["peak_speed_m_per_s"] < motor.speed_max_m_per_s
+    table = np.genfromtxt(tmp_path / "profile.csv", delimiter=",", names=True)
+    assert {"joint_knee_rad", "joint_ankle_rad", "travel_inverse_m", "motor_torque_inverse_N_m"} <= set(
+        table.dtype.names
+    )
+    torque = table["force_inverse_N"] * motor.drum_radius_m / motor.gear_ratio
+    assert table["motor_torque_inverse_N_m"] == pytest.approx(torque, rel=1e-6)
+    assert table["motor_angle_inverse_rad"] == pytest.approx(
+        table["travel_inverse_m"] / motor.travel_per_rad_m, abs=1e-9
+    )
+
+
+def test_a_joint_that_does_not_repeat_with_the_cycle_is_refused(exosuit):
+    knee = replace(exosuit.joints["knee"], angles_rad=(0.1, 0.35, 0.1, 1.05, 0.2))
+    with pytest.raises(
+        InputError, match=r"\[joints.knee\]: the reference repeats after 1 s, the joint starts at 0.1 rad"
+    ):
+        Problem.of(replace(exosuit, joints={**exosuit.joints, "knee": knee}))
+    fading = SineJoint(amplitudes_rad=(0.2,), frequencies_Hz=(1.0,), fade_in_s=0.2)
+    with pytest.raises(InputError, match="whole periods and fade_in_s = 0"):
+        Problem.of(replace(exosuit, joints={**exosuit.joints, "knee": fading}))

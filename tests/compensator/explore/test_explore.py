@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
-from tendonff.compensator.explore.run import ExploreParameters, Explorer
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.explore.parameters import ExploreParameters
+from tendonff.compensator.explore.run import SLOW, Explorer
+from tendonff.compensator.scenario.joint_motion import sample_joints
+from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_to_toml
 from tendonff.models.errors import TendonffError
 from tendonff.models.fidelity import Level
 
@@ -20,22 +22,62 @@ def scenario(examples):
     return load_scenario(examples / "finger.toml")
 
 
-def test_the_parameters_start_at_the_scenario(scenario):
+@pytest.mark.parametrize("name", ["finger", "bowden", "finger_moving"])
+def test_the_parameters_start_at_the_scenario(examples, name):
+    scenario = load_scenario(examples / f"{name}.toml")
     for level in Level:
-        parameters = ExploreParameters.of(scenario.transmission, level)
-        moved = parameters.apply(scenario.transmission, level)
-        assert ExploreParameters.of(moved, level) == parameters
-        assert moved.path.total_angle_rad == pytest.approx(scenario.transmission.path.total_angle_rad, rel=1e-15)
+        there = replace(scenario, run=replace(scenario.run, level=level))
+        parameters = ExploreParameters.of(there)
+        moved = parameters.apply(there)
+        back = ExploreParameters.of(moved)
+        assert back.total_angle_deg == pytest.approx(parameters.total_angle_deg, rel=1e-14)
+        assert replace(back, total_angle_deg=parameters.total_angle_deg) == parameters
+        assert moved.joints == there.joints
+        path, before = moved.transmission.path, there.transmission.path
+        assert [s.angle_rad for s in path.parts] == pytest.approx([s.angle_rad for s in before.parts], rel=1e-12)
 
 
 def test_every_friction_coefficient_follows_mu(scenario):
     friction = replace(scenario.transmission.friction, mu_dynamic=0.2, mu_static=0.3, mu_dynamic_release=0.1)
-    transmission = replace(scenario.transmission, friction=friction)
-    parameters = replace(ExploreParameters.of(transmission, Level.ELASTIC), mu=0.4)
-    moved = parameters.apply(transmission, Level.ELASTIC).friction
+    own = replace(scenario, transmission=replace(scenario.transmission, friction=friction))
+    moved = replace(ExploreParameters.of(own), mu=0.4).apply(own).transmission.friction
     assert [moved.mu_dynamic, moved.mu_static, moved.release_dynamic, moved.release_static] == pytest.approx(
         [0.4, 0.6, 0.2, 2 * friction.release_static]
     )
+
+
+def test_a_pose_turns_every_joint_and_sections_keep_their_shares(examples):
+    scenario = load_scenario(examples / "finger_moving.toml")
+    start = ExploreParameters.of(scenario)
+    assert start.pose_deg
+    turned = replace(start, total_angle_deg=0.5 * start.total_angle_deg, pose_deg=dict.fromkeys(start.pose_deg, 10.0))
+    changed = turned.apply(scenario)
+    for name in scenario.joints:
+        before, after = (sample_joints(one, 1.0).angle_rad for one in (scenario, changed))
+        assert after - before == pytest.approx(np.full_like(before, np.radians(10.0)), abs=1e-12), name
+    halves = zip(changed.transmission.path.parts, scenario.transmission.path.parts, strict=True)
+    assert all(after.angle_rad == pytest.approx(before.angle_rad / 2) for after, before in halves)
+    assert Explorer(scenario).at(start).courses["inverse"].score.rmse_percent_of_range < 1
+
+
+def test_what_is_saved_is_the_changed_scenario(scenario):
+    explorer = Explorer(scenario)
+    changed = explorer.scenario_at(replace(explorer.start, mu=0.25, load_stiffness_N_per_m=2500.0))
+    again = parse_scenario(scenario_to_toml(changed), scenario.source)
+    assert again == changed
+    assert again.transmission.load.stiffness_N_per_m == 2500.0
+
+
+@pytest.mark.compiler
+def test_self_tuning_recovers_most_of_what_a_design_for_other_friction_misses(scenario):
+    """Over the whole run, the time in which it learns included: two thirds; how well it settles is tested with it."""
+    explorer = Explorer(scenario)
+    changed = replace(explorer.start, mu=0.24)
+    plain = explorer.at(changed, design_knows=False).courses["inverse"].score.rmse_N
+    slow = explorer.at(changed, design_knows=False, curves=SLOW).courses
+    assert set(slow) == {"optimal", "self_tuning"}
+    assert slow["self_tuning"].score.rmse_N < plain / 3
+    assert slow["optimal"].score.rmse_N > plain / 2
 
 
 def test_the_inverse_that_knows_the_change_stays_exact_and_the_other_does_not(scenario):

@@ -13,8 +13,8 @@ import pytest
 from tendonff.compensator.cli import run
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.c_project import export_project
-from tendonff.compensator.export.c_text import check_prefix
 from tendonff.compensator.export.golden import answers
+from tendonff.compensator.export.modules import check_prefix
 from tendonff.compensator.export.table_index import rounded
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampling import sample_reference

@@ -1,23 +1,35 @@
 """Co-simulation units: valid, equal to the Python model, and rebuilt from their own sources."""
 
+import io
 import shutil
 import subprocess
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.table import table_of
+from tendonff.compensator.export import fmu
 from tendonff.compensator.export.fmu import build_fmu
+from tendonff.compensator.export.golden import answers
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.scenario.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.chain import Chain
+from tendonff.ocp.codegen.cross import has_cross_compiler
+from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import simulate
 
 fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed")
-NAMES = {Kind.INVERSE: ("reference", "force"), Kind.PLANT: ("force", "tension")}
+NAMES = {
+    Kind.INVERSE: ("reference", "force"),
+    Kind.TABLE: ("reference", "force"),
+    Kind.PLANT: ("force", "tension"),
+}
 ROWS = 1000
 SAID = []
 
@@ -70,7 +82,7 @@ def play(path, finger, kind, step=1):
 
 
 @pytest.mark.parametrize("fmi", FmiVersion)
-@pytest.mark.parametrize("kind", [Kind.INVERSE, Kind.PLANT])
+@pytest.mark.parametrize("kind", [Kind.INVERSE, Kind.TABLE, Kind.PLANT])
 def test_a_unit_is_valid_and_equals_the_python_model(unit, finger, kind, fmi, record_property):
     """FMPy records the input a row late: row k + 1 holds what step k used."""
     from fmpy.validation import validate_fmu
@@ -81,12 +93,38 @@ def test_a_unit_is_valid_and_equals_the_python_model(unit, finger, kind, fmi, re
     chain, used = Chain.of(finger.transmission, finger.run.level), given[1:]
     if kind is Kind.INVERSE:
         expected = invert(chain, used, finger.run.step_s).force_N
+    elif kind is Kind.TABLE:
+        problem = Problem.of(finger)
+        expected = answers(problem, table_of(problem).table, used, Precision.DOUBLE)[1]["table"]
     else:
         expected = simulate(chain, used, finger.run.step_s).output_tension_N
     error = float(np.abs(answer[1:] - expected).max())
     record_property("figure", f"FMU {kind}, FMI {fmi}, against Python over {ROWS} steps: {error:.2g} N")
     assert np.ptp(answer) > 5
     assert error <= 1e-9
+
+
+def test_a_unit_knows_the_time_from_its_start(unit, tmp_path):
+    from fmpy import extract, read_model_description
+    from fmpy.fmi2 import FMU2Slave
+
+    path = unit(Kind.INVERSE, FmiVersion.V2)
+    described = read_model_description(str(path))
+    slave = FMU2Slave(
+        guid=described.guid,
+        unzipDirectory=extract(str(path), str(tmp_path)),
+        modelIdentifier=described.coSimulation.modelIdentifier,
+    )
+    slave.instantiate()
+    slave.setupExperiment(startTime=2.0)
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    assert slave.getReal([0]) == [2.0]
+    for k in range(3):
+        slave.doStep(currentCommunicationPoint=2.0 + 0.002 * k, communicationStepSize=0.002)
+    assert slave.getReal([0]) == pytest.approx([2.006])
+    slave.terminate()
+    slave.freeInstance()
 
 
 def test_communication_steps_of_several_samples_are_taken_sample_by_sample(unit, finger):
@@ -102,6 +140,32 @@ def test_a_step_that_is_no_whole_number_of_samples_is_refused(unit, finger):
         fmpy.simulate_fmu(
             str(unit(Kind.PLANT, FmiVersion.V3)), stop_time=0.01, step_size=0.0015, output_interval=0.0015
         )
+
+
+def test_only_what_a_unit_needs_is_computed(finger, monkeypatch):
+    def never(*_):
+        raise AssertionError("no table is needed")
+
+    monkeypatch.setattr(fmu, "table_of", never)
+    with zipfile.ZipFile(io.BytesIO(build_fmu(finger, Kind.INVERSE).content)) as archive:
+        names = {name for name in archive.namelist() if name.startswith("sources/tff_") and name.endswith(".c")}
+    assert names == {f"sources/tff_{name}.c" for name in ("parameters", "limits", "inverse")}
+
+
+def test_binaries_for_other_systems_are_built_and_export_the_interface(finger):
+    """Looked into, not run: a Windows library with the functions in its table of exports, and Mach-O for both chips."""
+    if not has_cross_compiler():
+        pytest.skip("ziglang is not installed")
+    with zipfile.ZipFile(io.BytesIO(build_fmu(finger, Kind.TABLE, FmiVersion.V3, everywhere=True).content)) as archive:
+        found = {name: archive.read(name) for name in archive.namelist() if name.startswith("binaries/")}
+    windows = found["binaries/x86_64-windows/tff_table.dll"]
+    assert windows[:2] == b"MZ"
+    assert b"\0fmi3DoStep\0" in windows
+    chips = {"x86_64": b"\x07\x00\x00\x01", "aarch64": b"\x0c\x00\x00\x01"}
+    for machine, chip in chips.items():
+        library = found[f"binaries/{machine}-darwin/tff_table.dylib"]
+        assert library[:8] == b"\xcf\xfa\xed\xfe" + chip
+        assert b"_fmi3DoStep\0" in library
 
 
 @pytest.mark.parametrize("fmi", FmiVersion)
@@ -202,3 +266,41 @@ def run_nm(file):
     if shutil.which("nm") is None:
         pytest.skip("nm is not installed")
     return subprocess.run(["nm", file], capture_output=True, text=True, check=True).stdout
+
+
+@pytest.mark.parametrize("kind", [Kind.INVERSE, Kind.PLANT])
+def test_a_unit_takes_the_joint_angles_of_a_moving_path(examples, kind, tmp_path, record_property):
+    from fmpy.validation import validate_fmu
+
+    finger = load_scenario(examples / "finger_moving.toml")
+    problem, fmi = Problem.of(finger), FmiVersion.V2 if kind is Kind.INVERSE else FmiVersion.V3
+    build_fmu(finger, kind, fmi).write(tmp_path)
+    (path,) = tmp_path.glob("*.fmu")
+    assert validate_fmu(str(path)) == []
+    step, time = finger.run.step_s, problem.reference.time_s[: ROWS + 1]
+    angles = problem.chain.motion.at(time)
+    given = problem.reference.tension_N[: ROWS + 1]
+    name, answer = NAMES[kind]
+    joints = [f"joint_{joint}" for joint in finger.joints]
+    rows = list(zip(time, given, *angles.T, strict=True))
+    signal = np.array(rows, dtype=[(column, float) for column in ("time", name, *joints)])
+    out = fmpy.simulate_fmu(
+        str(path),
+        stop_time=ROWS * step,
+        step_size=step,
+        output_interval=step,
+        input=signal,
+        output=[name, answer, *joints],
+    )
+    used = np.column_stack([out[joint] for joint in joints])[1:]
+    motion = replace(problem.chain.motion, time_s=step * np.arange(ROWS), angle_rad=used)
+    chain, start = replace(problem.chain, motion=motion), float(given[0])
+    if kind is Kind.INVERSE:
+        force = invert(chain, out[name][1:], step, initial_tension_N=start).force_N
+        expected = problem.limits.apply(force, step, start)
+    else:
+        expected = simulate(chain, out[name][1:], step, initial_tension_N=start).output_tension_N
+    error = float(np.abs(out[answer][1:] - expected).max())
+    record_property("figure", f"FMU {kind} with joints, FMI {fmi}, against Python: {error:.2g} N")
+    assert np.ptp(used) > 0.5
+    assert error <= 1e-9

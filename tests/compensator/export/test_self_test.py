@@ -91,6 +91,19 @@ def test_every_branch_of_the_limiter_is_among_the_cases():
         assert Status.FAILED in case.status or abs(case.force_N - case.before_N) <= 5.0 + 1e-12
 
 
+def test_limits_are_those_that_the_compiler_reads():
+    """Nine digits of a double round to another float than the double itself where it lies next to a tie."""
+    chance = np.random.default_rng(0)
+    torn = next(
+        value
+        for value in chance.uniform(100, 2000, 10**6).tolist()
+        if np.float32(float(f"{value:.9g}")) != np.float32(value)
+    )
+    forces = {case.force_N for case in limit_cases(0.0, torn, 5.0, Precision.FLOAT)}
+    assert float(np.float32(float(f"{torn:.9g}"))) in forces
+    assert float(np.float32(torn)) not in forces
+
+
 def test_a_checksum_is_that_of_the_published_function():
     """FNV-1a of the eight bytes of 1.0, worked out by hand as of the byte string."""
     value = 2166136261

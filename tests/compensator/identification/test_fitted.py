@@ -4,12 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from synthetic import Faults, write_synthetic
 
-from tendonff.compensator.identification.fitting.static import FileError
+from tendonff.compensator.identification import outcome
+from tendonff.compensator.identification.fitting.static import FileError, middle_of, respond
+from tendonff.compensator.identification.measured.smoothing import low_pass
 from tendonff.compensator.identification.moments import moved_inside
 from tendonff.compensator.identification.result import PieceComparison, summary_lines
 from tendonff.compensator.identification.run import identify
-from tendonff.compensator.identification.synthetic import Faults, write_synthetic
+from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.chain import Chain
@@ -43,6 +46,10 @@ def truth(nominal):
     return replace(t, friction=friction)
 
 
+def rms(x):
+    return float(np.sqrt(np.mean(x**2)))
+
+
 def strokes(seed, seconds=13.0):
     rng = np.random.default_rng(seed)
     time = np.arange(0, seconds + 1e-9, STEP)
@@ -65,8 +72,26 @@ def logs(truth, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def found(nominal, logs):
-    return identify(nominal, logs, conditions={"wet.csv": "wet", "dry.csv": "dry"})
+def told():
+    """What the comparison of laws was given, and its answer."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def found(nominal, logs, told):
+    def compared(*given):
+        told.append((given, outcome.compared(*given)))
+        return told[-1][1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tendonff.compensator.identification.run.compared", compared)
+        return identify(nominal, logs, conditions={"wet.csv": "wet", "dry.csv": "dry"})
+
+
+@pytest.fixture(scope="module")
+def laws_compared(found, told):
+    [one] = told
+    return one
 
 
 def test_adhesion_is_found_and_goes_on(found):
@@ -128,16 +153,46 @@ def test_the_law_that_validates_better_is_chosen_across_the_stages(found):
     assert by_name["asymmetric with adhesion"].validation_percent > by_name[found.law].validation_percent
 
 
-def test_a_delay_of_the_output_is_measured(nominal, truth, tmp_path):
-    """The far cell is logged 12 ms later, which in short files looks much like viscous friction."""
-    write_synthetic(tmp_path / "a.csv", truth, *strokes(5), Faults(noise=0.001), step_s=STEP)
+def test_laws_are_compared_on_the_same_rows_and_range(laws_compared):
+    """Each error again, by hand: the same rows of the same low-passed output, in percent of its range in all files."""
+    (stage, chain, records), laws = laws_compared
+    output = np.concatenate([r.joined("output_N") for r in records])
+    train = chain.law.train
+    for law, fit in zip(laws, stage.tried, strict=False):
+        off = []
+        for run in train.pieces:
+            play = respond(fit.values, run.piece, Explain.OUTPUT, middle_of(records)).prediction_N
+            smooth = low_pass(play, run.step_s, run.cutoff_Hz)
+            off.append((smooth - run.piece.output_N)[:: run.thin][run.good])
+        assert law.fit_percent == pytest.approx(100 * rms(np.concatenate(off)) / np.ptp(output))
+    assert len(laws) == len(stage.tried) + len(chain.law.candidates)
+    for law, candidate in zip(laws[len(stage.tried) :], chain.law.candidates, strict=True):
+        assert law.fit_percent == pytest.approx(100 * candidate.fit.rms_N / np.ptp(output))
+
+
+@pytest.mark.parametrize("noise", [0.001, 0.005])
+def test_a_delay_of_the_output_is_measured_and_taken_out(nominal, truth, tmp_path, noise):
+    """The far cell is logged 12 ms later, which in short files looks much like viscous friction and hides adhesion."""
+    write_synthetic(tmp_path / "a.csv", truth, *strokes(5), Faults(noise=noise), step_s=STEP)
     lines = (tmp_path / "a.csv").read_text().splitlines()
     rows = [line.split(",") for line in lines[1:]]
     for k in reversed(range(6, len(rows))):
         rows[k][2], rows[k][4] = rows[k - 6][2], rows[k - 6][4]
     (tmp_path / "a.csv").write_text("\n".join([lines[0], *(",".join(row) for row in rows)]) + "\n")
     found = identify(nominal, [tmp_path / "a.csv"])
-    assert found.output_delay_s == pytest.approx(0.012, abs=0.004)
+    assert found.output_delay_s == pytest.approx(0.012, abs=0.001)
+    assert any("the output is read" in w and "ms later than the input" in w for w in found.warnings), found.warnings
+    assert found.law == "asymmetric with presliding, adhesion"
+    assert found.estimate("mu_dynamic").value == pytest.approx(MU, rel=0.02)
+
+
+def test_viscous_friction_is_not_taken_for_a_delay(nominal, truth, tmp_path):
+    viscous = replace(truth, friction=replace(truth.friction, viscous_N_s_per_m=25.0))
+    write_synthetic(tmp_path / "a.csv", viscous, *strokes(5), Faults(noise=0.005), step_s=STEP)
+    found = identify(nominal, [tmp_path / "a.csv"])
+    assert not any("the output is read" in w for w in found.warnings)
+    assert "viscous friction" in found.law
+    assert found.estimate("viscous_N_s_per_m").value == pytest.approx(25.0, rel=0.1)
 
 
 def test_moments_at_which_the_output_moves_although_the_law_holds_it_are_named():

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from synthetic import Faults, write_synthetic
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification.run import identify
-from tendonff.compensator.identification.synthetic import Faults, write_synthetic
 from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.compensator.scenario.scenario import load_scenario
 

@@ -1,14 +1,18 @@
 """Sections and joints in a scenario file: what they mean, and one message for each way to get them wrong."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.joint_motion import moved, sample_joints
-from tendonff.compensator.scenario.scenario import parse_scenario, scenario_to_toml
+from tendonff.compensator.scenario.joints import ConstantJoint
+from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_to_toml
+from tendonff.compensator.tables.run import make_tables
 
 
 @pytest.fixture
@@ -88,3 +92,57 @@ def test_measured_motion_is_taken_from_its_file_and_must_be_long_enough(text: st
     (tmp_path / "motion.csv").write_text("time_s,elbow_rad\n0,0\n2,0.4\n", encoding="utf-8")
     with pytest.raises(InputError, match='column "knuckle_rad" is missing'):
         sample_joints(parse_scenario(recorded, source), 4.0)
+
+
+@pytest.fixture
+def moving_finger(examples, tmp_path):
+    """The moving finger's file, a force, and the scenario's own motion as a file."""
+    time = np.arange(601) * 1e-3
+    scenario = load_scenario(examples / "finger_moving.toml")
+    motion = sample_joints(scenario, 0.6)
+    force = np.column_stack([time, 30 + 5 * np.sin(6 * time)])
+    np.savetxt(tmp_path / "F.csv", force, delimiter=",", header="time_s,force_N", comments="", fmt="%.17g")
+    rows, head = np.column_stack([time, motion.at(time)]), "time_s," + ",".join(f"{n}_rad" for n in motion.names)
+    np.savetxt(tmp_path / "J.csv", rows, delimiter=",", header=head, comments="", fmt="%.17g")
+    rows[:, 1:] = 0
+    np.savetxt(tmp_path / "still.csv", rows, delimiter=",", header=head, comments="", fmt="%.17g")
+    return examples / "finger_moving.toml", tmp_path
+
+
+def test_simulate_takes_the_motion_of_a_file_instead_of_the_scenarios(moving_finger):
+    toml, folder = moving_finger
+
+    def tension(*options):
+        command = ["simulate", str(toml), "--force", str(folder / "F.csv"), "--out", str(folder / "O.csv"), *options]
+        assert run(command) == 0
+        return np.loadtxt(folder / "O.csv", delimiter=",", skiprows=1)[:, -3]
+
+    own = tension()
+    np.testing.assert_allclose(tension("--joints", str(folder / "J.csv")), own, atol=1e-9)
+    assert np.abs(tension("--joints", str(folder / "still.csv")) - own).max() > 1
+
+
+def test_joints_of_a_file_need_joints_in_the_scenario(moving_finger, examples, capsys):
+    _, folder = moving_finger
+    command = ["simulate", str(examples / "finger.toml"), "--force", str(folder / "F.csv")]
+    assert run([*command, "--joints", str(folder / "J.csv"), "--out", str(folder / "O.csv")]) == 2
+    assert "--joints needs joints" in capsys.readouterr().err
+
+
+def test_a_table_of_one_pose_is_that_of_the_path_in_this_pose(examples, tmp_path, capsys):
+    toml = examples / "finger_moving.toml"
+    assert run(["table", str(toml), "--out", str(tmp_path / "none")]) == 2
+    said = capsys.readouterr().err
+    assert "where the angle sits decides" in said
+    assert "export-c" in said
+    assert "--pose" in said
+    assert run(["table", str(toml), "--pose", "knuckle=0.3", "--out", str(tmp_path / "half")]) == 2  # the other moves
+    assert run(["table", str(toml), "--pose", "knuckl=0.3", "--out", str(tmp_path / "wrong")]) == 2
+    assert 'did you mean "knuckle"?' in capsys.readouterr().err
+    made = make_tables(load_scenario(toml), pose_rad={"knuckle": 0.3, "middle": -0.2})
+    other = make_tables(load_scenario(toml), pose_rad={"knuckle": -0.5, "middle": -0.3})
+    bent = {"knuckle": ConstantJoint(angle_rad=0.3), "middle": ConstantJoint(angle_rad=-0.2)}
+    same = make_tables(replace(load_scenario(toml), joints=bent))
+    force = [t.tables[0].built.table.pull.force_N for t in (made, same, other)]
+    np.testing.assert_array_equal(force[0], force[1])
+    assert force[0].max() > 1.1 * force[2].max()  # more wrap, more friction

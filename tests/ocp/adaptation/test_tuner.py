@@ -43,9 +43,10 @@ def test_without_learning_it_is_the_exact_inverse(bench, reference):
 @given(mu=st.floats(0.55, 1.9), sensor=st.sampled_from(Sensor))
 def test_estimates_converge_from_any_start_within_the_range(bench, reference, mu, sensor):
     tuner = bench.tuner(bench.tuning(sensor))
-    run = tuner.run(own_rig(bench, mu=mu), reference[1:], silent(reference))
-    assert run.factors[-1, 0] == pytest.approx(mu, rel=2e-3)
-    assert abs(run.tension_N[2000:] - reference[2001:]).max() < 0.01 * np.ptp(reference)
+    wanted = np.concatenate([reference, reference[-2:1999:-1]])
+    run = tuner.run(own_rig(bench, mu=mu), wanted[1:], silent(wanted))
+    assert run.factors[-1, 0] == pytest.approx(mu, rel=0.01)
+    assert abs(run.tension_N[5000:] - wanted[5001:]).max() < 0.01 * np.ptp(reference)
 
 
 def test_pull_and_release_are_found_apart(bench, reference):
@@ -134,33 +135,43 @@ def test_a_sensor_that_fails_for_a_while_changes_nothing(bench, reference):
     assert not (rest.status & TunerStatus.FROZEN).any()
 
 
-def test_a_wrong_model_freezes_at_safe_values_and_starts_anew_at_rest(bench, reference):
-    """The load softens in mid-run; the rig stops; then both parameters are found again, roughly."""
-    tuning = bench.tuning(POSITION, (Tunable.MU, Tunable.LOAD_STIFFNESS))
-    tuning = replace(tuning, watch_limit=0.02 * tuning.span)  # so that the step is noticed before it is learnt
-    tuner = bench.tuner(tuning)
-    plant = TunedChain.of(bench.transmission, Level.PRESLIDING, (Tunable.MU, Tunable.LOAD_STIFFNESS))
-    rig = SimulatedRig(
-        plant.with_factors({Tunable.MU: 1.2, Tunable.LOAD_STIFFNESS: 1.0}), bench.step_s, 1, bench.start_N
-    )
-    before = tuner.run(rig, reference[1:2501], np.zeros(2500))
-    rig.change(plant.with_factors({Tunable.MU: 1.2, Tunable.LOAD_STIFFNESS: 0.67}))
-    moving = tuner.run(rig, reference[2501:], np.zeros(1500))
-    frozen = moving.status & TunerStatus.FROZEN > 0
+def test_a_wrong_model_is_said_and_starts_anew_at_rest(bench, reference):
+    """The load softens in mid-run, only friction is tuned; then the rig stops."""
+    tuning = bench.tuning(POSITION)
+    tuner, free = bench.tuner(tuning), (Tunable.MU, Tunable.LOAD_STIFFNESS)
+    plant = TunedChain.of(bench.transmission, Level.PRESLIDING, free)
+    rigs = [plant.with_factors({Tunable.MU: 1.2, Tunable.LOAD_STIFFNESS: load}) for load in (1.0, 0.67)]
+    rig, both = SimulatedRig(rigs[0], bench.step_s, 1, bench.start_N), np.concatenate([reference, reference[-2::-1]])
+    before = tuner.run(rig, both[1:6001], np.zeros(6000))
     assert not (before.status & TunerStatus.FROZEN).any()
-    assert frozen[-1]
-    assert moving.factors[frozen] == pytest.approx(np.tile([1.2, 1.0], (frozen.sum(), 1)), rel=0.02)
-    rest = tuner.run(rig, np.full(2500, reference[-1]), np.zeros(2500))  # the tendon creeps for a second
+    rig.change(rigs[1])
+    moving = tuner.run(rig, both[6001:], np.zeros(2000))
+    assert (moving.status[500:] & TunerStatus.FROZEN).all()
+    rest = tuner.run(rig, np.full(2500, reference[0]), np.zeros(2500))  # the tendon creeps for a second
     assert not rest.status[-1] & TunerStatus.FROZEN
-    again = tuner.run(rig, np.concatenate([reference[::-1], reference]), np.zeros(2 * len(reference)))
-    assert not (again.status & TunerStatus.FROZEN).any()
-    assert again.factors[-1] == pytest.approx([1.2, 0.67], rel=0.1)
+    assert rest.factors[-1, 0] == pytest.approx(1.2, rel=0.02)  # what was safe
+
+
+def test_a_sensor_that_sticks_is_said_and_followed_nowhere(bench, reference, percent):
+    """Its value stays where it was: against the plain inverse over all of the run."""
+    tensions = []
+    for measured in (bench.start_N, np.nan):
+        tuner, rig = bench.tuner(bench.tuning(TENSION)), bench.rigs.Rig(bench.transmission, 30.0, step_s=2e-5, mu=1.2)
+        tension, force = [30.0], 30.0
+        for wanted in reference[1:]:
+            new = tuner.step(wanted, measured)
+            rig.advance(force, new, bench.step_s)
+            force = new
+            tension.append(rig.tension_N)
+        tensions.append(np.array(tension))
+        assert bool(tuner.status & TunerStatus.FROZEN) == (measured == bench.start_N)
+    assert percent(tensions[0]) < 1.3 * percent(tensions[1])
 
 
 def test_a_bound_that_binds_is_said(bench, reference):
-    tuning = replace(bench.tuning(TENSION), highest=1.1)
+    tuning = replace(bench.tuning(TENSION), highest=1.3)
     run = bench.tuner(tuning).run(own_rig(bench, mu=1.4), reference[1:], silent(reference))
-    assert run.factors.max() == 1.1
+    assert run.factors.max() == pytest.approx(1.3, rel=0.02)
     assert (run.status & TunerStatus.AT_BOUND).any()
 
 

@@ -1,11 +1,12 @@
 /* example_main.c: the control loop, 1000 samples a second, with the chain in place of the rig.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash fba21ccd9c39df2a, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 416ccb25f27050fb, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The licence of tendonff does not cover what it writes: this file is yours.
  * On the controller the body of the loop goes into the timer interrupt, and the two lines marked RIG give way to the
  * amplifier and to nothing: the compensators are feedforward and need no measurement.
  */
+#ifndef ARDUINO /* whose tools compile every file of a library */
 #include <math.h>
 #include <stdio.h>
 
@@ -38,3 +39,5 @@ int main(void)
     }
     return 0;
 }
+
+#endif

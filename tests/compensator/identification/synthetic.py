@@ -1,6 +1,6 @@
 """Synthetic measurements: a chain with known parameters, noisy cells and a faulty logger.
 
-They show before the first test on a rig what identification can tell from an excitation, and how well.
+Identification must find the parameters again.
 """
 
 from dataclasses import dataclass

@@ -1,9 +1,7 @@
 """Tables as loggers write them: text with any usual separator, also packed; spreadsheets, Parquet, MATLAB files."""
 
-import gzip
 import io
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,27 +9,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.compensator.files.reading import InputError, open_text
+from tendonff.compensator.files.dialect import Dialect, find_dialect, is_comment
+from tendonff.compensator.files.text import InputError, open_text
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Array = NDArray[np.float64]
 
-COMMENTS = ("#", "%", "//")
-SEPARATORS = ("\t", ";", ",", "|")
 READABLE = "text with a header (separated by commas, semicolons, tabs; also .gz), .xlsx, .parquet, .mat"
 PACKED = {".xlsx": "openpyxl", ".xls": "xlrd", ".parquet": "pyarrow"}
 
-UNITS = {
-    "time": {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
-    "input": {"n": 1.0, "kn": 1e3, "mn": 1e-3},
-    "position": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "um": 1e-6},
-}
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MeasuredTable:
+class Table:
     """Columns of a file, before any judgement.
 
     Parameters
@@ -42,11 +33,14 @@ class MeasuredTable:
         By name, from a row of units below the header; empty where there is none.
     long_rows : int
         Rows that had more cells than the header and were left out.
+    notes : tuple of str
+        What was taken for granted.
     """
 
     columns: "Mapping[str, pd.Series[Any]]"
     units: Mapping[str, str]
     long_rows: int = 0
+    notes: tuple[str, ...] = ()
 
     def numbers(self, name: str) -> Array:
         """A column as numbers, NaN where a cell is none, shape (rows,)."""
@@ -73,27 +67,24 @@ class MeasuredTable:
         return np.asarray((dates - first).dt.total_seconds().to_numpy(dtype=np.float64)), float(first.timestamp())
 
 
-def unit_factor(key: str, unit: str) -> float | None:
-    """Factor to SI of a unit in a row of units; None where it is not known.
-
-    Parameters
-    ----------
-    key : str
-        "time", "input", "output", "actuator_force", "input_position" or "output_position".
-    unit : str
-    """
-    kind = "position" if key.endswith("position") else "input" if key in ("output", "actuator_force") else key
-    word = unit.strip(" []()").replace("µ", "u").replace("μ", "u")
-    known = UNITS[kind]
-    return known.get(word) if word in known else known.get(word.lower()) if word.lower() in known else None
-
-
-def read_table(path: Path) -> MeasuredTable:
-    """Read a file of any of the known kinds.
+def is_packed(path: Path) -> bool:
+    """Whether a file is no text, by its name.
 
     Parameters
     ----------
     path : Path
+    """
+    return path.suffix.lower() in (*PACKED, ".mat")
+
+
+def read_table(path: Path, expected: Sequence[str] = ()) -> Table:
+    """Read a file of any of the known kinds, tolerant of rows and cells that cannot be used.
+
+    Parameters
+    ----------
+    path : Path
+    expected : sequence of str, optional
+        Names of columns that the header may have; they tell it from a heading.
 
     Raises
     ------
@@ -104,76 +95,78 @@ def read_table(path: Path) -> MeasuredTable:
         return _matlab(path)
     if path.suffix.lower() in PACKED:
         return _packed(path)
-    return _text(path)
+    return _text(path, expected)
 
 
-def _text(path: Path) -> MeasuredTable:
+def table_dialect(path: Path, expected: Sequence[str] = ()) -> Dialect:
+    """How a table is written; one that is no text is in the plain form, with its own names and units.
+
+    Parameters
+    ----------
+    path : Path
+    expected : sequence of str, optional
+    """
+    if not is_packed(path):
+        return find_dialect(path, expected)
+    table = read_table(path, expected)
+    names = tuple(table.columns)
+    return Dialect(names=names, units=tuple(table.units.get(name, "") for name in names), skipped=1)
+
+
+def _text(path: Path, expected: Sequence[str]) -> Table:
     import pandas as pd
 
-    lines = list(_lines(path))
-    if lines and lines[0].lower().startswith("sep="):
-        lines = lines[1:]
-    if not lines:
-        raise InputError(f"{path.name} is empty; the first line must name the columns")
-    separator = max(SEPARATORS, key=lambda mark: (lines[0].count(mark), mark == ","))
-    if separator not in lines[0]:
-        lines, separator = [",".join(line.split()) for line in lines], ","
-    header = lines[0].rstrip(f" {separator}")
-    width, kept, long_rows = header.count(separator), [header], 0
-    for line in lines[1:]:
-        row = line
-        while row.endswith(separator) and row.count(separator) > width:
-            row = row[:-1].rstrip()
-        if row.count(separator) > width and '"' not in row:
+    lines = _lines(path)
+    dialect = find_dialect(path, expected)
+    names = list(dialect.names)
+    while names and not names[-1]:
+        names.pop()
+    mark = "\t" if dialect.separator == " " else dialect.separator
+    kept, long_rows = [], 0
+    for line in lines[dialect.skipped :]:
+        row = line.rstrip()
+        if not row.strip() or is_comment(row):
+            continue
+        row = mark.join(row.split()) if dialect.separator == " " else row
+        while row.endswith(mark) and row.count(mark) >= len(names):
+            row = row[:-1].rstrip(" ")
+        if row.count(mark) >= len(names) and '"' not in row:
             long_rows += 1
         else:
             kept.append(row)
-    names = [name.strip().strip('"') for name in header.split(separator)]
-    if names and all(_is_number(name) for name in names):
-        raise InputError(f"{path.name} row 1: the first line must name the columns, got numbers ({names[0]}, ...)")
-    units: dict[str, str] = {}
-    if len(kept) > 1 and len(cells := [c.strip().strip('"') for c in kept[1].split(separator)]) == len(names):
-        words = [c for c in cells if c]
-        if words and all(
-            re.fullmatch(r"[\[(]?[A-Za-zµμ%°][\w/*^.·²³ ]{0,7}[\])]?", c) and c.lower() != "nan" for c in words
-        ):
-            units = dict(zip(names, cells, strict=True))
-            del kept[1]
     try:
         frame = pd.read_csv(
-            io.StringIO("\n".join(kept)), sep=separator, skipinitialspace=True, low_memory=False, index_col=False
+            io.StringIO("\n".join(kept)),
+            sep=mark,
+            header=None,
+            names=list(range(len(names))),
+            skipinitialspace=True,
+            low_memory=False,
+            index_col=False,
         )
     except (ValueError, pd.errors.ParserError) as error:
         raise InputError(f"{path.name} cannot be read as a table: {error}; what can be read: {READABLE}") from None
-    return _of_frame(frame, units, long_rows)
+    units = dict(zip(names, dialect.units, strict=False)) if any(dialect.units) else {}
+    return Table(
+        columns={name: frame[k] for k, name in enumerate(names)}, units=units, long_rows=long_rows, notes=dialect.notes
+    )
 
 
-def _lines(path: Path) -> Iterator[str]:
-    """Lines of a text file that are neither blank nor comments."""
+def _lines(path: Path) -> list[str]:
+    """Lines of a text file."""
     try:
-        if path.suffix.lower() == ".gz":
-            with gzip.open(path, "rt", encoding="utf-8-sig") as packed:
-                text = packed.read()
-        else:
-            with open_text(path) as stream:
-                text = stream.read()
-    except InputError:
-        raise
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
+        with open_text(path) as stream:
+            text = stream.read()
     except UnicodeDecodeError:
         raise InputError(f"{path.name} is not UTF-8 text; what can be read: {READABLE}") from None
     except (OSError, EOFError) as error:
         raise InputError(f"{path.name} cannot be unpacked ({error}); what can be read: {READABLE}") from None
     if "\0" in text:
         raise InputError(f"{path.name} is not text; what can be read: {READABLE}")
-    for line in text.splitlines():
-        bare = line.rstrip()
-        if bare.strip() and not bare.lstrip().startswith(COMMENTS):
-            yield bare
+    return text.splitlines()
 
 
-def _packed(path: Path) -> MeasuredTable:
+def _packed(path: Path) -> Table:
     import pandas as pd
 
     kind = path.suffix.lower()
@@ -191,10 +184,10 @@ def _packed(path: Path) -> MeasuredTable:
     if len(frame) and all(isinstance(cell, str) and not _is_number(cell) for cell in frame.iloc[0]):
         units = {str(name).strip(): str(cell) for name, cell in frame.iloc[0].items()}
         frame = frame.iloc[1:]
-    return _of_frame(frame, units, 0)
+    return _of_frame(frame, units)
 
 
-def _matlab(path: Path) -> MeasuredTable:
+def _matlab(path: Path) -> Table:
     import pandas as pd
     from scipy.io import loadmat
 
@@ -215,13 +208,12 @@ def _matlab(path: Path) -> MeasuredTable:
     if not vectors:
         raise InputError(f"{path.name} holds no vectors; save time and tensions as vectors of one length")
     rows = max(lengths, key=lambda n: sum(v.size == n for v in vectors.values()))
-    return _of_frame(pd.DataFrame({k: v for k, v in vectors.items() if v.size == rows}), {}, 0)
+    return _of_frame(pd.DataFrame({k: v for k, v in vectors.items() if v.size == rows}), {})
 
 
-def _of_frame(frame: "pd.DataFrame", units: Mapping[str, str], long_rows: int) -> MeasuredTable:
+def _of_frame(frame: "pd.DataFrame", units: Mapping[str, str]) -> Table:
     names: Sequence[str] = [str(name).strip() for name in frame.columns]
-    columns = {name: frame.iloc[:, k] for k, name in enumerate(names)}
-    return MeasuredTable(columns=columns, units=units, long_rows=long_rows)
+    return Table(columns={name: frame.iloc[:, k] for k, name in enumerate(names)}, units=units)
 
 
 def _is_number(text: str) -> bool:

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from scipy.io import savemat
 
+from tendonff.compensator.files.quantities import FORCE_UNITS, TIME_UNITS, TIME_WORDS, Quantity, read_quantities
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.measured.reading import DataIssue, read_measurement
 from tendonff.compensator.scenario.measurement import Measurement
@@ -83,20 +84,14 @@ def test_iso_time_stamps_become_seconds(tmp_path, zone):
     assert [f.issue for f in found.findings] == [DataIssue.DATES]
 
 
-def test_packed_text_is_read(tmp_path):
-    with gzip.open(tmp_path / "a.csv.gz", "wt") as stream:
-        stream.write(text(";"))
-    check(read_measurement(tmp_path / "a.csv.gz", HOW))
-
-
 @pytest.mark.parametrize("as_struct", [False, True])
-def test_matlab_vectors_are_read(tmp_path, as_struct):
+def test_matlab_vectors_are_found_among_others_and_in_structs(tmp_path, as_struct):
     vectors = dict(zip(NAMES, TABLE.T, strict=True))
     savemat(tmp_path / "a.mat", {"log": vectors} if as_struct else {**vectors, "note": "run 3", "gain": 4.0})
     check(read_measurement(tmp_path / "a.mat", HOW))
 
 
-def test_a_spreadsheet_is_read_or_the_missing_package_named(tmp_path):
+def test_a_damaged_spreadsheet_is_one_message_or_the_missing_package_is_named(tmp_path):
     (tmp_path / "a.xlsx").write_bytes(b"PK")
     with pytest.raises(InputError, match=r"openpyxl|what can be read"):
         read_measurement(tmp_path / "a.xlsx", HOW)
@@ -122,3 +117,53 @@ def test_a_file_without_a_header_is_told_to_name_its_columns(tmp_path):
     (tmp_path / "a.csv").write_text("\n".join(text().splitlines()[1:]))
     with pytest.raises(InputError, match="first line must name the columns"):
         read_measurement(tmp_path / "a.csv", HOW)
+
+
+def written(path):
+    """The table as a file of the kind that its name tells."""
+    frame = pd.DataFrame(TABLE, columns=NAMES)
+    if path.suffix == ".parquet":
+        pytest.importorskip("pyarrow")
+        frame.to_parquet(path)
+    elif path.suffix == ".xlsx":
+        pytest.importorskip("openpyxl")
+        frame.to_excel(path, index=False)
+    elif path.suffix == ".mat":
+        savemat(path, dict(zip(NAMES, TABLE.T, strict=True)))
+    else:
+        with gzip.open(path, "wt") as stream:
+            stream.write(text(";", decimal=","))
+    return path
+
+
+KINDS = ["a.xlsx", "a.parquet", "a.mat", "a.csv.gz"]
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_packed_tables_are_read_as_measurements(tmp_path, name):
+    check(read_measurement(written(tmp_path / name), HOW))
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_the_same_reader_serves_references_and_forces(tmp_path, name):
+    """Strictly there: every cell a number, time rising."""
+    wanted = [
+        Quantity(name="time_s", words=TIME_WORDS, units=TIME_UNITS, option="{}"),
+        Quantity(name="input_tension_N", words=("tension",), units=FORCE_UNITS, option="{}"),
+    ]
+    found = read_quantities(written(tmp_path / name), wanted).values  # noqa: PD011 - no frame
+    np.testing.assert_allclose(found["time_s"], TIME, atol=1e-9)
+    np.testing.assert_allclose(found["input_tension_N"], TABLE[:, 1], rtol=1e-8)
+
+
+@pytest.mark.parametrize("name", ["a.xlsx", "a.parquet"])
+def test_units_below_the_header_of_a_spreadsheet_are_obeyed(tmp_path, name):
+    pytest.importorskip("openpyxl" if name == "a.xlsx" else "pyarrow")
+    frame = pd.DataFrame([["ms", "kN", "N"], *TABLE.tolist()], columns=NAMES).astype(str)
+    if name == "a.xlsx":
+        frame.to_excel(tmp_path / name, index=False)
+    else:
+        frame.to_parquet(tmp_path / name)
+    found = read_measurement(tmp_path / name, HOW)
+    np.testing.assert_allclose(found.time_s, 1e-3 * TIME, atol=1e-12)
+    np.testing.assert_allclose(found.input_N, 1e3 * TABLE[:, 1], rtol=1e-8)

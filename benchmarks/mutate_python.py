@@ -1,0 +1,142 @@
+"""Count the mutants of models/ and ocp/ that the project's own tests kill.
+
+Run: python benchmarks/mutate_python.py [--count 40] [--seed 1] [--only models/friction.py]
+
+A mutant changes one operator, comparison, constant or truth value of the code, in a copy of the repository, and is
+tried with the tests of its own folder. One that cannot be told from the original, as a tolerance or a cache, lives too.
+"""
+
+import argparse
+import ast
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+SECONDS = 240
+OPERATORS: dict[type, str] = {
+    ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*", ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">",
+    ast.Eq: "!=", ast.NotEq: "==", ast.And: "or", ast.Or: "and",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mutant:
+    """One change of one file."""
+
+    file: str
+    line: int
+    what: str
+    text: str
+
+
+def mutants(file: str) -> Iterator[Mutant]:
+    """Every single change of a file."""
+    text = (ROOT / file).read_text(encoding="utf-8")
+    starts = [0]
+    for line in text.splitlines(keepends=True):
+        starts.append(starts[-1] + len(line.encode()))
+    raw = text.encode()
+
+    def at(node: ast.AST, *, end: bool = False) -> int:
+        line, column = (node.end_lineno, node.end_col_offset) if end else (node.lineno, node.col_offset)
+        return starts[line - 1] + column
+
+    def change(node: ast.AST, first: int, last: int, new: str) -> Mutant:
+        old = raw[first:last].decode().strip()
+        changed = (
+            raw[:first] + f" {new} ".encode() + raw[last:] if old in OLD else raw[:first] + new.encode() + raw[last:]
+        )
+        return Mutant(file=file, line=node.lineno, what=f"{old} -> {new}", text=changed.decode())
+
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.BinOp) and type(node.op) in OPERATORS:
+            yield from _between(change, raw, node, at(node.left, end=True), at(node.right), OPERATORS[type(node.op)])
+        elif isinstance(node, ast.Compare) and len(node.ops) == 1 and type(node.ops[0]) in OPERATORS:
+            where = at(node.left, end=True), at(node.comparators[0])
+            yield from _between(change, raw, node, *where, OPERATORS[type(node.ops[0])])
+        elif isinstance(node, ast.BoolOp):
+            where = at(node.values[0], end=True), at(node.values[1])
+            yield from _between(change, raw, node, *where, OPERATORS[type(node.op)])
+        elif isinstance(node, ast.Constant) and type(node.value) in (bool, int, float):
+            value = node.value
+            new = str(not value) if isinstance(value, bool) else repr(value + 1 if value in (0, 1) else value * 1.5)
+            if isinstance(value, int) and not isinstance(value, bool):
+                new = str(value + 1)
+            yield change(node, at(node), at(node, end=True), new)
+
+
+OLD = {"+", "-", "*", "/", "<", "<=", ">", ">=", "==", "!=", "and", "or"}
+
+
+def _between(change, raw: bytes, node: ast.AST, first: int, last: int, new: str) -> Iterator[Mutant]:
+    """The operator between two operands; brackets that stand there too are left alone."""
+    gap = raw[first:last].decode()
+    old = gap.strip(" ()\n")
+    if old in OLD:
+        place = first + gap.encode().index(old.encode())
+        yield change(node, place, place + len(old), new)
+
+
+def tests_of(file: str) -> list[str]:
+    """Tests of the folder that a file is in; of a file alone those that carry its name."""
+    part = Path(file)
+    own = Path("tests") / part.parent / f"test_{part.stem}.py"
+    folder = Path("tests") / part.parent
+    if file.startswith("models/"):
+        return ["tests/models", "tests/ocp/test_inverse.py"]
+    nested = len(part.parts) > 2 and (ROOT / folder).is_dir()
+    chosen = [str(folder)] if nested else [str(own)] if (ROOT / own).exists() else []
+    return [*chosen, "tests/ocp/test_simulate.py", "tests/ocp/test_inverse.py", "tests/test_theory.py"]
+
+
+def survives(copy: Path, mutant: Mutant) -> bool:
+    """Whether all tests pass."""
+    original = (copy / mutant.file).read_text(encoding="utf-8")
+    (copy / mutant.file).write_text(mutant.text, encoding="utf-8")
+    try:
+        chosen = [t for t in tests_of(mutant.file) if (copy / t).exists()]
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *chosen]
+        environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": str(copy)}
+        done = subprocess.run(command, cwd=copy, env=environment, capture_output=True, timeout=SECONDS, check=False)
+        return done.returncode == 0
+    except subprocess.TimeoutExpired:
+        return False
+    finally:
+        (copy / mutant.file).write_text(original, encoding="utf-8")
+
+
+def main() -> int:
+    """Print the score and the survivors."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--count", type=int, default=40)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", default="")
+    options = parser.parse_args()
+    files = [options.only] if options.only else [
+        str(path.relative_to(ROOT)) for layer in ("models", "ocp") for path in sorted((ROOT / layer).rglob("*.py"))
+    ]  # fmt: skip
+    every = [mutant for file in files for mutant in mutants(file)]
+    chosen = random.Random(options.seed).sample(every, min(options.count, len(every)))  # noqa: S311 - nothing secret
+    alive = []
+    with tempfile.TemporaryDirectory() as scratch:
+        copy = Path(scratch) / "copy"
+        shutil.copytree(
+            ROOT, copy, symlinks=True, ignore=shutil.ignore_patterns(".git", "__pycache__", ".venv", "site")
+        )
+        for mutant in chosen:
+            if survives(copy, mutant):
+                alive.append(mutant)
+                print(f"alive: {mutant.file}:{mutant.line} {mutant.what}", flush=True)
+    print(f"{len(chosen) - len(alive)} of {len(chosen)} die, of {len(every)} mutants in all")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,116 @@
+"""Which modules a scenario can have on a controller, and what is refused."""
+
+import re
+
+from tendonff.compensator.compensators.base import CModule, Compensator
+from tendonff.compensator.compensators.registry import COMPENSATORS
+from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.drive import Drive
+from tendonff.models.parameters import Transmission
+
+STREAM = CModule(name="stream", content="exact inverse behind a filter, for references that arrive live")
+"""What is exported for references that are not known in advance."""
+
+PLANT = CModule(name="plant", content="the chain itself")
+"""What is exported beside the compensators, for tests."""
+
+STATIC = ("capstan", "table")
+"""Modules without the chain's states: they answer with a force and cannot tell a command."""
+
+_KEYWORDS = frozenset(
+    re.findall(
+        r"\w+",
+        """
+        auto break case char const continue default do double else enum extern float for goto if inline int
+        long register restrict return short signed sizeof static struct switch typedef union unsigned void
+        volatile while main nan class new delete this template public private try catch throw bool true false
+        """,
+    )
+)
+
+
+def check_servo(scenario: Scenario) -> None:
+    """Refuse what cannot be printed for a controller yet: a position servo on a path in sections or that moves.
+
+    Parameters
+    ----------
+    scenario : Scenario
+
+    Raises
+    ------
+    InputError
+    """
+    path, load = scenario.transmission.path, scenario.transmission.load
+    if scenario.transmission.actuator.drive is Drive.POSITION and (path.sections or load.joint is not None):
+        raise InputError(
+            f'{scenario.source.name} [actuator]: drive = "position" on a path in sections is not exported yet; play a '
+            'command column of profile.csv (design), or export with drive = "force"'
+        )
+
+
+def check_tuning(scenario: Scenario) -> None:
+    """Refuse self-tuning behind a position servo: the tuner's model is driven by the force that was applied.
+
+    Parameters
+    ----------
+    scenario : Scenario
+
+    Raises
+    ------
+    InputError
+    """
+    if scenario.adaptation is not None and scenario.transmission.actuator.drive is Drive.POSITION:
+        raise InputError(
+            f'{scenario.source.name} [adaptation]: self-tuning needs a force drive; leave it out, or use "force"'
+        )
+
+
+def check_prefix(prefix: str) -> str:
+    """A prefix that every C and C++ compiler takes, or an error that says what is wrong.
+
+    Parameters
+    ----------
+    prefix : str
+    """
+    good = prefix.isascii() and prefix.isidentifier() and not prefix.startswith("_") and len(prefix) <= 24
+    if not good or prefix.endswith("_") or "__" in prefix or prefix.lower() in _KEYWORDS:
+        raise InputError(
+            f'--prefix must be a C identifier of at most 24 letters, digits and single underscores, got "{prefix}"; '
+            'the default is "tff"'
+        )
+    return prefix
+
+
+def c_modules(scenario: Scenario, with_stream: bool = False) -> tuple[CModule, ...]:
+    """Modules of the compensators that can be exported, in the order of the registry, of the plant, and of the tuner.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    with_stream : bool, optional
+        The module for live references too.
+    """
+    stream = (STREAM,) if with_stream else ()
+    more = () if scenario.adaptation is None else ADAPTIVE_MODULES
+    own = tuple(module for _, module in exportable(scenario.transmission, moving=bool(scenario.joints)))
+    return (*own, *stream, PLANT, *more)
+
+
+def exportable(transmission: Transmission, *, moving: bool) -> tuple[tuple[Compensator, CModule], ...]:
+    """Compensators with a module that serves this drive and path, in the order of the registry.
+
+    Parameters
+    ----------
+    transmission : Transmission
+    moving : bool
+        Joints move the path.
+    """
+    servo = transmission.actuator.drive is Drive.POSITION
+    pairs = ((each, each.c_module) for each in COMPENSATORS)
+    return tuple(
+        (each, module)
+        for each, module in pairs
+        if module is not None and (module.knows_joints or not moving) and not (servo and module.name in STATIC)
+    )

@@ -1,0 +1,69 @@
+"""What the templates of exported C need to know of a path in sections, or of one that joints move."""
+
+import numpy as np
+
+from tendonff.models.chain import Chain
+from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.step.joints import Joints
+from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT
+from tendonff.ocp.step.target_joints import contact_code
+
+
+def path_context(chain: Chain, joints: Joints | None, prefix: str) -> dict[str, object]:
+    """Names and numbers for the templates.
+
+    Parameters
+    ----------
+    chain : Chain
+    joints : Joints, optional
+        Of the chain; None where all masses are alike and nothing moves.
+    prefix : str
+    """
+    moving = joints is not None and bool(joints.names)
+    return {
+        "joints": joints,
+        "joint_parameter": f", const {prefix}_real joint_rad[]" if moving else "",
+        "arguments": ", joint_rad" if moving else "",
+        "carry": BDF2_CARRY,
+        "weight": BDF2_WEIGHT,
+        "friction_shares": _friction_shares(chain),
+    }
+
+
+def path_bytes(chain: Chain, joints: Joints, prefix: str, precision: Precision, *, settable: bool) -> int:
+    """Where the path stands, and friction of its bends, in the state of a module [bytes].
+
+    Parameters
+    ----------
+    chain : Chain
+    joints : Joints
+    prefix : str
+    precision : Precision
+    settable : bool
+        The module's friction can be changed at run time.
+    """
+    size = 4 if precision is Precision.FLOAT else 8
+    bends = len(joints.bends)
+    path = padded(
+        (2 * len(joints.names) + 3 * bends + (3 if size == 4 else 2) * len(joints.links) + 1) * size + 4, size
+    )
+    contact = contact_code(chain, joints, f"{prefix}_inverse", precision, settable=settable)
+    return path + (bends * len(contact.own) + (2 if settable else 0)) * size
+
+
+def _friction_shares(chain: Chain) -> list[float]:
+    """Share of each mass in what friction can hold along the path, at joint angle zero."""
+    pull, _ = chain.friction.slip_coefficients
+    exponent = np.arctanh(np.minimum(np.broadcast_to(np.asarray(pull, float), (chain.count,)), 1 - 1e-12))
+    total = float(exponent.sum())
+    return (exponent / total).tolist() if total > 0 else [1 / chain.count] * chain.count
+
+
+def padded(size: int, alignment: int) -> int:
+    """Size with the gap behind it [bytes].
+
+    Parameters
+    ----------
+    size, alignment : int
+    """
+    return -(-size // alignment) * alignment

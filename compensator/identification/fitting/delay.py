@@ -1,0 +1,126 @@
+"""A delay between the channels: the output is read later than the input, or earlier."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tendonff.compensator.identification.fitting.dynamic import CoarseFit, fit_coarse
+from tendonff.compensator.identification.fitting.per_file import gauss_newton_step
+from tendonff.compensator.identification.fitting.residuals import ChainResiduals
+from tendonff.compensator.identification.fitting.uncertainty import slopes_over_all
+from tendonff.compensator.identification.measured.cleaning import Piece, Record
+from tendonff.compensator.identification.measured.reading import Array
+from tendonff.models.parameters import Transmission
+from tendonff.ocp.fits.chain import DynamicParameter
+from tendonff.ocp.fits.least_squares import Residuals
+
+SURE, LEAST_STEPS = 4.0, 1.0
+"""A delay is taken out when it is so many standard errors from nothing, and at least so many sampling steps."""
+
+ROUNDS = 4
+"""Most shifts that are tried one after the other: each is linear in what is left."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Delay:
+    """How much later the output is read than the input.
+
+    Parameters
+    ----------
+    seconds, error_s : float
+    told : bool
+        Beyond doubt, and more than a sampling step: it was taken out.
+    """
+
+    seconds: float
+    error_s: float
+    told: bool
+
+
+def align(
+    records: Sequence[Record], coarse: CoarseFit, transmission: Transmission
+) -> tuple[Delay, CoarseFit, tuple[Record, ...]]:
+    """Find the delay of the output channels, and take it out where it is beyond doubt.
+
+    A delay looks like viscous friction and hides adhesion, so it is found before the law is chosen.
+
+    Parameters
+    ----------
+    records : sequence of Record
+    coarse : CoarseFit
+        Of these records, their output explained.
+    transmission : Transmission
+    """
+    step = max(r.step_s for r in records)
+    found, shifted, total = coarse, tuple(records), 0.0
+    for _ in range(ROUNDS):
+        seconds, error = _left_in(found.task, found)
+        if not abs(seconds) > LEAST_STEPS * step:
+            break
+        total += seconds
+        shifted = tuple(earlier(r, total) for r in records)
+        found = fit_coarse(shifted, transmission, found.task.complete(found.solution.values), several=False)
+    else:
+        seconds, error = _left_in(found.task, found)
+    told = abs(total) > max(SURE * error, LEAST_STEPS * step) and found.percent < coarse.percent
+    if told:
+        return Delay(seconds=total + seconds, error_s=error, told=True), found, shifted
+    seconds, error = _left_in(coarse.task, coarse)
+    return Delay(seconds=seconds, error_s=error, told=False), coarse, tuple(records)
+
+
+def earlier(record: Record, seconds: float) -> Record:
+    """A record whose output is read that much earlier; rows that it does not reach are no longer good.
+
+    Parameters
+    ----------
+    record : Record
+    seconds : float
+    """
+    return replace(record, pieces=tuple(_shifted(p, seconds) for p in record.pieces)) if seconds else record
+
+
+def _shifted(piece: Piece, seconds: float) -> Piece:
+    at = piece.time_s + seconds
+    inside = (at >= piece.time_s[0]) & (at <= piece.time_s[-1])
+
+    def moved(x: Array) -> Array:
+        return np.interp(at, piece.time_s, x)
+
+    return replace(
+        piece,
+        output_N=moved(piece.output_N),
+        output_m=None if piece.output_m is None else moved(piece.output_m),
+        good=inside & (moved(piece.good.astype(np.float64)) > 0.99),
+    )
+
+
+def _left_in(task: ChainResiduals, fit: CoarseFit) -> tuple[float, float]:
+    """Delay that the residuals of a fit still hold, found together with its values and adhesion, and its error."""
+    names = (*task.free, DynamicParameter.ADHESION)
+    at = replace(task, fixed=task.complete(fit.solution.values))
+    found = slopes_over_all(at, names)
+    if found is None:
+        return 0.0, float("inf")
+    return _with_delay(at, found)
+
+
+def _with_delay(task: ChainResiduals, found: Residuals) -> tuple[float, float]:
+    rates: list[Array] = []
+    for run in task.pieces:
+        response = task.model.respond(task.fixed, run.drive)
+        step = run.step_s * run.thin
+        rates.append(-np.gradient(run.shaped(run.predicted(response)[0]), step)[run.good] / task.output_unit)
+        if run.with_elongation:  # the output's position is read by the same clock
+            far = run.shaped(response.near_m - response.elongation_m)
+            rate = np.gradient(far, step)[run.good] / task.elongation_unit_m
+            rates.append(rate - rate.mean())
+    slopes = np.column_stack([found.slopes, np.concatenate(rates)])
+    seconds = float(gauss_newton_step(found.values, slopes)[-1])
+    weight = 1 / np.sqrt(1 + found.values**2)
+    scale = np.maximum(np.sqrt((slopes**2).sum(axis=0)), 1e-300)
+    inverse = np.linalg.pinv((slopes / scale).T @ (slopes / scale * weight[:, None]), rcond=1e-12)
+    # Rows that are independent of each other count: a delay shows at every stroke alike.
+    share = float((weight * found.values**2).sum()) / task.independent_rows(found)
+    return seconds, float(np.sqrt(max(inverse[-1, -1], 0.0) * share) / scale[-1])

@@ -1,0 +1,41 @@
+"""While the package is built: the README as a package index shows it, with addresses that lead to the repository."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+from hatchling.metadata.plugin.interface import MetadataHookInterface
+
+_LINK = re.compile(r"(!?\[[^\]]*\]\()(?!https?:|#)([^)]+\))")
+
+
+def absolute(markdown: str, source: str) -> str:
+    """Markdown whose relative links and pictures are addressed in the repository.
+
+    Parameters
+    ----------
+    markdown : str
+    source : str
+        Address of the repository, `Source` in [project.urls].
+    """
+
+    def address(found: re.Match[str]) -> str:
+        kind = "raw" if found[1].startswith("!") else "blob"
+        return f"{found[1]}{source}/{kind}/main/{found[2]}"
+
+    return _LINK.sub(address, markdown)
+
+
+class ReadmeHook(MetadataHookInterface):
+    """Gives the metadata their README."""
+
+    def update(self, metadata: dict[str, Any]) -> None:
+        """See hatchling.
+
+        Parameters
+        ----------
+        metadata : dict
+        """
+        text = (Path(self.root) / "README.md").read_text(encoding="utf-8")
+        readme = absolute(text, metadata["urls"]["Source"])
+        metadata["readme"] = {"content-type": "text/markdown", "text": readme}

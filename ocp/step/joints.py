@@ -1,0 +1,204 @@
+"""What joints do to a chain, as numbers for a controller: wrap angles of its bends, lengths of its links.
+
+Masses of one section are alike, and so are links of one kind: what a controller keeps is one record each, and which
+mass and which link belongs to which.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tendonff.models.chain import Chain
+from tendonff.models.layout import fields_of
+from tendonff.models.section import Section
+
+_MOST_TURNS = 100.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bend:
+    """A section that carries masses.
+
+    Parameters
+    ----------
+    angle_rad, per_rad : float
+        Wrap angle of one of its pieces at joint angle zero, and its change per radian of the joint.
+    joint : int
+        Which joint moves it; -1: none.
+    length_share : float
+        Of one of its pieces in the length of all of them.
+    first : int
+        Its first mass.
+    """
+
+    angle_rad: float
+    per_rad: float
+    joint: int
+    length_share: float
+    first: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkKind:
+    """Links that are alike.
+
+    Parameters
+    ----------
+    length : float
+        Share of the whole tendon's length at joint angle zero [-].
+    per_rad : tuple of float
+        Its change per radian of each joint.
+    gained_m : tuple of float
+        What the path gains between the ends of the link per radian of each joint [m].
+    """
+
+    length: float
+    per_rad: tuple[float, ...]
+    gained_m: tuple[float, ...]
+
+    @property
+    def moves(self) -> bool:
+        """Whether any joint changes it."""
+        return any(self.per_rad) or any(self.gained_m)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Joints:
+    """A chain's path as a controller keeps it.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Joints in the order of the scenario.
+    start_rad, least_rad, most_rad : tuple of float
+        Their angles at the start, and the range in which the path has a meaning.
+    bends : tuple of Bend
+    bend_of : tuple of int
+        Bend of each mass.
+    links : tuple of LinkKind
+    link_of : tuple of int
+        Kind of each link.
+    far_m : tuple of float
+        Change of the far end's position per radian of each joint [m].
+    far_driven : bool
+        A joint moves the far end.
+    """
+
+    names: tuple[str, ...]
+    start_rad: tuple[float, ...]
+    least_rad: tuple[float, ...]
+    most_rad: tuple[float, ...]
+    bends: tuple[Bend, ...]
+    bend_of: tuple[int, ...]
+    links: tuple[LinkKind, ...]
+    link_of: tuple[int, ...]
+    far_m: tuple[float, ...]
+    far_driven: bool
+
+    @classmethod
+    def of(cls, chain: Chain) -> "Joints":
+        """Those of a chain.
+
+        Parameters
+        ----------
+        chain : Chain
+        """
+        path, motion = chain.elements.path, chain.motion
+        names = () if motion is None else motion.names
+        touching, first, bend_of = np.unique(path.section_of, return_index=True, return_inverse=True)
+        bends = []
+        for k, at in zip(touching, first, strict=True):
+            section, pieces = path.sections[k], path.pieces[at]
+            bends.append(
+                Bend(
+                    angle_rad=section.angle_rad / pieces,
+                    per_rad=section.angle_per_rad / pieces,
+                    joint=-1 if section.joint is None else names.index(section.joint),
+                    length_share=float(path.length_share[at]),
+                    first=int(at),
+                )
+            )
+        moved = np.array([[s.joint == name for name in names] for s in path.sections], float)
+        moved = moved.reshape(len(path.sections), len(names)) * np.array([[s.length_per_rad_m] for s in path.sections])
+        kinds: dict[tuple[float, ...], int] = {}
+        link_of = [kinds.setdefault(tuple(row), len(kinds)) for row in path.parts.tolist()]
+        links = []
+        for row in kinds:
+            gained = np.array(row) @ moved
+            per_rad = np.zeros(len(names)) if path.length_m is None else gained / path.length_m
+            length = float(np.array(row) @ path.lengths)
+            links.append(LinkKind(length=length, per_rad=tuple(per_rad.tolist()), gained_m=tuple(gained.tolist())))
+        least, most = _ranges(path.sections, names)
+        far = [0.0] * len(names)
+        if chain.far_joint is not None and chain.far_joint[0] in names:
+            far[names.index(chain.far_joint[0])] = -chain.far_joint[1]
+        return cls(
+            names=names,
+            start_rad=() if motion is None else tuple(float(q) for q in motion.at(np.zeros(1))[0]),
+            least_rad=least,
+            most_rad=most,
+            bends=tuple(bends),
+            bend_of=tuple(int(b) for b in bend_of),
+            links=tuple(links),
+            link_of=tuple(link_of),
+            far_m=tuple(far),
+            far_driven=chain.far_joint is not None,
+        )
+
+
+def _ranges(sections: tuple[Section, ...], names: tuple[str, ...]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Angles between which no section has a negative length or more than a hundred turns."""
+    least, most = [], []
+    for name in names:
+        low, high = -_MOST_TURNS, _MOST_TURNS
+        for section in sections:
+            if section.joint != name:
+                continue
+            room = 2 * math.pi * _MOST_TURNS - section.angle_rad
+            bounds = [(section.angle_per_rad, room)]
+            if section.length_m is not None:
+                bounds.append((-section.length_per_rad_m, section.length_m))
+            for slope, most_of_it in bounds:
+                high = min(high, most_of_it / slope) if slope > 0 else high
+                low = max(low, most_of_it / slope) if slope < 0 else low
+        least.append(low)
+        most.append(high)
+    return tuple(least), tuple(most)
+
+
+def way_of(name: str) -> str:
+    """Direction that a coefficient of friction is for, "pull" or "release"; empty for other numbers.
+
+    Parameters
+    ----------
+    name : str
+        A field of the law.
+    """
+    way = name.rpartition("_")[2]
+    return way if name.startswith("mu_") and way in ("pull", "release") else ""
+
+
+def equal_numbers(chain: Chain, *, ways_differ: bool = False) -> dict[str, str]:
+    """Fields of the law of friction that equal another on every mass, wherever the joints stand.
+
+    Parameters
+    ----------
+    chain : Chain
+    ways_differ : bool, optional
+        Coefficients of the two directions may be set apart.
+    """
+    contact, path = chain.elements.contact, chain.elements.path
+    rows = []
+    for angle in (0.3, 0.7):
+        angles = np.full(chain.count, angle)
+        columns = {name: np.broadcast_to(v, (chain.count,)) for name, v in fields_of(contact).items()}
+        if ways_differ:
+            columns |= {name: 1.1 * v for name, v in columns.items() if way_of(name) == "release"}
+        law = replace(contact, **columns).on_piece(angles, chain.elements.angle_share(angles), path.length_share)  # type: ignore[type-var]
+        rows.append(fields_of(law))
+    same = {
+        name: next(other for other in rows[0] if all(np.array_equal(row[name], row[other]) for row in rows))
+        for name in rows[0]
+    }
+    return {name: other for name, other in same.items() if name != other}

@@ -1,0 +1,264 @@
+"""The chain in C for a controller where the path moves or has sections: friction of each bend, and the schemes."""
+
+import math
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+import casadi as ca
+import numpy as np
+
+from tendonff.models.bounds import at_least
+from tendonff.models.chain import Chain
+from tendonff.models.friction import COEFFICIENT_FLOOR
+from tendonff.models.layout import fields_of
+from tendonff.ocp.codegen.law import Law
+from tendonff.ocp.codegen.partial_evaluation import Specialiser
+from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.codegen.printer import literal, real_type
+from tendonff.ocp.step.joints import Joints, equal_numbers, way_of
+from tendonff.ocp.step.laws import ElementLaws, symbolic
+
+_TANH = """/* tanh without a library where friction of one mass is moderate: a fraction, exact to rounding there. */
+static {real} {prefix}_short_tanh({real} x)
+{{
+    const {real} y = x * x;
+    return (y > {most}) ? tanh{f}(x) : ((x * {above}) / {below});
+}}
+"""
+_COEFFICIENTS = "friction_mu_"
+_SPARE = 1.25
+"""Factor on the largest argument over the motion up to which the fraction holds."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contact:
+    """Friction of the bends of a path, as C.
+
+    Parameters
+    ----------
+    laws : ElementLaws
+        With one symbol for numbers that are always equal.
+    own : tuple of str
+        Numbers that differ from bend to bend or with the joints: fields of the record.
+    constants, floors : dict of str to float
+        The chain's other numbers, and lower bounds of some of those in the record.
+    record : str
+        Type of the record.
+    functions : str
+        `contact_init`, and where joints move bends `touch`, which renews their records. Where friction is settable,
+        `touch_all` renews all of them; both then take factors on the coefficients, pulling and releasing.
+    """
+
+    laws: ElementLaws
+    own: tuple[str, ...]
+    constants: dict[str, float]
+    floors: dict[str, float]
+    record: str
+    functions: str
+
+
+def contact_code(chain: Chain, joints: Joints, prefix: str, precision: Precision, *, settable: bool = False) -> Contact:
+    """Friction of the bends.
+
+    Parameters
+    ----------
+    chain : Chain
+    joints : Joints
+        Of the chain.
+    prefix : str
+        Prefix of every C name in the file.
+    precision : Precision
+    settable : bool, optional
+        Coefficients carry factors that are known at run time only.
+    """
+    twins = equal_numbers(chain, ways_differ=settable)
+    friction = symbolic(chain.friction, "friction_", twins)
+    known = {name: _of_masses(chain, value) for name, value in fields_of(chain.friction, "friction_").items()}
+    known["piece_mass_kg"] = _of_masses(chain, chain.elements.piece.mass_kg)
+    known = {name: values[[b.first for b in joints.bends]] for name, values in known.items()}
+    known |= {n: np.maximum(values, COEFFICIENT_FLOOR) for n, values in known.items() if n.startswith(_COEFFICIENTS)}
+    printer = Specialiser(
+        prefix=prefix, precision=precision, parameters={}, reorder=True, functions={ca.OP_TANH: "short_tanh"}
+    )
+    printed: dict[tuple[str, ...], str] = {}
+    texts, renewed = [], set()
+    calls: dict[bool, dict[int, str]] = {False: {}, True: {}}  # and where the factors of both ways are the same
+    for k, bend in enumerate(joints.bends):
+        if bend.joint < 0 and not settable:
+            continue
+        for alike in (False, True) if settable else (False,):
+            law = _contact_law(chain, bend.first, twins, ("pull", "pull" if alike else "release") if settable else ())
+            renewed |= set(law.outputs)
+            key = tuple(str(e) for e in law.outputs.values())  # bends with the same coefficients share a function
+            if key not in printed:
+                printed[key] = f"contact_{len(printed) + 1}"
+                texts.append(printer.fold(law, printed[key]).code)
+            given = [s.name() for s in law.inputs if ca.depends_on(_all(law), s)]
+            given = [f"path->angle[{k}]" if name == "angle_rad" else name for name in given]
+            arguments = [*given, *(f"&contact[{k}].{name}" for name in law.outputs)]
+            calls[alike][k] = f"    {prefix}_{printed[key]}({', '.join(arguments)});"
+    own = tuple(
+        name
+        for name, values in known.items()
+        if name.removeprefix("friction_") not in twins and (name in renewed or np.ptp(values) > 0)
+    ) or ("piece_mass_kg",)
+    types, factors = (
+        prefix.rpartition("_")[0],
+        ", {0} pull, {0} release".format(real_type(precision)) if settable else "",
+    )
+    head = f"const {types}_path *path, {prefix}_contact *contact{factors}"
+    if settable and all(calls[True][k].split("(")[0] == text.split("(")[0] for k, text in calls[False].items()):
+        calls[True] = {}
+    moving = {alike: [t for k, t in made.items() if joints.bends[k].joint >= 0] for alike, made in calls.items()}
+    init = [
+        f"    contact[{k}].{name} = {literal(float(known[name][k]), precision)};"
+        for k in range(len(joints.bends))
+        for name in own
+    ]
+    functions = [
+        *([_helper(chain, prefix, precision), *texts] if calls[False] else []),
+        *(
+            _function("Friction where the joints stand now.", f"{prefix}_touch", head, _either(moving, types))
+            if joints.names
+            else []
+        ),
+        *(_function("Friction everywhere.", f"{prefix}_touch_all", head, [*calls[False].values()]) if settable else []),
+        *_function("Friction at the start.", f"{prefix}_contact_init", f"{prefix}_contact *contact", init),
+    ]
+    everything = {**chain.numbers(), **{name: float(values[0]) for name, values in known.items()}}
+    return Contact(
+        laws=replace(ElementLaws.of(chain), friction=friction, friction_symbols=_distinct(friction)),
+        own=own,
+        constants={name: value for name, value in everything.items() if name not in own},
+        floors={name: COEFFICIENT_FLOOR for name in own if name.startswith(_COEFFICIENTS)},
+        record=f"typedef struct {{ /* friction of one mass of a bend */\n    {real_type(precision)} {', '.join(own)};\n"
+        f"}} {prefix}_contact;\n",
+        functions="\n".join(functions),
+    )
+
+
+def _either(calls: dict[bool, list[str]], types: str) -> list[str]:
+    """Statements: fewer where friction is the same both ways."""
+    if not calls[True]:
+        return calls[False]
+    return [
+        f"    if ({types}_is_within(pull, release, release) != 0) {{ /* the same factor both ways */",
+        *(f"    {line}" for line in calls[True]),
+        "    } else {",
+        *(f"    {line}" for line in calls[False]),
+        "    }",
+    ]
+
+
+def _function(comment: str, name: str, arguments: str, lines: list[str]) -> list[str]:
+    names = ("path", "contact", "pull", "release")
+    idle = [n for n in names if f" {n}" in f" {arguments}".replace("*", " ") and not any(n in line for line in lines)]
+    return [
+        f"/* {comment} */",
+        f"static void {name}({arguments})",
+        "{",
+        *(f"    (void){n};" for n in idle),
+        *lines,
+        "}",
+        "",
+    ]
+
+
+def _all(law: Law) -> ca.SX:
+    return ca.vertcat(*law.outputs.values())
+
+
+def _helper(chain: Chain, prefix: str, precision: Precision) -> str:
+    """Tanh of what the largest wrap angles over the motion need: a few terms of its continued fraction."""
+    e, motion = chain.elements, chain.motion
+    joints = {} if motion is None else dict(zip(motion.names, motion.angle_rad.T, strict=True))
+    angles = e.path.at(joints).angle_rad.max(axis=0)
+    columns = {name: _of_masses(chain, value) for name, value in fields_of(e.contact).items()}
+    law = replace(e.contact, **columns).on_piece(angles, e.angle_share(angles), e.path.length_share)  # type: ignore[type-var]
+    slip = max(float(np.max(mu)) for mu in law.slip_coefficients)
+    x = _SPARE * math.atanh(min(slip, 0.7)) + 0.01
+    above, below = tanh_fraction(x, 2.0**-24 if precision is Precision.FLOAT else 2.0**-53)
+
+    def text(factors: list[int]) -> str:
+        nested = literal(float(factors[-1]), precision)
+        for factor in factors[-2::-1]:
+            nested = f"({literal(float(factor), precision)} + (y * {nested}))"
+        return nested
+
+    return _TANH.format(
+        prefix=prefix,
+        real=real_type(precision),
+        f="f" if precision is Precision.FLOAT else "",
+        most=literal(x * x, precision),
+        above=text(above),
+        below=text(below),
+    )
+
+
+def tanh_fraction(most: float, rounding: float) -> tuple[list[int], list[int]]:
+    """Polynomials P, Q in y = x^2, lowest power first, with tanh x = x P/Q to rounding for abs(x) <= `most`.
+
+    Convergents of the continued fraction x/(1 + y/(3 + y/(5 + ...))) lie on both sides of tanh in turn.
+
+    Parameters
+    ----------
+    most : float
+    rounding : float
+        Relative error allowed.
+    """
+    y, rows = Fraction(most) ** 2, [([0], [1]), ([1], [1])]
+    while True:
+        odd = 2 * len(rows) - 1
+        rows.append((_next(odd, rows[-1][0], rows[-2][0]), _next(odd, rows[-1][1], rows[-2][1])))
+        last, now = (_value(above, y) / _value(below, y) for above, below in rows[-2:])
+        if abs(now - last) <= Fraction(rounding) / 4 * now:
+            return rows[-2]
+
+
+def _value(factors: list[int], y: Fraction) -> Fraction:
+    return sum((c * y**k for k, c in enumerate(factors)), Fraction(0))
+
+
+def _next(odd: int, last: list[int], before: list[int]) -> list[int]:
+    grown = [0, *before]
+    size = max(len(last), len(grown))
+    first, second = last + [0] * (size - len(last)), grown + [0] * (size - len(grown))
+    result = [odd * a + b for a, b in zip(first, second, strict=True)]
+    while result[-1] == 0:
+        result.pop()
+    return result
+
+
+def _distinct(record: object) -> tuple[ca.SX, ...]:
+    found: dict[str, ca.SX] = {s.name(): s for s in fields_of(record).values()}
+    return tuple(found.values())
+
+
+def _of_masses(chain: Chain, value: object) -> np.ndarray:
+    return np.broadcast_to(np.asarray(value, float), (chain.count,))
+
+
+def _contact_law(chain: Chain, mass: int, twins: dict[str, str], factor_names: tuple[str, ...]) -> Law:
+    """Numbers of friction on one mass that follow its wrap angle and, where there are any, factors by direction."""
+    e = chain.elements
+    symbols = {name: ca.SX.sym(name) for name in factor_names}
+    factors = dict(zip(("pull", "release"), (symbols[name] for name in factor_names), strict=False))
+    own: dict[str, object] = {}
+    for name, value in fields_of(e.contact).items():
+        number = float(_of_masses(chain, value)[mass])
+        own[name] = number * factors[way_of(name)] if factors and way_of(name) else number
+    length = float(e.path.length_share[mass])
+    angle = ca.SX.sym("angle_rad")
+    share = angle / e.path.total_angle_rad if e.path.total_angle_rad > 0 else length
+    there = fields_of(replace(e.contact, **own).on_piece(angle, share, length), "friction_")  # type: ignore[type-var]
+    outputs = {
+        name: at_least(value, COEFFICIENT_FLOOR) if name.startswith(_COEFFICIENTS) else value
+        for name, value in there.items()
+        if name.removeprefix("friction_") not in twins and isinstance(value, ca.SX) and not value.is_constant()
+    }
+    return Law(
+        name="contact",
+        comment="Friction of a mass for a wrap angle [rad], eqs. (8), (9).",
+        inputs=(angle, *symbols.values()),
+        outputs=outputs,
+    )

@@ -1,0 +1,5 @@
+#pragma once
+namespace hardware_interface
+{
+constexpr char HW_IF_EFFORT[] = "effort";
+}

@@ -1,0 +1,3 @@
+#pragma once
+#define PLUGINLIB_EXPORT_CLASS(derived, base) \
+  base * make_controller() { return new derived(); }

@@ -1,0 +1,35 @@
+// The least of rclcpp and rclcpp_lifecycle that an exported controller needs, to compile and run it without ROS.
+#pragma once
+#include <cstdio>
+#include <map>
+#include <memory>
+#include <string>
+#include <variant>
+
+#define RCLCPP_ERROR(logger, ...) (static_cast<void>(logger), std::fprintf(stderr, __VA_ARGS__), std::fputc('\n', stderr))
+
+namespace rclcpp
+{
+struct Time {};
+struct Duration {};
+struct Logger {};
+using Value = std::variant<std::string, double>;
+struct Parameter
+{
+  Value value;
+  std::string as_string() const { return std::get<std::string>(value); }
+  double as_double() const { return std::get<double>(value); }
+};
+}  // namespace rclcpp
+
+namespace rclcpp_lifecycle
+{
+struct State {};
+struct LifecycleNode
+{
+  std::map<std::string, rclcpp::Value> values;
+  rclcpp::Parameter get_parameter(const std::string & name) const { return {values.at(name)}; }
+  rclcpp::Logger get_logger() const { return {}; }
+  const char * get_name() const { return "tension"; }
+};
+}  // namespace rclcpp_lifecycle

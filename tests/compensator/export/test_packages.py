@@ -1,0 +1,169 @@
+"""What carries the exported C into other tools: built, run, and compared with the C."""
+
+import itertools
+import json
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.export.c_project import export_project
+from tendonff.compensator.export.host import run_on_host
+from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.ocp.codegen.precision import Precision
+from tests.compensator.export.structured_text import Block
+
+HERE = Path(__file__).parent
+
+
+@pytest.fixture(scope="module")
+def scenario(examples):
+    """A rate limit that binds and friction that differs both ways."""
+    found = load_scenario(examples / "finger_fast.toml")
+    friction = replace(found.transmission.friction, mu_dynamic_release=0.15, mu_static_release=0.15, adhesion_N=0.7)
+    return replace(found, transmission=replace(found.transmission, friction=friction))
+
+
+@pytest.fixture(scope="module")
+def files(scenario):
+    return export_project(scenario, profile_N=np.full(3, 30.0), force_export=True).files
+
+
+@pytest.fixture(scope="module")
+def folder(files, tmp_path_factory):
+    target = tmp_path_factory.mktemp("package")
+    for name, text in files.items():
+        (target / name).parent.mkdir(parents=True, exist_ok=True)
+        (target / name).write_text(text)
+    return target
+
+
+@pytest.fixture(scope="module")
+def course(scenario):
+    """The reference, then reversals at many depths, holds, jumps, and what is no reference."""
+    chance, tension = np.random.default_rng(2), sample_reference(scenario).tension_N
+    low, high = tension.min(), tension.max()
+    turns = [tension[-1]]
+    while len(turns) < 300:
+        turns.append(
+            float(np.clip(turns[-1] + (high - low) * 10 ** chance.uniform(-3, 0) * (-1) ** len(turns), low, high))
+        )
+    legs = [np.linspace(a, b, 1 + chance.integers(1, 5))[1:] for a, b in itertools.pairwise(turns)]
+    return np.concatenate(
+        [tension[::4], *legs, [high, low, np.nan, low, -1.0, 1e6, high, high, np.inf, middle(low, high)]]
+    )
+
+
+def middle(low, high):
+    return 0.5 * (low + high)
+
+
+@pytest.mark.parametrize("kind", ["capstan", "table"])
+def test_structured_text_answers_what_the_c_answers(files, course, kind):
+    """To rounding, status too, over limits, reversals in unfinished transitions and bad references."""
+    if shutil.which("cc") is None:
+        pytest.skip("cc is not installed")
+    sources = {name: text for name, text in files.items() if name.startswith("tff_") and name.endswith((".c", ".h"))}
+    (answered,) = run_on_host(sources, "tff", Precision.DOUBLE, [{kind: course}])
+    block = Block(files[f"structured_text/tff_{kind}.st"])
+    block(Init=True, InitialTension=float(course[0]))
+    assert block["Status"] == 0
+    forces, bits = [], set()
+    for reference in course.tolist():
+        block(Init=False, Setpoint=reference)
+        forces.append(block["Force"])
+        bits.add(block["Status"])
+    assert {0, 1, 4} <= bits
+    assert np.ptp(forces) > 20
+    assert forces == pytest.approx(answered[kind], rel=1e-12, abs=1e-11)
+    block(Init=True, InitialTension=float("nan"))
+    assert block["Status"] == 1
+
+
+@pytest.mark.parametrize("kind", ["capstan", "table"])
+def test_structured_text_is_read_by_a_parser_of_the_standard(files, kind):
+    blark = pytest.importorskip("blark", reason="blark is not installed")
+    parsed = blark.parse_source_code(files[f"structured_text/tff_{kind}.st"])
+    assert parsed.exception is None
+
+
+def test_the_ros_2_controller_answers_what_the_c_answers(files, folder, course, tmp_path):
+    """Compiled against minimal headers with the names and signatures of ros2_control, not against ROS itself."""
+    if shutil.which("g++") is None or shutil.which("gcc") is None:
+        pytest.skip("g++ is not installed")
+    sources = {name: text for name, text in files.items() if name.startswith("tff_") and name.endswith((".c", ".h"))}
+    (answered,) = run_on_host(sources, "tff", Precision.DOUBLE, [{"inverse": course}])
+    flags = ("-O1", "-Wall", "-Wextra", "-Werror", "-I", folder, "-ffp-contract=off")
+    objects = []
+    for name in ("parameters", "limits", "inverse"):
+        objects.append(tmp_path / f"{name}.o")
+        subprocess.run(["gcc", *flags, "-c", folder / f"tff_{name}.c", "-o", objects[-1]], check=True)
+    program = tmp_path / "controller"
+    subprocess.run(
+        [
+            *("g++", "-std=c++17", *flags, "-I", HERE / "ros2", HERE / "ros2" / "main.cpp"),
+            *(folder / "ros2" / "tff_controller" / "tff_controller.cpp", *objects, "-lm", "-o", program),
+        ],
+        check=True,
+    )
+    given = "\n".join(repr(float(v)) for v in course)
+    done = subprocess.run([program], input=given, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "update_rate must be 1000 Hz" in done.stderr
+    commands = np.array(list(map(float, done.stdout.split())))
+    assert commands == pytest.approx(answered["inverse"], rel=1e-12)
+
+
+def test_the_zephyr_module_builds_every_source(folder, tmp_path):
+    """With CMake, and the functions of Zephyr's build system reduced to what they do to a library."""
+    for tool in ("cmake", "cc", "make"):
+        if shutil.which(tool) is None:
+            pytest.skip(f"{tool} is not installed")
+    (tmp_path / "CMakeLists.txt").write_text(
+        f"""cmake_minimum_required(VERSION 3.13)
+project(app C)
+set(CONFIG_TFF_FEEDFORWARD y)
+macro(zephyr_library_named name)
+  set(ZEPHYR_CURRENT_LIBRARY ${{name}})
+  add_library(${{name}} STATIC)
+endmacro()
+macro(zephyr_library_sources)
+  target_sources(${{ZEPHYR_CURRENT_LIBRARY}} PRIVATE ${{ARGN}})
+endmacro()
+macro(zephyr_include_directories)
+  target_include_directories(${{ZEPHYR_CURRENT_LIBRARY}} PUBLIC ${{CMAKE_CURRENT_SOURCE_DIR}}/${{ARGN}})
+endmacro()
+macro(zephyr_library_compile_options)
+  target_compile_options(${{ZEPHYR_CURRENT_LIBRARY}} PRIVATE ${{ARGN}})
+endmacro()
+add_subdirectory({folder}/zephyr module)
+"""
+    )
+    for command in (("cmake", "-S", ".", "-B", "build"), ("cmake", "--build", "build")):
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+    (library,) = tmp_path.glob("build/module/*.a")
+    held = subprocess.run(["ar", "t", library], capture_output=True, text=True, check=True).stdout.split()
+    assert {name.split(".")[0] for name in held} == {path.stem for path in folder.glob("tff_*.c")}
+
+
+def test_tools_that_compile_every_file_find_no_second_main(folder, tmp_path):
+    """The Arduino tools take each C file of the folder; PlatformIO those that its manifest names."""
+    if shutil.which("cc") is None or shutil.which("nm") is None:
+        pytest.skip("cc or nm is not installed")
+    sources = sorted(folder.glob("*.c"))
+    subprocess.run(["cc", "-DARDUINO=10819", "-Os", "-c", *sources], check=True, cwd=tmp_path)
+    symbols = subprocess.run(["nm", *tmp_path.glob("*.o")], capture_output=True, text=True, check=True).stdout
+    assert " T tff_inverse_step" in symbols
+    assert " T main" not in symbols
+    manifest = json.loads((folder / "library.json").read_text())
+    assert manifest["build"]["srcFilter"] == ["-<*>", "+<tff_*.c>"]
+    assert all((folder / header).exists() for header in manifest["headers"])
+    lines = (folder / "library.properties").read_text().split("\n")
+    known = dict(line.split("=", 1) for line in lines if line)
+    assert set(known) >= {"name", "version", "author", "maintainer", "sentence", "category", "architectures"}
+    assert all((folder / header).exists() for header in known["includes"].split(","))

@@ -1,0 +1,46 @@
+"""Ctrl-C while compiled code runs: the process ends, with one line and no traceback."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from tendonff.compensator.files.writing import write_csv
+
+LONG = """
+import ctypes, sys
+from tendonff.compensator.cli import run
+from tendonff.compensator.identification import run as identification
+
+def clean(*args, **kwargs):
+    print("in compiled code", flush=True)
+    ctypes.CDLL(None).sleep(600)  # called as the compiled chains are
+    raise AssertionError("it came back")
+
+identification.clean = clean
+sys.exit(run(sys.argv[1:]))
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_ctrl_c_leaves_compiled_code(examples, tmp_path):
+    time = [0.01 * k for k in range(100)]
+    tension = [30 + 10 * t for t in time]
+    write_csv(tmp_path / "a.csv", {"time_s": time, "input_tension_N": tension, "output_tension_N": time})
+    words = ["identify", str(examples / "finger.toml"), "--data", str(tmp_path / "a.csv")]
+    command = [sys.executable, "-c", LONG, *words, "--out", str(tmp_path / "out")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        try:
+            while process.poll() is None and "in compiled code" not in process.stdout.readline():
+                pass
+            process.send_signal(signal.SIGINT)
+            said = process.communicate(timeout=60)[1]  # the call itself takes ten minutes
+        finally:
+            process.kill()
+    assert process.returncode in (130, -signal.SIGINT)
+    assert "Traceback" not in said
+    assert said.strip().endswith("interrupted; nothing was written")
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,54 @@
+"""The exported inverse on a moving path, on emulated controllers: bits and instructions."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.export.c_text import c_sources
+from tendonff.compensator.export.modules import c_modules
+from tendonff.compensator.scenario.scenario import load_scenario
+
+
+@pytest.fixture
+def inverse(toolbox, examples, tmp_path):
+    """Folder with the inverse of the moving finger, or of the same finger at rest in one section, and its course."""
+    scenario = load_scenario(examples / "finger_moving.toml")
+
+    def folder(board, segments, moving):
+        path, joints = replace(scenario.transmission.path, segments=segments), scenario.joints
+        if not moving:
+            path, joints = replace(path, sections=()), {}
+        made = replace(scenario, transmission=replace(scenario.transmission, path=path), joints=joints)
+        problem = Problem.of(made)
+        module = next(m for m in c_modules(made) if m.name == "inverse")
+        target = tmp_path / f"{board.machine}{segments}{moving}"
+        target.mkdir()
+        for name, text in c_sources(made, problem, (module,), board.precision, "tff").items():
+            (target / name).write_text(text)
+        toolbox.write_reference(target, problem.reference.tension_N, board.precision)
+        motion = problem.chain.motion
+        angles = np.empty((0, 0)) if motion is None else motion.at(problem.reference.time_s)
+        rows = ",\n".join(f"{{ {', '.join(f'(tff_real){q:.17g}' for q in row)} }}" for row in angles)
+        text = f"static const tff_real joints[ROWS][TFF_JOINTS] = {{\n{rows}\n}};\n" if moving else ""
+        (target / "joints.h").write_text(text)
+        return target
+
+    return folder
+
+
+@pytest.mark.parametrize("board", ["m4f", "m7"])
+@pytest.mark.parametrize("segments", [6, 12, 40])
+def test_joints_cost_at_most_three_tenths_of_the_inverse(toolbox, inverse, board, segments, record_property):
+    """Two joints, four sections that touch; the most of all calls against the most of the same tendon at rest."""
+    board = getattr(toolbox, board)
+    most = {}
+    for moving in (False, True):
+        source = inverse(board, segments, moving)
+        there, _ = toolbox.on_board(board, source, source, kinds=("inverse",))
+        assert there.hashes == toolbox.on_host(source, source, board.precision, kinds=("inverse",)).hashes
+        most[moving] = there.counts["inverse"][1]
+    ratio = most[True] / most[False]
+    record_property("figure", f"{board.name}, N = {segments}, joints: {most[True]} to {most[False]} = {ratio:.2f}")
+    assert ratio <= 1.3
