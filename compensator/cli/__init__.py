@@ -116,11 +116,20 @@ def run(arguments: Sequence[str]) -> int:
     return result if isinstance(result, int) else 0
 
 
-def _terminate(_signal: int, _frame: FrameType | None) -> NoReturn:
-    raise KeyboardInterrupt
-
-
 def main() -> None:
     """Entry point of the program."""
-    signal.signal(signal.SIGTERM, _terminate)  # so that an ended job removes its temporary files too
-    sys.exit(run(sys.argv[1:]))
+    stopped: list[int] = []
+
+    def stop(number: int, _frame: FrameType | None) -> NoReturn:
+        stopped.append(number)
+        raise KeyboardInterrupt
+
+    for number in (signal.SIGINT, signal.SIGTERM):  # an ended job removes its temporary files too
+        signal.signal(number, stop)
+    try:
+        code = run(sys.argv[1:])
+    except Exception:  # what is interrupted while a compiled module is loaded may fail in any way
+        if not stopped:
+            raise
+        code = EXIT_INTERRUPTED
+    sys.exit(EXIT_INTERRUPTED if stopped else code)

@@ -223,6 +223,7 @@ def tuner_context(tuned: TunedChain, precision: Precision, *, prefix: str, past:
         "masses": chain.count,
         "numbers": list(chain.numbers()),
         "retuned": names,
+        "retuned_inputs": tuple(f"f{k}" for k in range(len(tuned.parameters))),
         "retuned_outputs": tuple(law.outputs),
         "retuned_link": any(name.startswith("link_") for name in names),
         "retuned_load": LOAD_STIFFNESS if LOAD_STIFFNESS in names else "",
@@ -288,7 +289,9 @@ def _host_text(tuned: TunedChain) -> str:
         "work": "&work_area",
         "plant_q_a": "(({} * n) + {})".format(*chain.layout.offset("q_a")),
     }
-    if chain.moving:
+    if chain.moving:  # friction belongs to the masses there, so that the numbers may need fewer factors
+        numbers = own.get("retuned_numbers")
+        context |= {"retuned_inputs": numbers.inputs} if numbers else {}
         context |= _moving_context(tuned, own["own_slopes"]) | {"inverse_argument": ", double *inverse_memory"}
     templates = [render_tuner(name, context) for name in ("tuner.h.j2", "tuner.c.j2", "tuner_host.c.j2")]
     return "\n".join([scheme, *(law.code for law in own.values()), *templates])

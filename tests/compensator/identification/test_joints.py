@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from synthetic import Faults, write_synthetic
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.fitting.residuals import fit_pieces
 from tendonff.compensator.identification.measured.cleaning import clean
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.run import identify
-from tendonff.compensator.identification.synthetic import Faults, write_synthetic
 from tendonff.compensator.scenario.joint_motion import moved
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 from tendonff.models.fidelity import Level

@@ -1,11 +1,13 @@
 """Table [adaptation]."""
 
+import numpy as np
 import pytest
 
-from tendonff.compensator.adapt.run import adapt
+from tendonff.compensator.adapt.setup import tuned_chain, tuning_of
+from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_to_toml
-from tendonff.models.errors import ParameterError
+from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable
 
 TABLE = """
@@ -68,8 +70,7 @@ def test_what_is_wrong_is_named_with_the_way_out(finger, old, new, text):
     assert text in str(error.value)
 
 
-def test_a_path_in_sections_is_refused_with_the_way_out(finger):
-    """Until the tuner knows paths that move: a message, not wrong numbers."""
+def test_friction_and_load_are_tuned_on_a_path_that_moves(finger):
     head, _, rest = finger.partition("[path]")
     _, _, rest = rest.partition("[tendon]")
     sections = "".join(
@@ -79,5 +80,12 @@ def test_a_path_in_sections_is_refused_with_the_way_out(finger):
     motion = "offset_rad = 0.0\namplitudes_rad = [0.3]\nfrequencies_Hz = [0.7]\nfade_in_s = 0.5\n"
     joint = f'[joints.elbow]\nkind = "sine"\n{motion}'
     text = f"{head}[path]\nsegments = 6\n{sections}{joint}\n[tendon]{rest}{TABLE}"
-    with pytest.raises(ParameterError, match=r"needs a path of one section at rest.*leave \[adaptation\] out"):
-        adapt(parse_scenario(text))
+    scenario = parse_scenario(text)
+    problem = Problem.of(scenario)
+    tuning, start = tuning_of(problem, scenario.adaptation), problem.reference.initial_tension_N
+    tuned, wanted = tuned_chain(problem, tuning), problem.reference.tension_N[1:]
+    rig = SimulatedRig(
+        tuned.with_factors({Tunable.MU: 1.2, Tunable.LOAD_STIFFNESS: 0.8}), scenario.run.step_s, 1, start
+    )
+    run = SelfTuner(tuned, scenario.run.step_s, tuning, problem.limits, start).run(rig, wanted, np.zeros(len(wanted)))
+    assert run.factors[-1, 0] == pytest.approx(1.2, rel=0.02)
