@@ -9,11 +9,6 @@ def at_least(x: ca.SX, floor: float) -> ca.SX:
 
     `ca.fmax` has the mean of both slopes at equality, which costs two comparisons and a division wherever it is
     differentiated.
-
-    Parameters
-    ----------
-    x : ca.SX or ndarray
-    floor : float
     """
     if isinstance(x, np.ndarray):
         return np.where(x > floor, x, floor)

@@ -112,12 +112,7 @@ class CapstanLaw:
 
     @classmethod
     def of(cls, transmission: Transmission) -> "CapstanLaw":
-        """Law of a transmission: dynamic coefficients over the whole wrap angle.
-
-        Parameters
-        ----------
-        transmission : Transmission
-        """
+        """Law of a transmission: dynamic coefficients over the whole wrap angle."""
         pull, release = section_exponents(transmission)
         return cls(
             pull_exponent=math.fsum(pull),
@@ -126,12 +121,7 @@ class CapstanLaw:
         )
 
     def part(self, share: float) -> "CapstanLaw":
-        """Law of the first `share` (0 to 1) of the wrap angle: plays compose.
-
-        Parameters
-        ----------
-        share : float
-        """
+        """Law of the first `share` (0 to 1) of the wrap angle: plays compose."""
         return CapstanLaw(
             pull_exponent=share * self.pull_exponent,
             release_exponent=share * self.release_exponent,
@@ -236,21 +226,11 @@ class CapstanLaw:
         return np.where(last_move >= 0, answer[np.maximum(last_move, 0)], start)
 
     def largest_output_N(self, force_max_N: float) -> float:
-        """Largest output tension that a force can pull through the friction, (F + p) e^{-mu_pull theta} - p [N].
-
-        Parameters
-        ----------
-        force_max_N : float
-        """
+        """Largest output tension that a force can pull through the friction, (F + p) e^{-mu_pull theta} - p [N]."""
         return float(self.output_bounds_N(force_max_N)[0])
 
     def smallest_output_N(self, force_min_N: float) -> float:
-        """Smallest output tension that releasing down to a force leaves, (F + p) e^{mu_release theta} - p [N].
-
-        Parameters
-        ----------
-        force_min_N : float
-        """
+        """Smallest output tension that releasing down to a force leaves, (F + p) e^{mu_release theta} - p [N]."""
         return float(self.output_bounds_N(force_min_N)[1])
 
     def stiffness_N_per_m(self, tendon_stiffness_N_per_m: float, branch: Branch) -> float:

@@ -255,10 +255,6 @@ class ChainEquations:
 def chain_equations(chain: Chain) -> ChainEquations:
     """Write the chain of Fig. 2 with laws (4) to (7) as one system of differential equations.
 
-    Parameters
-    ----------
-    chain : Chain
-
     Returns
     -------
     ChainEquations

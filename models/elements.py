@@ -95,12 +95,7 @@ class Whole:
     link: LinkLaw
 
     def value(self, name: str) -> float:
-        """One of the numbers, by the name of its field, in whichever record it stands.
-
-        Parameters
-        ----------
-        name : str
-        """
+        """One of the numbers, by the name of its field, in whichever record it stands."""
         return float(getattr(self._record(name)[1], name))
 
     def changed(self, values: Mapping[str, object]) -> "Whole":
@@ -168,13 +163,7 @@ def _column(values: list[Any]) -> Any:
 
 
 def whole_of(transmission: Transmission, level: Level) -> Whole:
-    """The numbers of the undivided tendon at a level, defaults resolved.
-
-    Parameters
-    ----------
-    transmission : Transmission
-    level : Level
-    """
+    """The numbers of the undivided tendon at a level, defaults resolved."""
     tendon, friction, features = transmission.tendon, transmission.friction, level.features
     soft, stiff = friction.soft_bristle_stiffness_N_per_m, friction.bristle_stiffness_N_per_m
     return Whole(

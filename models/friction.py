@@ -224,12 +224,7 @@ class LuGreBristle:
         return {"mu_static_pull": "mu_dynamic_pull", "mu_static_release": "mu_dynamic_release"}
 
     def in_section(self, section: Section) -> "LuGreBristle":
-        """The section's own coefficients where it has any; a pulley's bearing has one for both directions.
-
-        Parameters
-        ----------
-        section : Section
-        """
+        """The section's own coefficients where it has any; a pulley's bearing has one for both directions."""
         if section.bearing_exponent is not None:
             bearing = section.bearing_exponent / section.angle_rad
             return self._with_coefficients(bearing, bearing, bearing, bearing)

@@ -30,12 +30,7 @@ END_INPUTS = (FORCE_INPUT, "actuator_rest_position_m", "load_force_N", "load_res
 
 
 def output_names(chain: Chain) -> tuple[str, ...]:
-    """Names of the outputs, as in the files of `tendonff simulate`.
-
-    Parameters
-    ----------
-    chain : Chain
-    """
+    """Names of the outputs, as in the files of `tendonff simulate`."""
     tensions = (f"tension_{k}_N" for k in range(1, chain.count + 2))
     return (*tensions, "actuator_position_m", "load_position_m")
 

@@ -45,12 +45,7 @@ class StateLayout:
         )
 
     def offset(self, name: str) -> tuple[int, int]:
-        """Where a block begins, as (a, b): a N + b; the total length for the name "end".
-
-        Parameters
-        ----------
-        name : str
-        """
+        """Where a block begins, as (a, b): a N + b; the total length for the name "end"."""
         a = b = 0
         for block, per_mass, more in self.blocks:
             if block == name:
@@ -67,12 +62,7 @@ class StateLayout:
         return a * self.count + b
 
     def part(self, name: str) -> slice:
-        """Slice of a block.
-
-        Parameters
-        ----------
-        name : str
-        """
+        """Slice of a block."""
         a, b = self.offset(name)
         length = next(k * self.count + more for block, k, more in self.blocks if block == name)
         return slice(a * self.count + b, a * self.count + b + length)

@@ -82,12 +82,7 @@ class ZenerLink:
         return ((self.relaxing_stiffness_N_per_m, self.relaxation_time_s),)
 
     def shortened(self, ratio: ca.SX) -> "ZenerLink":
-        """The link of which `ratio` make the whole: stiffness and damping are that much higher.
-
-        Parameters
-        ----------
-        ratio : float or ca.SX
-        """
+        """The link of which `ratio` make the whole: stiffness and damping are that much higher."""
         return replace(
             self,
             stiffness_N_per_m=self.stiffness_N_per_m * ratio,

@@ -46,12 +46,7 @@ class JointMotion:
     period_s: float | None = None
 
     def at(self, time_s: Array) -> Array:
-        """Joint angles at instants, shape (len(time_s), joints) [rad].
-
-        Parameters
-        ----------
-        time_s : ndarray
-        """
+        """Joint angles at instants, shape (len(time_s), joints) [rad]."""
         time = time_s if self.period_s is None else np.mod(time_s, self.period_s)
         return np.column_stack([np.interp(time, self.time_s, column) for column in self.angle_rad.T])
 

@@ -123,12 +123,7 @@ class SimulationJob:
 
 
 def run_simulation(job: SimulationJob) -> Simulation:
-    """Simulate one job.
-
-    Parameters
-    ----------
-    job : SimulationJob
-    """
+    """Simulate one job."""
     return simulate(
         job.chain,
         job.force_N,

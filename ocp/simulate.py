@@ -276,11 +276,6 @@ def outcome_of(chain: Chain, rows: Rows, tension_N: Array, complete: bool, step_
 
 
 def chunks(total: int, size: int) -> Iterator[slice]:
-    """Slices that cut `total` rows into pieces of at most `size`.
-
-    Parameters
-    ----------
-    total, size : int
-    """
+    """Slices that cut `total` rows into pieces of at most `size`."""
     for start in range(0, total, size):
         yield slice(start, min(start + size, total))

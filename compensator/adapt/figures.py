@@ -26,12 +26,7 @@ _WINDOW_S = 0.25
 
 
 def adaptation_figures(result: AdaptationData) -> dict[str, Figure]:
-    """All figures by file name.
-
-    Parameters
-    ----------
-    result : AdaptationData
-    """
+    """All figures by file name."""
     with figure_style():
         return {
             "overview": overview_figure(result),
@@ -57,12 +52,7 @@ def _case(result: AdaptationData, mu: float) -> Case:
 
 
 def overview_figure(result: AdaptationData) -> Figure:
-    """Error on every plant, on a logarithmic axis.
-
-    Parameters
-    ----------
-    result : AdaptationData
-    """
+    """Error on every plant, on a logarithmic axis."""
     figure, axes = new_figure(height_in=0.26 * len(result.cases) + 1.0)
     panel = axes[0, 0]
     places = np.arange(len(result.cases))[::-1]
@@ -84,13 +74,7 @@ def _rms(error: np.ndarray, step_s: float) -> np.ndarray:
 
 
 def case_figure(result: AdaptationData, case: Case) -> Figure:
-    """Error and estimate over time on one plant.
-
-    Parameters
-    ----------
-    result : AdaptationData
-    case : Case
-    """
+    """Error and estimate over time on one plant."""
     figure, axes = new_figure(2, 1, share_x=True, height_in=4.2)
     rows, scale = thinned(len(case.time_s)), result.reference.range_N / 100
     for scheme, trace in case.traces.items():
@@ -117,12 +101,7 @@ def _estimates(result: AdaptationData, case: Case, panel: Axes, rows: slice) -> 
 
 
 def information_figure(result: AdaptationData) -> Figure:
-    """Standard deviation of each factor along the reference.
-
-    Parameters
-    ----------
-    result : AdaptationData
-    """
+    """Standard deviation of each factor along the reference."""
     known = result.information
     rows = thinned(len(known.time_s))
     figure, axes = new_figure(height_in=2.6)

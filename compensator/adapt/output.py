@@ -33,13 +33,7 @@ class AdaptationStudy(AdaptationData):
 
 
 def write_estimates(result: AdaptationData, path: Path) -> None:
-    """Write `estimate.csv`: every plant over time, at most 2000 samples each.
-
-    Parameters
-    ----------
-    result : AdaptationData
-    path : Path
-    """
+    """Write `estimate.csv`: every plant over time, at most 2000 samples each."""
     names = [f"{parameter}_factor" for parameter in result.tuning.parameters]
     schemes = [scheme for scheme in Scheme if scheme in result.cases[0].traces]
     with atomic_file(path) as partial, partial.open("w", encoding="utf-8", newline="") as stream:
@@ -56,12 +50,7 @@ def write_estimates(result: AdaptationData, path: Path) -> None:
 
 
 def summary(result: AdaptationData) -> dict[str, object]:
-    """The contents of `summary.json`.
-
-    Parameters
-    ----------
-    result : AdaptationData
-    """
+    """The contents of `summary.json`."""
     tuning, known, certificate = result.tuning, result.information, result.certificate
     return {
         **summary_head(result.scenario),

@@ -35,13 +35,7 @@ class Certified:
 
 
 def tuning_of(problem: Problem, settings: Adaptation) -> Tuning:
-    """Numbers of the recursion: noise and delay from the scenario, the measured range from the design.
-
-    Parameters
-    ----------
-    problem : Problem
-    settings : Adaptation
-    """
+    """Numbers of the recursion: noise and delay from the scenario, the measured range from the design."""
     reference, layout = problem.reference, problem.chain.layout
     span = float(np.ptp(reference.tension_N))
     states = problem.inversion.states
@@ -62,24 +56,12 @@ def tuning_of(problem: Problem, settings: Adaptation) -> Tuning:
 
 
 def tuned_chain(problem: Problem, tuning: Tuning) -> TunedChain:
-    """The design model with the factors that are tuned.
-
-    Parameters
-    ----------
-    problem : Problem
-    tuning : Tuning
-    """
+    """The design model with the factors that are tuned."""
     return TunedChain.of(problem.transmission, problem.level, tuning.parameters)
 
 
 def learnt(problem: Problem, tuning: Tuning) -> Information:
-    """What the reference teaches, on the scenario's own plant without noise.
-
-    Parameters
-    ----------
-    problem : Problem
-    tuning : Tuning
-    """
+    """What the reference teaches, on the scenario's own plant without noise."""
     tuned, reference = tuned_chain(problem, tuning), problem.reference
     start = reference.initial_tension_N
     tuner = SelfTuner(tuned, reference.step_s, tuning, problem.limits, start)
@@ -90,12 +72,7 @@ def learnt(problem: Problem, tuning: Tuning) -> Information:
 
 
 def certified(problem: Problem) -> Certified:
-    """The interval of two plays along the reference, with what the static law leaves out as its margin.
-
-    Parameters
-    ----------
-    problem : Problem
-    """
+    """The interval of two plays along the reference, with what the static law leaves out as its margin."""
     tuned = TunedChain.of(problem.transmission, problem.level, (Tunable.MU,))
     start, step = problem.reference.initial_tension_N, problem.reference.step_s
     force = problem.limited(problem.inversion.force_N)

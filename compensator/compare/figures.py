@@ -30,12 +30,7 @@ LEVEL_STYLES = {"elastic": "-", "viscoelastic": "--", "presliding": "-.", CAPSTA
 
 
 def compare_figures(result: ComparisonData) -> dict[str, Figure]:
-    """All figures of a comparison by file name.
-
-    Parameters
-    ----------
-    result : ComparisonData
-    """
+    """All figures of a comparison by file name."""
     with figure_style():
         return {
             "matrix": matrix_figure(result),
@@ -46,12 +41,7 @@ def compare_figures(result: ComparisonData) -> dict[str, Figure]:
 
 
 def matrix_rows(result: ComparisonData) -> list[tuple[str, list[Entry]]]:
-    """Rows of the matrix by label, without the repetitions of what does not depend on the design level.
-
-    Parameters
-    ----------
-    result : ComparisonData
-    """
+    """Rows of the matrix by label, without the repetitions of what does not depend on the design level."""
     first = next(iter(Level))
     rows = []
     for compensator in result.compensators:
@@ -62,12 +52,7 @@ def matrix_rows(result: ComparisonData) -> list[tuple[str, list[Entry]]]:
 
 
 def matrix_figure(result: ComparisonData) -> Figure:
-    """Error of every design on every plant, as numbers on colours.
-
-    Parameters
-    ----------
-    result : ComparisonData
-    """
+    """Error of every design on every plant, as numbers on colours."""
     rows = matrix_rows(result)
     values = np.array([[entry.rmse_percent_of_range for entry in row] for _, row in rows])
     shown = np.clip(values, 0.01, 100.0)
@@ -89,24 +74,14 @@ def matrix_figure(result: ComparisonData) -> Figure:
 
 
 def cell_text(entry: Entry) -> str:
-    """Error and, where it matters, spread of a cell [% of range].
-
-    Parameters
-    ----------
-    entry : Entry
-    """
+    """Error and, where it matters, spread of a cell [% of range]."""
     value, spread = entry.rmse_percent_of_range, entry.spread_percent_of_range
     text = f"{value:.2g}" if value >= 0.01 else "< 0.01"
     return f"{text} ± {spread:.1g}" if spread >= max(0.005, 0.01 * value) else text
 
 
 def errors_figure(result: ComparisonData) -> Figure:
-    """Reference, and error over time of the exact inverse designed on each level, on the most detailed plant.
-
-    Parameters
-    ----------
-    result : ComparisonData
-    """
+    """Reference, and error over time of the exact inverse designed on each level, on the most detailed plant."""
     reference, plant = result.reference, Level.PRESLIDING.value
     rows = thinned(len(reference.time_s))
     moved = result.ignored is not None
@@ -138,12 +113,7 @@ def errors_figure(result: ComparisonData) -> Figure:
 
 
 def levels_figure(result: ComparisonData) -> Figure:
-    """What the levels do differently: the loop, and the tension in a hold.
-
-    Parameters
-    ----------
-    result : ComparisonData
-    """
+    """What the levels do differently: the loop, and the tension in a hold."""
     figure, axes = new_figure(1, 2, height_in=3.2)
     loop, hold = axes[0]
     for name, traits in result.traits.items():
@@ -164,12 +134,7 @@ def levels_figure(result: ComparisonData) -> Figure:
 
 
 def small_signal_figure(result: ComparisonData) -> Figure:
-    """Small changes of the force around rest, where the tendon sticks: Bode plot from force to output tension.
-
-    Parameters
-    ----------
-    result : ComparisonData
-    """
+    """Small changes of the force around rest, where the tendon sticks: Bode plot from force to output tension."""
     transmission, start = result.scenario.transmission, result.reference.initial_tension_N
     systems = {}
     for level in Level:

@@ -32,13 +32,7 @@ class Comparison(ComparisonData):
 
 
 def write_matrix(result: ComparisonData, path: Path) -> None:
-    """Write `matrix.csv`: compensator, design level, plant level, RMS error, peak error, lag and spread.
-
-    Parameters
-    ----------
-    result : ComparisonData
-    path : Path
-    """
+    """Write `matrix.csv`: compensator, design level, plant level, RMS error, peak error, lag and spread."""
     with atomic_file(path) as partial, partial.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow([field.name for field in fields(Entry)])
@@ -47,12 +41,7 @@ def write_matrix(result: ComparisonData, path: Path) -> None:
 
 
 def summary(result: ComparisonData) -> dict[str, object]:
-    """The contents of `summary.json`.
-
-    Parameters
-    ----------
-    result : ComparisonData
-    """
+    """The contents of `summary.json`."""
     return {
         **summary_head(result.scenario),
         "reference_range_N": result.reference.range_N,

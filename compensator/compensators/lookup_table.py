@@ -80,12 +80,7 @@ class LookupTable:
                 raise ParameterError(f"{name}: force_N must have one row per reference node and one column per share")
 
     def branch(self, branch: Branch) -> BranchTable:
-        """Forces of a branch.
-
-        Parameters
-        ----------
-        branch : Branch
-        """
+        """Forces of a branch."""
         return self.pull if branch is Branch.PULL else self.release
 
     @property
@@ -99,12 +94,7 @@ class LookupTable:
         return self.pull.force_N.size + self.release.force_N.size
 
     def ratio(self, branch: Branch) -> FloatArray:
-        """(force + p)/(T + p) at the nodes of a branch, shape (k, m) [-].
-
-        Parameters
-        ----------
-        branch : Branch
-        """
+        """(force + p)/(T + p) at the nodes of a branch, shape (k, m) [-]."""
         p = self.adhesion_N
         result: FloatArray = (self.branch(branch).force_N + p) / (self.reference_N[:, None] + p)
         return result

@@ -92,12 +92,7 @@ def solve(problem: Problem, *, progress: Progress = silent) -> Tracking:
 
 
 def tracking_warnings(tracking: Tracking) -> tuple[str, ...]:
-    """What limits the optimal profile, in the user's terms.
-
-    Parameters
-    ----------
-    tracking : Tracking
-    """
+    """What limits the optimal profile, in the user's terms."""
     if tracking.status is TrackStatus.EXACT:
         return ()
     found = [] if tracking.status is TrackStatus.OPTIMAL else [f"optimal: {tracking.message}"]

@@ -45,12 +45,7 @@ class CompensationTable(Compensator):
 
 
 def table_range(problem: Problem) -> tuple[float, float]:
-    """Range of reference tension that a table for a problem covers [N].
-
-    Parameters
-    ----------
-    problem : Problem
-    """
+    """Range of reference tension that a table for a problem covers [N]."""
     reference = problem.reference
     wanted = np.append(reference.tension_N, reference.initial_tension_N)
     return table_range_N(wanted, largest_tension(problem.transmission))

@@ -45,30 +45,15 @@ class DriveUse:
         return float(np.sqrt(np.mean(self.force_N**2)))
 
     def torque_N_m(self, motor: Motor) -> FloatArray:
-        """Torque of the motor, its own inertia included [N m], shape (n,).
-
-        Parameters
-        ----------
-        motor : Motor
-        """
+        """Torque of the motor, its own inertia included [N m], shape (n,)."""
         return self.force_N * motor.travel_per_rad_m
 
     def angle_rad(self, motor: Motor) -> FloatArray:
-        """Angle of the motor from the start [rad], shape (n,).
-
-        Parameters
-        ----------
-        motor : Motor
-        """
+        """Angle of the motor from the start [rad], shape (n,)."""
         return self.travel_m / motor.travel_per_rad_m
 
     def load_of_the_line(self, motor: Motor) -> float:
-        """Largest share of what torque_max_N_m and the torque-speed line allow at the speed of a row [-].
-
-        Parameters
-        ----------
-        motor : Motor
-        """
+        """Largest share of what torque_max_N_m and the torque-speed line allow at the speed of a row [-]."""
         speed, torque = self.speed_m_per_s / motor.travel_per_rad_m, self.torque_N_m(motor)
         return max(
             abs(t) / limit if (limit := motor.torque_limit_N_m(w)) > 0 else math.inf
@@ -77,12 +62,7 @@ class DriveUse:
 
 
 def drive_use(result: DesignData) -> tuple[DriveUse, ...]:
-    """The profiles that know the chain, as the drive sees them.
-
-    Parameters
-    ----------
-    result : DesignData
-    """
+    """The profiles that know the chain, as the drive sees them."""
     found = []
     for name in SHOWN:
         profile = result.profiles.get(name)
@@ -94,12 +74,7 @@ def drive_use(result: DesignData) -> tuple[DriveUse, ...]:
 
 
 def drive_columns(result: DesignData) -> dict[str, FloatArray]:
-    """Columns of `profile.csv` beside the forces: travel, command of a position drive, torque and angle of the motor.
-
-    Parameters
-    ----------
-    result : DesignData
-    """
+    """Columns of `profile.csv` beside the forces: travel, command of a position drive, torque and angle of the motor."""
     used, motor = drive_use(result), result.scenario.transmission.actuator.motor
     columns = {f"travel_{use.name}_m": use.travel_m for use in used}
     for name, profile in result.profiles.items():
@@ -112,12 +87,7 @@ def drive_columns(result: DesignData) -> dict[str, FloatArray]:
 
 
 def drive_summary(result: DesignData) -> dict[str, object]:
-    """What `summary.json` says of the drive, by name of the compensator.
-
-    Parameters
-    ----------
-    result : DesignData
-    """
+    """What `summary.json` says of the drive, by name of the compensator."""
     motor, found = result.scenario.transmission.actuator.motor, dict[str, object]()
     for use in drive_use(result):
         entry: dict[str, object] = {
@@ -137,12 +107,7 @@ def drive_summary(result: DesignData) -> dict[str, object]:
 
 
 def drive_warnings(result: DesignData) -> list[str]:
-    """Limits of drive and motor that a profile does not keep.
-
-    Parameters
-    ----------
-    result : DesignData
-    """
+    """Limits of drive and motor that a profile does not keep."""
     actuator, found = result.scenario.transmission.actuator, []
     for use in drive_use(result):
         fastest = float(np.max(np.abs(use.speed_m_per_s)))

@@ -30,12 +30,7 @@ _WIDE = 3.4  # line under another that coincides with it
 
 
 def design_figures(result: DesignData) -> dict[str, Figure]:
-    """All figures of a design by file name.
-
-    Parameters
-    ----------
-    result : DesignData
-    """
+    """All figures of a design by file name."""
     with figure_style():
         return {
             "expectation": expectation_figure(result),
@@ -48,12 +43,7 @@ def design_figures(result: DesignData) -> dict[str, Figure]:
 
 
 def expectation_figure(result: DesignData) -> Figure:
-    """Output tension of the recommended profile over all that the uncertainty admits.
-
-    Parameters
-    ----------
-    result : DesignData
-    """
+    """Output tension of the recommended profile over all that the uncertainty admits."""
     figure, axes = new_figure(2, 1, share_x=True, height_in=4.4, height_ratios=(3, 2))
     tension, error = axes[:, 0]
     time, wanted, rows = result.reference.time_s, result.reference.tension_N, thinned(len(result.reference.time_s))
@@ -81,12 +71,7 @@ def expectation_figure(result: DesignData) -> Figure:
 
 
 def tension_figure(result: DesignData) -> Figure:
-    """Reference and output tension of each compensator on the design level, and the compensated errors enlarged.
-
-    Parameters
-    ----------
-    result : DesignData
-    """
+    """Reference and output tension of each compensator on the design level, and the compensated errors enlarged."""
     moved = result.ignored is not None
     height, ratios = (6.2, (3, 2, 1)) if moved else (5.0, (3, 2))
     figure, axes = new_figure(len(ratios), 1, share_x=True, height_in=height, height_ratios=ratios)
@@ -111,12 +96,7 @@ def tension_figure(result: DesignData) -> Figure:
 
 
 def force_figure(result: DesignData) -> Figure:
-    """Force, rate of force and travel of each compensator, with the actuator's limits where they are near.
-
-    Parameters
-    ----------
-    result : DesignData
-    """
+    """Force, rate of force and travel of each compensator, with the actuator's limits where they are near."""
     figure, axes = new_figure(3, 1, share_x=True, height_in=6.2, height_ratios=(3, 2, 2))
     force, rate, travel = axes[:, 0]
     actuator, step = result.scenario.transmission.actuator, result.reference.step_s
@@ -138,12 +118,7 @@ def force_figure(result: DesignData) -> Figure:
 
 
 def drive_figure(result: DesignData) -> Figure:
-    """Travel, speed and power of the drive, and its torque over its speed, with the limits.
-
-    Parameters
-    ----------
-    result : DesignData
-    """
+    """Travel, speed and power of the drive, and its torque over its speed, with the limits."""
     figure, axes = new_figure(2, 2, height_in=4.6)
     (travel, speed), (power, plane) = axes
     actuator, rows = result.scenario.transmission.actuator, thinned(len(result.reference.time_s))
@@ -183,12 +158,7 @@ def _limit_lines(panel: Axes, values: Iterable[float]) -> None:
 
 
 def loop_figure(result: DesignData) -> Figure:
-    """Hysteresis: output tension over the force, and over the reference.
-
-    Parameters
-    ----------
-    result : DesignData
-    """
+    """Hysteresis: output tension over the force, and over the reference."""
     figure, axes = new_figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=3.8)
     by_force, by_reference = axes[0]
     rows = thinned(len(result.reference.time_s))
@@ -209,12 +179,7 @@ def loop_figure(result: DesignData) -> Figure:
 
 
 def error_figure(result: DesignData) -> Figure:
-    """Error over time on each level, on one scale; right: enlarged.
-
-    Parameters
-    ----------
-    result : DesignData
-    """
+    """Error over time on each level, on one scale; right: enlarged."""
     figure, axes = new_figure(len(Level), 2, share_x=True, height_in=5.8)
     wanted = result.reference.tension_N
     by_level = {

@@ -50,12 +50,7 @@ class Online:
         )
 
     def write(self, folder: str | os.PathLike[str]) -> None:
-        """Write `online.csv` and the figure `online` into an existing folder.
-
-        Parameters
-        ----------
-        folder : str or path
-        """
+        """Write `online.csv` and the figure `online` into an existing folder."""
         rows = (*self.choice.candidates, *self.longer)
         write_csv(
             Path(folder) / "online.csv",
@@ -73,10 +68,6 @@ class Online:
 
 def study_online(scenario: Scenario) -> Online:
     """Try filters on the scenario's reference with the noise of a converter.
-
-    Parameters
-    ----------
-    scenario : Scenario
 
     Raises
     ------
@@ -101,12 +92,7 @@ def study_online(scenario: Scenario) -> Online:
 
 
 def online_figure(result: Online) -> Figure:
-    """Error over noise in the force: one curve for each kind of filter, a point for each length, the pick ringed.
-
-    Parameters
-    ----------
-    result : Online
-    """
+    """Error over noise in the force: one curve for each kind of filter, a point for each length, the pick ringed."""
     figure, axes = new_figure(height_in=3.6)
     panel = axes[0, 0]
     every = (*result.choice.candidates, *result.longer)

@@ -39,12 +39,7 @@ class Design(DesignData):
 
 
 def profile_columns(result: DesignData) -> dict[str, FloatArray]:
-    """The columns of `profile.csv`.
-
-    Parameters
-    ----------
-    result : DesignData
-    """
+    """The columns of `profile.csv`."""
     forces = {f"force_{name}_N": force for name, force in result.forces_N.items()}
     time = result.reference.time_s
     motion = sample_joints(result.scenario, float(time[-1]))
@@ -61,12 +56,7 @@ def profile_columns(result: DesignData) -> dict[str, FloatArray]:
 
 
 def summary(result: DesignData) -> dict[str, object]:
-    """The contents of `summary.json`.
-
-    Parameters
-    ----------
-    result : DesignData
-    """
+    """The contents of `summary.json`."""
 
     def scores(verified: tuple[Verified, ...]) -> dict[str, dict[str, object]]:
         found: dict[str, dict[str, object]] = {}

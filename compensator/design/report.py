@@ -42,12 +42,7 @@ _CAPTIONS = {
 
 
 def headline(result: DesignData) -> str:
-    """What to expect on a rig, in two sentences.
-
-    Parameters
-    ----------
-    result : DesignData
-    """
+    """What to expect on a rig, in two sentences."""
     found, best = result.expectation, result.recommended
     over = f"the {scale_N(result.reference.tension_N):.4g} N range of the reference, for {found.doubt}"
     if best.name == "none":
@@ -57,12 +52,7 @@ def headline(result: DesignData) -> str:
 
 
 def fine_print(result: DesignData) -> str:
-    """What the model says of itself.
-
-    Parameters
-    ----------
-    result : DesignData
-    """
+    """What the model says of itself."""
     best = result.recommended
     return (
         f"With exactly the design's parameters the RMS error is {result.on_proof(best.name).score.percent} % "
@@ -76,12 +66,7 @@ def _worst(result: DesignData, name: str | None = None) -> str:
 
 
 def interactive_panels(result: DesignData) -> Interactive:
-    """Output tension, force and error of all profiles, to be zoomed.
-
-    Parameters
-    ----------
-    result : DesignData
-    """
+    """Output tension, force and error of all profiles, to be zoomed."""
     reference = result.reference
     output, force, error = {"reference": (reference.tension_N, Style(color=INK, linestyle="-"))}, {}, {}
     for c in result.compensators:

@@ -56,12 +56,7 @@ def robustness(problem: Problem, forces_N: Mapping[str, FloatArray]) -> Robustne
 
 
 def robustness_warnings(found: Robustness) -> list[str]:
-    """Over-compensation is the dangerous side: name it.
-
-    Parameters
-    ----------
-    found : Robustness
-    """
+    """Over-compensation is the dangerous side: name it."""
     return [
         f"{name}: over-compensates by up to {100 * band.amplification:.2g} % of the swing where mu is "
         f"{100 * (band.amplified_sample.mu - 1):+.3g} %; inside a feedback loop over-compensation injects "
@@ -72,12 +67,7 @@ def robustness_warnings(found: Robustness) -> list[str]:
 
 
 def robustness_summary(found: Robustness) -> dict[str, object]:
-    """The key `robust` of `summary.json`.
-
-    Parameters
-    ----------
-    found : Robustness
-    """
+    """The key `robust` of `summary.json`."""
 
     def factors(sample: Sample) -> dict[str, float]:
         return {"mu": sample.mu, "stiffness": sample.stiffness, "bristle_stiffness": sample.bristle_stiffness}

@@ -71,12 +71,7 @@ def _shade_states(axes: Axes, run: ExperimentRun, *, named: bool, shaded: bool =
 
 @figure_style()
 def tensions_figure(result: ExperimentData) -> Figure:
-    """Seven tensions over time on the three levels, states shaded and named.
-
-    Parameters
-    ----------
-    result : ExperimentData
-    """
+    """Seven tensions over time on the three levels, states shaded and named."""
     figure, axes = new_figure(len(result.runs), 1, height_in=7.0, share_x=True)
     for row, (level, run) in enumerate(result.runs.items()):
         panel: Axes = axes[row, 0]
@@ -97,12 +92,7 @@ def tensions_figure(result: ExperimentData) -> Figure:
 
 @figure_style()
 def distribution_figure(result: ExperimentData) -> Figure:
-    """Tension over time and angle, on the level of the machine.
-
-    Parameters
-    ----------
-    result : ExperimentData
-    """
+    """Tension over time and angle, on the level of the machine."""
     run = result.runs[result.lead]
     rows = thinned(len(run.time_s), _HEAT_ROWS)
     time, tension = run.time_s[rows], run.tension_N[rows]
@@ -146,12 +136,7 @@ def _draw_detail(panel: Axes, result: ExperimentData, done: StatePass, motor: in
 
 @figure_style()
 def details_figure(result: ExperimentData) -> Figure | None:
-    """Holds and reversals, the three levels in one panel each; None for a test that has neither.
-
-    Parameters
-    ----------
-    result : ExperimentData
-    """
+    """Holds and reversals, the three levels in one panel each; None for a test that has neither."""
     lead = result.runs[result.lead]
     held, turned = list(holds(lead))[:2], reversals(lead)[:2]
     columns = max(len(held), len(turned))
@@ -173,12 +158,7 @@ def details_figure(result: ExperimentData) -> Figure | None:
 
 @figure_style()
 def hysteresis_figure(result: ExperimentData) -> Figure:
-    """Tension at both ends over the elongation of the tendon, three levels.
-
-    Parameters
-    ----------
-    result : ExperimentData
-    """
+    """Tension at both ends over the elongation of the tendon, three levels."""
     figure, axes = new_figure(1, 2, height_in=3.4, share_y=True)
     for motor in (0, 1):
         panel: Axes = axes[0, motor]
@@ -196,12 +176,7 @@ def hysteresis_figure(result: ExperimentData) -> Figure:
 
 
 def experiment_figures(result: ExperimentData) -> dict[str, Figure]:
-    """All figures by file name; without the details where the states have no hold and no reversal.
-
-    Parameters
-    ----------
-    result : ExperimentData
-    """
+    """All figures by file name; without the details where the states have no hold and no reversal."""
     figures = {
         "experiment_distribution": distribution_figure(result),
         "experiment_tensions": tensions_figure(result),

@@ -113,10 +113,6 @@ class Schedule:
 def plan_experiment(scenario: Scenario) -> Plan:
     """The test of a scenario: its [experiment] table, completed by what its transmission suggests.
 
-    Parameters
-    ----------
-    scenario : Scenario
-
     Raises
     ------
     InputError

@@ -140,12 +140,7 @@ def percent_of(value: float, range_N: float) -> float:
 
 
 def holds(run: ExperimentRun) -> Iterator[tuple[StatePass, int]]:
-    """States in which a motor holds its position or its force, and its index.
-
-    Parameters
-    ----------
-    run : ExperimentRun
-    """
+    """States in which a motor holds its position or its force, and its index."""
     for done in run.passes:
         for motor in (0, 1):
             if done.state.modes[motor].holds and not any(done.state.rates):
@@ -153,43 +148,23 @@ def holds(run: ExperimentRun) -> Iterator[tuple[StatePass, int]]:
 
 
 def sliding_direction(done: StatePass) -> int:
-    """Direction in which the commands of a state move the tendon: 1 to motor 1, -1 to motor 2, 0 neither.
-
-    Parameters
-    ----------
-    done : StatePass
-    """
+    """Direction in which the commands of a state move the tendon: 1 to motor 1, -1 to motor 2, 0 neither."""
     return int(np.sign(done.state.rates[0]) - np.sign(done.state.rates[1]))
 
 
 def reversals(run: ExperimentRun) -> list[StatePass]:
-    """States in which the tendon is moved the other way than in the last one that moved it.
-
-    Parameters
-    ----------
-    run : ExperimentRun
-    """
+    """States in which the tendon is moved the other way than in the last one that moved it."""
     moving = [done for done in run.passes if sliding_direction(done) != 0]
     return [now for before, now in pairwise(moving) if sliding_direction(now) * sliding_direction(before) < 0]
 
 
 def driven_motor(done: StatePass) -> int:
-    """Index of the motor whose command moves; the other end is the output.
-
-    Parameters
-    ----------
-    done : StatePass
-    """
+    """Index of the motor whose command moves; the other end is the output."""
     return 0 if done.state.rates[0] != 0 else 1
 
 
 def relaxation(run: ExperimentRun) -> dict[str, Relaxation]:
-    """Change in each hold, by state.
-
-    Parameters
-    ----------
-    run : ExperimentRun
-    """
+    """Change in each hold, by state."""
     found = {}
     for done, motor in holds(run):
         end = run.link_tension_N[:, -motor]  # column 0 for motor 1, -1 for motor 2
@@ -204,13 +179,7 @@ def relaxation(run: ExperimentRun) -> dict[str, Relaxation]:
 
 
 def transient(run: ExperimentRun, done: StatePass) -> Transient | None:
-    """Course of the output tension in a state; None where the output hardly changes.
-
-    Parameters
-    ----------
-    run : ExperimentRun
-    done : StatePass
-    """
+    """Course of the output tension in a state; None where the output hardly changes."""
     rows = slice(done.first_row, done.last_row + 1)
     output = run.link_tension_N[rows, -1 if driven_motor(done) == 0 else 0]
     change = float(output[-1] - output[0])
@@ -227,12 +196,7 @@ def transient(run: ExperimentRun, done: StatePass) -> Transient | None:
 
 
 def switches(run: ExperimentRun) -> list[Switch]:
-    """Every change of a motor's mode.
-
-    Parameters
-    ----------
-    run : ExperimentRun
-    """
+    """Every change of a motor's mode."""
     found = []
     for index, (before, after) in enumerate(pairwise(run.passes), start=1):
         if before.state.modes != after.state.modes:
@@ -253,10 +217,6 @@ def slip_profiles(run: ExperimentRun) -> dict[str, SlipProfile]:
     """Profiles at the ends of ramps, in states in which every mass then slides one way.
 
     With Stribeck friction the law is a band between the dynamic and the static coefficient.
-
-    Parameters
-    ----------
-    run : ExperimentRun
     """
     friction, total_angle_rad = run.transmission.friction, run.transmission.path.total_angle_rad
     found = {}
@@ -283,12 +243,7 @@ def slip_profiles(run: ExperimentRun) -> dict[str, SlipProfile]:
 
 
 def law_deviation(run: ExperimentRun) -> LawDeviation:
-    """Difference from the static law with two ends, given the run's own end tensions.
-
-    Parameters
-    ----------
-    run : ExperimentRun
-    """
+    """Difference from the static law with two ends, given the run's own end tensions."""
     tension = run.link_tension_N
     law = TwoEndedLaw.of(run.transmission, tension.shape[1] - 1)
     # inertia and viscous friction may take the ends beyond full slip: no tension is too far here
@@ -300,12 +255,7 @@ def law_deviation(run: ExperimentRun) -> LawDeviation:
 
 
 def refinement(coarse: ExperimentRun, fine: ExperimentRun) -> Refinement:
-    """Difference of two runs of the same schedule.
-
-    Parameters
-    ----------
-    coarse, fine : ExperimentRun
-    """
+    """Difference of two runs of the same schedule."""
     off = fine.tension_N - coarse.tension_N
     return Refinement(
         segments=coarse.link_tension_N.shape[1] - 1,
@@ -316,12 +266,7 @@ def refinement(coarse: ExperimentRun, fine: ExperimentRun) -> Refinement:
 
 
 def warnings_of(result: ExperimentData) -> list[str]:
-    """What the user should know about the test.
-
-    Parameters
-    ----------
-    result : ExperimentData
-    """
+    """What the user should know about the test."""
     lead = result.runs[result.lead]
     notes = [
         f"{done.state.name} ended after {done.state.at_most_s:g} s without {done.state.until}: give it more time"

@@ -44,13 +44,7 @@ class ExperimentResult(ExperimentData):
 
 
 def write_run(run: ExperimentRun, path: Path) -> None:
-    """Write one run: `time_s,state,tension_1_N..tension_7_N,motor_1_position_m,...,motor_2_force_N`.
-
-    Parameters
-    ----------
-    run : ExperimentRun
-    path : Path
-    """
+    """Write one run: `time_s,state,tension_1_N..tension_7_N,motor_1_position_m,...,motor_2_force_N`."""
     columns: dict[str, object] = {"time_s": np.round(run.time_s, 12), "state": run.state_names()}
     columns |= {f"tension_{k + 1}_N": run.tension_N[:, k] for k in range(SECTIONS)}
     columns |= {f"motor_{k + 1}_position_m": run.position_m[:, k] for k in (0, 1)}
@@ -60,12 +54,7 @@ def write_run(run: ExperimentRun, path: Path) -> None:
 
 
 def summary(result: ExperimentData) -> dict[str, object]:
-    """The contents of `summary.json`.
-
-    Parameters
-    ----------
-    result : ExperimentData
-    """
+    """The contents of `summary.json`."""
     lead = result.runs[result.lead]
     per_level = {
         level: {

@@ -148,10 +148,6 @@ class Rig:
     def switch(self, modes: Modes) -> FloatArray:
         """Change what the motors do, without a jump; a motor that keeps its mode keeps its command.
 
-        Parameters
-        ----------
-        modes : tuple of 2 MotorMode
-
         Returns
         -------
         ndarray, shape (2,)

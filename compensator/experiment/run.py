@@ -28,11 +28,6 @@ _QUASI_STATIC_FACTOR = 1000.0
 def run_machine(plan: Plan, level: Level) -> tuple[Schedule, ExperimentRun]:
     """Run the state machine on one model.
 
-    Parameters
-    ----------
-    plan : Plan
-    level : Level
-
     Returns
     -------
     schedule : Schedule

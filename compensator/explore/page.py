@@ -97,12 +97,7 @@ class ExplorerPage:
         self.fit_scales()
 
     def add_to(self, document: Document) -> None:
-        """Put the page into a document of the server.
-
-        Parameters
-        ----------
-        document : Document
-        """
+        """Put the page into a document of the server."""
         self._document = document
         sliders = [*self._sliders.values(), *self._logarithmic.values(), *self._poses.values()]
         for slider in sliders:
@@ -297,10 +292,5 @@ def make_server(scenario: Scenario, port: int) -> Server:
 
 
 def page_url(server: Server) -> str:
-    """Address of the page.
-
-    Parameters
-    ----------
-    server : Server
-    """
+    """Address of the page."""
     return f"http://localhost:{server.port}/"

@@ -101,13 +101,7 @@ class ExploreParameters:
 
 
 def shifted(joint: Joint, by_rad: float) -> Joint:
-    """A joint that does the same about another angle; one whose motion was measured stays.
-
-    Parameters
-    ----------
-    joint : Joint
-    by_rad : float
-    """
+    """A joint that does the same about another angle; one whose motion was measured stays."""
     match joint:
         case ConstantJoint():
             return replace(joint, angle_rad=joint.angle_rad + by_rad)

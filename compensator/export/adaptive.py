@@ -51,15 +51,7 @@ class AdaptiveGolden:
 
 
 def adaptive_code(problem: Problem, settings: Adaptation, precision: Precision, prefix: str) -> dict[str, object]:
-    """What the templates of tuner and interval need.
-
-    Parameters
-    ----------
-    problem : Problem
-    settings : Adaptation
-    precision : Precision
-    prefix : str
-    """
+    """What the templates of tuner and interval need."""
     if problem.chain.moving:
         raise InputError(
             "[adaptation]: the tuner for a path in sections or one that moves is not exported as C or FMU yet; "

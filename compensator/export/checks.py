@@ -93,13 +93,7 @@ def _limited(
 
 
 def checksum(values: Iterable[float], precision: Precision) -> int:
-    """FNV-1a over the bytes of numbers as C reads their literals, least significant byte first.
-
-    Parameters
-    ----------
-    values : iterable of float
-    precision : Precision
-    """
+    """FNV-1a over the bytes of numbers as C reads their literals, least significant byte first."""
     kind = "<f4" if precision is Precision.FLOAT else "<f8"
     read = [float(literal(float(value), precision).rstrip("f")) for value in values]
     return _fnv(np.asarray(read, dtype=kind).tobytes())

@@ -92,12 +92,7 @@ def judge_stream(judged: Sequence[Judged], choice: StreamChoice | None, problem:
 
 
 def score_lines(judged: Sequence[Judged]) -> list[str]:
-    """The judgement as a table for the terminal.
-
-    Parameters
-    ----------
-    judged : sequence of Judged
-    """
+    """The judgement as a table for the terminal."""
     lines = [f"{'module':<10} {'RMS error, % of range':>22} {'largest error [N]':>18}"]
     for each in judged:
         score = each.score

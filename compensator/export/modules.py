@@ -34,10 +34,6 @@ _KEYWORDS = frozenset(
 def check_servo(scenario: Scenario) -> None:
     """Refuse what cannot be printed for a controller yet: a position servo on a path in sections or that moves.
 
-    Parameters
-    ----------
-    scenario : Scenario
-
     Raises
     ------
     InputError
@@ -53,10 +49,6 @@ def check_servo(scenario: Scenario) -> None:
 def check_tuning(scenario: Scenario) -> None:
     """Refuse self-tuning behind a position servo: the tuner's model is driven by the force that was applied.
 
-    Parameters
-    ----------
-    scenario : Scenario
-
     Raises
     ------
     InputError
@@ -68,12 +60,7 @@ def check_tuning(scenario: Scenario) -> None:
 
 
 def check_prefix(prefix: str) -> str:
-    """A prefix that every C and C++ compiler takes, or an error that says what is wrong.
-
-    Parameters
-    ----------
-    prefix : str
-    """
+    """A prefix that every C and C++ compiler takes, or an error that says what is wrong."""
     good = prefix.isascii() and prefix.isidentifier() and not prefix.startswith("_") and len(prefix) <= 24
     if not good or prefix.endswith("_") or "__" in prefix or prefix.lower() in _KEYWORDS:
         raise InputError(

@@ -53,12 +53,7 @@ class Parameter:
 
 
 def parameters_of(problem: Problem) -> tuple[Parameter, ...]:
-    """Members of the record in their order; the limits of the scenario are the widest that are accepted.
-
-    Parameters
-    ----------
-    problem : Problem
-    """
+    """Members of the record in their order; the limits of the scenario are the widest that are accepted."""
     friction, actuator = problem.transmission.friction, problem.transmission.actuator
     low, high = actuator.force_min_N, min(actuator.force_max_N, _RATE_MAX)
     rate = min(actuator.force_rate_max_N_per_s, _RATE_MAX * min(1.0, problem.reference.step_s))
@@ -86,14 +81,7 @@ def parameters_of(problem: Problem) -> tuple[Parameter, ...]:
 
 
 def settable_inverse(problem: Problem, precision: Precision, prefix: str) -> dict[str, object]:
-    """The exact inverse whose friction the controller may change: what its templates need.
-
-    Parameters
-    ----------
-    problem : Problem
-    precision : Precision
-    prefix : str
-    """
+    """The exact inverse whose friction the controller may change: what its templates need."""
     code = inverse_code(problem.chain, problem.reference.step_s, f"{prefix}_inverse", precision, settable=True)
     retune: dict[str, object] = {"retune": ""}
     if not problem.chain.moving:  # else every bend has numbers of its own
@@ -111,12 +99,7 @@ def settable_inverse(problem: Problem, precision: Precision, prefix: str) -> dic
 
 
 def settable_numbers(problem: Problem) -> tuple[str, ...]:
-    """Members of the inverse that hold the numbers of its masses.
-
-    Parameters
-    ----------
-    problem : Problem
-    """
+    """Members of the inverse that hold the numbers of its masses."""
     if problem.chain.moving:
         joints = Joints.of(problem.chain)
         own = contact_code(problem.chain, joints, "tff_inverse", Precision.DOUBLE, settable=True).own
@@ -154,12 +137,7 @@ def _floored(name: str, value: ca.SX) -> ca.SX:
 
 
 def parameter_context(problem: Problem) -> dict[str, object]:
-    """What every template may know of the record.
-
-    Parameters
-    ----------
-    problem : Problem
-    """
+    """What every template may know of the record."""
     parameters = parameters_of(problem)
     angle = problem.transmission.path.total_angle_rad
     return {"parameters": {p.name: p for p in parameters}, "angle_rad": angle}

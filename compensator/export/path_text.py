@@ -60,10 +60,5 @@ def _friction_shares(chain: Chain) -> list[float]:
 
 
 def padded(size: int, alignment: int) -> int:
-    """Size with the gap behind it [bytes].
-
-    Parameters
-    ----------
-    size, alignment : int
-    """
+    """Size with the gap behind it [bytes]."""
     return -(-size // alignment) * alignment

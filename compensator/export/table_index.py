@@ -34,13 +34,7 @@ class ShareIndex:
 
 
 def rounded(values: FloatArray, precision: Precision) -> FloatArray:
-    """The nearest numbers of the real type.
-
-    Parameters
-    ----------
-    values : ndarray
-    precision : Precision
-    """
+    """The nearest numbers of the real type."""
     if precision is Precision.DOUBLE:
         return values
     return values.astype(np.float32).astype(np.float64)

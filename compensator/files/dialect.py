@@ -60,12 +60,7 @@ class Dialect:
 
 
 def is_comment(line: str) -> bool:
-    """Whether a line is a remark.
-
-    Parameters
-    ----------
-    line : str
-    """
+    """Whether a line is a remark."""
     return line.lstrip(' "').startswith(_COMMENTS)
 
 

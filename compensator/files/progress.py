@@ -27,12 +27,7 @@ class Parts:
         self._progress, self._total, self._done = progress, total, 0
 
     def done(self, parts: int = 1) -> None:
-        """So many more parts are done.
-
-        Parameters
-        ----------
-        parts : int, optional
-        """
+        """So many more parts are done."""
         self._done += parts
         self._progress(self._FINE * self._done, self._FINE * self._total)
 

@@ -68,12 +68,7 @@ class Table:
 
 
 def is_packed(path: Path) -> bool:
-    """Whether a file is no text, by its name.
-
-    Parameters
-    ----------
-    path : Path
-    """
+    """Whether a file is no text, by its name."""
     return path.suffix.lower() in (*PACKED, ".mat")
 
 
@@ -99,13 +94,7 @@ def read_table(path: Path, expected: Sequence[str] = ()) -> Table:
 
 
 def table_dialect(path: Path, expected: Sequence[str] = ()) -> Dialect:
-    """How a table is written; one that is no text is in the plain form, with its own names and units.
-
-    Parameters
-    ----------
-    path : Path
-    expected : sequence of str, optional
-    """
+    """How a table is written; one that is no text is in the plain form, with its own names and units."""
     if not is_packed(path):
         return find_dialect(path, expected)
     table = read_table(path, expected)

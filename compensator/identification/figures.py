@@ -27,11 +27,6 @@ MOST_POINTS = 4000
 def draw(found: IdentificationData, folder: Path) -> list[Path]:
     """Write every figure that the data has material for.
 
-    Parameters
-    ----------
-    found : IdentificationData
-    folder : Path
-
     Returns
     -------
     list of Path
@@ -146,13 +141,7 @@ def _relaxation(comparisons: Sequence[PieceComparison], folder: Path) -> list[Pa
 
 
 def draw_suggestion(excitation: Excitation, folder: Path) -> list[Path]:
-    """Figure of a suggested excitation, its parts marked.
-
-    Parameters
-    ----------
-    excitation : Excitation
-    folder : Path
-    """
+    """Figure of a suggested excitation, its parts marked."""
     with figure_style():
         return _draw_excitation(excitation, folder)
 

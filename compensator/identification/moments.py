@@ -17,12 +17,7 @@ LEAST_S = 0.1
 
 
 def moved_inside(comparisons: Sequence[PieceComparison]) -> list[tuple[str, float]]:
-    """File and time [s] of every stretch in which the measured output moves while the law holds it.
-
-    Parameters
-    ----------
-    comparisons : sequence of PieceComparison
-    """
+    """File and time [s] of every stretch in which the measured output moves while the law holds it."""
     found = []
     for piece in comparisons:
         span = float(np.ptp(piece.measured))

@@ -35,13 +35,7 @@ class Identification(IdentificationData):
 
 
 def write_suggestion(scenario: Scenario, folder: Path) -> Excitation:
-    """Write a suggested excitation for a scenario's rig.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    folder : Path
-    """
+    """Write a suggested excitation for a scenario's rig."""
     excitation = suggest(scenario)
     with atomic_directory(folder) as partial:
         _write_excitation(excitation, partial)

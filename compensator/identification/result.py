@@ -255,12 +255,7 @@ def _gross(ratio: SlidingRatio) -> Mapping[str, Any]:
 
 
 def summary_lines(found: IdentificationData) -> Sequence[str]:
-    """The answer in a few lines of text.
-
-    Parameters
-    ----------
-    found : IdentificationData
-    """
+    """The answer in a few lines of text."""
     against = "" if found.validation_percent is None else f", {found.validation_percent:.2f} % on validation files"
     lines = [f"law: {found.law}; error {found.fit_percent:.2f} % of range on fitted files{against}"]
     lines += [

@@ -75,10 +75,6 @@ class _Pen:
 def suggest(scenario: Scenario) -> Excitation:
     """An excitation for the rig of a scenario, within the limits of its actuator.
 
-    Parameters
-    ----------
-    scenario : Scenario
-
     Raises
     ------
     InputError

@@ -10,12 +10,7 @@ _DECADES = 4  # that one number of decimals serves
 
 
 def is_number(cell: Cell) -> bool:
-    """Whether a cell holds a number; yes and no are none.
-
-    Parameters
-    ----------
-    cell : Cell
-    """
+    """Whether a cell holds a number; yes and no are none."""
     return isinstance(cell, (int, float)) and not isinstance(cell, bool)
 
 

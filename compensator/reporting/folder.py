@@ -13,12 +13,7 @@ from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 
 
 def summary_head(scenario: Scenario) -> dict[str, object]:
-    """How every `summary.json` begins.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    """
+    """How every `summary.json` begins."""
     return {
         "schema": 1,
         "scenario": scenario.name,

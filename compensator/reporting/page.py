@@ -225,13 +225,7 @@ class Report:
 
 
 def pictures_of(figures: Mapping[str, Figure], captions: Mapping[str, str]) -> dict[str, Picture]:
-    """Figures with their captions, by name.
-
-    Parameters
-    ----------
-    figures : mapping of str to Figure
-    captions : mapping of str to str
-    """
+    """Figures with their captions, by name."""
     return {name: Picture(figure=figure, caption=captions[name]) for name, figure in figures.items()}
 
 
@@ -264,12 +258,7 @@ def write_report(path: Path, report: Report) -> None:
 
 
 def render_report(report: Report) -> str:
-    """The page as HTML text.
-
-    Parameters
-    ----------
-    report : Report
-    """
+    """The page as HTML text."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     # The name of the loader's package is the one this module was imported under.
@@ -340,12 +329,7 @@ def _prepared(block: Block, numbers: Iterator[int]) -> dict[str, object]:
 
 
 def figure_uri(figure: Figure) -> str:
-    """A figure as an address that carries its content: SVG, or PNG where the curves are dense.
-
-    Parameters
-    ----------
-    figure : Figure
-    """
+    """A figure as an address that carries its content: SVG, or PNG where the curves are dense."""
     content, media = _drawn(figure, "svg", {"Date": None}), "image/svg+xml"
     if len(content) > _LARGEST_SVG_BYTES:
         content, media = _drawn(figure, "png", {"Software": None}), "image/png"
@@ -364,12 +348,7 @@ def _drawn(figure: Figure, kind: str, metadata: dict[str, None]) -> bytes:
 
 
 def file_hash(path: Path) -> str:
-    """First sixteen hexadecimal digits of a file's SHA-256.
-
-    Parameters
-    ----------
-    path : Path
-    """
+    """First sixteen hexadecimal digits of a file's SHA-256."""
     with open_text(path):  # one kind of message for a file that cannot be read
         pass
     with path.open("rb") as stream:

@@ -133,13 +133,7 @@ def new_figure(
 
 
 def thinned(rows: int, most: int = _MOST_POINTS) -> slice:
-    """Rows to draw: all of them, or an even selection where more would not be seen.
-
-    Parameters
-    ----------
-    rows : int
-    most : int, optional
-    """
+    """Rows to draw: all of them, or an even selection where more would not be seen."""
     return slice(None, None, max(1, rows // most))
 
 
@@ -164,26 +158,12 @@ def coinciding(curves: "Mapping[str, NDArray[np.float64]]", span: float) -> dict
 
 
 def legend_below(figure: Figure, panel: Axes, columns: int = 5) -> None:
-    """The legend of a panel under the figure.
-
-    Parameters
-    ----------
-    figure : Figure
-    panel : Axes
-    columns : int, optional
-    """
+    """The legend of a panel under the figure."""
     figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=columns)
 
 
 def draw_joints(panel: Axes, motion: "JointMotion", time_s: "NDArray[np.float64]") -> None:
-    """The joint angles under what else a figure shows over time.
-
-    Parameters
-    ----------
-    panel : Axes
-    motion : JointMotion
-    time_s : ndarray
-    """
+    """The joint angles under what else a figure shows over time."""
     rows = thinned(len(time_s))
     for k, (name, angle) in enumerate(zip(motion.names, motion.at(time_s).T, strict=True)):
         style = LINE_STYLES[k % len(LINE_STYLES)]

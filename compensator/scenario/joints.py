@@ -119,11 +119,6 @@ KINDS: dict[str, type[Joint]] = {
 def moved_by_file(scenario: "Scenario", path: Path) -> "Scenario":
     """The scenario with the motion of all its joints from one file, with the columns time_s and NAME_rad.
 
-    Parameters
-    ----------
-    scenario : Scenario
-    path : Path
-
     Raises
     ------
     InputError

@@ -19,12 +19,7 @@ class _Doubt:
 
 
 def questions(transmission: Transmission) -> list[str]:
-    """What to ask about the parameters of a rig.
-
-    Parameters
-    ----------
-    transmission : Transmission
-    """
+    """What to ask about the parameters of a rig."""
     path, tendon, friction = transmission.path, transmission.tendon, transmission.friction
     actuator, load = transmission.actuator, transmission.load
     angle, stiffness, radius = path.total_angle_rad, tendon.stiffness_N_per_m, path.radius_m

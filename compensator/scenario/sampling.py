@@ -115,22 +115,12 @@ def sample_reference(scenario: Scenario, *, strict: bool = True) -> Reference:
 
 
 def initial_tension(scenario: Scenario) -> float:
-    """Uniform tension at rest before the start [N], without checking the rest of the reference.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    """
+    """Uniform tension at rest before the start [N], without checking the rest of the reference."""
     return _sample(scenario).initial_N
 
 
 def work_ahead(scenario: Scenario) -> str | None:
-    """What to say before a long run starts; None for an ordinary one.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    """
+    """What to say before a long run starts; None for an ordinary one."""
     step, spec = scenario.run.step_s, scenario.reference
     match spec:
         case SineReference():
@@ -269,12 +259,7 @@ def _grid(duration_s: float, step_s: float, file: str) -> FloatArray:
 
 
 def largest_tension(transmission: Transmission) -> float:
-    """Largest output tension that force_max_N reaches by slow pulling [N].
-
-    Parameters
-    ----------
-    transmission : Transmission
-    """
+    """Largest output tension that force_max_N reaches by slow pulling [N]."""
     from tendonff.models.capstan import CapstanLaw
 
     actuator = transmission.actuator

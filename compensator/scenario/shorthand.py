@@ -51,12 +51,7 @@ def expand(table: str, raw: Mapping[str, object], *, file: str) -> dict[str, obj
 
 
 def further_keys(table: str) -> tuple[str, ...]:
-    """Keys of a table that `expand` resolves and that its dataclass does not know.
-
-    Parameters
-    ----------
-    table : str
-    """
+    """Keys of a table that `expand` resolves and that its dataclass does not know."""
     return _ROPE if table == "tendon" else ()
 
 

@@ -10,12 +10,7 @@ from tendonff.models.capstan import Branch
 
 @figure_style()
 def table_figure(result: TablesData) -> Figure:
-    """Force over reference on both branches with transitions, and the transition on its own.
-
-    Parameters
-    ----------
-    result : TablesData
-    """
+    """Force over reference on both branches with transitions, and the transition on its own."""
     table = result.tables[0].built.table
     p = table.adhesion_N
     figure, axes = new_figure(1, 2, height_in=3.0)

@@ -38,12 +38,7 @@ class Tables(TablesData):
 
 
 def table_csv(result: TablesData) -> str:
-    """Text of `table.csv`: one row per node.
-
-    Parameters
-    ----------
-    result : TablesData
-    """
+    """Text of `table.csv`: one row per node."""
     lines = [",".join(["reference_N", "branch", "tension_since_reversal_N", "force_N", "share", *result.axes])]
     for made in result.tables:
         further = {"total_angle_rad": made.total_angle_rad, "rate_N_per_s": made.built.rate_N_per_s}
@@ -61,12 +56,7 @@ def table_csv(result: TablesData) -> str:
 
 
 def summary(result: TablesData) -> dict[str, object]:
-    """The contents of `table.json`: formula, model, parameters, ranges, errors, and the nodes.
-
-    Parameters
-    ----------
-    result : TablesData
-    """
+    """The contents of `table.json`: formula, model, parameters, ranges, errors, and the nodes."""
     scenario = result.scenario
 
     def one(item: AngleTable) -> dict[str, object]:

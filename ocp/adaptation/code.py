@@ -69,15 +69,7 @@ class TunedChain:
     def of(
         cls, transmission: Transmission, level: Level, parameters: tuple[Tunable, ...], segments: int | None = None
     ) -> "TunedChain":
-        """Chain of a transmission.
-
-        Parameters
-        ----------
-        transmission : Transmission
-        level : Level
-        parameters : tuple of Tunable
-        segments : int, optional
-        """
+        """Chain of a transmission."""
         return cls(
             whole=whole_of(transmission, level),
             chain=Chain.of(transmission, level, segments),
@@ -85,12 +77,7 @@ class TunedChain:
         )
 
     def with_factors(self, factors: Mapping[Tunable, ca.SX | float]) -> Chain:
-        """The chain at other factors; numbers or CasADi scalars.
-
-        Parameters
-        ----------
-        factors : mapping of Tunable to float or ca.SX
-        """
+        """The chain at other factors; numbers or CasADi scalars."""
         known = fields_of(self.whole.friction) | fields_of(self.whole.link)
         scales = {n: f for key, f in factors.items() for n in _SCALED.get(key, ()) if n in known}
         own = self.chain.moving  # then sections may have friction of their own
@@ -148,23 +135,12 @@ class TunedChain:
         return Law(name="own_slopes", comment=comment, inputs=(*law.inputs, *factors), outputs=outputs)
 
     def rest(self, tension_N: float) -> Array:
-        """State at rest of the model beside the rig: q_l = 0, where the load's spring has the tension of the start.
-
-        Parameters
-        ----------
-        tension_N : float
-        """
+        """State at rest of the model beside the rig: q_l = 0, where the load's spring has the tension of the start."""
         return rest_on_spring(self.chain, tension_N)
 
 
 def rest_on_spring(chain: Chain, tension_N: float) -> Array:
-    """State at rest with q_l = 0, where the load's spring has the tension of the start, or a joint holds the far end.
-
-    Parameters
-    ----------
-    chain : Chain
-    tension_N : float
-    """
+    """State at rest with q_l = 0, where the load's spring has the tension of the start, or a joint holds the far end."""
     anchor = 0.0 if chain.far_joint is not None else -tension_N / chain.far.stiffness_N_per_m
     return chain.rest_state(tension_N, anchor).vector()
 
@@ -244,12 +220,7 @@ def tuner_context(tuned: TunedChain, precision: Precision, *, prefix: str, past:
 
 
 def tuner_laws(tuned: TunedChain) -> tuple[Law, ...]:
-    """The laws of the recursion and of the tuned numbers.
-
-    Parameters
-    ----------
-    tuned : TunedChain
-    """
+    """The laws of the recursion and of the tuned numbers."""
     count = len(tuned.parameters)
     numbers = tuned.retuned_numbers()[0]
     own = (tuned.own_slopes(),) if tuned.chain.moving else ()
@@ -257,13 +228,7 @@ def tuner_laws(tuned: TunedChain) -> tuple[Law, ...]:
 
 
 def render_tuner(template: str, context: Mapping[str, object]) -> str:
-    """One of the templates of this package, filled in.
-
-    Parameters
-    ----------
-    template : str
-    context : mapping
-    """
+    """One of the templates of this package, filled in."""
     return _TEMPLATES.get_template(template).render(**context)
 
 
@@ -334,10 +299,6 @@ def _loaded(text: str) -> ctypes.CDLL:
 
 def host_library(tuned: TunedChain) -> ctypes.CDLL:
     """The compiled tuner of the host; double.
-
-    Parameters
-    ----------
-    tuned : TunedChain
 
     Raises
     ------

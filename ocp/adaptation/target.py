@@ -111,16 +111,7 @@ def inverse_free_code(
 def model_free_code(
     tuned: TunedChain, step_s: float, prefix: str, precision: Precision, names: tuple[str, ...]
 ) -> FreeCode:
-    """The time step with its sensitivities, and with free numbers; those of the ends are free anyway.
-
-    Parameters
-    ----------
-    tuned : TunedChain
-    step_s : float
-    prefix : str
-    precision : Precision
-    names : tuple of str
-    """
+    """The time step with its sensitivities, and with free numbers; those of the ends are free anyway."""
     chain, limits = tuned.chain, controller_limits(precision)
     pieces = tuple((step_s / 2**k, 0.0) for k in range(1, limits.splits + 1))
     weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY), *pieces)

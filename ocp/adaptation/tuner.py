@@ -103,12 +103,7 @@ class TunedRun:
 
     @classmethod
     def joined(cls, runs: list["TunedRun"]) -> "TunedRun":
-        """Runs one after the other.
-
-        Parameters
-        ----------
-        runs : list of TunedRun
-        """
+        """Runs one after the other."""
         names = ("force_N", "tension_N", "factors", "deviation", "slopes", "moved", "measured", "residual", "status")
         return cls(**{name: np.concatenate([getattr(run, name) for run in runs]) for name in names})
 

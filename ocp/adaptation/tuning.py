@@ -77,12 +77,7 @@ class Tunable(StrEnum):
 
 
 def check_parameters(parameters: tuple[Tunable, ...]) -> None:
-    """Refuse a set of parameters that the recursion cannot tell apart or has no room for.
-
-    Parameters
-    ----------
-    parameters : tuple of Tunable
-    """
+    """Refuse a set of parameters that the recursion cannot tell apart or has no room for."""
     names = ", ".join(parameters)
     if not 1 <= len(parameters) <= MAX_PARAMETERS or len(set(parameters)) != len(parameters):
         raise ParameterError(

@@ -31,10 +31,6 @@ class Engine(StrEnum):
 def resolve_engine(engine: Engine) -> Engine:
     """Turn AUTO into what works here.
 
-    Parameters
-    ----------
-    engine : Engine
-
     Returns
     -------
     Engine

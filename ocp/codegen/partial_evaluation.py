@@ -115,12 +115,7 @@ class Specialiser:
         return self._print(law, name, results)
 
     def evaluate(self, law: Law) -> tuple[Values, ...]:
-        """Outputs of a law whose arguments are all known, one value per weight each.
-
-        Parameters
-        ----------
-        law : Law
-        """
+        """Outputs of a law whose arguments are all known, one value per weight each."""
         return tuple(_constant_of(node, law.name) for node in _Tape(False).run(law, self.parameters, self.weights))
 
     def _print(self, law: Law, name: str, results: Sequence[_Node]) -> SpecialisedLaw:
@@ -215,14 +210,7 @@ class _Tape:
         self._table: dict[tuple[object, ...], _Node] = {}
 
     def run(self, law: Law, known: Mapping[str, Values], weights: int) -> list[_Node]:
-        """Nodes of the law's outputs.
-
-        Parameters
-        ----------
-        law : Law
-        known : mapping of str to tuple of float
-        weights : int
-        """
+        """Nodes of the law's outputs."""
         results_in = ca.densify(ca.vertcat(*law.outputs.values()))  # the tape numbers structural nonzeros
         tape = ca.Function(law.name, [ca.vertcat(*law.inputs)], [results_in], {"cse": True})
         names = [symbol.name() for symbol in law.inputs]

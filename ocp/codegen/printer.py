@@ -117,10 +117,5 @@ def literal(value: float, precision: Precision) -> str:
 
 
 def real_type(precision: Precision) -> str:
-    """The C type.
-
-    Parameters
-    ----------
-    precision : Precision
-    """
+    """The C type."""
     return "float" if precision is Precision.FLOAT else "double"

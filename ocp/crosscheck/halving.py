@@ -54,12 +54,7 @@ class StepCheck:
     reproducible: bool
 
     def percent(self, value_N: float) -> float:
-        """A tension in % of the range; 0 where the tension does not move.
-
-        Parameters
-        ----------
-        value_N : float
-        """
+        """A tension in % of the range; 0 where the tension does not move."""
         return 100 * value_N / self.range_N if self.range_N > 0 else 0.0
 
     @property

@@ -104,13 +104,7 @@ class Solution:
         return float(np.sqrt(max(self.covariance[k, k], 0.0)))
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
-        """Confidence interval of one value.
-
-        Parameters
-        ----------
-        name : str
-        level : float, optional
-        """
+        """Confidence interval of one value."""
         reach = float(student.ppf(0.5 + level / 2, max(self.degrees, 1))) * self.standard_error(name)
         return self.values[name] - reach, self.values[name] + reach
 

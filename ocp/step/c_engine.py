@@ -31,12 +31,7 @@ class ReportStruct(ctypes.Structure):
 
 
 def chain_struct(chain: Chain) -> ctypes.Structure:
-    """The numbers of a chain as `tff_weights` of host.h.j2; what belongs to a weight is left for the C code to fill.
-
-    Parameters
-    ----------
-    chain : Chain
-    """
+    """The numbers of a chain as `tff_weights` of host.h.j2; what belongs to a weight is left for the C code to fill."""
     numbers, elements = chain.numbers(), chain.elements
     of_masses = np.ascontiguousarray(np.stack(list(chain.of_masses().values())))
     inner, ends = link_ratios(elements.ratio)

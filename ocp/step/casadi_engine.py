@@ -65,12 +65,7 @@ class StepExpressions:
 
 
 def step_expressions(chain: Chain) -> StepExpressions:
-    """One implicit step of a chain; its numbers may be CasADi scalars.
-
-    Parameters
-    ----------
-    chain : Chain
-    """
+    """One implicit step of a chain; its numbers may be CasADi scalars."""
     n, layout, piece, near, far = chain.count, chain.layout, chain.elements.piece, chain.near, chain.far
     v, base, u, H = (
         ca.SX.sym("v", n + 2),

@@ -98,12 +98,7 @@ class Joints:
 
     @classmethod
     def of(cls, chain: Chain) -> "Joints":
-        """Those of a chain.
-
-        Parameters
-        ----------
-        chain : Chain
-        """
+        """Those of a chain."""
         path, motion = chain.elements.path, chain.motion
         names = () if motion is None else motion.names
         touching, first, bend_of = np.unique(path.section_of, return_index=True, return_inverse=True)

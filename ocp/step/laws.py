@@ -54,12 +54,7 @@ def symbolic(record: R, prefix: str, aliases: dict[str, str] | None = None) -> R
 
 
 def twins_of(chain: Chain) -> dict[str, str]:
-    """Fields of the law of contact that equal an earlier one on every mass, and the first such.
-
-    Parameters
-    ----------
-    chain : Chain
-    """
+    """Fields of the law of contact that equal an earlier one on every mass, and the first such."""
     known = fields_of(chain.elements.contact)
     first = {name: next(other for other in known if np.array_equal(known[name], known[other])) for name in known}
     return {name: other for name, other in first.items() if name != other}
@@ -324,12 +319,7 @@ def _name(law: str, kind: End) -> str:
 
 
 def end_mass(kind: End = PLAIN_END) -> Law:
-    """Balance of an end mass [N], its slopes, and the end's own states.
-
-    Parameters
-    ----------
-    kind : End, optional
-    """
+    """Balance of an end mass [N], its slopes, and the end's own states."""
     known, residual, own = _end_mass(kind)
     return Law(
         name=_name("end_mass", kind),
@@ -345,12 +335,7 @@ def end_mass(kind: End = PLAIN_END) -> Law:
 
 
 def end_mass_tangent(kind: End = PLAIN_END) -> Law:
-    """Slopes of an end mass's balance over bases, motor inputs and parameters, and those of its own states.
-
-    Parameters
-    ----------
-    kind : End, optional
-    """
+    """Slopes of an end mass's balance over bases, motor inputs and parameters, and those of its own states."""
     known, residual, own = _end_mass(kind)
     kept = {name: s for name, s in known.items() if name not in ("H", "pull")}
     outputs = {f"by_{name}": ca.jacobian(residual, s) for name, s in kept.items() if name != "v"}
@@ -377,12 +362,7 @@ def far_velocity() -> Law:
 
 
 def near_force(kind: End = PLAIN_END) -> Law:
-    """Motor force that gives an end mass a given velocity against a given tension, and the end's own states.
-
-    Parameters
-    ----------
-    kind : End, optional
-    """
+    """Motor force that gives an end mass a given velocity against a given tension, and the end's own states."""
     known, residual, own = _end_mass(kind)
     return Law(
         name="near_force",

@@ -70,12 +70,7 @@ class ChainCode:
 
 
 def controller_limits(precision: Precision) -> Limits:
-    """Loop bounds of an exported plant, and the balance that its real type can reach.
-
-    Parameters
-    ----------
-    precision : Precision
-    """
+    """Loop bounds of an exported plant, and the balance that its real type can reach."""
     single = precision is Precision.FLOAT
     return Limits(
         iterations=20,
@@ -87,12 +82,7 @@ def controller_limits(precision: Precision) -> Limits:
 
 
 def plant_limits(precision: Precision) -> Limits:
-    """Loop bounds of an exported plant with a ceiling for the work of one call, whatever the force.
-
-    Parameters
-    ----------
-    precision : Precision
-    """
+    """Loop bounds of an exported plant with a ceiling for the work of one call, whatever the force."""
     return replace(controller_limits(precision), evaluations=60)
 
 
@@ -256,11 +246,6 @@ def link_compliances(chain: Chain, precision: Precision) -> dict[str, str]:
     A float holds a position of centimetres to nanometres only, which a stiff bristle turns into newtons over a hold.
     Relative to what the tension alone would cause, positions are small and their rounding harmless. Double code keeps
     the states themselves, and so agrees with the Python model to rounding.
-
-    Parameters
-    ----------
-    chain : Chain
-    precision : Precision
     """
     rests = [chain.link.shortened(ratio).rest(1.0) for ratio in link_ratios(chain.elements.ratio)]
     kinds = {"e": [stretch for stretch, _ in rests]}

@@ -76,12 +76,7 @@ def departures(output_N: Array, reference_N: Array, step_s: float) -> tuple[Depa
 
 
 def law_of(chain: Chain) -> CapstanLaw:
-    """Static law of a chain: the coefficients of its elements, put together again.
-
-    Parameters
-    ----------
-    chain : Chain
-    """
+    """Static law of a chain: the coefficients of its elements, put together again."""
     pull, release = chain.friction.slip_coefficients
     return CapstanLaw(
         pull_exponent=_exponent(pull, chain.count),

@@ -60,12 +60,7 @@ class GridRefinement:
 
 
 def even_knots(rows: int, spacing: int) -> Knots:
-    """Knots every `spacing` rows, and at the last row.
-
-    Parameters
-    ----------
-    rows, spacing : int
-    """
+    """Knots every `spacing` rows, and at the last row."""
     return np.unique(np.append(np.arange(0, rows - 1, spacing), rows - 1))
 
 

@@ -74,12 +74,7 @@ class KnotProgram:
 
 
 def solve_knots(program: KnotProgram) -> Array | None:
-    """The minimiser, shape (k,), or None where the method does not converge.
-
-    Parameters
-    ----------
-    program : KnotProgram
-    """
+    """The minimiser, shape (k,), or None where the method does not converge."""
     h, g = program.hessian, program.gradient
     scale = float(np.abs(g).max(initial=0.0))
     x, width = np.zeros(len(g)), program.high - program.low

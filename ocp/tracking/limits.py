@@ -116,12 +116,7 @@ class ForceLimits:
 
     @classmethod
     def of(cls, actuator: Actuator) -> "ForceLimits":
-        """Limits of an actuator.
-
-        Parameters
-        ----------
-        actuator : Actuator
-        """
+        """Limits of an actuator."""
         return cls(
             minimum_N=actuator.force_min_N,
             maximum_N=actuator.force_max_N,

@@ -21,12 +21,7 @@ _MOVES = np.array([-1.0, -0.5, -0.25, -0.1, -0.03, 0.0, 0.03, 0.1, 0.25, 0.5, 1.
 
 
 def programme(problem: TrackingProblem) -> Array:
-    """The force that is best by the static law for the plants of least and most friction, shape (n,).
-
-    Parameters
-    ----------
-    problem : TrackingProblem
-    """
+    """The force that is best by the static law for the plants of least and most friction, shape (n,)."""
     laws = sorted((law_of(plant.chain) for plant in problem.plants), key=lambda law: law.pull_exponent)
     extremes = (laws[0], laws[-1])
     reference, limits = problem.goal.reference_N, problem.limits

@@ -22,12 +22,7 @@ _LEAST = 0.03  # of the reference's range: differences below this are not looked
 
 
 def stiffened(chain: Chain) -> Chain:
-    """The chain with bristles so stiff that they cannot be pumped.
-
-    Parameters
-    ----------
-    chain : Chain
-    """
+    """The chain with bristles so stiff that they cannot be pumped."""
     bristle = chain.friction
     if not isinstance(bristle, LuGreBristle):
         return chain

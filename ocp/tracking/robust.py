@@ -76,13 +76,7 @@ class ErrorBand:
 
 
 def sample_transmissions(transmission: Transmission, uncertainty: Uncertainty) -> tuple[Sample, ...]:
-    """The nominal transmission, then the two ends of the friction's range, then a Latin hypercube.
-
-    Parameters
-    ----------
-    transmission : Transmission
-    uncertainty : Uncertainty
-    """
+    """The nominal transmission, then the two ends of the friction's range, then a Latin hypercube."""
     nominal = transmission_at(transmission, (1.0, 1.0, 1.0))
     if uncertainty.is_certain:
         return (nominal,)
@@ -92,14 +86,7 @@ def sample_transmissions(transmission: Transmission, uncertainty: Uncertainty) -
 
 
 def draw_transmissions(transmission: Transmission, uncertainty: Uncertainty, count: int) -> tuple[Sample, ...]:
-    """A Latin hypercube of transmissions that the uncertainty admits.
-
-    Parameters
-    ----------
-    transmission : Transmission
-    uncertainty : Uncertainty
-    count : int
-    """
+    """A Latin hypercube of transmissions that the uncertainty admits."""
     if count == 0:
         return ()
     width = np.array([uncertainty.mu, uncertainty.stiffness, uncertainty.bristle_stiffness])

@@ -10,12 +10,7 @@ from tendonff.compensator.reporting.plots import figure_style, legend_below, new
 
 @figure_style()
 def sweep_figures(result: SweepData) -> dict[str, Figure]:
-    """By file name: the share of units over the error, and the error over each key that takes several values.
-
-    Parameters
-    ----------
-    result : SweepData
-    """
+    """By file name: the share of units over the error, and the error over each key that takes several values."""
     share, axes = new_figure()
     panel = axes[0, 0]
     for name in result.compensators:

@@ -30,12 +30,7 @@ class Sweep(SweepData):
 
 
 def samples_csv(result: SweepData) -> str:
-    """Text of `samples.csv`: one row a unit; a compensator that failed has empty cells.
-
-    Parameters
-    ----------
-    result : SweepData
-    """
+    """Text of `samples.csv`: one row a unit; a compensator that failed has empty cells."""
     columns = [f"{name}_{what}" for what in ("rmse_percent_of_range", "peak_error_N") for name in result.compensators]
     lines = [",".join(["sample", *result.keys, *columns])]
     for row in result.rows:
@@ -45,12 +40,7 @@ def samples_csv(result: SweepData) -> str:
 
 
 def summary(result: SweepData) -> dict[str, object]:
-    """The contents of `summary.json`.
-
-    Parameters
-    ----------
-    result : SweepData
-    """
+    """The contents of `summary.json`."""
 
     def finite(value: float) -> float | None:
         return value if math.isfinite(value) else None

@@ -32,12 +32,7 @@ class Axis:
 
     @classmethod
     def parse(cls, text: str) -> "Axis":
-        """Read KEY=FROM:TO:COUNT, evenly spaced, both ends included.
-
-        Parameters
-        ----------
-        text : str
-        """
+        """Read KEY=FROM:TO:COUNT, evenly spaced, both ends included."""
         number = r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)"
         found = re.fullmatch(rf"([A-Za-z_]\w*\.\w+)={number}:{number}:(\d+)", text.strip())
         try:
@@ -70,26 +65,14 @@ class Unit:
 
 
 def grid_units(scenario: Scenario, axes: tuple[Axis, ...]) -> list[Unit]:
-    """Every combination of the axes' values.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    axes : tuple of Axis
-    """
+    """Every combination of the axes' values."""
     keys = tuple(axis.key for axis in axes)
     points = product(*(axis.values for axis in axes))
     return [Unit(index=k, values=at, scenario=varied(scenario, keys, at)) for k, at in enumerate(points)]
 
 
 def random_units(scenario: Scenario, count: int) -> list[Unit]:
-    """Units that the scenario's uncertainty admits: a Latin hypercube.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    count : int
-    """
+    """Units that the scenario's uncertainty admits: a Latin hypercube."""
     if scenario.robust.is_certain:
         raise InputError(
             f"{scenario.source.name}: --samples needs an uncertainty; write [robust] with mu = 0.2 or the like"
@@ -103,12 +86,7 @@ def random_units(scenario: Scenario, count: int) -> list[Unit]:
 
 
 def factors_of(sample: Sample) -> tuple[float, ...]:
-    """In the order of `FACTORS`.
-
-    Parameters
-    ----------
-    sample : Sample
-    """
+    """In the order of `FACTORS`."""
     return (sample.mu, sample.stiffness, sample.bristle_stiffness)
 
 

@@ -9,13 +9,7 @@ from tendonff.compensator.reporting.page import FileNote, Report, Section, Table
 
 
 def sweep_report(result: SweepData, figures: Mapping[str, Figure]) -> Report:
-    """The page of a sweep.
-
-    Parameters
-    ----------
-    result : SweepData
-    figures : mapping of str to Figure
-    """
+    """The page of a sweep."""
     unit = "units" if result.is_random else "points"
     best = min(result.compensators, key=lambda name: result.quantiles(name)[-2])
     yields = Table(

@@ -62,12 +62,7 @@ class SweepData:
     is_random: bool
 
     def percent(self, name: str) -> FloatArray:
-        """Errors of a compensator, infinite where it failed [% of range].
-
-        Parameters
-        ----------
-        name : str
-        """
+        """Errors of a compensator, infinite where it failed [% of range]."""
         column = self.compensators.index(name)
         errors: FloatArray = np.nan_to_num(np.array([row.percent[column] for row in self.rows]), nan=np.inf)
         return errors
@@ -84,10 +79,5 @@ class SweepData:
         return float(np.mean(self.percent(name) < percent))
 
     def quantiles(self, name: str) -> tuple[float, ...]:
-        """Errors that so many of the units stay within, at `QUANTILES` [% of range].
-
-        Parameters
-        ----------
-        name : str
-        """
+        """Errors that so many of the units stay within, at `QUANTILES` [% of range]."""
         return tuple(float(q) for q in np.quantile(self.percent(name), QUANTILES, method="inverted_cdf"))

@@ -48,12 +48,7 @@ class Job:
 
 
 def run_job(job: Job) -> tuple[Row, ...]:
-    """Score every compensator on the units of a job; what fails is NaN.
-
-    Parameters
-    ----------
-    job : Job
-    """
+    """Score every compensator on the units of a job; what fails is NaN."""
     return tuple(_score(unit, job) for unit in job.units)
 
 

@@ -57,12 +57,7 @@ class Store:
         return rows
 
     def add(self, rows: Iterable[Row]) -> None:
-        """Append rows, on disk before it returns.
-
-        Parameters
-        ----------
-        rows : iterable of Row
-        """
+        """Append rows, on disk before it returns."""
         if self._path.exists():  # what was cut off goes
             text = self._path.read_text(encoding="utf-8")
             if not text.endswith("\n"):

@@ -71,13 +71,7 @@ def align(
 
 
 def earlier(record: Record, seconds: float) -> Record:
-    """A record whose output is read that much earlier; rows that it does not reach are no longer good.
-
-    Parameters
-    ----------
-    record : Record
-    seconds : float
-    """
+    """A record whose output is read that much earlier; rows that it does not reach are no longer good."""
     return replace(record, pieces=tuple(_shifted(p, seconds) for p in record.pieces)) if seconds else record
 
 

@@ -75,13 +75,7 @@ def gauss_newton_step(residuals: Array, slopes: Array) -> Array:
 
 
 def scatter_of(estimates: Sequence[FileEstimate], name: DynamicParameter) -> float:
-    """Standard deviation between files beyond what their own errors explain; 0 with few files.
-
-    Parameters
-    ----------
-    estimates : sequence of FileEstimate
-    name : DynamicParameter
-    """
+    """Standard deviation between files beyond what their own errors explain; 0 with few files."""
     told = [(e.values[name], e.errors[name]) for e in estimates if np.isfinite(e.errors.get(name, np.inf))]
     if len(told) < LEAST_FILES:
         return 0.0
@@ -93,13 +87,7 @@ def scatter_of(estimates: Sequence[FileEstimate], name: DynamicParameter) -> flo
 
 
 def with_scatter(solution: Solution, estimates: Sequence[FileEstimate]) -> Solution:
-    """Add the scatter between files to the covariance, over their number.
-
-    Parameters
-    ----------
-    solution : Solution
-    estimates : sequence of FileEstimate
-    """
+    """Add the scatter between files to the covariance, over their number."""
     if len(estimates) < LEAST_FILES:
         return solution
     extra = [scatter_of(estimates, D(n)) ** 2 / len(estimates) for n in solution.values]

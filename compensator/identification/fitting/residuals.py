@@ -230,12 +230,7 @@ class ChainResiduals:
         return self.rms_of(lambda run: run.predicted(self.model.respond(full, run.drive))[0])
 
     def rms_of(self, predict: Callable[[FitPiece], Array]) -> "OutputError":
-        """Error of a prediction of the output over the fitted rows: one measure for all laws.
-
-        Parameters
-        ----------
-        predict : callable
-        """
+        """Error of a prediction of the output over the fitted rows: one measure for all laws."""
         total, squares, rows = 0.0, 0.0, 0
         for run in self.pieces:
             try:
@@ -250,12 +245,7 @@ class ChainResiduals:
         return OutputError(rms_N=plain, robust_rms_N=robust)
 
     def independent_rows(self, residuals: Residuals) -> float:
-        """Rows of the output that are independent of each other, by the residuals' autocorrelation.
-
-        Parameters
-        ----------
-        residuals : Residuals
-        """
+        """Rows of the output that are independent of each other, by the residuals' autocorrelation."""
         total, at = 0.0, 0
         for run in self.pieces:
             rows = int(run.good.sum())

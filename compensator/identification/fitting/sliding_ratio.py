@@ -43,12 +43,7 @@ class SlidingRatio:
 
 
 def sliding_ratios(records: Sequence[Record]) -> tuple[SlidingRatio, ...]:
-    """Ratios for both directions over all records together.
-
-    Parameters
-    ----------
-    records : sequence of Record
-    """
+    """Ratios for both directions over all records together."""
     if not all(r.has_input_position for r in records):
         reason = "no input position was measured: which rows slide is not known; measure it"
         return tuple(SlidingRatio(branch=b, rows=0, log_ratio=None, interval=None, reason=reason) for b in Branch)

@@ -155,12 +155,7 @@ def respond(
 
 
 def candidates(explain: Explain) -> tuple[StaticModel, ...]:
-    """The laws that are tried, simplest first.
-
-    Parameters
-    ----------
-    explain : Explain
-    """
+    """The laws that are tried, simplest first."""
     plain = (
         StaticModel(name="symmetric"),
         StaticModel(name="asymmetric", asymmetric=True),
@@ -272,13 +267,7 @@ def _fit(
 
 
 def complete(values: Mapping[str, float], model: StaticModel) -> dict[StaticParameter, float]:
-    """All values from the free ones.
-
-    Parameters
-    ----------
-    values : mapping of str to float
-    model : StaticModel
-    """
+    """All values from the free ones."""
     full = {k: values.get(k.value, NEUTRAL[k]) for k in ORDER}
     if not model.asymmetric:
         full[P.RELEASE], full[P.RELEASE_SPREAD] = full[P.PULL], full[P.PULL_SPREAD]
@@ -378,14 +367,7 @@ def errors_of(fit: StaticFit, records: Sequence[Record], middle_m: float) -> tup
 
 
 def pooled_percent(errors: Sequence[FileError], records: Sequence[Record], explain: Explain) -> float:
-    """Rms over all records in percent of their common range.
-
-    Parameters
-    ----------
-    errors : sequence of FileError
-    records : sequence of Record
-    explain : Explain
-    """
+    """Rms over all records in percent of their common range."""
     rows = np.array([sum(len(p.time_s) for p in r.pieces) for r in records], dtype=np.float64)
     square = float(np.average([e.rms**2 for e in errors], weights=rows))
     return 100 * float(np.sqrt(square)) / max(span_of(records, explain), 1e-300)

@@ -46,13 +46,7 @@ class TendonFit:
 
 
 def mean_tension(piece: Piece, values: Mapping[StaticParameter, float]) -> Array:
-    """Mean tension over the path of a piece, by the play law started from its first output, shape (n,) [N].
-
-    Parameters
-    ----------
-    piece : Piece
-    values : mapping of StaticParameter to float
-    """
+    """Mean tension over the path of a piece, by the play law started from its first output, shape (n,) [N]."""
     law = CapstanLaw(
         pull_exponent=values[StaticParameter.PULL],
         release_exponent=values[StaticParameter.RELEASE],
@@ -66,12 +60,7 @@ def mean_tension(piece: Piece, values: Mapping[StaticParameter, float]) -> Array
 
 
 def longest_hold_s(records: Sequence[Record]) -> float:
-    """Longest time over which the input stays within 2 % of its range [s].
-
-    Parameters
-    ----------
-    records : sequence of Record
-    """
+    """Longest time over which the input stays within 2 % of its range [s]."""
     span = max(float(np.ptp(r.joined("input_N"))) for r in records)
     longest = 0.0
     for record in records:

@@ -41,13 +41,7 @@ POSITIVE = tuple(n for n in D if n not in (D.INPUT_BIAS, D.OUTPUT_BIAS))
 
 
 def slopes_over_all(task: ChainResiduals, names: Sequence[DynamicParameter]) -> Residuals | None:
-    """Residuals at the fixed values with slopes over all of `names`; None where the model has no answer.
-
-    Parameters
-    ----------
-    task : ChainResiduals
-    names : sequence of DynamicParameter
-    """
+    """Residuals at the fixed values with slopes over all of `names`; None where the model has no answer."""
     try:
         return replace(task, free=tuple(names)).evaluate({str(n): task.fixed[n] for n in names})
     except ValueError:

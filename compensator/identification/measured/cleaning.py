@@ -175,11 +175,6 @@ def spikes(x: Array) -> Mask:
 def clean(raw: RawMeasurement, how: Measurement) -> Record:
     """Evenly sampled, filtered pieces of one file, with a list of all that was found.
 
-    Parameters
-    ----------
-    raw : RawMeasurement
-    how : Measurement
-
     Raises
     ------
     InputError

@@ -8,12 +8,7 @@ from tendonff.compensator.reporting.plots import BLUE, GREY, ORANGE, VERMILION, 
 
 
 def centreline_figure(result: CentrelineData) -> Figure:
-    """Points and sections in the plane that shows most of them; angle turned over length, with its interval.
-
-    Parameters
-    ----------
-    result : CentrelineData
-    """
+    """Points and sections in the plane that shows most of them; angle turned over length, with its interval."""
     middle = result.points_m.mean(axis=0)
     plane = np.linalg.svd(result.points_m - middle, full_matrices=False)[2][:2].T
     points, curve = ((each - middle) @ plane for each in (result.points_m, result.curve_m))
