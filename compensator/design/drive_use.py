@@ -74,7 +74,7 @@ def drive_use(result: DesignData) -> tuple[DriveUse, ...]:
 
 
 def drive_columns(result: DesignData) -> dict[str, FloatArray]:
-    """Columns of `profile.csv` beside the forces: travel, command of a position drive, torque and angle of the motor."""
+    """Columns of `profile.csv` beside the forces: travel, command of a position drive, motor torque and angle."""
     used, motor = drive_use(result), result.scenario.transmission.actuator.motor
     columns = {f"travel_{use.name}_m": use.travel_m for use in used}
     for name, profile in result.profiles.items():
