@@ -140,7 +140,7 @@ class TunedChain:
 
 
 def rest_on_spring(chain: Chain, tension_N: float) -> Array:
-    """State at rest with q_l = 0, where the load's spring has the tension of the start, unless a joint holds the end."""
+    """State at rest with q_l = 0, where the load's spring has the start tension, unless a joint holds the end."""
     anchor = 0.0 if chain.far_joint is not None else -tension_N / chain.far.stiffness_N_per_m
     return chain.rest_state(tension_N, anchor).vector()
 
