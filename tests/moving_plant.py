@@ -4,13 +4,37 @@ Friction without Stribeck effect and without direction, the load on its spring, 
 masses; a section that is straight with its joints at zero gets none.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_banded
 
-from tendonff.models.parameters import Transmission
+from tendonff.models.parameters import Path, Transmission
+from tendonff.models.path import JointMotion
+from tendonff.models.section import Section
 
 Array = NDArray[np.float64]
+SECTIONS = (
+    Section(name="arm", angle_rad=1.2, length_m=0.036),
+    Section(name="knuckle", angle_rad=0.9, length_m=0.027, joint="k", angle_per_rad=1.0, length_per_rad_m=0.01),
+    Section(name="bone", angle_rad=0.0, length_m=0.03),
+    Section(name="middle", angle_rad=0.7, length_m=0.021, joint="m", angle_per_rad=1.0, length_per_rad_m=0.008),
+    Section(name="tip", angle_rad=0.6, length_m=0.018, mu_dynamic=0.15, mu_static=0.15),
+)
+
+
+def moving_finger(rig: Transmission, time_s: Array, segments: int) -> Transmission:
+    """The rig's tendon without Stribeck effect on a path of `SECTIONS`, two of which move."""
+    plain = replace(rig.friction, mu_static=0.2, mu_dynamic_release=None, mu_static_release=None, adhesion_N=0.0)
+    fade = np.minimum(time_s / 0.3, 1)
+    swings = [0.8 * fade * np.sin(2 * np.pi * 0.7 * time_s), 0.6 * fade * np.sin(2 * np.pi * 1.1 * time_s)]
+    return replace(
+        rig,
+        path=Path(total_angle_rad=3.4, segments=segments, sections=SECTIONS),
+        friction=plain,
+        motion=JointMotion(names=("k", "m"), time_s=time_s, angle_rad=np.column_stack(swings)),
+    )
 
 
 class MovingPlant:

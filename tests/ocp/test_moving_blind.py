@@ -1,46 +1,27 @@
 """Moving paths on a plant of another make: 60 masses in four sections, two of which joints move."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
-from tendonff.models.parameters import Path, Transmission
-from tendonff.models.path import JointMotion
-from tendonff.models.section import Section
+from tendonff.models.parameters import Transmission
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.result import TrackStatus
 from tendonff.ocp.tracking.track import track
-from tests.moving_plant import moving_output
+from tests.moving_plant import moving_finger, moving_output
 
 Array = NDArray[np.float64]
 STEP = 1e-3
 TIME = np.arange(0.0, 2.0, STEP)
 REFERENCE = 30 + np.minimum(TIME / 0.5, 1) * (12 * np.sin(2 * np.pi * 0.9 * TIME) + 4 * np.sin(2 * np.pi * 2.1 * TIME))
-SECTIONS = (
-    Section(name="arm", angle_rad=1.2, length_m=0.036),
-    Section(name="knuckle", angle_rad=0.9, length_m=0.027, joint="k", angle_per_rad=1.0, length_per_rad_m=0.01),
-    Section(name="bone", angle_rad=0.0, length_m=0.03),
-    Section(name="middle", angle_rad=0.7, length_m=0.021, joint="m", angle_per_rad=1.0, length_per_rad_m=0.008),
-    Section(name="tip", angle_rad=0.6, length_m=0.018, mu_dynamic=0.15, mu_static=0.15),
-)
 
 
 @pytest.fixture(scope="module")
 def finger(generic: Transmission) -> Transmission:
-    plain = replace(generic.friction, mu_static=0.2, mu_dynamic_release=None, mu_static_release=None, adhesion_N=0.0)
-    fade = np.minimum(TIME / 0.3, 1)
-    angles = np.column_stack([0.8 * fade * np.sin(2 * np.pi * 0.7 * TIME), 0.6 * fade * np.sin(2 * np.pi * 1.1 * TIME)])
-    return replace(
-        generic,
-        path=Path(total_angle_rad=3.4, segments=24, sections=SECTIONS),
-        friction=plain,
-        motion=JointMotion(names=("k", "m"), time_s=TIME, angle_rad=angles),
-    )
+    return moving_finger(generic, TIME, segments=24)
 
 
 def error(finger: Transmission, force_N: Array, finer: int) -> float:

@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 
 from tendonff.models.fidelity import Level
-from tendonff.models.parameters import Path, Transmission
-from tendonff.models.path import JointMotion
-from tendonff.models.section import Section
+from tendonff.models.parameters import Transmission
 from tendonff.ocp.adaptation.code import TunedChain
 from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig, TunerStatus
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable, Tuning
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.tracking.limits import ForceLimits
-from tests.moving_plant import MovingPlant
+from tests.moving_plant import SECTIONS, MovingPlant, moving_finger
 
 pytestmark = pytest.mark.compiler
 STEP_S, START_N, DELAY, FINER = 1e-3, 30.0, 2, 2
@@ -22,26 +20,11 @@ TIME = np.arange(0.0, 3.0, STEP_S)
 REFERENCE = 30 + np.minimum(TIME / 0.5, 1) * (12 * np.sin(2 * np.pi * 0.9 * TIME) + 4 * np.sin(2 * np.pi * 2.1 * TIME))
 NOISE = {Sensor.OUTPUT_TENSION: 0.16, Sensor.ACTUATOR_POSITION: 2e-5}
 LIMITS = ForceLimits(minimum_N=0.0, maximum_N=200.0, rate_N_per_s=1e5)
-SECTIONS = (
-    Section(name="arm", angle_rad=1.2, length_m=0.036),
-    Section(name="knuckle", angle_rad=0.9, length_m=0.027, joint="k", angle_per_rad=1.0, length_per_rad_m=0.01),
-    Section(name="bone", angle_rad=0.0, length_m=0.03),
-    Section(name="middle", angle_rad=0.7, length_m=0.021, joint="m", angle_per_rad=1.0, length_per_rad_m=0.008),
-    Section(name="tip", angle_rad=0.6, length_m=0.018, mu_dynamic=0.15, mu_static=0.15),
-)
 
 
 @pytest.fixture(scope="module")
 def finger(generic: Transmission) -> Transmission:
-    plain = replace(generic.friction, mu_static=0.2, mu_dynamic_release=None, mu_static_release=None, adhesion_N=0.0)
-    fade = np.minimum(TIME / 0.3, 1)
-    angles = np.column_stack([0.8 * fade * np.sin(2 * np.pi * 0.7 * TIME), 0.6 * fade * np.sin(2 * np.pi * 1.1 * TIME)])
-    return replace(
-        generic,
-        path=Path(total_angle_rad=3.4, segments=12, sections=SECTIONS),
-        friction=plain,
-        motion=JointMotion(names=("k", "m"), time_s=TIME, angle_rad=angles),
-    )
+    return moving_finger(generic, TIME, segments=12)
 
 
 def rougher(finger: Transmission, mu: float) -> Transmission:
