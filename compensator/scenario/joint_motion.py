@@ -1,6 +1,7 @@
 """The joints of a scenario over time."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,10 +9,10 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from tendonff.compensator.files.quantities import ANGLE_UNITS, TIME_UNITS, TIME_WORDS, Quantity, read_quantities
-from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.files.reading import FloatArray, suggestion
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.courses import along_sines, along_waypoints
-from tendonff.compensator.scenario.joints import ConstantJoint, Joint, SineJoint, WaypointJoint
+from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, Joint, SineJoint, WaypointJoint
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Transmission
@@ -21,6 +22,50 @@ from tendonff.models.path import JointMotion, check_motion
 def moved(scenario: Scenario, end_s: float, *, periodic: bool = False) -> Transmission:
     """The scenario's transmission with the motion of its joints until `end_s` [s], which repeats then or not."""
     return replace(scenario.transmission, motion=sample_joints(scenario, end_s, periodic=periodic))
+
+
+def moved_by_file(scenario: Scenario, path: Path) -> Scenario:
+    """The scenario with the motion of all its joints from one file, with the columns time_s and NAME_rad.
+
+    Raises
+    ------
+    InputError
+        If the scenario has no joints.
+    """
+    _need_joints(scenario, "--joints")
+    motion = CsvJoint(file=str(path.resolve()))
+    return replace(scenario, joints=dict.fromkeys(scenario.joints, motion))
+
+
+def posed(scenario: Scenario, angles_rad: Mapping[str, float]) -> Scenario:
+    """The scenario with joints that stand still.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    angles_rad : mapping of str to float
+        By name [rad]; the others do what the scenario says.
+
+    Raises
+    ------
+    InputError
+        If there is no joint of a name.
+    """
+    _need_joints(scenario, "--pose")
+    for name in angles_rad:
+        if name not in scenario.joints:
+            raise InputError(
+                f'{scenario.source.name}: there is no joint "{name}"{suggestion(name, list(scenario.joints))}'
+            )
+    still = {name: ConstantJoint(angle_rad=angle) for name, angle in angles_rad.items()}
+    return replace(scenario, joints={**scenario.joints, **still})
+
+
+def _need_joints(scenario: Scenario, option: str) -> None:
+    if not scenario.joints:
+        raise InputError(
+            f"{scenario.source.name}: {option} needs joints; add a table [joints.NAME] and name it in a section"
+        )
 
 
 def sample_joints(scenario: Scenario, end_s: float, *, periodic: bool = False) -> JointMotion | None:

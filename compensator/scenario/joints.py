@@ -2,17 +2,12 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
-from tendonff.compensator.files.reading import InputError, suggestion
+from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.reference import Shape
 from tendonff.compensator.scenario.tables import read_table, show
 from tendonff.models.errors import ParameterError
-
-if TYPE_CHECKING:
-    from tendonff.compensator.scenario.scenario import Scenario
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,50 +109,6 @@ KINDS: dict[str, type[Joint]] = {
     "waypoints": WaypointJoint,
     "csv": CsvJoint,
 }
-
-
-def moved_by_file(scenario: "Scenario", path: Path) -> "Scenario":
-    """The scenario with the motion of all its joints from one file, with the columns time_s and NAME_rad.
-
-    Raises
-    ------
-    InputError
-        If the scenario has no joints.
-    """
-    _need_joints(scenario, "--joints")
-    motion = CsvJoint(file=str(path.resolve()))
-    return replace(scenario, joints=dict.fromkeys(scenario.joints, motion))
-
-
-def posed(scenario: "Scenario", angles_rad: Mapping[str, float]) -> "Scenario":
-    """The scenario with joints that stand still.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    angles_rad : mapping of str to float
-        By name [rad]; the others do what the scenario says.
-
-    Raises
-    ------
-    InputError
-        If there is no joint of a name.
-    """
-    _need_joints(scenario, "--pose")
-    for name in angles_rad:
-        if name not in scenario.joints:
-            raise InputError(
-                f'{scenario.source.name}: there is no joint "{name}"{suggestion(name, list(scenario.joints))}'
-            )
-    still = {name: ConstantJoint(angle_rad=angle) for name, angle in angles_rad.items()}
-    return replace(scenario, joints={**scenario.joints, **still})
-
-
-def _need_joints(scenario: "Scenario", option: str) -> None:
-    if not scenario.joints:
-        raise InputError(
-            f"{scenario.source.name}: {option} needs joints; add a table [joints.NAME] and name it in a section"
-        )
 
 
 def _finite(name: str, values: tuple[float, ...]) -> None:
