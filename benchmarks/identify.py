@@ -26,7 +26,7 @@ from independent_plant import Array, Plant
 from tendonff.compensator.identification.output import Identification
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.identification.suggest import suggest
-from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 from tendonff.models.chain import Chain
 from tendonff.models.parameters import Transmission

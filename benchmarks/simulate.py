@@ -54,7 +54,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from tendonff.compensator.scenario.sampling import initial_tension, sample_reference
+from tendonff.compensator.scenario.sampled.sampling import initial_tension, sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.chain import Chain, chain_equations
 from tendonff.models.fidelity import Level

@@ -29,7 +29,7 @@ if TYPE_CHECKING:  # what editors and type checkers read; `_HOMES` says the same
     from tendonff.compensator.identification.output import Identification
     from tendonff.compensator.identification.run import identify
     from tendonff.compensator.identification.suggest import suggest
-    from tendonff.compensator.scenario.sampling import Reference, sample_reference
+    from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
     from tendonff.compensator.scenario.scenario import Scenario, load_scenario
     from tendonff.compensator.tables.output import Tables
     from tendonff.compensator.tables.run import make_tables as make_table
@@ -123,7 +123,7 @@ _HOMES = {
     "compensator.identification.output": ("Identification",),
     "compensator.identification.run": ("identify",),
     "compensator.identification.suggest": ("suggest",),
-    "compensator.scenario.sampling": ("Reference", "sample_reference"),
+    "compensator.scenario.sampled.sampling": ("Reference", "sample_reference"),
     "compensator.scenario.scenario": ("Scenario", "load_scenario"),
     "compensator.tables.output": ("Tables",),
     "compensator.tables.run": ("make_table:make_tables",),

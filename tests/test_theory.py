@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.assembly import normal_force
 from tendonff.models.capstan import Branch, CapstanLaw

@@ -15,7 +15,7 @@ from tendonff.compensator.compensators.base import FloatArray, Problem
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.adaptation import Adaptation
-from tendonff.compensator.scenario.sampling import Reference
+from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.ocp.adaptation.code import TunedChain
 from tendonff.ocp.adaptation.information import Information

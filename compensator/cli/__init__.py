@@ -12,21 +12,21 @@ from typing import Annotated, NoReturn, cast
 import typer
 
 from tendonff._version import __version__
-from tendonff.compensator.cli.adapt import adapt
-from tendonff.compensator.cli.compare import compare
-from tendonff.compensator.cli.design import design
-from tendonff.compensator.cli.example import example
-from tendonff.compensator.cli.experiment import experiment
-from tendonff.compensator.cli.explore import explore
-from tendonff.compensator.cli.export_c import export_c
-from tendonff.compensator.cli.export_fmu import export_fmu
-from tendonff.compensator.cli.identify import identify
-from tendonff.compensator.cli.new import new
-from tendonff.compensator.cli.path import path
+from tendonff.compensator.cli.commands.adapt import adapt
+from tendonff.compensator.cli.commands.compare import compare
+from tendonff.compensator.cli.commands.design import design
+from tendonff.compensator.cli.commands.example import example
+from tendonff.compensator.cli.commands.experiment import experiment
+from tendonff.compensator.cli.commands.explore import explore
+from tendonff.compensator.cli.commands.export_c import export_c
+from tendonff.compensator.cli.commands.export_fmu import export_fmu
+from tendonff.compensator.cli.commands.identify import identify
+from tendonff.compensator.cli.commands.new import new
+from tendonff.compensator.cli.commands.path import path
+from tendonff.compensator.cli.commands.simulate import simulate
+from tendonff.compensator.cli.commands.sweep import sweep
+from tendonff.compensator.cli.commands.table import table
 from tendonff.compensator.cli.progress import say
-from tendonff.compensator.cli.simulate import simulate
-from tendonff.compensator.cli.sweep import sweep
-from tendonff.compensator.cli.table import table
 from tendonff.models.errors import TendonffError
 
 EXIT_SOLVE, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130

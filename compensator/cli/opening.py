@@ -6,7 +6,7 @@ from pathlib import Path
 
 from tendonff.compensator.cli.progress import say
 from tendonff.compensator.files.writing import atomic_directory
-from tendonff.compensator.scenario.sampling import sample_reference, work_ahead
+from tendonff.compensator.scenario.sampled.sampling import sample_reference, work_ahead
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonff.compensator.compensators.base import FloatArray
-from tendonff.compensator.scenario.sampling import Reference
+from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level

@@ -16,8 +16,8 @@ from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import SimulatedPlant, ignored_motion, scale_N, score, simulate_profile
 from tendonff.compensator.compensators.uncertain import Doubt, doubt
 from tendonff.compensator.files.progress import Parts, Progress, silent
-from tendonff.compensator.scenario.joint_motion import moved
-from tendonff.compensator.scenario.sampling import Reference, sample_reference
+from tendonff.compensator.scenario.sampled.joint_motion import moved
+from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.compensator.files.progress import Progress, silent
-from tendonff.compensator.scenario.joint_motion import moved
 from tendonff.compensator.scenario.reference import Hold
-from tendonff.compensator.scenario.sampling import Reference, sample_reference
+from tendonff.compensator.scenario.sampled.joint_motion import moved
+from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level

@@ -6,7 +6,7 @@ import numpy as np
 
 from tendonff.compensator.compensators.base import FloatArray, Problem, Profile
 from tendonff.compensator.compensators.motion import servo
-from tendonff.compensator.scenario.sampling import Reference
+from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission

@@ -9,7 +9,7 @@ from tendonff.compensator.compensators.lookup_table import LookupTable, table_fo
 from tendonff.compensator.compensators.table_build import BuiltTable, build_table, usual_rate
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.reporting.colours import GREEN
-from tendonff.compensator.scenario.sampling import largest_tension
+from tendonff.compensator.scenario.sampled.sampling import largest_tension
 
 BOUND_SHARE = 0.005
 """Interpolation error that a table may have unless told otherwise, as a share of the reference's range."""

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.stream.run import NOISE_GOAL_DB, Candidate, StreamChoice, choose_stream
-from tendonff.compensator.export.c_text import accepted_range
+from tendonff.compensator.export.text.c_text import accepted_range
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.reporting.plots import GREY, INK, legend_below, new_figure, save_figure

@@ -13,7 +13,7 @@ from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS, D
 from tendonff.compensator.design.robustness import robustness_summary
 from tendonff.compensator.files.writing import atomic_directory, write_csv
 from tendonff.compensator.reporting.folder import summary_head, write_pages
-from tendonff.compensator.scenario.joint_motion import sample_joints
+from tendonff.compensator.scenario.sampled.joint_motion import sample_joints
 from tendonff.ocp.tracking.result import Tracking
 
 

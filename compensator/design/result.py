@@ -7,7 +7,7 @@ from tendonff.compensator.compensators.base import Compensator, FloatArray, Prof
 from tendonff.compensator.compensators.score import IgnoredMotion, Verified
 from tendonff.compensator.design.expectation import Expectation
 from tendonff.compensator.design.robustness import Robustness
-from tendonff.compensator.scenario.sampling import Reference
+from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
 from tendonff.ocp.stability import Foresight

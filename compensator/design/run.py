@@ -13,9 +13,9 @@ from tendonff.compensator.design.output import Design
 from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.design.robustness import robustness, robustness_warnings
 from tendonff.compensator.files.progress import Parts, Progress, silent
-from tendonff.compensator.scenario.filters import noise_advice, ripple_advice
 from tendonff.compensator.scenario.reference import CsvReference, Hold
-from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.sampled.filters import noise_advice, ripple_advice
+from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
 from tendonff.ocp.inverse import invert

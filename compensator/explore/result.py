@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from tendonff.compensator.compensators.base import FloatArray
 from tendonff.compensator.compensators.score import Score
-from tendonff.compensator.scenario.sampling import Reference
+from tendonff.compensator.scenario.sampled.sampling import Reference
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,8 +16,8 @@ from tendonff.compensator.explore.result import Course, Exploration
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.reporting.colours import PURPLE
 from tendonff.compensator.scenario.adaptation import Adaptation
-from tendonff.compensator.scenario.joint_motion import moved
-from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.sampled.joint_motion import moved
+from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.chain import Chain
 from tendonff.models.errors import TendonffError

@@ -7,7 +7,7 @@ import numpy as np
 
 from tendonff.compensator.adapt.setup import Certified, certified, tuned_chain, tuning_of
 from tendonff.compensator.compensators.base import CModule, FloatArray, Problem
-from tendonff.compensator.export.table_index import rounded
+from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.adaptation import Adaptation
 from tendonff.ocp.adaptation.target import tuner_code

@@ -16,7 +16,12 @@ from tendonff.compensator.compensators.stream.run import StreamChoice, choose_st
 from tendonff.compensator.compensators.table import CompensationTable, table_of
 from tendonff.compensator.compensators.table_build import BuiltTable
 from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_golden
-from tendonff.compensator.export.c_text import (
+from tendonff.compensator.export.golden import golden_vectors
+from tendonff.compensator.export.host import run_on_host
+from tendonff.compensator.export.judgement import Judged, answer_of, judge, judge_stream
+from tendonff.compensator.export.modules import PLANT, c_modules, check_prefix, check_servo, check_tuning, exportable
+from tendonff.compensator.export.self_test import FloatLoss, float_losses, loss_warnings, self_test_context
+from tendonff.compensator.export.text.c_text import (
     accepted_range,
     c_sources,
     folder_files,
@@ -24,11 +29,6 @@ from tendonff.compensator.export.c_text import (
     table_bytes,
     table_context,
 )
-from tendonff.compensator.export.golden import golden_vectors
-from tendonff.compensator.export.host import run_on_host
-from tendonff.compensator.export.judgement import Judged, answer_of, judge, judge_stream
-from tendonff.compensator.export.modules import PLANT, c_modules, check_prefix, check_servo, check_tuning, exportable
-from tendonff.compensator.export.self_test import FloatLoss, float_losses, loss_warnings, self_test_context
 from tendonff.compensator.files.writing import atomic_directory, write_text
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.capstan import CapstanLaw

@@ -17,9 +17,9 @@ import jinja2
 from tendonff._version import __version__
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.table import table_of
-from tendonff.compensator.export.c_text import c_sources, table_context
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.export.modules import c_modules, check_prefix, check_servo, check_tuning
+from tendonff.compensator.export.text.c_text import c_sources, table_context
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_file
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash

@@ -14,7 +14,7 @@ from tendonff.compensator.compensators.stream.model import StreamDesign, smoothe
 from tendonff.compensator.compensators.stream.run import quantised
 from tendonff.compensator.compensators.table import CompensationTable
 from tendonff.compensator.export.modules import exportable
-from tendonff.compensator.export.table_index import rounded
+from tendonff.compensator.export.text.table_index import rounded
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.ocp.codegen.precision import Precision

@@ -10,8 +10,8 @@ from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.score import scale_N
 from tendonff.compensator.export.checks import Status, checksum, integer_checksum, limit_cases, seen
 from tendonff.compensator.export.golden import Course, Golden, respond, servo_of
-from tendonff.compensator.export.parameters import settable_numbers
-from tendonff.compensator.export.table_index import share_index
+from tendonff.compensator.export.text.parameters import settable_numbers
+from tendonff.compensator.export.text.table_index import share_index
 from tendonff.models.capstan import Branch
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.inverse import invert

@@ -21,9 +21,9 @@ from tendonff.compensator.files.quantities import (
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.tables import table_dialect
 from tendonff.compensator.files.writing import open_csv
-from tendonff.compensator.scenario.joint_motion import moved
 from tendonff.compensator.scenario.plausibility import questions
-from tendonff.compensator.scenario.sampling import initial_tension
+from tendonff.compensator.scenario.sampled.joint_motion import moved
+from tendonff.compensator.scenario.sampled.sampling import initial_tension
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.simulate.result import SimulatedForce
 from tendonff.models.chain import Chain

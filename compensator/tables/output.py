@@ -4,7 +4,7 @@ import os
 from dataclasses import asdict, dataclass
 
 from tendonff._version import __version__
-from tendonff.compensator.export.c_text import table_header
+from tendonff.compensator.export.text.c_text import table_header
 from tendonff.compensator.files.writing import atomic_directory, write_json, write_text
 from tendonff.compensator.reporting.page import write_report
 from tendonff.compensator.reporting.plots import save_figure

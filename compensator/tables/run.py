@@ -9,7 +9,7 @@ from tendonff.compensator.compensators.motion import with_motion
 from tendonff.compensator.compensators.score import SimulatedPlant, verify
 from tendonff.compensator.compensators.table import CompensationTable, table_of, table_range
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.scenario.joint_motion import posed
+from tendonff.compensator.scenario.sampled.joint_motion import posed
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.tables.output import Tables
 from tendonff.compensator.tables.result import AngleTable

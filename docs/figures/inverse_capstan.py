@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.smoothed import Smoothed
 from tendonff.compensator.reporting.plots import BLUE, GREY, ORANGE, VERMILION, figure_style, new_figure
-from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.chain import Chain

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 import tendonff as tf
 from tendonff.compensator.reporting.plots import BLUE, GREY, VERMILION, figure_style, new_figure
-from tendonff.compensator.scenario.joint_motion import moved
+from tendonff.compensator.scenario.sampled.joint_motion import moved
 
 SCENARIO = Path(__file__).resolve().parents[2] / "examples" / "finger_moving.toml"
 PLANT_MASSES = 60

@@ -187,7 +187,7 @@ def test_elongation_stiffness_and_dead_zone_are_those_of_the_closed_forms(generi
 
 
 def test_a_slack_tendon_is_reported_and_takes_up_again(generic: Transmission) -> None:
-    """The force pushes for half a second: tensions stop at zero, the run says where and when, then returns to the law."""
+    """The force pushes for half a second: tensions stop at zero, the run says where and when, then follows the law."""
     rig = without_stribeck(generic)
     chain = Chain.of(rig, Level.VISCOELASTIC)
     time = np.arange(0.0, 6.0, STEP)

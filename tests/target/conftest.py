@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.export.c_project import export_project
-from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 from tendonff.models.chain import Chain
 from tendonff.ocp.codegen.precision import Precision

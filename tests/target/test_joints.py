@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.export.c_text import c_sources
 from tendonff.compensator.export.modules import c_modules
+from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.scenario.scenario import load_scenario
 
 

@@ -16,7 +16,7 @@ from tendonff.compensator.design.sweep.result import Row
 from tendonff.compensator.design.sweep.store import Store
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.errors import TendonffError
 from tendonff.models.uncertainty import Uncertainty

@@ -9,7 +9,7 @@ import pytest
 
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES
-from tendonff.compensator.export.c_text import c_sources
+from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.scenario.adaptation import Adaptation
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable

@@ -8,7 +8,7 @@ from tendonff.compensator.adapt.result import Scheme
 from tendonff.compensator.adapt.run import adapt
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES
-from tendonff.compensator.export.c_text import c_sources
+from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.adaptation import Adaptation
 from tendonff.compensator.scenario.scenario import load_scenario

@@ -9,9 +9,9 @@ import pytest
 
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.inverse import Inverse
-from tendonff.compensator.export.c_text import c_sources
 from tendonff.compensator.export.fmu import build_fmu
 from tendonff.compensator.export.kinds import FmiVersion, Kind
+from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.chain import Chain

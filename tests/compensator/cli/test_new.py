@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from tendonff.compensator.cli import run
-from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 
 

@@ -18,7 +18,7 @@ from tendonff.compensator.compare.run import compare, lag
 from tendonff.compensator.compensators.base import Problem, Profile
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
 from tendonff.compensator.compensators.score import SimulatedPlant, simulate_profile
-from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.fidelity import Level

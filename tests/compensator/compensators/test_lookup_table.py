@@ -13,7 +13,7 @@ from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.lookup_table import BranchTable, LookupTable, TableLookup, table_force
 from tendonff.compensator.compensators.table import CompensationTable, table_of
 from tendonff.compensator.compensators.table_build import sweep
-from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.chain import Chain

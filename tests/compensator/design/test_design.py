@@ -16,7 +16,7 @@ from tendonff.compensator.design.figures import error_figure
 from tendonff.compensator.design.output import summary
 from tendonff.compensator.design.run import Design, design
 from tendonff.compensator.scenario.reference import Shape, SineReference, WaypointReference
-from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.models.uncertainty import Uncertainty

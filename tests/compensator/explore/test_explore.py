@@ -11,7 +11,7 @@ import pytest
 from tendonff.compensator.cli import run
 from tendonff.compensator.explore.parameters import ExploreParameters
 from tendonff.compensator.explore.run import SLOW, Explorer
-from tendonff.compensator.scenario.joint_motion import sample_joints
+from tendonff.compensator.scenario.sampled.joint_motion import sample_joints
 from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_to_toml
 from tendonff.models.errors import TendonffError
 from tendonff.models.fidelity import Level

@@ -15,9 +15,9 @@ from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.golden import answers
 from tendonff.compensator.export.modules import check_prefix
-from tendonff.compensator.export.table_index import rounded
+from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision

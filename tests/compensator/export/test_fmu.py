@@ -16,7 +16,7 @@ from tendonff.compensator.export import fmu
 from tendonff.compensator.export.fmu import build_fmu
 from tendonff.compensator.export.golden import answers
 from tendonff.compensator.export.kinds import FmiVersion, Kind
-from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.chain import Chain
 from tendonff.ocp.codegen.cross import has_cross_compiler

@@ -10,10 +10,10 @@ import pytest
 
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.c_project import export_project
-from tendonff.compensator.export.c_text import c_sources
 from tendonff.compensator.export.host import run_on_host
 from tendonff.compensator.export.modules import c_modules
-from tendonff.compensator.export.table_index import rounded
+from tendonff.compensator.export.text.c_text import c_sources
+from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.scenario.joints import SineJoint
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.parameters import Load

@@ -12,7 +12,7 @@ import pytest
 
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.host import run_on_host
-from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.ocp.codegen.precision import Precision
 from tests.compensator.export.structured_text import Block

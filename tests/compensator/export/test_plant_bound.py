@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tendonff.compensator.export import c_text
 from tendonff.compensator.export.c_project import export_project
+from tendonff.compensator.export.text import c_text
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.ocp.step import target
 

@@ -14,7 +14,7 @@ from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.checks import Status, checksum, limit_cases
 from tendonff.compensator.export.judgement import judge
 from tendonff.compensator.scenario.reference import Shape, WaypointReference
-from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError

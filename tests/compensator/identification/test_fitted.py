@@ -13,7 +13,7 @@ from tendonff.compensator.identification.moments import moved_inside
 from tendonff.compensator.identification.result import PieceComparison, summary_lines
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.measurement import Explain
-from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level

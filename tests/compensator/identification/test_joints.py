@@ -13,7 +13,7 @@ from tendonff.compensator.identification.fitting.residuals import fit_pieces
 from tendonff.compensator.identification.measured.cleaning import clean
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.run import identify
-from tendonff.compensator.scenario.joint_motion import moved
+from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.ocp.fits.chain import ChainModel

@@ -11,7 +11,7 @@ from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import read_csv
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.identification.suggest import suggest
-from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.chain import Chain

@@ -7,7 +7,7 @@ import pytest
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.scenario.reference import CsvReference
-from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 
 pytestmark = pytest.mark.compiler

@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tendonff.compensator.scenario.sampling import initial_tension, sample_reference
+from tendonff.compensator.scenario.sampled.sampling import initial_tension, sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level

@@ -15,8 +15,8 @@ from tendonff.compensator.compensators.stream.filter import StreamFilter
 from tendonff.compensator.compensators.stream.model import StreamDesign, smoothed
 from tendonff.compensator.compensators.stream.run import choose_stream
 from tendonff.compensator.export.c_project import export_project
-from tendonff.compensator.export.c_text import accepted_range
 from tendonff.compensator.export.host import run_on_host
+from tendonff.compensator.export.text.c_text import accepted_range
 from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_hash, scenario_to_toml
 from tendonff.compensator.scenario.stream import Stream
 from tendonff.models.errors import ParameterError

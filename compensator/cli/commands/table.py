@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.export_c import PrefixOption
+from tendonff.compensator.cli.commands.export_c import PrefixOption
 from tendonff.compensator.cli.options import LevelOption, OutFolderOption, ScenarioArgument
 from tendonff.compensator.cli.progress import progress, say, warn
 

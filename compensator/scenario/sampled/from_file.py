@@ -16,8 +16,8 @@ from tendonff.compensator.files.quantities import (
 )
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.text import InputError
-from tendonff.compensator.scenario.filters import low_pass
 from tendonff.compensator.scenario.reference import CsvReference, Interpolation
+from tendonff.compensator.scenario.sampled.filters import low_pass
 
 _GAP_ROWS, _LOGGED_ROWS = 10, 100  # a logged trace, not one written by hand, whose interval is so many usual ones
 _SLOW_LOG = 500  # steps between the samples of a logged trace, from where on its times may be milliseconds

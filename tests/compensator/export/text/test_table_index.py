@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from tendonff.compensator.compensators.lookup_table import halves
 from tendonff.compensator.export.golden import to_and_fro
-from tendonff.compensator.export.table_index import rounded, share_index
+from tendonff.compensator.export.text.table_index import rounded, share_index
 from tendonff.ocp.codegen.precision import Precision
 
 gaps = st.lists(st.floats(1e-4, 1.0), min_size=1, max_size=60)

@@ -20,10 +20,10 @@ from tendonff.compensator.compensators.table_build import BuiltTable
 from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_code
 from tendonff.compensator.export.modules import PLANT, STREAM
 from tendonff.compensator.export.packaging import packed
-from tendonff.compensator.export.parameters import parameter_context, settable_inverse
-from tendonff.compensator.export.path_text import padded, path_bytes, path_context
-from tendonff.compensator.export.table_index import share_index
-from tendonff.compensator.scenario.sampling import largest_tension
+from tendonff.compensator.export.text.parameters import parameter_context, settable_inverse
+from tendonff.compensator.export.text.path_text import padded, path_bytes, path_context
+from tendonff.compensator.export.text.table_index import share_index
+from tendonff.compensator.scenario.sampled.sampling import largest_tension
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.chain import Chain

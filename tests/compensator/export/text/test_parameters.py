@@ -14,8 +14,8 @@ import pytest
 
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.c_project import export_project
-from tendonff.compensator.export.parameters import parameters_of
-from tendonff.compensator.scenario.sampling import sample_reference
+from tendonff.compensator.export.text.parameters import parameters_of
+from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.chain import Chain
 from tendonff.ocp.codegen.precision import Precision

@@ -54,7 +54,7 @@ def simulate(
     from tendonff.compensator.scenario.scenario import load_scenario
 
     loaded = load_scenario(scenario)  # before the imports below, which take a second: a refusal is quick
-    from tendonff.compensator.scenario.joint_motion import moved_by_file
+    from tendonff.compensator.scenario.sampled.joint_motion import moved_by_file
     from tendonff.compensator.simulate.run import read_force, simulate_force
 
     loaded = loaded if joints is None else moved_by_file(loaded, joints)

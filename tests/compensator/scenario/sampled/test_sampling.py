@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from tendonff.compensator.files.reading import InputError, read_csv
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.scenario.filters import low_pass, noise_advice, ripple_advice
 from tendonff.compensator.scenario.reference import (
     CsvReference,
     Interpolation,
@@ -21,7 +20,8 @@ from tendonff.compensator.scenario.reference import (
     WaypointReference,
 )
 from tendonff.compensator.scenario.run import Run
-from tendonff.compensator.scenario.sampling import (
+from tendonff.compensator.scenario.sampled.filters import low_pass, noise_advice, ripple_advice
+from tendonff.compensator.scenario.sampled.sampling import (
     Reference,
     initial_tension,
     largest_tension,

@@ -7,10 +7,10 @@ from typing import assert_never
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError
-from tendonff.compensator.scenario.courses import along_sines, along_waypoints
-from tendonff.compensator.scenario.from_file import read_samples, resample
 from tendonff.compensator.scenario.plausibility import questions
 from tendonff.compensator.scenario.reference import CsvReference, Hold, SineReference, WaypointReference
+from tendonff.compensator.scenario.sampled.courses import along_sines, along_waypoints
+from tendonff.compensator.scenario.sampled.from_file import read_samples, resample
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.reference.motion import tension_of_motion

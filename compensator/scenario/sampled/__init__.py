@@ -1,0 +1,1 @@
+"""References and motions on the grid of a run."""
