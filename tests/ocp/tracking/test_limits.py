@@ -4,6 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tendonff.models.errors import ParameterError
+from tendonff.ocp.tracking.grids import limited_rows
 from tendonff.ocp.tracking.limits import ForceLimits
 
 LIMITS = ForceLimits(minimum_N=2.0, maximum_N=50.0, rate_N_per_s=100.0)
@@ -51,3 +52,19 @@ def test_the_worst_bound_is_named_with_its_time(force: list[float], name: str, t
 def test_limits_that_admit_nothing_are_refused() -> None:
     with pytest.raises(ParameterError, match=r"force_min_N must be below force_max_N = 1, got 2"):
         ForceLimits(minimum_N=2.0, maximum_N=1.0, rate_N_per_s=1.0)
+
+
+def test_rows_at_a_limit_are_those_whose_step_or_force_touches_it() -> None:
+    """1 N a row is the rate; rows count from the second on."""
+    force = np.array([10.0, 11.0, 11.5, 10.5, 30.0, 50.0, 50.0, 49.0, 2.0, 2.0, 2.5])
+    assert limited_rows(force, STEP, LIMITS).tolist() == [
+        *(True, False, True),  # 1 N up, half, 1 N down
+        *(True, True, True),  # faster than the rate; at the largest force twice
+        *(True, True, True, False),
+    ]
+
+
+def test_a_rate_is_one_of_newtons_a_second_whatever_the_step() -> None:
+    force = 20 + 0.5 * np.arange(5)
+    assert not limited_rows(force, STEP, LIMITS).any()
+    assert limited_rows(force, 0.5 * STEP, LIMITS).all()
