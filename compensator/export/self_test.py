@@ -1,5 +1,6 @@
 """What the shipped self test is told: courses with their answers, tolerances, bounds and checksums."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -12,7 +13,7 @@ from tendonff.compensator.export.checks import Status, checksum, integer_checksu
 from tendonff.compensator.export.golden import Course, Golden, respond, servo_of
 from tendonff.compensator.export.text.parameters import settable_numbers
 from tendonff.compensator.export.text.table_index import share_index
-from tendonff.models.capstan import Branch
+from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.inverse import invert
 
@@ -134,6 +135,7 @@ def self_test_context(
     ramps = live is not None and bool(np.any(np.abs(np.diff(live.plant_force_N)) > 0.999 * change))
     return {
         "golden": golden,
+        "start_force_N": _start_force_N(problem, start),
         "live_ramps": ramps and servo_of(problem) is None,
         "limit_cases": limit_cases(least, most, actuator.force_rate_max_N_per_s * step, precision),
         "checksums": {
@@ -157,6 +159,17 @@ def self_test_context(
         "slack_rows": _SLACK_ROWS if slack else 0,
         "slack_drive": lowest,
     }
+
+
+def _start_force_N(problem: Problem, start_N: float) -> tuple[float, float] | None:
+    """Tension, and a force half way to full slip at it [N]; None where a start in motion does not know the friction."""
+    chain, actuator = problem.chain, problem.transmission.actuator
+    if chain.coulomb_N or chain.layout.friction_states != ("f_s",):
+        return None
+    law = CapstanLaw.of(problem.transmission)
+    force = start_N + 0.5 * (start_N + law.adhesion_N) * math.expm1(law.pull_exponent)
+    inside = all(actuator.force_min_N < at < actuator.force_max_N for at in (start_N, force))
+    return (start_N, force) if inside else None
 
 
 def _table_checksums(table: LookupTable, precision: Precision) -> dict[str, int]:
