@@ -16,7 +16,7 @@ from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal, real_type
 from tendonff.ocp.step.c_engine import link_ratios
 from tendonff.ocp.step.laws import ElementLaws, end_mass, end_mass_tangent, far_velocity, near_force
-from tendonff.ocp.step.render import Limits, StepCode, law_calls
+from tendonff.ocp.step.render import Compliances, Limits, StepCode, law_calls
 from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT
 from tendonff.ocp.step.target import controller_limits, link_compliances
 
@@ -99,11 +99,11 @@ def inverse_free_code(
         folder.fold(near_force(chain.near), fixed=ends["near"] | {"x_c": 0.0, "pull": -1.0}),
         folder.fold(laws.path_mass_inverse(drop=shifted)),
     )
-    compliances: dict[str, float | str] | None = None
+    compliances: Compliances | None = None
     if shifted:
         of_links = link_compliances(chain, precision)
         one, load = literal(1.0, precision), float(chain.far.stiffness_N_per_m)
-        free_load = f"({one} / c->{LOAD_STIFFNESS})" if LOAD_STIFFNESS in names else 1 / load
+        free_load = f"({one} / c->{LOAD_STIFFNESS})" if LOAD_STIFFNESS in names else literal(1 / load, precision)
         compliances = {"q_l": free_load, **of_links}
     return _free_code(chain, folder, weights, folded, names, ("inverse.c.j2",), compliances=compliances)
 
@@ -215,7 +215,7 @@ def _code(
     laws: dict[str, SpecialisedLaw],
     *,
     limits: Limits | None = None,
-    compliances: dict[str, float | str] | None = None,
+    compliances: Compliances | None = None,
 ) -> StepCode:
     return StepCode(
         prefix=prefix,
@@ -239,7 +239,7 @@ def _free_code(
     templates: tuple[str, ...],
     *,
     limits: Limits | None = None,
-    compliances: dict[str, float | str] | None = None,
+    compliances: Compliances | None = None,
 ) -> FreeCode:
     laws = {law.name: law for law in folded}
     gain, linked = laws["link_gain"], any(name.startswith("link_") for name in free)

@@ -14,14 +14,13 @@ from tendonff.ocp.codegen.printer import literal, real_type
 from tendonff.ocp.step.c_engine import link_ratios
 from tendonff.ocp.step.joints import Joints
 from tendonff.ocp.step.laws import ElementLaws, end_mass, far_velocity, near_force
-from tendonff.ocp.step.render import Limits, OnJoints, StepCode
+from tendonff.ocp.step.render import Compliances, Limits, OnJoints, StepCode
 from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT, RESIDUAL_ROUNDING, RESIDUAL_TOLERANCE_N
 from tendonff.ocp.step.target_joints import Contact, contact_code
 
 Weights = tuple[tuple[float, float], ...]
 
 _KINDS = 2
-_LINK_KIND = "((i == 0) || (i == n))"
 _OF_LINKS = (
     "/* What depends on the weight H [s] of the scheme: two rows for the first step (implicit Euler), two for",
     " * every later step (second-order backward differences; `carry` is the share of the last change in the base),",
@@ -188,7 +187,7 @@ def _code(
     laws: tuple[SpecialisedLaw, ...],
     *,
     limits: Limits | None = None,
-    compliances: dict[str, str] | None = None,
+    compliances: Compliances | None = None,
     contact: Contact | None = None,
     free: tuple[str, ...] = (),
 ) -> StepCode:
@@ -230,18 +229,20 @@ def _text(folded: tuple[SpecialisedLaw, ...], contact: Contact | None) -> str:
     return "\n".join(parts)
 
 
-def _compliances(chain: Chain, precision: Precision) -> dict[str, str]:
+def _compliances(chain: Chain, precision: Precision) -> Compliances:
     """What a lasting newton does to the load and to the states of a link, or where links differ of the whole [m/N]."""
+    known: dict[str, str | tuple[str, str]]
     known = {} if chain.far_joint else {"q_l": literal(1 / chain.far.stiffness_N_per_m, precision)}
     if not chain.moving:
         return known | link_compliances(chain, precision)
     stretch, states = chain.link.rest(1.0)
     of_link = {"e": stretch, **dict(zip(chain.link.states, states, strict=True))}
-    return known | {name: literal(float(value), precision) for name, value in of_link.items()}
+    texts = {name: literal(float(value), precision) for name, value in of_link.items()}
+    return known | {name: (text, text) for name, text in texts.items()}
 
 
-def link_compliances(chain: Chain, precision: Precision) -> dict[str, str]:
-    """What a lasting newton does to the states of link i [m/N], as C text.
+def link_compliances(chain: Chain, precision: Precision) -> dict[str, tuple[str, str]]:
+    """What a lasting newton does to the states of an inner link and of one at an end [m/N], as C text.
 
     A float holds a position of centimetres to nanometres only, which a stiff bristle turns into newtons over a hold.
     Relative to what the tension alone would cause, positions are small and their rounding harmless. Double code keeps
@@ -251,12 +252,12 @@ def link_compliances(chain: Chain, precision: Precision) -> dict[str, str]:
     kinds = {"e": [stretch for stretch, _ in rests]}
     kinds |= {name: [states[k] for _, states in rests] for k, name in enumerate(chain.link.states)}
     return {
-        name: f"({_LINK_KIND} ? {literal(float(ends), precision)} : {literal(float(inner), precision)})"
+        name: (literal(float(inner), precision), literal(float(ends), precision))
         for name, (inner, ends) in kinds.items()
     }
 
 
-def _travel(chain: Chain, precision: Precision, compliances: dict[str, str] | None, upper: str) -> str:
+def _travel(chain: Chain, precision: Precision, compliances: Compliances | None, upper: str) -> str:
     """Statements for the travel; where states are relative, from elongations and tensions: rounding adds up nowhere."""
     layout, more = chain.layout, "(tension - self->start)"
     if chain.far_joint is not None or chain.moving:
@@ -264,6 +265,7 @@ def _travel(chain: Chain, precision: Precision, compliances: dict[str, str] | No
     if compliances is None:
         slope = literal(chain.rest_state(1.0).near_position_m, precision)
         return f"    travel = self->x[{layout.part('q_a').start}] - (self->start * {slope});"
+    of_link = "(((i == 0) || (i == n)) ? {1} : {0})".format(*compliances["e"])
     lines = (
         "    {",
         f"        const int32_t n = {upper}_COUNT;",
@@ -271,7 +273,7 @@ def _travel(chain: Chain, precision: Precision, compliances: dict[str, str] | No
         "        int32_t i;",
         f"        travel = self->x[{layout.part('q_l').start}] + ({more} * {compliances['q_l']});",
         "        for (i = n; i >= 0; i--) {",
-        f"            travel += self->x[{layout.part('e').start} + i] + ({more} * {compliances['e']});",
+        f"            travel += self->x[{layout.part('e').start} + i] + ({more} * {of_link});",
         f"            tension += (i > 0) ? self->past.drop[i - 1] : {literal(0.0, precision)};",
         "        }",
         "    }",
