@@ -3,11 +3,13 @@
 import itertools
 from dataclasses import dataclass, replace
 
+import casadi as ca
 import numpy as np
 
 from tendonff.models.chain import Chain
 from tendonff.models.friction import COEFFICIENT_FLOOR
 from tendonff.models.layout import fields_of
+from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal, real_type
@@ -119,8 +121,9 @@ def inverse_code(
     far, rate = {"f_c": 0.0, "x_c": 0.0, "pull": 1.0}, {}
     if compliances is not None:  # the laws depend on tension and position through their balance only
         far["f"], rate["force"] = 0.0, 0.0
+    start = laws.link_start()
     folded = (
-        folder.fold(laws.link_start()),
+        folder.fold(_weighted_sum(start, "e_base", *(f"{s}_base" for s in chain.link.states)) if folder.reorder else start),
         folder.fold(laws.link_rate(), fixed=rate),
         folder.fold(laws.link_states()),
         *(() if chain.far_joint else (folder.fold(far_velocity(), fixed=_end(chain, "far") | far),)),
@@ -139,6 +142,15 @@ def inverse_code(
         travel=_travel(chain, precision, compliances, folder.prefix.upper()),
         free=free,
     )
+
+
+def _weighted_sum(law: Law, *names: str) -> Law:
+    """A law that is linear in these arguments as their weighted sum: the weights are numbers of the chain."""
+    over = [s for s in law.inputs if s.name() in names]
+    outputs = {
+        name: sum((ca.jacobian(value, s) * s for s in over), start=ca.SX(0)) for name, value in law.outputs.items()
+    }
+    return replace(law, outputs=outputs)
 
 
 def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -> ChainCode:
@@ -305,7 +317,14 @@ def _specialiser(
         folder = Specialiser(prefix=prefix, precision=precision, parameters=parameters)
         (gain,) = folder.evaluate(ElementLaws.of(chain).link_gain())
         parameters["gain"] = gain
-    return Specialiser(prefix=prefix, precision=precision, parameters=parameters, reorder=reorder, floors=floors)
+    return Specialiser(
+        prefix=prefix,
+        precision=precision,
+        parameters=parameters,
+        reorder=reorder,
+        floors=floors,
+        steady=() if contact is None else contact.own,
+    )
 
 
 def _snapped(chain: Chain) -> dict[str, float]:

@@ -78,7 +78,12 @@ def contact_code(chain: Chain, joints: Joints, prefix: str, precision: Precision
     known = {name: values[[b.first for b in joints.bends]] for name, values in known.items()}
     known |= {n: np.maximum(values, COEFFICIENT_FLOOR) for n, values in known.items() if n.startswith(_COEFFICIENTS)}
     printer = Specialiser(
-        prefix=prefix, precision=precision, parameters={}, reorder=True, functions={ca.OP_TANH: "short_tanh"}
+        prefix=prefix,
+        precision=precision,
+        parameters={},
+        reorder=True,
+        functions={ca.OP_TANH: "short_tanh"},
+        steady=("pull", "release"),
     )
     printed: dict[tuple[str, ...], str] = {}
     texts, renewed = [], set()
