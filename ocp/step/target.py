@@ -122,8 +122,10 @@ def inverse_code(
     if compliances is not None:  # the laws depend on tension and position through their balance only
         far["f"], rate["force"] = 0.0, 0.0
     start = laws.link_start()
+    if folder.reorder:
+        start = _weighted_sum(start, "e_base", *(f"{name}_base" for name in chain.link.states))
     folded = (
-        folder.fold(_weighted_sum(start, "e_base", *(f"{s}_base" for s in chain.link.states)) if folder.reorder else start),
+        folder.fold(start),
         folder.fold(laws.link_rate(), fixed=rate),
         folder.fold(laws.link_states()),
         *(() if chain.far_joint else (folder.fold(far_velocity(), fixed=_end(chain, "far") | far),)),
