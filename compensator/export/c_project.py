@@ -15,11 +15,19 @@ from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.stream.run import StreamChoice, choose_stream
 from tendonff.compensator.compensators.table import CompensationTable, table_of
 from tendonff.compensator.compensators.table_build import BuiltTable
-from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_golden
+from tendonff.compensator.export.adaptive import adaptive_golden
 from tendonff.compensator.export.golden import golden_vectors
 from tendonff.compensator.export.host import run_on_host
 from tendonff.compensator.export.judgement import Judged, answer_of, judge, judge_stream
-from tendonff.compensator.export.modules import PLANT, c_modules, check_prefix, check_servo, check_tuning, exportable
+from tendonff.compensator.export.modules import (
+    ADAPTIVE_MODULES,
+    PLANT,
+    c_modules,
+    check_prefix,
+    check_servo,
+    check_tuning,
+    exportable,
+)
 from tendonff.compensator.export.self_test import FloatLoss, float_losses, loss_warnings, self_test_context
 from tendonff.compensator.export.text.c_text import (
     accepted_range,
@@ -167,8 +175,7 @@ def export_project(
     notes: tuple[str, ...] = ()
     if scenario.adaptation is not None:
         notes = learnt(problem, tuning_of(problem, scenario.adaptation)).sentences()
-        course = golden.course
-        vectors = adaptive_golden(problem, scenario.adaptation, course.reference_N, course.plant_force_N, precision)
+        vectors = adaptive_golden(problem, scenario.adaptation, golden.course, precision)
         mu = problem.transmission.friction.mu_dynamic
         further["adaptive"] = {
             "golden": vectors,

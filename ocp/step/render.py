@@ -77,12 +77,15 @@ class OnJoints:
         Numbers of friction that differ from bend to bend, or with the joints.
     joints, far_driven : bool
         There are any; one moves the far end.
+    factors : bool, optional
+        Friction carries factors that are known at run time only.
     """
 
     types: str
     own: tuple[str, ...]
     joints: bool
     far_driven: bool
+    factors: bool = False
 
 
 def law_calls(

@@ -3,24 +3,20 @@
 import itertools
 from dataclasses import dataclass, replace
 
-import casadi as ca
 import numpy as np
 
 from tendonff.models.chain import Chain
 from tendonff.models.friction import COEFFICIENT_FLOOR
 from tendonff.models.layout import fields_of
-from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal, real_type
-from tendonff.ocp.step.c_engine import link_ratios
+from tendonff.ocp.step.folding import Weights, chain_specialiser, link_compliances, weighted_sum
 from tendonff.ocp.step.joints import Joints
 from tendonff.ocp.step.laws import ElementLaws, end_mass, far_velocity, near_force
 from tendonff.ocp.step.render import Compliances, Limits, OnJoints, StepCode
 from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT, RESIDUAL_ROUNDING, RESIDUAL_TOLERANCE_N
 from tendonff.ocp.step.target_joints import Contact, contact_code
-
-Weights = tuple[tuple[float, float], ...]
 
 _KINDS = 2
 _OF_LINKS = (
@@ -115,7 +111,8 @@ def inverse_code(
     contact = _contact(chain, prefix, precision, settable=settable)
     if contact is not None and settable:
         left = ("piece_adhesion_N",)
-    folder = _specialiser(chain, weights, prefix, precision, contact, left)
+    floors = {name: 0.0 if name == "piece_adhesion_N" else COEFFICIENT_FLOOR for name in left}
+    folder = chain_specialiser(chain, weights, prefix, precision, contact, left, floors=floors)
     laws = ElementLaws.of(chain, folded=settable) if contact is None else contact.laws
     compliances = None if precision is Precision.DOUBLE else _compliances(chain, precision)
     far, rate = {"f_c": 0.0, "x_c": 0.0, "pull": 1.0}, {}
@@ -123,7 +120,7 @@ def inverse_code(
         far["f"], rate["force"] = 0.0, 0.0
     start = laws.link_start()
     if folder.reorder:
-        start = _weighted_sum(start, "e_base", *(f"{name}_base" for name in chain.link.states))
+        start = weighted_sum(start, "e_base", *(f"{name}_base" for name in chain.link.states))
     folded = (
         folder.fold(start),
         folder.fold(laws.link_rate(), fixed=rate),
@@ -146,15 +143,6 @@ def inverse_code(
     )
 
 
-def _weighted_sum(law: Law, *names: str) -> Law:
-    """A law that is linear in these arguments as their weighted sum: the weights are numbers of the chain."""
-    over = [s for s in law.inputs if s.name() in names]
-    outputs = {
-        name: sum((ca.jacobian(value, s) * s for s in over), start=ca.SX(0)) for name, value in law.outputs.items()
-    }
-    return replace(law, outputs=outputs)
-
-
 def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -> ChainCode:
     """The time step.
 
@@ -171,7 +159,7 @@ def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -
     pieces = tuple((step_s / 2**k, 0.0) for k in range(1, limits.splits + 1))
     weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY), *pieces)
     contact = _contact(chain, prefix, precision)
-    folder, laws = _specialiser(chain, weights, prefix, precision, contact, whole=False), _laws(chain, contact)
+    folder, laws = chain_specialiser(chain, weights, prefix, precision, contact, whole=False), _laws(chain, contact)
     near, far = {"pull": -1.0}, {"x_c": 0.0, "f_c": 0.0, "pull": 1.0}
     if not chain.near.stiffness_N_per_m:
         near["x_c"] = 0.0
@@ -205,14 +193,7 @@ def _code(
     contact: Contact | None = None,
     free: tuple[str, ...] = (),
 ) -> StepCode:
-    on_joints = None
-    if contact is not None:
-        on_joints = OnJoints(
-            types=folder.prefix.rpartition("_")[0],
-            own=contact.own,
-            joints=chain.motion is not None,
-            far_driven=chain.far_joint is not None,
-        )
+    types = folder.prefix.rpartition("_")[0]
     return StepCode(
         prefix=folder.prefix,
         precision=folder.precision,
@@ -225,8 +206,19 @@ def _code(
         free=free,
         compliances=compliances,
         moving=contact is not None,
-        on_joints=on_joints,
+        on_joints=None if contact is None else on_joints(chain, types, contact),
         held=folder.precision is Precision.FLOAT and chain.near.stiffness_N_per_m > 0,
+    )
+
+
+def on_joints(chain: Chain, types: str, contact: Contact, *, factors: bool = False) -> OnJoints:
+    """What a controller keeps of a chain's path; see `OnJoints`."""
+    return OnJoints(
+        types=types,
+        own=contact.own,
+        joints=chain.motion is not None,
+        far_driven=chain.far_joint is not None,
+        factors=factors,
     )
 
 
@@ -244,31 +236,10 @@ def _text(folded: tuple[SpecialisedLaw, ...], contact: Contact | None) -> str:
 
 
 def _compliances(chain: Chain, precision: Precision) -> Compliances:
-    """What a lasting newton does to the load and to the states of a link, or where links differ of the whole [m/N]."""
+    """What a lasting newton does to the load and to the states of a link [m/N]."""
     known: dict[str, str | tuple[str, str]]
     known = {} if chain.far_joint else {"q_l": literal(1 / chain.far.stiffness_N_per_m, precision)}
-    if not chain.moving:
-        return known | link_compliances(chain, precision)
-    stretch, states = chain.link.rest(1.0)
-    of_link = {"e": stretch, **dict(zip(chain.link.states, states, strict=True))}
-    texts = {name: literal(float(value), precision) for name, value in of_link.items()}
-    return known | {name: (text, text) for name, text in texts.items()}
-
-
-def link_compliances(chain: Chain, precision: Precision) -> dict[str, tuple[str, str]]:
-    """What a lasting newton does to the states of an inner link and of one at an end [m/N], as C text.
-
-    A float holds a position of centimetres to nanometres only, which a stiff bristle turns into newtons over a hold.
-    Relative to what the tension alone would cause, positions are small and their rounding harmless. Double code keeps
-    the states themselves, and so agrees with the Python model to rounding.
-    """
-    rests = [chain.link.shortened(ratio).rest(1.0) for ratio in link_ratios(chain.elements.ratio)]
-    kinds = {"e": [stretch for stretch, _ in rests]}
-    kinds |= {name: [states[k] for _, states in rests] for k, name in enumerate(chain.link.states)}
-    return {
-        name: (literal(float(inner), precision), literal(float(ends), precision))
-        for name, (inner, ends) in kinds.items()
-    }
+    return known | link_compliances(chain, precision)
 
 
 def _travel(chain: Chain, precision: Precision, compliances: Compliances | None, upper: str) -> str:
@@ -293,51 +264,6 @@ def _travel(chain: Chain, precision: Precision, compliances: Compliances | None,
         "    }",
     )
     return "\n".join(lines)
-
-
-def _specialiser(
-    chain: Chain,
-    weights: Weights,
-    prefix: str,
-    precision: Precision,
-    contact: Contact | None,
-    free: tuple[str, ...] = (),
-    *,
-    whole: bool = True,
-) -> Specialiser:
-    """What folds the laws; on a moving path a link is the whole tendon, or with `whole` unset its ratio is unknown."""
-    reorder = precision is Precision.FLOAT or contact is not None
-    ratios = link_ratios(chain.elements.ratio) if contact is None else (1.0,)
-    rows = [(weight, ratio) for weight, _ in weights for ratio in ratios]
-    numbers = _snapped(chain) if contact is None else contact.constants
-    parameters = {name: (value,) * len(rows) for name, value in numbers.items() if name not in free}
-    parameters["H"] = tuple(weight for weight, _ in rows)
-    floors = {name: 0.0 if name == "piece_adhesion_N" else COEFFICIENT_FLOOR for name in free}
-    floors |= {} if contact is None else contact.floors
-    if whole or contact is None:
-        parameters["ratio"] = tuple(ratio for _, ratio in rows)
-        folder = Specialiser(prefix=prefix, precision=precision, parameters=parameters)
-        (gain,) = folder.evaluate(ElementLaws.of(chain).link_gain())
-        parameters["gain"] = gain
-    return Specialiser(
-        prefix=prefix,
-        precision=precision,
-        parameters=parameters,
-        reorder=reorder,
-        floors=floors,
-        steady=() if contact is None else contact.own,
-    )
-
-
-def _snapped(chain: Chain) -> dict[str, float]:
-    """Coefficients that differ by rounding only are made equal, so that no code is spent on the difference."""
-    numbers = chain.numbers()
-    names = [name for name in numbers if name.startswith("friction_")]
-    for k, name in enumerate(names):
-        for other in names[:k]:
-            if abs(numbers[name] - numbers[other]) <= 1e-14 * abs(numbers[other]):
-                numbers[name] = numbers[other]
-    return numbers
 
 
 def _end(chain: Chain, which: str) -> dict[str, float]:

@@ -17,8 +17,8 @@ from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.stream.model import RE_ENTRY_S
 from tendonff.compensator.compensators.table import table_range
 from tendonff.compensator.compensators.table_build import BuiltTable
-from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_code
-from tendonff.compensator.export.modules import PLANT, STREAM
+from tendonff.compensator.export.adaptive import adaptive_code
+from tendonff.compensator.export.modules import ADAPTIVE_MODULES, PLANT, STREAM
 from tendonff.compensator.export.packaging import packed
 from tendonff.compensator.export.text.parameters import parameter_context, settable_inverse
 from tendonff.compensator.export.text.path_text import padded, path_bytes, path_context

@@ -1,21 +1,20 @@
-"""The study where joints move the path, and what is not exported there."""
+"""Where joints move the path: the study, and the exported tuner around an independent plant."""
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from tendonff.compensator.adapt.result import Scheme
 from tendonff.compensator.adapt.run import adapt
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES
-from tendonff.compensator.export.text.c_text import c_sources
-from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.adaptation import Adaptation
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.ocp.adaptation.tuning import Sensor
 from tendonff.ocp.codegen.compiler import find_compiler
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import CodeError
+from tests.moving_plant import MovingPlant
 
 
 @pytest.fixture(scope="module")
@@ -42,9 +41,45 @@ def test_friction_that_is_off_is_tuned_away_while_joints_move(moving, monkeypatc
     assert study.interval is None
 
 
-def test_the_tuner_is_not_exported_for_a_path_that_moves(moving):
-    with pytest.raises(InputError, match="not exported as C or FMU yet; leave the table out here"):
-        c_sources(moving, Problem.of(moving), ADAPTIVE_MODULES, Precision.DOUBLE, "tff")
+@pytest.fixture(scope="module")
+def problem(moving):
+    return Problem.of(moving)
+
+
+@pytest.fixture(scope="module", params=Precision)
+def exported(moving, problem, tuner_of, request):
+    """Exported C, at rest."""
+    return tuner_of(moving, problem, request.param)
+
+
+@pytest.mark.compiler
+@pytest.mark.parametrize("mu", [0.8, 1.2])
+def test_exported_it_finds_friction_that_is_20_percent_off_on_an_independent_plant(
+    exported, problem, mu, record_property
+):
+    """60 masses at half the step; joint angles measured, 20 um of noise, two samples of delay."""
+    reference, rig = problem.reference, problem.transmission
+    friction = replace(rig.friction, mu_dynamic=mu * rig.friction.mu_dynamic, mu_static=mu * rig.friction.mu_static)
+    plant = MovingPlant(replace(rig, friction=friction), reference.initial_tension_N, reference.step_s / 2, 15)
+    angles = problem.chain.motion.at(reference.time_s)
+    noise = 2e-5 * np.random.default_rng(1).normal(size=len(angles))
+    exported.begin_at(reference.initial_tension_N, angles[0])
+    force, position, seen, tension = reference.initial_tension_N, 0.0, [], []
+    for k in range(1, len(angles)):
+        seen.append(position + noise[k])
+        new = exported.step(reference.tension_N[k], seen[max(0, k - 3)], angles[k])
+        for part in (0.5, 1.0):
+            output = plant.step(force + part * (new - force))
+            position += plant.h * float(plant.v[0])
+        force = new
+        tension.append(output)
+    late = slice(round(2 / reference.step_s), None)
+    error = np.array(tension)[late] - reference.tension_N[1:][late]
+    left = 100 * float(np.sqrt(np.mean(error**2))) / reference.range_N
+    record_property("figure", f"moving path, exported C, actuator's position, mu {mu:g}: {left:.2f} % of range")
+    assert left <= 0.8
+    assert exported.mu == pytest.approx(mu * rig.friction.mu_dynamic, rel=0.02)
+    assert exported.status == 0
 
 
 def test_without_a_compiler_it_is_said_what_brings_one(moving, monkeypatch):

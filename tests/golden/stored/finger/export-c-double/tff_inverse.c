@@ -157,7 +157,6 @@ static double tff_inverse_invert_step(
     double rate;
     double v;
     double f = reference;
-    double near_f;
     double f_c;
     double low = reference;
     int i = n;
@@ -186,6 +185,7 @@ static double tff_inverse_invert_step(
         v += rate;
 }
     do {
+        double near_f;
         const double v_now = x[i];
         const double v_base = v_now + (carry * (v_now - x_old[i]));
         double *const f_s = &x[((3 * n) + 4) + (i - 1)];
@@ -211,15 +211,15 @@ static double tff_inverse_invert_step(
 }
     } while (i > 0);
     {
-        const double e_now = x[(n + 2) + 0];
-        const double e_base = e_now + (carry * (e_now - x_old[(n + 2) + 0]));
-        const double z_now = x[((2 * n) + 3) + 0];
-        const double z_base = z_now + (carry * (z_now - x_old[((2 * n) + 3) + 0]));
-        x_old[(n + 2) + 0] = e_now;
-        x_old[((2 * n) + 3) + 0] = z_now;
+        const double e_now = x[(n + 2) + i];
+        const double e_base = e_now + (carry * (e_now - x_old[(n + 2) + i]));
+        const double z_now = x[((2 * n) + 3) + i];
+        const double z_base = z_now + (carry * (z_now - x_old[((2 * n) + 3) + i]));
+        x_old[(n + 2) + i] = e_now;
+        x_old[((2 * n) + 3) + i] = z_now;
         tff_inverse_link_start((&c[1]), e_base, z_base, &start);
         tff_inverse_link_rate((&c[1]), f, start, &rate);
-        tff_inverse_link_states((&c[1]), rate, e_base, z_base, &x[(n + 2) + 0], &x[((2 * n) + 3) + 0]);
+        tff_inverse_link_states((&c[1]), rate, e_base, z_base, &x[(n + 2) + i], &x[((2 * n) + 3) + i]);
         v += rate;
 }
     {
