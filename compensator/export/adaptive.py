@@ -19,6 +19,9 @@ from tendonff.ocp.codegen.precision import Precision
 _RIG = 1.1
 """Factor on friction of the rig behind the golden vectors."""
 
+_COAST_S = 0.05
+"""Time in which joints whose angles are missing come to rest [s]."""
+
 _FRICTION = (Tunable.MU, Tunable.MU_PULL, Tunable.MU_RELEASE)
 _MEASURED = {
     Sensor.OUTPUT_TENSION: "the output tension [N]",
@@ -58,6 +61,7 @@ def adaptive_code(problem: Problem, settings: Adaptation, precision: Precision, 
         "header": code.header,
         "source": code.source,
         "tuning": tuning,
+        "coast": math.exp(-problem.reference.step_s / _COAST_S),
         "tuning_reals": REALS,
         "tuning_value": lambda name: getattr(tuning, name),
         "sensor_index": int(tuning.sensor is Sensor.ACTUATOR_POSITION),

@@ -106,7 +106,7 @@ def contact_code(
     for k, bend in enumerate(joints.bends):
         if bend.joint < 0 and not settable:
             continue
-        for alike in (False, True) if settable else (False,):
+        for alike in (False, True) if settable and bend.joint >= 0 else (False,):
             factors = ("pull", "pull" if alike else "release") if settable else ()
             law = _contact_law(chain, bend.first, twins, factors, slopes=slopes)
             renewed |= set(law.outputs)
@@ -125,7 +125,7 @@ def contact_code(
     ) or ("piece_mass_kg",)
     more = ", {0} pull, {0} release".format(real_type(precision)) if settable else ""
     head = f"const {types}_path *path, {prefix}_contact *contact{more}"
-    if settable and all(calls[True][k].split("(")[0] == text.split("(")[0] for k, text in calls[False].items()):
+    if all(calls[False][k].split("(")[0] == text.split("(")[0] for k, text in calls[True].items()):
         calls[True] = {}
     moving = {alike: [t for k, t in made.items() if joints.bends[k].joint >= 0] for alike, made in calls.items()}
     init = [
