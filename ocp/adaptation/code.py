@@ -15,7 +15,7 @@ from tendonff.models.fidelity import Level
 from tendonff.models.layout import fields_of
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.adaptation.recursion import covariance_names, trust_law, update_law
-from tendonff.ocp.adaptation.tuning import GATE, MAX_DELAY, PEAK, Tunable
+from tendonff.ocp.adaptation.tuning import DOUBTED, GATE, MAX_DELAY, PEAK, Tunable
 from tendonff.ocp.codegen.compiler import find_compiler, load_library
 from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
@@ -195,6 +195,7 @@ def tuner_context(tuned: TunedChain, precision: Precision, *, prefix: str, past:
         "past": past,
         "gate": GATE,
         "peak": PEAK,
+        "doubted": DOUBTED,
         "reals": layout.size,
         "masses": chain.count,
         "numbers": list(chain.numbers()),
