@@ -143,7 +143,7 @@ def export_project(
         "profile_loops": problem.reference.periodic,
         "profile_bytes": (4 if precision is Precision.FLOAT else 8) * len(profile_N),
     }
-    choice = None if scenario.joints else choose_stream(problem, scenario.stream, accepted_range(problem))
+    choice = choose_stream(problem, scenario.stream, accepted_range(problem))
     stream = None if choice is None else choice.picked.design
     golden = golden_vectors(problem, table, precision, stream=stream)
     losses: tuple[FloatLoss, ...] = ()
@@ -153,16 +153,15 @@ def export_project(
         modules = tuple(m for m in c_modules(scenario, stream is not None) if m not in ADAPTIVE_MODULES)
         every = c_sources(scenario, problem, modules, precision, prefix, numbers)
         followed = dict.fromkeys(golden.jumps.columns, problem.reference.tension_N)
-        live = {} if golden.live is None else golden.live.inputs_N
-        inputs = [golden.course.inputs_N, golden.jumps.inputs_N, live, followed]
-        angles = [golden.course.joint_rad, golden.jumps.joint_rad, np.empty(0), _joint_rad(problem)]
+        live = ({}, np.empty(0)) if golden.live is None else (golden.live.inputs_N, golden.live.joint_rad)
+        inputs = [golden.course.inputs_N, golden.jumps.inputs_N, live[0], followed]
+        angles = [golden.course.joint_rad, golden.jumps.joint_rad, live[1], _joint_rad(problem)]
         found = run_on_host(every, prefix, precision, inputs, angles if scenario.joints else ())
         if found is not None:
             losses = float_losses(golden.course, found[0], problem)
             forces |= found[3]
     judged = judge(problem, forces)
-    if not scenario.joints:
-        judged = (*judged, judge_stream(judged, choice, problem))
+    judged = (*judged, judge_stream(judged, choice, problem))
     modules, faults = _chosen(judged, c_modules(scenario, stream is not None), force_export=force_export)
     further: dict[str, object] = {
         **numbers,

@@ -125,6 +125,7 @@ def test_the_folder_says_what_the_joints_are_and_passes_its_own_test(folder):
     assert [joint["name"] for joint in content["joints"]] == ["knuckle", "middle"]
     assert content["table"] is None
     assert content["capstan"] is None
+    assert "passes stream: golden vectors of a live reference" in said.stdout
     assert not (folder / "tff_capstan.c").exists()
     assert not (folder / "tff_table.c").exists()
     assert "`knuckle` (-2 to" in (folder / "README.md").read_text()  # where the section would have no length
