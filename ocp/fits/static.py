@@ -70,6 +70,9 @@ P = StaticParameter
 ORDER = tuple(StaticParameter)
 
 SPREADS = (P.BRISTLE_SPREAD, P.PULL_SPREAD, P.RELEASE_SPREAD)
+CHUNK = 2048
+"""Rows that one call of a law steps through."""
+
 PLAYS = 8
 PLACES = tuple((2 * k + 1) / PLAYS - 1 for k in range(PLAYS))
 """Of the plays' bounds in their spread, evenly from -1 to 1."""
@@ -201,15 +204,22 @@ def _bristle_step() -> _Step:
     return _with_slopes(f_s, signals, parameters, start, after, far + ca.sum1(after) + beside)
 
 
-@functools.lru_cache(maxsize=64)
-def _accumulated(law: _Step, count: int) -> ca.Function:
-    return law.step.mapaccum(f"run_{count}", count)
+@functools.lru_cache(maxsize=8)
+def _accumulated(law: _Step) -> ca.Function:
+    return law.step.mapaccum("rows", CHUNK)
 
 
 def _run(law: _Step, values: Mapping[StaticParameter, float], signals: Array) -> Response:
+    """Step through all rows, a chunk at a time: a function of one length is made once."""
     numbers = ca.DM([values.get(k, NEUTRAL[k]) for k in ORDER])
-    run = _accumulated(law, signals.shape[1])
-    start = law.start(signals[:, 0], numbers)
-    _, found = run(start, signals, ca.repmat(numbers, 1, signals.shape[1]))
-    rows = np.asarray(found).T
+    run, state = _accumulated(law), law.start(signals[:, 0], numbers)
+    count = signals.shape[1]
+    # The last row is repeated to fill the last chunk, and its answers are dropped.
+    whole = np.concatenate([signals, np.repeat(signals[:, -1:], -count % CHUNK, axis=1)], axis=1)
+    given, parts = ca.repmat(numbers, 1, CHUNK), []
+    for start in range(0, whole.shape[1], CHUNK):
+        states, found = run(state, whole[:, start : start + CHUNK], given)
+        state = states[:, -1]
+        parts.append(np.asarray(found).T)
+    rows = np.concatenate(parts)[:count]
     return Response(prediction_N=rows[:, 0].copy(), slopes=rows[:, 1:].copy())
