@@ -8,13 +8,12 @@ from numpy.typing import NDArray
 from tendonff.compensator.identification.fitted import Fitted
 from tendonff.compensator.identification.fitting.delay import Delay
 from tendonff.compensator.identification.fitting.dynamic import DynamicFit
-from tendonff.compensator.identification.fitting.model_selection import StaticSelection
 from tendonff.compensator.identification.fitting.sliding_ratio import SlidingRatio
 from tendonff.compensator.identification.measured.cleaning import Record
 from tendonff.compensator.identification.measured.reading import DataIssue
 from tendonff.compensator.identification.outcome import Outcome
 from tendonff.compensator.identification.result import PieceComparison
-from tendonff.ocp.fits.static import SPREADS, StaticParameter
+from tendonff.ocp.fits.static import StaticParameter
 
 Array = NDArray[np.float64]
 P = StaticParameter
@@ -127,18 +126,19 @@ def about_no_law(outcome: Outcome, failure: str, sliding: Sequence[SlidingRatio]
     )
 
 
-def about_fitted(
-    fitted: Fitted, stage: StaticSelection | None, chain: DynamicFit | None, records: Sequence[Record]
-) -> list[str]:
-    """What the law has and a scenario has no place for, or a place that is easily overlooked."""
+def about_fitted(fitted: Fitted, records: Sequence[Record]) -> list[str]:
+    """What the law has that a design does not, or not in all of its profiles."""
     found = []
-    foreign = [] if chain is not None or stage is None else [k for k in (P.GUIDE, *SPREADS) if stage.fit.values[k] != 0]
-    if foreign:
-        guide = "; add the guide's friction force by hand" if P.GUIDE in foreign else ""
+    if fitted.chain_percent is not None:
         found.append(
-            f"a scenario has no key for {', '.join(foreign)}: fitted.toml has the other values fitted again without"
-            f"{guide}"
+            "the law is static, and [friction] of fitted.toml has all of it; the chain of the same values leaves "
+            f"{fitted.chain_percent:.2f} % of range on these files"
         )
+    spread = fitted.scenario.measurement.bristle_spread
+    guide = fitted.scenario.measurement.guide_stiffness_N_per_m
+    if spread or guide:
+        keys = ", ".join(k for k, v in (("guide_stiffness_N_per_m", guide), ("bristle_spread", spread)) if v)
+        found.append(f"{keys} of this law are kept in [measurement] of fitted.toml; they are no part of a design")
     if any(fitted.offsets_N):
         shown = ", ".join(f"{end} {v:.4g} N" for end, v in zip(("input", "output"), fitted.offsets_N, strict=True) if v)
         place = (

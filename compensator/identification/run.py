@@ -129,7 +129,7 @@ def identify(
     if not failure:
         say("replay of the fitted scenario")
         fitted, replayed = _carried_on(scenario, stage, chain, records, static_only=static_only)
-        warnings += about_fitted(fitted, stage, chain, records)
+        warnings += about_fitted(fitted, records)
         warnings += about_uneven_path(chain, scenario.transmission.path.total_angle_rad)
     of_drive = drive_estimate(scenario, raw[: len(fit_files)])
     if of_drive is not None:
@@ -254,7 +254,7 @@ def _carried_on(
     elif stage is not None:
         fitted = scenario_of_static(scenario, stage, records, static_only=static_only)
     explain = Explain.POSITION if stage is None else stage.fit.explain
-    return fitted, pooled_percent(replay(fitted, explain, records, static_only=static_only), records, explain)
+    return fitted, pooled_percent(replay(fitted, explain, records), records, explain)
 
 
 def _positions_of(records: Sequence[Record]) -> list[str]:

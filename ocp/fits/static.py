@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from tendonff.models.bounds import play
 from tendonff.models.friction import LuGreBristle
+from tendonff.models.spread_bounds import PLACES, PLAYS, sliding_exponent
 
 Array = NDArray[np.float64]
 
@@ -72,10 +73,6 @@ ORDER = tuple(StaticParameter)
 SPREADS = (P.BRISTLE_SPREAD, P.PULL_SPREAD, P.RELEASE_SPREAD)
 CHUNK = 2048
 """Rows that one call of a law steps through."""
-
-PLAYS = 8
-PLACES = tuple((2 * k + 1) / PLAYS - 1 for k in range(PLAYS))
-"""Of the plays' bounds in their spread, evenly from -1 to 1."""
 
 NEUTRAL: Mapping[StaticParameter, float] = {
     **dict.fromkeys(StaticParameter, 0.0),
@@ -157,6 +154,14 @@ def _with_slopes(state: ca.SX, signals: ca.SX, parameters: ca.SX, start: ca.SX, 
             [ca.vertcat(after, ca.vec(after_slopes)), ca.vertcat(output, output_slopes.T)],
             {"cse": True},
         ),
+    )
+
+
+def in_gross_sliding(values: Mapping[StaticParameter, float]) -> tuple[float, float]:
+    """Mu theta at which all plays slip, pulling and releasing; the law's own exponents where there is one play."""
+    return (
+        -sliding_exponent(-values[P.PULL], values[P.PULL_SPREAD]),
+        sliding_exponent(values[P.RELEASE], values[P.RELEASE_SPREAD]),
     )
 
 
