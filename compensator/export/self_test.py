@@ -147,7 +147,7 @@ def self_test_context(
         "jump_bits": {name: int(value) for name, value in bits.items()},
         "plant_ends": (float(ends.near_position_m[-1]), float(ends.far_position_m[-1])),
         "settable": {
-            "capstan": ("adhesion", *_bounds(CapstanLaw.of(problem.transmission))),
+            "capstan": (*_bounds(CapstanLaw.of(problem.transmission)), "adhesion"),
             "inverse": ("mu", "adhesion", *settable_numbers(problem)),
         },
         "narrow_N": (least + 0.25 * (min(most, 1e6) - least), least + 0.75 * (min(most, 1e6) - least)),
