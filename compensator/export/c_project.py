@@ -24,7 +24,6 @@ from tendonff.compensator.export.modules import (
     PLANT,
     c_modules,
     check_prefix,
-    check_servo,
     check_tuning,
     exportable,
 )
@@ -124,7 +123,6 @@ def export_project(
         If there is no profile that may be exported, or nothing is better than no compensation; the message says why.
     """
     check_prefix(prefix)
-    check_servo(scenario)
     check_tuning(scenario)
     problem = Problem.of(scenario, level=level)
     warnings = problem.reference.warnings

@@ -35,21 +35,6 @@ _KEYWORDS = frozenset(
 )
 
 
-def check_servo(scenario: Scenario) -> None:
-    """Refuse what cannot be printed for a controller yet: a position servo on a path in sections or that moves.
-
-    Raises
-    ------
-    InputError
-    """
-    path, load = scenario.transmission.path, scenario.transmission.load
-    if scenario.transmission.actuator.drive is Drive.POSITION and (path.sections or load.joint is not None):
-        raise InputError(
-            f'{scenario.source.name} [actuator]: drive = "position" on a path in sections is not exported yet; play a '
-            'command column of profile.csv (design), or export with drive = "force"'
-        )
-
-
 def check_tuning(scenario: Scenario) -> None:
     """Refuse self-tuning behind a position servo: the tuner's model is driven by the force that was applied.
 

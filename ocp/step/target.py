@@ -52,6 +52,7 @@ class ChainCode:
         Record of friction on a bend, where the path moves or has sections; else empty.
     travel : str
         Statements that set `travel` to that of the actuator's end since the rest under `self->start`; of the inverse.
+        On a path in sections to its position but for a constant.
     free : tuple of str, optional
         Numbers of the chain that the inverse takes as arguments.
     """
@@ -138,7 +139,7 @@ def inverse_code(
         body=code.render("inverse.c.j2"),
         rest=_rest(chain, precision, relative=compliances is not None),
         contact=contact.record if contact else "",
-        travel=_travel(chain, precision, compliances, folder.prefix.upper()),
+        travel=_travel(chain, precision, compliances, folder.prefix),
         free=free,
     )
 
@@ -242,11 +243,11 @@ def _compliances(chain: Chain, precision: Precision) -> Compliances:
     return known | link_compliances(chain, precision)
 
 
-def _travel(chain: Chain, precision: Precision, compliances: Compliances | None, upper: str) -> str:
+def _travel(chain: Chain, precision: Precision, compliances: Compliances | None, prefix: str) -> str:
     """Statements for the travel; where states are relative, from elongations and tensions: rounding adds up nowhere."""
-    layout, more = chain.layout, "(tension - self->start)"
-    if chain.far_joint is not None or chain.moving:
-        return ""  # no module tells a travel there
+    layout, more, upper = chain.layout, "(tension - self->start)", prefix.upper()
+    if chain.moving:
+        return _position(chain, precision, compliances, prefix)
     if compliances is None:
         slope = literal(chain.rest_state(1.0).near_position_m, precision)
         return f"    travel = self->x[{layout.part('q_a').start}] - (self->start * {slope});"
@@ -263,6 +264,32 @@ def _travel(chain: Chain, precision: Precision, compliances: Compliances | None,
         "        }",
         "    }",
     )
+    return "\n".join(lines)
+
+
+def _position(chain: Chain, precision: Precision, compliances: Compliances | None, prefix: str) -> str:
+    """The same on a path in sections, but for a constant; what the path gains takes the end back."""
+    layout, types, joints = chain.layout, prefix.rpartition("_")[0], Joints.of(chain)
+    if compliances is None:
+        return f"    travel = self->x[{layout.part('q_a').start}];"
+    link = f"self->path.link[{types}_path_link_of[i]]"
+    stretched = f"(self->past.tension[i] * {link}.length) * {compliances['e'][0]}"
+    far = f"self->x[{layout.part('q_l').start}] + (self->past.reference * {compliances.get('q_l')})"
+    lines = [
+        "    {",
+        f"        const int32_t n = {prefix.upper()}_COUNT;",
+        "        int32_t i;",
+        f"        travel = {literal(0.0, precision) if chain.far_joint else far};",
+        "        for (i = n; i >= 0; i--) {",
+        f"            travel += self->x[{layout.part('e').start} + i] + ({stretched});",
+        "        }",
+        *(
+            f"        travel += self->path.joint[{k}] * {literal(gained, precision)};"
+            for k, gained in enumerate(joints.near_m)
+            if gained
+        ),
+        "    }",
+    ]
     return "\n".join(lines)
 
 

@@ -239,7 +239,7 @@ def _context(
     }
     past += count + 2 if past and joints else 0
     servo = actuator.servo_stiffness_N_per_m  # None for a force drive
-    past += 1 if servo else 0
+    past += (2 if joints else 1) if servo else 0
     free = 5 if chain.friction.weakening_speed_m_per_s is not None else 3
     free = 1 if joints else free
     state = {

@@ -90,7 +90,7 @@ def test_friction_and_load_both_off_are_said_and_cost_nothing(bench, reference, 
 
 
 @pytest.mark.parametrize(
-    ("sensor", "duration_s", "most"), [(s, d, m) for s in Sensor for d, m in ((4, 2.5), (60, 0.5))]
+    ("sensor", "duration_s", "most"), [(s, d, m) for s in Sensor for d, m in ((4, 3.0), (60, 0.5))]
 )
 def test_friction_that_drifts_is_followed(bench, reference, sensor, duration_s, most, record_property):
     """By 30 % in a minute, and as fast as the memory allows, in four seconds; own chain of 40 masses."""
