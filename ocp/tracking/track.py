@@ -121,8 +121,8 @@ def _solve(
         calm = _search(sober, inversion, options, progress)
         promised, left = (float(np.sqrt(f.evaluation.squares.max())) for f in (found, calm))
         caution = (
-            f"a force that shakes promises {promised:.3g} N rms by pumping the bristles, which stiff bristles and the "
-            f"static law deny; this profile holds with stiff bristles as well, and leaves {left:.3g} N rms at worst"
+            f"a force that shakes promises {promised:.3g} N RMS by pumping the bristles, which stiff bristles and the "
+            f"static law deny; this profile holds with stiff bristles as well, and leaves {left:.3g} N RMS at worst"
         )
         cautions = (caution,)
         found = calm
