@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -121,6 +121,14 @@ class Simulator:
     def state(self) -> ChainState:
         """Where the chain is now."""
         return ChainState.from_vector(self._memory.x, self._chain.layout, self._memory.time_s)
+
+    def checkpoint(self) -> StepperMemory:
+        """What `restore` goes back to."""
+        return replace(self._memory, x=self._memory.x.copy(), x_old=self._memory.x_old.copy())
+
+    def restore(self, memory: StepperMemory) -> None:
+        """Go back to a checkpoint, which stays good for more."""
+        self._memory = replace(memory, x=memory.x.copy(), x_old=memory.x_old.copy())
 
     def advance(self, inputs: ChainInputs, record: bool = False) -> Rows:
         """Advance over inputs at the ends of the coming steps.

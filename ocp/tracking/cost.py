@@ -1,5 +1,6 @@
 """What a profile costs, and the Gauss-Newton model of the cost in changes of the force at knots."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,8 @@ from tendonff.ocp.sensitivity import force_sensitivity
 from tendonff.ocp.simulate import Outcome, simulate
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.diagnosis import reversals
-from tendonff.ocp.tracking.problem import Goal, TensionBounds, TrackingProblem
+from tendonff.ocp.tracking.motion import INSIDE
+from tendonff.ocp.tracking.problem import Goal, MotionBound, TensionBounds, TrackingProblem
 
 Knots = NDArray[np.int_]
 
@@ -111,7 +113,7 @@ def evaluate(problem: TrackingProblem, force_N: Array) -> Evaluation:
     squares = errors.mean(axis=1)
     mean, slopes = power_mean(squares, goal.power)
     low, high = min(float(t[1:].min()) for t in tensions), max(float(t[1:].max()) for t in tensions)
-    beyond = max(bounds.low_N - low, high - bounds.high_N, *(_motion_beyond_N(problem, x) for x in travels), 0.0)
+    beyond = max(bounds.low_N - low, high - bounds.high_N, *_motion_beyond_N(problem, force_N, travels), 0.0)
     cost = goal.effort_weight * force_N**2 / len(force_N)
     cost[1:] += goal.travel_weight * _smooth_travel(goal, force_N)[0]
     # A slack link carries no force however slack it is, so its depth says nothing: the cost of slack is its own.
@@ -133,18 +135,12 @@ def _smooth_travel(goal: Goal, force_N: Array) -> tuple[Array, Array]:
     return size - goal.least_travel_N, 1 / size
 
 
-INSIDE = 5e-3
-"""The search aims so far inside the speed and the travel, so that other plants than the model keep them too."""
-
-
-def _motion_beyond_N(problem: TrackingProblem, travel_m: Array) -> float:
-    """Largest excess of a motion over its limits, as a tension [N]."""
-    motion, scale = problem.limits.motion, problem.newtons
-    if not motion.binds:
-        return 0.0
-    speed, range_m = motion.excess(travel_m, problem.step_s)
-    found = (float(speed.max()) * scale.per_speed_N_s_per_m, float(range_m.max()) * scale.per_travel_N_per_m)
-    return max((x for x in found if x > 0), default=0.0)  # an excess over an infinite limit is no number
+def _motion_beyond_N(problem: TrackingProblem, force_N: Array, travels_m: list[Array]) -> Iterator[float]:
+    """Largest excess of each plant's motion over each of its bounds, as a tension [N]."""
+    for plant, travel in zip(problem.plants, travels_m, strict=True):
+        for bound in plant.bounds:
+            value = bound.sums(force_N, travel, problem.step_s)
+            yield bound.newtons * max(bound.low - float(value.min()), float(value.max()) - bound.high)
 
 
 def gauss_newton_model(
@@ -165,7 +161,8 @@ def gauss_newton_model(
     """
     goal, bounds, n, k = problem.goal, problem.bounds, len(force_N), len(knots)
     # A position remembers for ever: cut off, its slopes would jump and tell of speeds that are not there.
-    wiped = np.full(k, n) if problem.limits.motion.binds else _wiped_rows(goal.reference_N, knots)
+    moves = any(plant.bounds for plant in problem.plants)
+    wiped = np.full(k, n) if moves else _wiped_rows(goal.reference_N, knots)
     _, slopes = power_mean(evaluation.squares, goal.power)
     hessian, gradient = np.zeros((k, k)), np.zeros(k)
     rows, lows, highs = [np.empty((0, k))], [np.empty(0)], [np.empty(0)]
@@ -180,7 +177,7 @@ def gauss_newton_model(
             knots,
             state=plant.state,
             watched_rows=seen,
-            ends=problem.limits.motion.binds,
+            ends=bool(plant.bounds),
             wiped_rows=wiped,
         )
         output = found.tension_slopes[:, -1, :]
@@ -192,8 +189,10 @@ def gauss_newton_model(
             rows.append(found.watched_slopes[place, link, :])
             lows.append(bounds.low_N - tension[at, link])
             highs.append(bounds.high_N - tension[at, link])
-        if found.ends_slopes is not None and problem.limits.motion.binds:
-            for row, low, high in _motion_rows(problem, travel, found.ends_slopes[:, 0, :], knots):
+        if found.ends_slopes is not None:
+            for row, low, high in _motion_rows(
+                plant.bounds, force_N, travel, found.ends_slopes[:, 0, :], knots, problem.step_s
+            ):
                 rows.append(row)
                 lows.append(low)
                 highs.append(high)
@@ -263,29 +262,24 @@ _PIECE_ROWS = 10  # of so many successive rows, and all links, only the worst be
 
 
 def _motion_rows(
-    problem: TrackingProblem, travel_m: Array, slopes: Array, knots: Knots
-) -> list[tuple[Array, Array, Array]]:
-    """Rows, low and high of the limits of the motion that come close: speed and travel, as tensions [N]."""
-    motion, scale, h = problem.limits.motion, problem.newtons, problem.step_s
-    found = []
-    speed, speed_slopes = np.diff(travel_m, prepend=travel_m[0]) / h, np.diff(slopes, axis=0, prepend=slopes[:1]) / h
-    top, span = motion.speed_m_per_s * (1 - INSIDE), motion.high_m - motion.low_m
-    inside = INSIDE * span if np.isfinite(span) else 0.0
-    for value, slope, low, high, unit in (
-        (speed, speed_slopes, -top, top, scale.per_speed_N_s_per_m),
-        (travel_m, slopes, motion.low_m + inside, motion.high_m - inside, scale.per_travel_N_per_m),
-    ):
-        if not (np.isfinite(low) or np.isfinite(high)):
-            continue
+    bounds: tuple[MotionBound, ...], force_N: Array, travel_m: Array, slopes: Array, knots: Knots, step_s: float
+) -> Iterator[tuple[Array, Array, Array]]:
+    """Rows, low and high of the bounds of the motion that come close, as tensions [N]."""
+    apart = max(int(np.diff(knots).min()) // 2, 1)  # between two knots the speed may swing
+    starts = range(1, len(travel_m), apart)
+    for bound in bounds:
+        value = bound.sums(force_N, travel_m, step_s)
+        wide = 0.5 * (bound.high - bound.low)
+        inside = INSIDE * (wide if np.isfinite(wide) else min(abs(bound.low), abs(bound.high)))
+        low, high = bound.low + inside, bound.high - inside
         room = np.minimum(value - low, high - value)
-        apart = max(int(np.diff(knots).min()) // 2, 1)  # between two knots the speed may swing
-        starts = range(1, len(value), apart)
         at = np.array([start + int(np.argmin(room[start : start + apart])) for start in starts], dtype=np.int64)
-        at = at[room[at] < _NEAR * min(abs(high), abs(low), max(float(np.ptp(value)), 1e-9))]
+        at = at[room[at] < _NEAR * min(wide, max(float(np.ptp(value)), 1e-9))]
         if at.size:
-            bounds = (np.nan_to_num((bound - value[at]) * unit, posinf=_FAR_N, neginf=-_FAR_N) for bound in (low, high))
-            found.append((slope[at] * unit, *bounds))
-    return found  # type: ignore[return-value]
+            shape = knot_shape(knots).toarray() if bound.per_force else np.zeros(1)
+            slope = bound.sums(shape, slopes, step_s)[at]
+            below, above = (np.clip((x - value[at]) * bound.newtons, -_FAR_N, _FAR_N) for x in (low, high))
+            yield slope * bound.newtons, below, above
 
 
 _FAR_N = 1e9

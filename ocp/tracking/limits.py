@@ -40,7 +40,9 @@ class Violation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionLimits:
-    """Speed and travel of the actuator's end.
+    """Speed and travel of the actuator's end, and the torque-speed line of its motor.
+
+    The line bounds force and speed together, as the supply's voltage does: abs(f + stall_N v/no_load) <= stall_N.
 
     Parameters
     ----------
@@ -48,40 +50,25 @@ class MotionLimits:
         Largest speed, either way [m/s], > 0; infinite for none.
     low_m, high_m : float, optional
         Range of the position relative to the start [m], low <= 0 <= high; infinite for none.
+    stall_N, no_load_m_per_s : float, optional
+        Ends of the line [N], [m/s], > 0; infinite for none.
     """
 
     speed_m_per_s: float = math.inf
     low_m: float = -math.inf
     high_m: float = math.inf
+    stall_N: float = math.inf
+    no_load_m_per_s: float = math.inf
 
     @property
     def binds(self) -> bool:
         """Some limit is finite."""
-        return math.isfinite(self.speed_m_per_s) or math.isfinite(self.low_m) or math.isfinite(self.high_m)
+        return any(map(math.isfinite, (self.speed_m_per_s, self.low_m, self.high_m, self.stall_N)))
 
-    def apply(self, travel_m: Array, step_s: float) -> Array:
-        """A travel that keeps the limits: clipped, and never faster than the speed.
-
-        Parameters
-        ----------
-        travel_m : ndarray, shape (n,)
-            Wanted position relative to the rest [m].
-        step_s : float
-        """
-        kept = np.clip(travel_m, self.low_m, self.high_m)
-        kept[0] = travel_m[0]
-        return _slowed(kept, self.speed_m_per_s * step_s)
-
-    def excess(self, travel_m: Array, step_s: float) -> tuple[Array, Array]:
-        """How far a travel is beyond the speed, and beyond the range, row by row; negative inside [m/s], [m].
-
-        Parameters
-        ----------
-        travel_m : ndarray, shape (n,)
-        step_s : float
-        """
-        speed = np.abs(np.diff(travel_m, prepend=travel_m[0])) / step_s
-        return speed - self.speed_m_per_s, np.maximum(self.low_m - travel_m, travel_m - self.high_m)
+    @property
+    def line_N_s_per_m(self) -> float:
+        """Force that a speed takes from the motor by the line [N s/m]; 0 without one."""
+        return self.stall_N / self.no_load_m_per_s if math.isfinite(self.stall_N) else 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,14 +104,20 @@ class ForceLimits:
     @classmethod
     def of(cls, actuator: Actuator) -> "ForceLimits":
         """Limits of an actuator."""
+        motor, stall, no_load = actuator.motor, math.inf, math.inf
+        if motor is not None and motor.stall_torque_N_m and motor.no_load_speed_rad_per_s:
+            stall = motor.stall_torque_N_m / motor.travel_per_rad_m
+            no_load = motor.no_load_speed_rad_per_s * motor.travel_per_rad_m
         return cls(
             minimum_N=actuator.force_min_N,
-            maximum_N=actuator.force_max_N,
+            maximum_N=min(actuator.force_max_N, stall),
             rate_N_per_s=actuator.force_rate_max_N_per_s,
             motion=MotionLimits(
                 speed_m_per_s=math.inf if actuator.speed_max_m_per_s is None else actuator.speed_max_m_per_s,
                 low_m=-math.inf if actuator.travel_min_m is None else actuator.travel_min_m,
                 high_m=math.inf if actuator.travel_max_m is None else actuator.travel_max_m,
+                stall_N=stall,
+                no_load_m_per_s=no_load,
             ),
         )
 
@@ -179,30 +172,6 @@ class ForceLimits:
             name, bound = "force_rate_max_N_per_s", self.rate_N_per_s
             found.append(self._violation(name, fast * step_s, float(abs(rate[fast])), bound, 1.0))
         return max(found, key=lambda v: v.excess / self._size(v.name))
-
-    def worst_motion(self, travel_m: Array, step_s: float) -> Violation | None:
-        """The limit of the motion that is broken most; None where all are kept to half a percent.
-
-        Parameters
-        ----------
-        travel_m : ndarray, shape (n,)
-            Position relative to the start [m].
-        step_s : float
-            h [s].
-        """
-        motion, found = self.motion, []
-        speed = np.abs(np.diff(travel_m, prepend=travel_m[0])) / step_s
-        fast, low, high = int(np.argmax(speed)), int(np.argmin(travel_m)), int(np.argmax(travel_m))
-        size = max(float(np.ptp(travel_m)), 1e-12)
-        for name, row, value, bound, side, scale in (
-            ("speed_max_m_per_s", fast, float(speed[fast]), motion.speed_m_per_s, 1.0, motion.speed_m_per_s),
-            ("travel_min_m", low, float(travel_m[low]), motion.low_m, -1.0, size),
-            ("travel_max_m", high, float(travel_m[high]), motion.high_m, 1.0, size),
-        ):
-            if math.isfinite(bound) and side * (value - bound) > 5e-3 * scale:
-                violation = self._violation(name, row * step_s, value, bound, side)
-                found.append((violation.excess / scale, violation))
-        return max(found, key=lambda pair: pair[0])[1] if found else None
 
     def admits(self, force_N: Array, step_s: float, tolerance: float = 1e-6) -> bool:
         """Whether a profile respects range and rate, each to a share of its size.

@@ -1,25 +1,29 @@
-"""A force profile within the limits of the actuator's motion: its speed and its travel.
+"""A force profile within the limits of the actuator's motion: its speed, its travel and its torque-speed line.
 
-The actuator's end is moved by a force, so its motion can be limited only through the transmission. The travel that a
-force makes is clipped and slowed down, the end is led along it by a stiff spring, and the spring's force is the
-profile: played on the same chain it moves the end alike.
+The actuator's end is moved by a force, so its motion can be limited only through the transmission. As the speed limiter
+of a drive does, the force is taken back, step by step on the design model, as far as it must be and no further.
 """
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from tendonff.models.chain import Chain
-from tendonff.models.layout import ChainState
-from tendonff.ocp.simulate import Outcome, simulate
+from tendonff.models.layout import ChainInputs, ChainState
+from tendonff.ocp.simulate import Outcome, Simulator, simulate
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.limits import ForceLimits
 
-_LEAD = 300.0  # stiffness of the leading spring over that of tendon and load in series
-_TRIALS = 4
-_SAME = 1e-4  # of the force's range: where the limits change no more than this they change nothing
-_CORNER_S = 0.004  # half the time in which the mass may change its speed at a limit
-_NEAR = 1e-3  # of the speed, or of the way: what is this close keeps it
+INSIDE = 5e-3
+"""Share of speed, way and line that is left, so that other plants than the model keep them too."""
+
+APPROACH_S = 0.01
+"""Time constant of the approach to a limit of the speed: faster, other masses than the model's overshoot."""
+
+_SAME = 1e-6  # of a limit
+_TRIALS = 20
+_CHUNK = 64  # rows that are tried together where nothing binds
 
 
 def limit_motion(
@@ -30,7 +34,7 @@ def limit_motion(
     initial_tension_N: float,
     state: ChainState | None = None,
 ) -> Array:
-    """The force whose motion keeps the limits and is otherwise that of a wanted one.
+    """The force closest to a wanted one whose motion keeps the limits.
 
     Parameters
     ----------
@@ -49,57 +53,135 @@ def limit_motion(
     Returns
     -------
     ndarray, shape (n,)
-        The same array where no limit of the motion binds; else the best of a few tries, which range and rate of the
-        force may keep from being exact.
+        As wanted where no limit of the motion binds, and from where the simulation fails.
     """
-    motion = limits.motion
-    if not motion.binds:
+    if not limits.motion.binds:
         return force_N
-    travel = travel_of(chain, force_N, step_s, initial_tension_N, state)
-    if travel is None or _beyond(limits, travel, step_s) <= _NEAR:
-        return force_N
-    start, rest = initial_tension_N, chain.rest_state(initial_tension_N).near_position_m
-    stiffness = _LEAD * max(start, 1e-9) / rest
-    led = chain.with_end_stiffness(stiffness, chain.far.stiffness_N_per_m)
-    best, least, share = force_N, np.inf, 1.0
+    rest = chain.rest_state(initial_tension_N)
+    governor = _Governor(
+        simulator=Simulator(chain, step_s, state or rest, ChainInputs.of_force(force_N[:1])),
+        limits=limits,
+        step_s=step_s,
+        mass_kg=chain.near.mass_kg,
+        origin_m=rest.near_position_m,
+        position_m=(state or rest).near_position_m - rest.near_position_m,
+        speed_m_per_s=float((state or rest).vector()[chain.layout.part("v")][0]),
+    )
+    given, row, size = np.array(force_N, dtype=np.float64), 1, _CHUNK
+    while row < len(given):
+        done = governor.free_rows(given[row : row + size]) if size > 1 else 0
+        size = min(2 * size, 64 * _CHUNK) if done else 1
+        row += done
+        if not done:
+            before, slew = given[row - 1], limits.rate_N_per_s * step_s
+            low, high = max(before - slew, limits.minimum_N), min(before + slew, limits.maximum_N)
+            force = governor.step(min(max(force_N[row], low), high), low, high)
+            if force is None:
+                return given
+            given[row], row = force, row + 1
+            size = _CHUNK if force == force_N[row - 1] else 1
+    return given
+
+
+@dataclass(slots=True, kw_only=True)
+class _Governor:
+    """The chain as it moves, and what force the limits admit next."""
+
+    simulator: Simulator
+    limits: ForceLimits
+    step_s: float
+    mass_kg: float
+    origin_m: float
+    position_m: float
+    speed_m_per_s: float
+
+    def free_rows(self, force_N: Array) -> int:
+        """Move on for as long as no limit is reached, and say for how many rows."""
+        start = self.simulator.checkpoint()
+        moved = self.simulator.advance(ChainInputs.of_force(force_N)).ends_m[:, 0] - self.origin_m
+        speed = np.diff(moved, prepend=self.position_m) / self.step_s
+        before = np.concatenate([[self.speed_m_per_s], speed[:-1]])
+        beyond = np.maximum(*self._beyond(force_N[: len(moved)], moved, speed, before))
+        reached = np.flatnonzero(beyond > 0)
+        done = int(reached[0]) if reached.size else len(moved)
+        if done < len(force_N):
+            self.simulator.restore(start)
+            if done:
+                self.simulator.advance(ChainInputs.of_force(force_N[:done]))
+        if done:
+            self.position_m, self.speed_m_per_s = float(moved[done - 1]), float(speed[done - 1])
+        return done
+
+    def step(self, wanted_N: float, low_N: float, high_N: float) -> float | None:
+        """Move on by one row with the force closest to the wanted one that the limits admit; None where it fails."""
+        start = self.simulator.checkpoint()
+
+        def beyond(force: float) -> tuple[float, float] | None:
+            self.simulator.restore(start)
+            ends = self.simulator.advance(ChainInputs.of_force(np.array([force]))).ends_m
+            if not len(ends):
+                return None
+            moved = ends[:, 0] - self.origin_m
+            speed = (moved - self.position_m) / self.step_s
+            pulling, releasing = self._beyond(np.array([force]), moved, speed, np.array([self.speed_m_per_s]))
+            found.append((force, float(moved[0]), float(speed[0])))
+            return float(pulling[0]), float(releasing[0])
+
+        found: list[tuple[float, float, float]] = []
+        first = beyond(wanted_N)
+        if first is None:
+            return None
+        if max(first) > 0:
+            side = int(first[1] > first[0])
+            bound_N = high_N if side else low_N
+            if not _root(
+                lambda f: None if (x := beyond(f)) is None else x[side], wanted_N, first[side], bound_N, self._tolerance
+            ):
+                return None
+        force, self.position_m, self.speed_m_per_s = found[-1]
+        return force
+
+    @property
+    def _tolerance(self) -> float:
+        motion = self.limits.motion
+        way = (motion.high_m - motion.low_m) / APPROACH_S
+        return _SAME * min(x for x in (motion.speed_m_per_s, motion.no_load_m_per_s, way, 1.0))
+
+    def _beyond(self, force_N: Array, moved_m: Array, speed: Array, before: Array) -> tuple[Array, Array]:
+        """Excess of the speed that the end is about to reach, pulling and releasing [m/s]."""
+        motion, change = self.limits.motion, (speed - before) / self.step_s
+        inside = 1 - INSIDE
+        found = []
+        for side, end in ((1.0, motion.high_m), (-1.0, -motion.low_m)):
+            v, a, room = side * speed, np.maximum(side * change, 0.0), inside * end - side * moved_m
+            # What is coming within the time of approach, or until the rate of the force has stopped the mass.
+            coming = v + np.maximum(a * APPROACH_S, self.mass_kg * a**2 / (2 * self.limits.rate_N_per_s))
+            most = np.minimum(inside * motion.speed_m_per_s, room / max(APPROACH_S, 2 * self.step_s))
+            if motion.line_N_s_per_m:
+                most = np.minimum(most, (inside * motion.stall_N - side * force_N) / motion.line_N_s_per_m)
+            found.append(coming - most - self._tolerance)
+        return found[0], found[1]
+
+
+def _root(beyond: Callable[[float], float | None], wanted_N: float, excess: float, bound_N: float, near: float) -> bool:
+    """Try forces by false position until the excess just vanishes, or stop at the bound where it never does.
+
+    Returns False where a trial fails; else the last one tried is the answer.
+    """
+    outside, at_bound = (wanted_N, excess), beyond(bound_N)
+    if at_bound is None or at_bound >= 0:
+        return at_bound is not None
+    inside = (bound_N, at_bound)
     for _ in range(_TRIALS):
-        kept = replace(motion, speed_m_per_s=share * motion.speed_m_per_s).apply(travel, step_s)
-        wanted = travel + _rounded_off(kept - travel, step_s)
-        drive = start + stiffness * (wanted + rest)
-        run = simulate(led, drive, step_s, initial_tension_N=start, state=state)
-        if run.outcome is Outcome.FAILED:
-            break
-        force = start + stiffness * (wanted - (run.near_position_m - rest))
-        force[0] = force_N[0]
-        force = limits.apply(force, step_s, float(force_N[0]))
-        found = travel_of(chain, force, step_s, start, state)
-        if found is None:
-            break
-        beyond = _beyond(limits, found, step_s)
-        force = np.where(np.abs(force - force_N) < _SAME * float(np.ptp(force_N)), force_N, force)
-        if beyond < least:
-            best, least = force, beyond
-        if beyond <= _NEAR:
-            break
-        share /= 1 + beyond
-    return best
-
-
-def _rounded_off(change_m: Array, step_s: float) -> Array:
-    """The change of a travel without the corners of the limits, where the mass would need an impulse."""
-    rows = max(round(_CORNER_S / step_s), 1)
-    box = np.full(2 * rows + 1, 1 / (2 * rows + 1))
-    for _ in range(2):
-        change_m = np.convolve(np.pad(change_m, rows, mode="edge"), box, "valid")
-    return change_m
-
-
-def _beyond(limits: ForceLimits, travel_m: Array, step_s: float) -> float:
-    """Largest excess of speed and travel, as a share of the speed and of the way."""
-    motion, way = limits.motion, max(float(np.ptp(travel_m)), 1e-9)
-    speed, beyond = motion.excess(travel_m, step_s)
-    fast = float(np.max(speed)) / motion.speed_m_per_s if np.isfinite(motion.speed_m_per_s) else 0.0
-    return max(fast, float(np.max(beyond)) / way, 0.0)
+        force = outside[0] - outside[1] * (inside[0] - outside[0]) / (inside[1] - outside[1])
+        found = beyond(force)
+        if found is None or -2 * near <= found <= 0:
+            return found is not None
+        if found > 0:
+            outside, inside = (force, found), (inside[0], inside[1] / 2)
+        else:
+            inside, outside = (force, found), (outside[0], outside[1] / 2)
+    return True
 
 
 def travel_of(

@@ -7,6 +7,7 @@
                 minimum_N <= f <= maximum_N, abs(df/dt) <= rate_N_per_s           limits of the actuator
                 low_N <= tension anywhere along the tendon <= high_N              bounds of the tendon
                 abs(dq_a/dt) <= speed, low_m <= q_a - q_a(0) <= high_m            limits of the actuator's motion
+                abs(f + stall_N/no_load dq_a/dt) <= stall_N                       torque-speed line of its motor
 
 r is the reference and M_p the mean of order p over the plants: one plant and p = 1 for a nominal design. The dynamics
 are simulated (single shooting), so every iterate is a profile that could be used; the tension bounds carry an exact
@@ -23,7 +24,8 @@ from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.layout import ChainState
 from tendonff.ocp.step.protocol import Array
-from tendonff.ocp.tracking.limits import ForceLimits
+from tendonff.ocp.tracking.limits import ForceLimits, MotionLimits
+from tendonff.ocp.tracking.motion import APPROACH_S
 
 WORST_POWER = 8.0
 """Order of a mean that is close to the largest value."""
@@ -127,26 +129,78 @@ class Goal:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MotionBound:
+    """A bound on a sum of force, travel and speed of the actuator's end: low <= sum <= high.
+
+    Parameters
+    ----------
+    per_force, per_travel_per_m, per_speed_s_per_m : float
+        Weights of the three; the sum has the unit of the bound.
+    ahead_s : float
+        The speed counts that is reached after so long with the present acceleration [s].
+    low, high : float
+        Infinite for none.
+    newtons : float
+        How much tension an excess of 1 counts [N].
+    """
+
+    per_force: float = 0.0
+    per_travel_per_m: float = 0.0
+    per_speed_s_per_m: float = 0.0
+    ahead_s: float = 0.0
+    low: float
+    high: float
+    newtons: float
+
+    def sums(self, force: Array, travel_m: Array, step_s: float) -> Array:
+        """The bounded sum on all rows, or its slopes.
+
+        Parameters
+        ----------
+        force, travel_m : ndarray, shape (n, ...)
+        step_s : float
+        """
+        speed = np.diff(travel_m, axis=0, prepend=travel_m[:1]) / step_s
+        if self.ahead_s:
+            speed = speed + self.ahead_s / step_s * np.diff(speed, axis=0, prepend=speed[:1])
+        total: Array = self.per_force * force + self.per_travel_per_m * travel_m + self.per_speed_s_per_m * speed
+        return total
+
+
+def motion_bounds(motion: MotionLimits, span_N: float, stiffness_N_per_m: float) -> tuple[MotionBound, ...]:
+    """Speed, travel and torque-speed line as bounds.
+
+    Parameters
+    ----------
+    motion : MotionLimits
+    span_N : float
+        Range of the reference: a tenth of it is what going as fast again counts [N].
+    stiffness_N_per_m : float
+        Tension for a travel of the actuator's end [N/m].
+    """
+    speed, stall = motion.speed_m_per_s, motion.stall_N
+    bounds = (
+        MotionBound(per_speed_s_per_m=1.0, ahead_s=APPROACH_S, low=-speed, high=speed, newtons=0.1 * span_N / speed),
+        MotionBound(per_travel_per_m=1.0, low=motion.low_m, high=motion.high_m, newtons=stiffness_N_per_m),
+        MotionBound(
+            per_force=1.0,
+            per_speed_s_per_m=motion.line_N_s_per_m,
+            low=-stall,
+            high=stall,
+            newtons=0.1 * span_N / stall,
+        ),
+    )
+    return tuple(bound for bound in bounds if math.isfinite(bound.low) or math.isfinite(bound.high))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PlantModel:
-    """A chain, where it starts, and where its near end was at rest [m]."""
+    """A chain, where it starts, where its near end was at rest [m], and the bounds of that end's motion."""
 
     chain: Chain
     state: ChainState
     origin_m: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MotionScale:
-    """How much tension an excess of the motion counts.
-
-    Parameters
-    ----------
-    per_speed_N_s_per_m, per_travel_N_per_m : float
-        [N s/m], [N/m].
-    """
-
-    per_speed_N_s_per_m: float
-    per_travel_N_per_m: float
+    bounds: tuple[MotionBound, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -166,8 +220,6 @@ class TrackingProblem:
         Force of row 0, which is given [N].
     rest_N : float
         Tension of the rest that travel counts from [N].
-    newtons : MotionScale
-        What excess speed and travel count beside excess tension.
     """
 
     step_s: float
@@ -177,7 +229,6 @@ class TrackingProblem:
     bounds: TensionBounds
     start_N: float
     rest_N: float
-    newtons: MotionScale
 
     @classmethod
     def of(
@@ -222,7 +273,12 @@ class TrackingProblem:
                 penalty_N=4 * span + options.effort_weight * float(reference_N.max()),
             ),
             plants=tuple(
-                PlantModel(chain=c, state=x, origin_m=x.near_position_m)
+                PlantModel(
+                    chain=c,
+                    state=x,
+                    origin_m=x.near_position_m,
+                    bounds=motion_bounds(limits.motion, span, initial_tension_N / x.near_position_m),
+                )
                 for c, x in ((c, c.rest_state(initial_tension_N)) for c in chains)
             ),
             limits=limits,
@@ -232,10 +288,6 @@ class TrackingProblem:
             ),
             start_N=limits.start(initial_tension_N),
             rest_N=initial_tension_N,
-            newtons=MotionScale(
-                per_speed_N_s_per_m=0.1 * span / limits.motion.speed_m_per_s,
-                per_travel_N_per_m=initial_tension_N / chains[0].rest_state(initial_tension_N).near_position_m,
-            ),
         )
 
     def clipped(self, force_N: Array) -> Array:

@@ -16,6 +16,7 @@ from tendonff.ocp.tracking.answer import Found, answer
 from tendonff.ocp.tracking.cost import Evaluation, evaluate
 from tendonff.ocp.tracking.diagnosis import law_of
 from tendonff.ocp.tracking.grids import GridRefinement
+from tendonff.ocp.tracking.led import led_force
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.motion import limit_motion
 from tendonff.ocp.tracking.problem import WORST_POWER, TrackingProblem, TrackOptions, travel_N
@@ -173,13 +174,18 @@ def _search(problem: TrackingProblem, inversion: Inversion, options: TrackOption
     refinements: tuple[GridRefinement, ...] = ()
     note = ""
     try:
-        started = wanted_N if limits.motion.binds else inversion.force_N
-        starts = (started, law, *([programme(problem)] if _differ(problem) else []))
+        led = led_force(problem, inversion, options) if limits.motion.binds else None
+        if led is not None:
+            kept = problem.clipped(moderate(problem.clipped(led)))
+            candidates.append((evaluate(problem, kept), kept))
+        started = min(candidates, key=lambda c: c[0].merit)[1] if limits.motion.binds else inversion.force_N
+        further = [] if limits.motion.binds else [law]
+        starts = (started, *further, *([programme(problem)] if _differ(problem) else []))
         force, refinements = solve(_taut(problem, started), starts, options, progress)
         candidates.append((evaluate(problem, force), force))
         if limits.motion.binds:  # the search may end beyond a limit of the motion
-            led = problem.clipped(moderate(force))
-            candidates.append((evaluate(problem, led), led))
+            kept = problem.clipped(moderate(force))
+            candidates.append((evaluate(problem, kept), kept))
     except (CodeError, SolveError) as error:
         note = f"; the search stopped: {error}"
     inside = [k for k, (found, _) in enumerate(candidates) if found.beyond_N <= _BEYOND * float(np.ptp(reference))]
