@@ -208,9 +208,9 @@ def slack_warnings(slack: Mapping[tuple[str, str], str]) -> list[str]:
     """
     if not slack:
         return []
-    (name, plant), first = next(iter(slack.items()))
-    names = ", ".join(dict.fromkeys(compensator for compensator, _ in slack))
-    return [f"the tendon goes slack under {names}; {name} on {plant}: {first}"]
+    names = list(dict.fromkeys(compensator for compensator, _ in slack))
+    plant, found = [(plant, text) for (name, plant), text in slack.items() if name == names[0]][-1]
+    return [f"the tendon goes slack under {', '.join(names)}; {names[0]} on {plant}: {found}"]
 
 
 def _position_error(error_m: FloatArray) -> tuple[float, float]:

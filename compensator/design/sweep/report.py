@@ -5,27 +5,8 @@ from collections.abc import Mapping
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.registry import compensator
-from tendonff.compensator.compensators.uncertain import doubt
-from tendonff.compensator.design.sweep.result import QUANTILES, YIELD_PERCENT, SweepData
+from tendonff.compensator.design.sweep.result import QUANTILES, YIELD_PERCENT, SweepData, key_label
 from tendonff.compensator.reporting.page import FileNote, Report, Section, Table, pictures_of, provenance_of
-
-
-def headline(result: SweepData) -> str:
-    """What to expect, in two sentences."""
-    best = min(result.compensators, key=lambda name: result.quantiles(name)[-1])
-    *_, most, worst = result.quantiles(best)
-    label = compensator(best).label
-    if not result.is_random:
-        return (
-            f"RMS error of up to {worst:.3g} % of range over {len(result.rows)} points, best profile: {label}. "
-            "Every profile knows the parameters of its point; on a rig their uncertainty adds to that."
-        )
-    over = doubt(result.scenario.transmission, result.scenario.robust).widths
-    return (
-        f"Expect an RMS error of up to {worst:.3g} % of range on {len(result.rows)} units drawn from {over} (as "
-        f"[robust] states), with the best profile: {label}. 95 % of the units stay below {most:.3g} %, "
-        f"{100 * result.yield_of(best, 1.0):.3g} % below 1 %."
-    )
 
 
 def sweep_report(result: SweepData, figures: Mapping[str, Figure]) -> Report:
@@ -47,9 +28,12 @@ def sweep_report(result: SweepData, figures: Mapping[str, Figure]) -> Report:
     )
     budget = Table(
         caption="First-order budget: error with one parameter at the ends of its range, all else nominal [% of range]",
-        columns=("compensator", *(f"{key} {at:g}" for key, low, high, _, _ in result.budget for at in (low, high))),
+        columns=(
+            "compensator",
+            *(f"{key_label(key)}: {at:g}" for key, low, high, _, _ in result.budget for at in (low, high)),
+        ),
         rows=[
-            (name, *(error[k] for _, _, _, at_low, at_high in result.budget for error in (at_low, at_high)))
+            (labels[name], *(error[k] for _, _, _, at_low, at_high in result.budget for error in (at_low, at_high)))
             for k, name in enumerate(result.compensators)
         ],
     )
@@ -60,7 +44,7 @@ def sweep_report(result: SweepData, figures: Mapping[str, Figure]) -> Report:
     pictures = pictures_of(figures, captions)
     return Report(
         title=f"Sweep: {result.scenario.name}",
-        summary=headline(result),
+        summary=result.headline,
         warnings=(),
         sections=(
             Section(title="Yield", blocks=(pictures["yield"], yields, quantiles)),
