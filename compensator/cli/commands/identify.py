@@ -122,6 +122,8 @@ def identify(
         say(f"{out / 'suggested_force.csv'}: {excitation.time_s[-1]:.4g} s, up to {excitation.force_N.max():.4g} N")
         for part in excitation.parts:
             say(f"  {part}")
+        if excitation.gain:
+            say(excitation.gain)
         return
     if not data:
         raise InputError(

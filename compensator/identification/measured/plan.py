@@ -94,6 +94,6 @@ def check_question(scenario: Scenario, fit_files: Sequence[Path], judging: Seque
     for angle in scenario.measurement.tension_angles_rad or ():
         if angle >= theta:
             raise InputError(
-                f"tension_angles_rad: a cell at {angle:g} rad; its angle from the actuator must be less than that of the "
-                f"whole path, {theta:g} rad"
+                f"tension_angles_rad: a cell at {angle:g} rad; its angle from the actuator must be less than that of "
+                f"the whole path, {theta:g} rad"
             )
