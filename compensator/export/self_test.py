@@ -131,8 +131,11 @@ def self_test_context(
         bits[name] = Status.OK
         if name == "inverse":
             bits[name] = seen(exact.force_N, limited, least, most)
+    change = actuator.force_rate_max_N_per_s * step
+    ramps = live is not None and bool(np.any(np.abs(np.diff(live.plant_force_N)) > 0.999 * change))
     return {
         "golden": golden,
+        "live_ramps": ramps and servo_of(problem) is None,
         "limit_cases": limit_cases(least, most, actuator.force_rate_max_N_per_s * step, precision),
         "checksums": {
             "profile": checksum(profile_N, precision),

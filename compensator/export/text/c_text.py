@@ -14,7 +14,8 @@ import numpy as np
 from tendonff._version import __version__
 from tendonff.compensator.compensators.base import CModule, Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
-from tendonff.compensator.compensators.stream.model import RE_ENTRY_S
+from tendonff.compensator.compensators.stream.model import RE_ENTRY_S, StreamDesign
+from tendonff.compensator.compensators.stream.ramp import SLACK
 from tendonff.compensator.compensators.table import table_range
 from tendonff.compensator.compensators.table_build import BuiltTable
 from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_code
@@ -224,6 +225,8 @@ def _context(
     chain = problem.chain
     count, reals, size = chain.count, chain.layout.size, 4 if precision is Precision.FLOAT else 8
     accepted = accepted_range(problem)
+    design: StreamDesign | None = further.get("stream")
+    ramp = None if design is None else design.ramp
     names = [module.name for module in modules]
     others = (STREAM, PLANT, *ADAPTIVE_MODULES)
     followers = [m for m in modules if not m.plays_back and m not in others]  # of a reference, without delay
@@ -240,17 +243,16 @@ def _context(
     free = 5 if chain.friction.weakening_speed_m_per_s is not None else 3
     free = 1 if joints else free
     state = {
-        "inverse": padded(output + (2 * reals + 6 + free + past) * size + 12 + path[True], size),
+        "inverse": padded(output + (2 * reals + (7 if ramp else 6) + free + past) * size + 12 + path[True], size),
         "capstan": output + (5 if law.plays is None else 4 + 3 * PLAYS) * size,
         "table": padded(output + 4 * size + 4, size),
         "plant": padded((2 * reals + (3 if servo else 2)) * size + 16 + path[False], size),
         "profile": padded(output + 4, size),
         "bounds": padded(4 * size + 4, size),
     }
-    if "stream" in names:
-        design = further["stream"]
-        line = design.filter.delay + design.filter.half + 1
-        state["stream"] = padded(output + state["inverse"] + (line + 3) * size + 12, size)
+    if design is not None and "stream" in names:
+        line = design.line + 3 + (2 * (design.ahead + 1) + 2 if ramp else 0)
+        state["stream"] = padded(output + state["inverse"] + line * size + (20 if ramp else 12), size)
     return _naming(scenario, problem.level, precision, prefix) | {
         **path_context(chain, joints, prefix),
         "title": f"{prefix}: feedforward force for a tendon",
@@ -277,6 +279,8 @@ def _context(
         "names": names,
         "followers": followers,
         "adaptive": None,
+        "ramp": ramp,
+        "ramp_slack": SLACK,
         "follower": "inverse" if "inverse" in names else next(iter(m.name for m in followers), ""),
         "initial": reference.initial_tension_N,
         "amplitude": 0.25 * min(reference.initial_tension_N, max(reference.range_N, 1e-3)),
