@@ -1,5 +1,6 @@
 """Every numbered formula of the theory pages, checked against the packages, or independently where none holds it."""
 
+import itertools
 import math
 import re
 import runpy
@@ -134,6 +135,26 @@ def test_the_plateau_after_a_reversal_lasts_as_long_as_the_ramp_through_the_jump
     held = law.output_history_N(np.maximum(ramp, 0.1), level)
     plateau = step * np.argmax(held < level * (1 - 1e-9))
     assert level * (math.exp(0.63) - math.exp(-0.63)) / rate == pytest.approx(plateau, abs=2 * step)
+
+
+@equation("2.4", "2.5")
+def test_plays_with_spread_bounds_by_the_formulas_themselves():
+    """The operator written out, one play at a time, and its inverse with the number of slipping plays searched for."""
+    law = CapstanLaw(pull_exponent=0.63, release_exponent=0.47, adhesion_N=1.5, pull_spread=0.7, release_spread=0.5)
+    low, high = law.plays.low, law.plays.high
+    assert float(np.mean(low)) == pytest.approx(math.exp(-0.63), rel=1e-12)
+    assert float(np.mean(high)) == pytest.approx(math.exp(0.47), rel=1e-12)
+    wanted = np.array([20, 25, 32, 30, 24, 26, 25, 40, 12, 18], dtype=float)
+    w, forces = np.full(8, wanted[0] + 1.5), [wanted[0]]
+    for before, r in itertools.pairwise(wanted):
+        bounds = low if r > before else high
+        tried = [(8 * (r + 1.5) - w[j:].sum()) / bounds[:j].sum() for j in range(1, 9)]
+        means = [np.clip(w, u * low, u * high).mean() for u in tried]
+        [u, *_] = [u for u, mean in zip(tried, means, strict=True) if abs(mean - r - 1.5) < 1e-9]
+        w = np.minimum(np.maximum(w, u * low), u * high)
+        forces.append(u - 1.5)
+    np.testing.assert_allclose(law.input_history_N(wanted), forces, rtol=1e-12)
+    np.testing.assert_allclose(law.output_history_N(forces), wanted, rtol=1e-12)
 
 
 @pytest.fixture(scope="module")
@@ -349,6 +370,19 @@ def test_the_best_factor_on_two_plants_leaves_tanh_of_the_half_width(share):
     assert f"| ± {100 * share:.0f} % | {d:.3f} | {100 * math.tanh(d):.1f} % |" in (
         ROOT / "docs" / "theory" / "error.md"
     ).read_text(encoding="utf-8")
+
+
+@equation("9.2")
+@pytest.mark.parametrize("share", [-0.1, 0.1])
+def test_the_rms_error_of_a_wrong_coefficient_stays_within_its_bound_and_comes_near_it(share):
+    a, p = 0.63, 1.5
+    d = abs(share) * a
+    reference = 40 + 15 * np.sin(np.linspace(0, 20, 4000)) + 8 * np.sin(np.linspace(0, 53, 4000))
+    force = CapstanLaw(pull_exponent=a, release_exponent=a, adhesion_N=p).input_history_N(reference)
+    real = CapstanLaw(pull_exponent=a * (1 + share), release_exponent=a * (1 + share), adhesion_N=p)
+    error = real.output_history_N(force, reference[0]) - reference
+    bound = (math.exp(d) - 1) * np.sqrt(np.mean((reference + p) ** 2))
+    assert 0.6 * bound < np.sqrt(np.mean(error**2)) <= bound
 
 
 @equation("P1", "P2")

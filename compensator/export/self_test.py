@@ -14,6 +14,7 @@ from tendonff.compensator.export.golden import Course, Golden, respond, servo_of
 from tendonff.compensator.export.text.parameters import settable_numbers
 from tendonff.compensator.export.text.table_index import share_index
 from tendonff.models.capstan import Branch, CapstanLaw
+from tendonff.models.spread_bounds import PLAYS
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.inverse import invert
 
@@ -77,7 +78,7 @@ def per_newton(problem: Problem) -> float:
 def loss_warnings(losses: Sequence[FloatLoss]) -> tuple[str, ...]:
     """Losses above 0.1 % of range, with the way out."""
     return tuple(
-        f"{loss.module} in float departs from the model by {loss.rms_N:.2g} N rms ({loss.percent_of_range:.2g} % of "
+        f"{loss.module} in float departs from the model by {loss.rms_N:.2g} N RMS ({loss.percent_of_range:.2g} % of "
         f"range), {loss.peak_N:.2g} N at most: use --precision double, or a larger step_s or fewer segments"
         for loss in losses
         if not loss.percent_of_range <= 0.1
@@ -151,7 +152,7 @@ def self_test_context(
         "jump_bits": {name: int(value) for name, value in bits.items()},
         "plant_ends": (float(ends.near_position_m[-1]), float(ends.far_position_m[-1])),
         "settable": {
-            "capstan": ("pull", "release", "adhesion"),
+            "capstan": (*_bounds(CapstanLaw.of(problem.transmission)), "adhesion"),
             "inverse": ("mu", "adhesion", *settable_numbers(problem)),
         },
         "narrow_N": (least + 0.25 * (min(most, 1e6) - least), least + 0.75 * (min(most, 1e6) - least)),
@@ -164,12 +165,20 @@ def self_test_context(
 def _start_force_N(problem: Problem, start_N: float) -> tuple[float, float] | None:
     """Tension, and a force half way to full slip at it [N]; None where a start in motion does not know the friction."""
     chain, actuator = problem.chain, problem.transmission.actuator
-    if chain.coulomb_N or chain.layout.friction_states != ("f_s",):
+    slack = chain.rest_state(0.0).vector()[: chain.layout.part("q_a").start]
+    if chain.coulomb_N or chain.layout.friction_states != ("f_s",) or np.any(slack):
         return None
     law = CapstanLaw.of(problem.transmission)
     force = start_N + 0.5 * (start_N + law.adhesion_N) * math.expm1(law.pull_exponent)
     inside = all(actuator.force_min_N < at < actuator.force_max_N for at in (start_N, force))
     return (start_N, force) if inside else None
+
+
+def _bounds(law: CapstanLaw) -> tuple[str, ...]:
+    """Members of the capstan law's state that follow from the coefficients."""
+    if law.plays is None:
+        return "pull", "release"
+    return tuple(f"{side}[{k}]" for side in ("low", "high") for k in (0, PLAYS - 1))
 
 
 def _table_checksums(table: LookupTable, precision: Precision) -> dict[str, int]:
