@@ -1918,6 +1918,31 @@ static void test_inverse(void)
     }
     expect("inverse: what did not happen is not flagged", (self.output.seen & (TFF_INPUT_HELD | TFF_FAILED | TFF_ENDED)) == 0u);
     {
+        double friction = 0.0;
+        double stretched = 0.0;
+        tff_inverse_init_at(&other, 30.0, 43.116841313780071);
+        same = is_near((double)other.output.force, 43.116841313780071) && (other.output.status == TFF_OK);
+        for (k = 0; k < TFF_INVERSE_COUNT; k++) {
+            friction += (double)other.x[22 + k];
+        }
+        same = same && (fabs(friction - (13.116841313780071)) <= (1e2 * ROUNDING * 44.116841313780071));
+        for (k = 0; k <= TFF_INVERSE_COUNT; k++) {
+            stretched += other.x[8 + k];
+        }
+        same = same && (fabs((other.x[28] - other.x[29]) - stretched) <= (1e2 * ROUNDING * stretched));
+        for (k = 0; k < TFF_INVERSE_REALS; k++) {
+            same = same && is_near((double)other.x[k], (double)other.x_old[k]);
+        }
+        expect("inverse: a start in motion takes force less tension for friction, and the tendon hangs together", same);
+        tff_inverse_init_at(&other, 30.0, 30.0);
+        tff_inverse_init(&self, 30.0);
+        same = 1;
+        for (k = 0; k < TFF_INVERSE_REALS; k++) {
+            same = same && is_near((double)self.x[k], (double)other.x[k]);
+        }
+        expect("inverse: a start in motion without friction is one at rest", same);
+    }
+    {
         tff_parameters given;
         tff_parameters_init(&given);
         /* what init holds as numbers and what is worked out of the scenario's parameters is the same */
