@@ -19,7 +19,7 @@ from tendonff.compensator.experiment.numbers import (
     warnings_of,
 )
 from tendonff.compensator.experiment.report import experiment_report
-from tendonff.compensator.experiment.result import SECTIONS, ExperimentData, ExperimentRun
+from tendonff.compensator.experiment.result import SECTIONS, ExperimentData, ExperimentRun, Measured
 from tendonff.compensator.files.writing import atomic_directory, atomic_file
 from tendonff.compensator.reporting.folder import write_pages
 
@@ -106,4 +106,15 @@ def summary(result: ExperimentData) -> dict[str, object]:
         "refinement": asdict(refinement(lead, result.fine)),
         "sections": SECTIONS,
         "warnings": warnings_of(result),
+        **({} if result.measured is None else {"measured": _measured(result, result.measured)}),
+    }
+
+
+def _measured(result: ExperimentData, measured: Measured) -> dict[str, object]:
+    off = {level: measured.difference_percent(run) for level, run in result.runs.items()}
+    return {
+        "file": measured.path.name,
+        "difference": {
+            level: {"rms_percent_of_range": rms, "max_percent_of_range": most} for level, (rms, most) in off.items()
+        },
     }

@@ -1,5 +1,7 @@
 """The report of the two-motor test: what the three models show, in one page."""
 
+from dataclasses import replace
+
 from matplotlib.figure import Figure
 
 from tendonff.compensator.experiment.numbers import (
@@ -18,6 +20,7 @@ from tendonff.compensator.experiment.result import ExperimentData
 from tendonff.compensator.reporting.page import (
     FileNote,
     Picture,
+    Provenance,
     Report,
     Section,
     Table,
@@ -91,7 +94,7 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
         sections=(
             Section(
                 title="Seven tensions",
-                blocks=(Text(_NOTE), *_present(pictures, "experiment_tensions"), _states(result)),
+                blocks=(Text(_NOTE), *_present(pictures, "experiment_tensions"), *_measured(result), _states(result)),
             ),
             Section(
                 title="How the models differ", blocks=(*_present(pictures, "experiment_details"), held, transients)
@@ -115,7 +118,7 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
                 ),
             ),
         ),
-        provenance=provenance_of(result.scenario, "experiment"),
+        provenance=_provenance(result),
         files=(
             *(FileNote(name=f"experiment_{level}.csv", content="states, tensions, motors") for level in result.runs),
             FileNote(name="summary.json", content="every number of this page for other programs"),
@@ -126,6 +129,26 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
 def _present(pictures: dict[str, Picture], name: str) -> tuple[Picture, ...]:
     """A picture, unless the states left nothing to draw in it."""
     return (pictures[name],) if name in pictures else ()
+
+
+def _provenance(result: ExperimentData) -> Provenance:
+    if result.measured is None:
+        return provenance_of(result.scenario, "experiment")
+    path = result.measured.path
+    return replace(provenance_of(result.scenario, "experiment", f"--data {path.name}"), inputs=(path,))
+
+
+def _measured(result: ExperimentData) -> tuple[Table, ...]:
+    """How far each model is from what was measured; nothing where nothing was."""
+    over = result.measured
+    if over is None:
+        return ()
+    table = Table(
+        caption="Model less measurement over all measured tensions, while both run [% of range]",
+        columns=("level", "RMS", "largest"),
+        rows=tuple((level.value, *over.difference_percent(run)) for level, run in result.runs.items()),
+    )
+    return (table,)
 
 
 def _states(result: ExperimentData) -> Table:

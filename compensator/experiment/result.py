@@ -1,6 +1,7 @@
 """What a two-motor test holds."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -83,6 +84,31 @@ class ExperimentRun:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Measured:
+    """Tensions that a rig gave in the same test.
+
+    Parameters
+    ----------
+    path : Path
+    time_s : ndarray, shape (m,)
+    tension_N : ndarray, shape (m, 7)
+        At the seven sections [N]; NaN where none was measured.
+    """
+
+    path: Path
+    time_s: FloatArray
+    tension_N: FloatArray
+
+    def difference_percent(self, run: ExperimentRun) -> tuple[float, float]:
+        """Model less measurement while both run: RMS and largest [% of the run's range]."""
+        both = (self.time_s >= run.time_s[0]) & (self.time_s <= run.time_s[-1])
+        at, model = self.time_s[both], run.tension_N
+        off = np.column_stack([np.interp(at, run.time_s, model[:, k]) for k in range(SECTIONS)]) - self.tension_N[both]
+        share = 100 / run.range_N
+        return share * float(np.sqrt(np.nanmean(off**2))), share * float(np.nanmax(np.abs(off)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ExperimentData:
     """The test on all models.
 
@@ -100,6 +126,8 @@ class ExperimentData:
         The elastic level with a stiffer bristle, no viscous friction and no Stribeck effect: nearest to the static law.
     quasi_static_factor : float
         By how much its bristle is stiffer.
+    measured : Measured or None
+        What is laid over.
     """
 
     scenario: Scenario
@@ -109,3 +137,4 @@ class ExperimentData:
     fine: ExperimentRun
     quasi_static: ExperimentRun
     quasi_static_factor: float
+    measured: Measured | None = None

@@ -1,10 +1,24 @@
 """`tendonff experiment`: the paper's ten-state test on two motors."""
 
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
 from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument
 from tendonff.compensator.cli.progress import progress, say, warn
 
 
-def experiment(scenario: ScenarioArgument, out: OutFolderOption) -> None:
+def experiment(
+    scenario: ScenarioArgument,
+    out: OutFolderOption,
+    data: Annotated[
+        Path | None,
+        typer.Option(
+            "--data", metavar="D.csv", help="Measured tensions to lay over: time_s,tension_1_N to tension_7_N."
+        ),
+    ] = None,
+) -> None:
     """Run the ten-state test on two motors.
 
     All three model levels receive the same commands.
@@ -16,7 +30,7 @@ def experiment(scenario: ScenarioArgument, out: OutFolderOption) -> None:
         from tendonff.compensator.experiment.run import experiment as run_test
 
         with progress("experimenting") as advance:
-            result = run_test(loaded, progress=advance)
+            result = run_test(loaded, measured=data, progress=advance)
         result.write(folder)
     for warning in warnings_of(result):
         warn(warning)

@@ -1,10 +1,12 @@
 """The ten-state test on the finger example: what the three models show, as numbers, and the files."""
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from tendonff.compensator.cli import run
@@ -25,8 +27,14 @@ from tendonff.compensator.experiment.numbers import (
 from tendonff.compensator.experiment.output import write_run
 from tendonff.compensator.experiment.result import ExperimentRun
 from tendonff.compensator.experiment.rig import Rig
-from tendonff.compensator.experiment.run import ExperimentResult, experiment, follow_schedule, run_machine
-from tendonff.compensator.files.reading import read_csv
+from tendonff.compensator.experiment.run import (
+    ExperimentResult,
+    experiment,
+    follow_schedule,
+    read_measured,
+    run_machine,
+)
+from tendonff.compensator.files.reading import InputError, read_csv
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 from tendonff.models.fidelity import Level
 
@@ -187,6 +195,40 @@ def test_played_again_on_its_own_level_the_schedule_gives_the_machines_run(finge
     schedule, run = run_machine(plan, Level.VISCOELASTIC)
     again = follow_schedule(plan, schedule, Level.VISCOELASTIC)
     np.testing.assert_allclose(again.link_tension_N, run.link_tension_N, atol=1e-6)
+
+
+def test_a_measured_file_is_laid_over_and_its_distance_to_each_model_is_said(
+    finger: Scenario, result: ExperimentResult, tmp_path: Path
+) -> None:
+    """A file of the presliding model's own run, with 2 N more on one tension, and sections that were not measured."""
+    own = result.runs[Level.PRESLIDING]
+    rows = slice(None, None, 7)
+    tension = own.tension_N[rows][:, [0, 3, 6]] + np.array([0.0, 2.0, 0.0])
+    frame = pd.DataFrame(tension, columns=["tension_1_N", "tension_4_N", "tension_7_N"])
+    frame.insert(0, "time_s", own.time_s[rows])
+    frame.to_csv(tmp_path / "rig.csv", index=False)
+    over = replace(result, measured=read_measured(tmp_path / "rig.csv"))
+    assert over.measured.difference_percent(own) == pytest.approx(
+        (100 * 2 / math.sqrt(3) / own.range_N, 100 * 2 / own.range_N), rel=1e-6
+    )
+    elastic = over.measured.difference_percent(result.runs[Level.ELASTIC])
+    assert elastic[0] > over.measured.difference_percent(own)[0]
+    over.write(tmp_path / "out")
+    found = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["measured"]
+    assert found["difference"]["elastic"]["rms_percent_of_range"] == pytest.approx(elastic[0])
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "Model less measurement" in page
+    assert "--data rig.csv" in page
+
+
+def test_a_measured_file_of_another_time_or_without_an_end_is_refused(finger: Scenario, tmp_path: Path) -> None:
+    late = "time_s,tension_1_N,tension_7_N\n100,30,30\n101,31,30\n"
+    (tmp_path / "late.csv").write_text(late, encoding="utf-8")
+    with pytest.raises(InputError, match=r"late.csv: time_s from 100 to 101 s has nothing in common"):
+        experiment(finger, measured=tmp_path / "late.csv")
+    (tmp_path / "rig.csv").write_text("time_s,tension_1_N\n0,30\n0.1,31\n", encoding="utf-8")
+    with pytest.raises(InputError, match='column "tension_7_N" is missing'):
+        read_measured(tmp_path / "rig.csv")
 
 
 def test_seven_sections_of_any_chain_end_at_its_ends(result: ExperimentResult) -> None:
