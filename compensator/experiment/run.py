@@ -117,8 +117,8 @@ def experiment(scenario: Scenario, *, measured: Path | None = None, progress: Pr
     end = float(leading.time_s[-1])
     if over is not None and not np.any((over.time_s >= 0) & (over.time_s <= end)):
         raise InputError(
-            f"{over.path.name}: time_s from {over.time_s[0]:.4g} to {over.time_s[-1]:.4g} s has nothing in common with the "
-            f"test, which lasts from 0 to {end:.4g} s; let time 0 be the start of the test"
+            f"{over.path.name}: time_s from {over.time_s[0]:.4g} to {over.time_s[-1]:.4g} s has nothing in common with "
+            f"the test, which lasts from 0 to {end:.4g} s; let time 0 be the start of the test"
         )
     parts.done()
     runs = {}
