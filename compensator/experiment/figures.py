@@ -80,20 +80,17 @@ def tensions_figure(result: ExperimentData) -> Figure:
         for k, colour in enumerate(_section_colours()):
             label = f"$f_{k + 1}$" + (" (motor 1)" if k == 0 else " (motor 2)" if k == SECTIONS - 1 else "")
             panel.plot(run.time_s[rows], tension[rows, k], color=colour, label=label, linewidth=1.2)
-            if (over := result.measured) is not None:
-                some = thinned(len(over.time_s))
-                name = "measured" if k == SECTIONS - 1 else None
-                panel.plot(
-                    over.time_s[some], over.tension_N[some, k], color=VERMILION, linestyle=":", linewidth=1, label=name
-                )
+            if result.measured is not None and k in result.measured.tension_N:
+                few = thinned(len(result.measured.time_s))
+                course = result.measured.time_s[few], result.measured.tension_N[k][few]
+                panel.plot(*course, color=colour, linestyle=LINE_STYLES[1], linewidth=0.9)
         _shade_states(panel, run, named=row == 0)
         panel.grid(visible=False, axis="x")
         panel.set_ylabel(f"tension [N]\n{level}")
         panel.set_ylim(bottom=0)
         panel.margins(x=0)
-        panel.set_xlim(0, run.time_s[-1])
     axes[-1, 0].set_xlabel("time [s]")
-    legend_below(figure, axes[0, 0], columns=SECTIONS + 1)
+    legend_below(figure, axes[0, 0], columns=SECTIONS)
     return figure
 
 

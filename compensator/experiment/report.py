@@ -1,9 +1,8 @@
 """The report of the two-motor test: what the three models show, in one page."""
 
-from dataclasses import replace
-
 from matplotlib.figure import Figure
 
+from tendonff.compensator.experiment.measured import deviations
 from tendonff.compensator.experiment.numbers import (
     MEANINGS,
     holds,
@@ -16,11 +15,10 @@ from tendonff.compensator.experiment.numbers import (
     transient,
     warnings_of,
 )
-from tendonff.compensator.experiment.result import ExperimentData
+from tendonff.compensator.experiment.result import ExperimentData, MeasuredTensions
 from tendonff.compensator.reporting.page import (
     FileNote,
     Picture,
-    Provenance,
     Report,
     Section,
     Table,
@@ -94,7 +92,12 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
         sections=(
             Section(
                 title="Seven tensions",
-                blocks=(Text(_NOTE), *_present(pictures, "experiment_tensions"), *_measured(result), _states(result)),
+                blocks=(
+                    Text(_NOTE),
+                    *_present(pictures, "experiment_tensions"),
+                    *((_measured(result, result.measured),) if result.measured is not None else ()),
+                    _states(result),
+                ),
             ),
             Section(
                 title="How the models differ", blocks=(*_present(pictures, "experiment_details"), held, transients)
@@ -118,7 +121,9 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
                 ),
             ),
         ),
-        provenance=_provenance(result),
+        provenance=provenance_of(
+            result.scenario, "experiment", "" if result.measured is None else f"--measured {result.measured.name}"
+        ),
         files=(
             *(FileNote(name=f"experiment_{level}.csv", content="states, tensions, motors") for level in result.runs),
             FileNote(name="summary.json", content="every number of this page for other programs"),
@@ -126,29 +131,22 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
     )
 
 
+def _measured(result: ExperimentData, measured: MeasuredTensions) -> Table:
+    """RMS difference of each sensor from each model."""
+    by_level = {level: deviations(run, measured) for level, run in result.runs.items()}
+    return Table(
+        caption=f"{measured.name}, dashed in the figure: RMS difference from the models [% of range]",
+        columns=("tension", *(str(level) for level in by_level)),
+        rows=tuple(
+            (f"f_{each[0].sensor}", *(d.measured_rms_percent_of_range for d in each))
+            for each in zip(*by_level.values(), strict=True)
+        ),
+    )
+
+
 def _present(pictures: dict[str, Picture], name: str) -> tuple[Picture, ...]:
     """A picture, unless the states left nothing to draw in it."""
     return (pictures[name],) if name in pictures else ()
-
-
-def _provenance(result: ExperimentData) -> Provenance:
-    if result.measured is None:
-        return provenance_of(result.scenario, "experiment")
-    path = result.measured.path
-    return replace(provenance_of(result.scenario, "experiment", f"--data {path.name}"), inputs=(path,))
-
-
-def _measured(result: ExperimentData) -> tuple[Table, ...]:
-    """How far each model is from what was measured; nothing where nothing was."""
-    over = result.measured
-    if over is None:
-        return ()
-    table = Table(
-        caption="Model less measurement over all measured tensions, while both run [% of range]",
-        columns=("level", "RMS", "largest"),
-        rows=tuple((level.value, *over.difference_percent(run)) for level, run in result.runs.items()),
-    )
-    return (table,)
 
 
 def _states(result: ExperimentData) -> Table:

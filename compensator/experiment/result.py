@@ -1,7 +1,6 @@
 """What a two-motor test holds."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -84,28 +83,22 @@ class ExperimentRun:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Measured:
-    """Tensions that a rig gave in the same test.
+class MeasuredTensions:
+    """Tensions measured on a rig during the same test.
 
     Parameters
     ----------
-    path : Path
-    time_s : ndarray, shape (m,)
-    tension_N : ndarray, shape (m, 7)
-        At the seven sections [N]; NaN where none was measured.
+    name : str
+        Of the file.
+    time_s : ndarray, shape (n,)
+        From the start of the test.
+    tension_N : dict of int to ndarray, shape (n,)
+        By place among the seven sections, from 0.
     """
 
-    path: Path
+    name: str
     time_s: FloatArray
-    tension_N: FloatArray
-
-    def difference_percent(self, run: ExperimentRun) -> tuple[float, float]:
-        """Model less measurement while both run: RMS and largest [% of the run's range]."""
-        both = (self.time_s >= run.time_s[0]) & (self.time_s <= run.time_s[-1])
-        at, model = self.time_s[both], run.tension_N
-        off = np.column_stack([np.interp(at, run.time_s, model[:, k]) for k in range(SECTIONS)]) - self.tension_N[both]
-        share = 100 / run.range_N
-        return share * float(np.sqrt(np.nanmean(off**2))), share * float(np.nanmax(np.abs(off)))
+    tension_N: dict[int, FloatArray]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,8 +119,7 @@ class ExperimentData:
         The elastic level with a stiffer bristle, no viscous friction and no Stribeck effect: nearest to the static law.
     quasi_static_factor : float
         By how much its bristle is stiffer.
-    measured : Measured or None
-        What is laid over.
+    measured : MeasuredTensions or None
     """
 
     scenario: Scenario
@@ -137,4 +129,4 @@ class ExperimentData:
     fine: ExperimentRun
     quasi_static: ExperimentRun
     quasi_static_factor: float
-    measured: Measured | None = None
+    measured: MeasuredTensions | None = None

@@ -6,17 +6,19 @@ the new command from its own end tension and position, as a real rig does from i
 the same time and ends at the same force as the machine's.
 """
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from tendonff.compensator.experiment.machine import Machine, Plan, Schedule, StatePass, plan_experiment
+from tendonff.compensator.experiment.measured import read_measured
 from tendonff.compensator.experiment.output import ExperimentResult
-from tendonff.compensator.experiment.result import SECTIONS, ExperimentRun, Measured
+from tendonff.compensator.experiment.result import ExperimentRun
 from tendonff.compensator.experiment.rig import Rig, RigRows
 from tendonff.compensator.files.progress import Parts, Progress, silent
-from tendonff.compensator.files.reading import FloatArray, InputError, read_csv
+from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
 
@@ -91,15 +93,17 @@ def _scales(rates: FloatArray, starts_N: Ends, ends_N: Ends, step_s: float) -> F
     return scales
 
 
-def experiment(scenario: Scenario, *, measured: Path | None = None, progress: Progress = silent) -> ExperimentResult:
+def experiment(
+    scenario: Scenario, measured: str | os.PathLike[str] | None = None, *, progress: Progress = silent
+) -> ExperimentResult:
     """Run the two-motor test of a scenario on the three levels, and on its own with more masses.
 
     Parameters
     ----------
     scenario : Scenario
         Its [experiment] table may be missing.
-    measured : Path, optional
-        File to lay over: `time_s`, `tension_1_N` to `tension_7_N`; those between the ends may be missing.
+    measured : str or path, optional
+        Tensions of the same test on a rig: columns `time_s` and any of `tension_1_N` .. `tension_7_N`.
     progress : callable, optional
         Told parts done and parts in all.
 
@@ -110,16 +114,10 @@ def experiment(scenario: Scenario, *, measured: Path | None = None, progress: Pr
     SolveError
         A step could not be solved.
     """
-    over = None if measured is None else read_measured(measured)
+    laid_over = None if measured is None else read_measured(Path(measured))
     plan, lead = plan_experiment(scenario), scenario.run.level
     parts = Parts(progress, len(Level) + 2)
     schedule, leading = run_machine(plan, lead)
-    end = float(leading.time_s[-1])
-    if over is not None and not np.any((over.time_s >= 0) & (over.time_s <= end)):
-        raise InputError(
-            f"{over.path.name}: time_s from {over.time_s[0]:.4g} to {over.time_s[-1]:.4g} s has nothing in common with "
-            f"the test, which lasts from 0 to {end:.4g} s; let time 0 be the start of the test"
-        )
     parts.done()
     runs = {}
     for level in Level:
@@ -145,18 +143,8 @@ def experiment(scenario: Scenario, *, measured: Path | None = None, progress: Pr
         fine=fine,
         quasi_static=follow_schedule(replace(plan, rig=rig), schedule, Level.ELASTIC),
         quasi_static_factor=_QUASI_STATIC_FACTOR,
-        measured=over,
+        measured=laid_over,
     )
-
-
-def read_measured(path: Path) -> Measured:
-    """The tensions of a measured file, at both ends and at those of the sections that it has."""
-    first, *between, last = (f"tension_{k + 1}_N" for k in range(SECTIONS))
-    found = read_csv(path, ("time_s", first, last), optional=between)
-    time = found["time_s"]
-    nothing = np.full(len(time), np.nan)
-    tension = np.column_stack([found.get(name, nothing) for name in (first, *between, last)])
-    return Measured(path=path, time_s=time, tension_N=tension)
 
 
 def _run(level: Level, plan: Plan, schedule: Schedule, pieces: list[RigRows], jumps: list[FloatArray]) -> ExperimentRun:

@@ -12,10 +12,13 @@ from tendonff.compensator.cli.progress import progress, say, warn
 def experiment(
     scenario: ScenarioArgument,
     out: OutFolderOption,
-    data: Annotated[
+    measured: Annotated[
         Path | None,
         typer.Option(
-            "--data", metavar="D.csv", help="Measured tensions to lay over: time_s,tension_1_N to tension_7_N."
+            "--measured",
+            metavar="FILE",
+            help="Tensions of this test on a rig (time_s, any of tension_1_N to tension_7_N), laid over the models.",
+            show_default=False,
         ),
     ] = None,
 ) -> None:
@@ -30,7 +33,7 @@ def experiment(
         from tendonff.compensator.experiment.run import experiment as run_test
 
         with progress("experimenting") as advance:
-            result = run_test(loaded, measured=data, progress=advance)
+            result = run_test(loaded, measured, progress=advance)
         result.write(folder)
     for warning in warnings_of(result):
         warn(warning)

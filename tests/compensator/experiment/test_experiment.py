@@ -1,18 +1,17 @@
 """The ten-state test on the finger example: what the three models show, as numbers, and the files."""
 
 import json
-import math
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.experiment import output as experiment_output
 from tendonff.compensator.experiment.figures import tensions_figure
 from tendonff.compensator.experiment.machine import plan_experiment
+from tendonff.compensator.experiment.measured import deviations, read_measured
 from tendonff.compensator.experiment.numbers import (
     MEANINGS,
     law_deviation,
@@ -25,16 +24,13 @@ from tendonff.compensator.experiment.numbers import (
     warnings_of,
 )
 from tendonff.compensator.experiment.output import write_run
-from tendonff.compensator.experiment.result import ExperimentRun
+from tendonff.compensator.experiment.report import experiment_report
+from tendonff.compensator.experiment.result import ExperimentRun, MeasuredTensions
 from tendonff.compensator.experiment.rig import Rig
-from tendonff.compensator.experiment.run import (
-    ExperimentResult,
-    experiment,
-    follow_schedule,
-    read_measured,
-    run_machine,
-)
+from tendonff.compensator.experiment.run import ExperimentResult, experiment, follow_schedule, run_machine
 from tendonff.compensator.files.reading import InputError, read_csv
+from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.reporting.page import render_report
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 from tendonff.models.fidelity import Level
 
@@ -197,40 +193,6 @@ def test_played_again_on_its_own_level_the_schedule_gives_the_machines_run(finge
     np.testing.assert_allclose(again.link_tension_N, run.link_tension_N, atol=1e-6)
 
 
-def test_a_measured_file_is_laid_over_and_its_distance_to_each_model_is_said(
-    finger: Scenario, result: ExperimentResult, tmp_path: Path
-) -> None:
-    """A file of the presliding model's own run, with 2 N more on one tension, and sections that were not measured."""
-    own = result.runs[Level.PRESLIDING]
-    rows = slice(None, None, 7)
-    tension = own.tension_N[rows][:, [0, 3, 6]] + np.array([0.0, 2.0, 0.0])
-    frame = pd.DataFrame(tension, columns=["tension_1_N", "tension_4_N", "tension_7_N"])
-    frame.insert(0, "time_s", own.time_s[rows])
-    frame.to_csv(tmp_path / "rig.csv", index=False)
-    over = replace(result, measured=read_measured(tmp_path / "rig.csv"))
-    assert over.measured.difference_percent(own) == pytest.approx(
-        (100 * 2 / math.sqrt(3) / own.range_N, 100 * 2 / own.range_N), rel=1e-6
-    )
-    elastic = over.measured.difference_percent(result.runs[Level.ELASTIC])
-    assert elastic[0] > over.measured.difference_percent(own)[0]
-    over.write(tmp_path / "out")
-    found = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["measured"]
-    assert found["difference"]["elastic"]["rms_percent_of_range"] == pytest.approx(elastic[0])
-    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert "Model less measurement" in page
-    assert "--data rig.csv" in page
-
-
-def test_a_measured_file_of_another_time_or_without_an_end_is_refused(finger: Scenario, tmp_path: Path) -> None:
-    late = "time_s,tension_1_N,tension_7_N\n100,30,30\n101,31,30\n"
-    (tmp_path / "late.csv").write_text(late, encoding="utf-8")
-    with pytest.raises(InputError, match=r"late.csv: time_s from 100 to 101 s has nothing in common"):
-        experiment(finger, measured=tmp_path / "late.csv")
-    (tmp_path / "rig.csv").write_text("time_s,tension_1_N\n0,30\n0.1,31\n", encoding="utf-8")
-    with pytest.raises(InputError, match='column "tension_7_N" is missing'):
-        read_measured(tmp_path / "rig.csv")
-
-
 def test_seven_sections_of_any_chain_end_at_its_ends(result: ExperimentResult) -> None:
     fine = result.fine
     np.testing.assert_allclose(fine.tension_N[:, [0, -1]], fine.link_tension_N[:, [0, -1]], rtol=1e-12)
@@ -300,6 +262,49 @@ def test_the_command_writes_everything_for_the_finger(examples: Path, result: Ex
     assert summary["bumpless"]["largest_tension_step_percent_of_range"] < 0.1
     assert summary["refinement"]["fine_segments"] == 40
     assert summary["quasi_static_elastic"]["two_ended_law"]["max_percent_of_range"] < 0.1
+
+
+@pytest.fixture(scope="module")
+def measured(result: ExperimentResult, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Sensors 2 and 6 of a rig that is the viscoelastic model but for 0.5 N at the sixth."""
+    path, run_ = tmp_path_factory.mktemp("rig") / "rig.csv", result.runs[Level.VISCOELASTIC]
+    rows = slice(50, -50, 7)
+    sixth = run_.tension_N[rows, 5] + 0.5
+    write_csv(path, {"time_s": run_.time_s[rows], "tension_2_N": run_.tension_N[rows, 1], "tension_6_N": sixth})
+    return path
+
+
+def test_measured_tensions_are_laid_over_and_compared(result: ExperimentResult, measured: Path, tmp_path: Path) -> None:
+    with_rig = replace(result, measured=read_measured(measured))
+    levels = experiment_output.summary(with_rig)["levels"]
+    second, sixth = levels[Level.VISCOELASTIC]["measured"]
+    assert (second["sensor"], sixth["sensor"]) == (2, 6)
+    assert second["measured_rms_percent_of_range"] == pytest.approx(0, abs=1e-3)
+    for key in ("measured_rms_percent_of_range", "measured_max_percent_of_range"):
+        assert sixth[key] == pytest.approx(50 / result.runs[Level.VISCOELASTIC].range_N, rel=1e-3)
+    assert levels[Level.ELASTIC]["measured"][0]["measured_rms_percent_of_range"] > 0.5
+    lines, bare = (len(tensions_figure(one).axes[0].lines) for one in (with_rig, result))
+    assert lines == bare + 2
+    page = render_report(experiment_report(with_rig, {}))
+    assert "rig.csv, dashed in the figure" in page
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [("time_s,a\n0,1\n1,2\n", "at least one of tension_1_N"), ("time_s,tension_1_N\n0,x\n", "rows hold numbers")],
+)
+def test_a_measured_file_that_cannot_be_used_is_refused(
+    finger: Scenario, tmp_path: Path, text: str, message: str
+) -> None:
+    (tmp_path / "rig.csv").write_text(text)
+    with pytest.raises(InputError, match=message):
+        experiment(finger, tmp_path / "rig.csv")
+
+
+def test_a_measured_file_of_another_time_is_refused(result: ExperimentResult) -> None:
+    late = MeasuredTensions(name="rig.csv", time_s=np.array([1e4, 2e4]), tension_N={0: np.array([1.0, 2.0])})
+    with pytest.raises(InputError, match="let the measured time start with the test"):
+        deviations(result.runs[Level.ELASTIC], late)
 
 
 def test_the_report_explains_every_number_of_the_summary(result: ExperimentResult) -> None:
