@@ -79,7 +79,7 @@ def reason(
     """
     tau = transmission.tendon.relaxation_time_s
     known = relative_error is not None and np.isfinite(relative_error)
-    doubt = f"standard error {100 * float(relative_error or 0):.3g} %; " if known else ""
+    doubt = _standard_error(float(relative_error or 0)) if known else ""
     if unmeasured := _unmeasured(name, now, doubt):
         return unmeasured
     if name in (D.RELAXATION_TIME, D.RELAXING):
@@ -114,6 +114,10 @@ def reason(
     if now.load_swing < 0.3:
         return f"{doubt}the output tension varies too little; repeat at several loads"
     return f"{doubt}repeat with full strokes in both directions at several loads"
+
+
+def _standard_error(share: float) -> str:
+    return f"standard error {f'{100 * share:.3g}' if share < 10 else 'above 1000'} %; "
 
 
 def _unmeasured(name: DynamicParameter, now: ExcitationSummary, doubt: str) -> str:

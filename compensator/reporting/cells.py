@@ -68,7 +68,8 @@ def format_cell(cell: Cell, digits: int = 3, decimals: int | None = None) -> str
         return f"{cell:.{decimals}f}".replace("-", "−")
     if cell == 0:
         return "0"
-    if 1e-3 <= abs(cell) < 10.0 ** max(digits, 5):
+    if 1e-3 <= abs(cell) < 10.0 ** max(digits, 7):
         places = max(0, digits - 1 - math.floor(math.log10(abs(cell))))
-        return f"{cell:.{places}f}".replace("-", "−")  # keeps trailing zeros, no exponent
+        rounded = float(f"{cell:.{digits}g}") if abs(cell) >= 10.0 ** max(digits, 5) else cell
+        return f"{rounded:.{places}f}".replace("-", "−")  # keeps trailing zeros, no exponent
     return f"{cell:.{digits}g}".replace("-", "−")
