@@ -1,5 +1,6 @@
 """How well a force delivers the wanted tension: simulate it on a chain, and score what arrives."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -195,6 +196,21 @@ def verify(
         position_error_m=None if reference.position_m is None else _position_error(load - reference.position_m),
         slack=run.message if run.outcome is Outcome.SLACK else "",
     )
+
+
+def slack_warnings(slack: Mapping[tuple[str, str], str]) -> list[str]:
+    """One line on all profiles under which the tendon goes slack; none where it stays taut.
+
+    Parameters
+    ----------
+    slack : mapping of (str, str) to str
+        What the simulation said, by name of the compensator and plant.
+    """
+    if not slack:
+        return []
+    names = list(dict.fromkeys(compensator for compensator, _ in slack))
+    plant, found = [(plant, text) for (name, plant), text in slack.items() if name == names[0]][-1]
+    return [f"the tendon goes slack under {', '.join(names)}; {names[0]} on {plant}: {found}"]
 
 
 def _position_error(error_m: FloatArray) -> tuple[float, float]:

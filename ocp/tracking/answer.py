@@ -80,7 +80,7 @@ def answer(
     if status is not TrackStatus.EXACT:
         bounds = options.minimum_tension_N, options.maximum_tension_N
         told = reasons(law_of(nominal), reference, inversion.force_N, h, limits, *bounds)
-    left = f"{rms:.3g} N RMS ({100 * rms / span:.2g} % of range) remain"
+    left = f"RMS error {rms:.3g} N ({100 * rms / span:.2g} % of range)"
     if plants > 1:
         given = len(problem.plants)
         of = (
@@ -91,20 +91,20 @@ def answer(
             else f"{given} plants and as many with stiff bristles"
         )
         left = (
-            f"{worst_rms:.3g} N RMS remain on the worst of {of}, {rms:.3g} N "
+            f"RMS error {worst_rms:.3g} N on the worst of {of}, {rms:.3g} N "
             f"({100 * rms / span:.2g} % of range) on the nominal one"
         )
     if work.at_clipped.beyond_N == 0:  # what breaks a bound is no yardstick
-        left += f", the clipped inverse leaves {clipped_rms:.3g} N"
+        left += f", that of the clipped inverse {clipped_rms:.3g} N"
     if plants > 1:
         needed = max(travel_N(problem.clipped(inversion.force_N)), 1e-300)
-        left += f"; the force travels {travel_N(force):.3g} N, {travel_N(force) / needed:.2g} times as far as that"
-    effort = f"{iterations} iterations, {solve_s:.2g} s"
+        left += f"; the force travels {travel_N(force):.0f} N, {travel_N(force) / needed:.2g} times as far as that"
+    effort = f"{iterations} iterations, {solve_s:.1f} s"
     message = {
-        TrackStatus.EXACT: f"no limit binds: the exact inverse is the optimum, {rms:.2g} N RMS remain; no iterations",
+        TrackStatus.EXACT: "no limit binds: the exact inverse is the optimum; no iterations",
         TrackStatus.OPTIMAL: f"{left}; {effort}",
         TrackStatus.UNSTABLE: (
-            f"no limit binds, but simulated the exact inverse leaves {rms:.3g} N RMS "
+            f"no limit binds, but simulated the exact inverse has an RMS error of {rms:.3g} N "
             f"({100 * rms / span:.2g} % of range): "
             "this rig amplifies rounding (stick-slip), so do not expect it to follow"
         ),

@@ -31,7 +31,10 @@ def sweep(
     ] = None,
     parquet: Annotated[bool, typer.Option("--parquet", help="Write the samples as a Parquet file too.")] = False,
 ) -> None:
-    """Design over a grid of parameters, or try a design on units that differ; started again, it goes on."""
+    """Try a design on units that differ, or design over a grid.
+
+    Started again on the same folder, it goes on where it was stopped.
+    """
     if source != "robust":
         raise typer.BadParameter(f'must be "robust", got "{source}"', param_hint="--from")
     from tendonff.compensator.scenario.scenario import load_scenario
@@ -52,8 +55,9 @@ def sweep(
             loaded, out, over=axes, samples=samples, compensators=names, executor=executor, progress=advance
         )
         result.write(out, parquet=parquet)
+    say(result.headline)
     for name in result.compensators:
         say(
             f"{name}: error below 1 % of range in {100 * result.yield_of(name, 1.0):.3g} % of {len(result.rows)}, "
-            f"below {result.quantiles(name)[-2]:.3g} % in 95 %"
+            f"below {max(result.quantiles(name)[-2], 1e-3):.3g} % in 95 %"
         )
