@@ -28,7 +28,7 @@ class OptimalSettings:
         Quadratic programs for each window of the horizon, 3 to 10000. Default 400.
     restarts : int, optional
         Searches from the profile that was found, moved in time, that may be in vain before the search ends, 0 to 100.
-        Default 5.
+        Default 5, on long horizons 0.
     """
 
     minimum_tension_N: float | None = None
