@@ -12,6 +12,7 @@ import stat
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, Any
 
@@ -257,3 +258,16 @@ def write_csv(path: Path, columns: Mapping[str, ArrayLike]) -> None:
     table = np.column_stack([np.asarray(values, dtype=np.float64) for values in columns.values()])
     with open_csv(path, list(columns)) as out:
         out.write(table)
+
+
+def require_parquet() -> None:
+    """Raise `InputError` where no package writes Parquet files."""
+    if find_spec("pyarrow") is None:
+        raise InputError('--parquet needs pyarrow: pip install "tendonff[parquet]"; or leave it out for CSV alone')
+
+
+def write_parquet(path: Path, columns: Mapping[str, ArrayLike]) -> None:
+    """Write columns as a Parquet file."""
+    import pandas as pd
+
+    pd.DataFrame({name: np.asarray(column) for name, column in columns.items()}).to_parquet(path, index=False)

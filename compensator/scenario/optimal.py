@@ -23,12 +23,12 @@ class OptimalSettings:
         [-], >= 0. Default 1e-6.
     static_weight : float, optional
         Weight of the error by the static law beside that of the model, >= 0: soft bristles can be pumped by a force
-        that shakes, that law cannot. Default 0.1.
+        that shakes, that law cannot. Default 0.003.
     max_iterations : int, optional
         Quadratic programs for each window of the horizon, 3 to 10000. Default 400.
     restarts : int, optional
         Searches from the profile that was found, moved in time, that may be in vain before the search ends, 0 to 100.
-        Default 5.
+        Default 5, on long horizons 0.
     """
 
     minimum_tension_N: float | None = None

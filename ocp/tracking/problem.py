@@ -56,9 +56,10 @@ class TrackOptions:
         Quadratic programs per window.
     tolerance : float
         Relative decrease of the mean squared error that is not worth another iteration [-].
-    restarts : int
+    restarts : int or None
         Searches from the profile that was found, moved in time at random, that may bring next to nothing before the
-        search ends; 0 for a single search, which takes a third of the time.
+        search ends; 0 for a single search, which takes a third of the time. None: 5 on a short horizon of one plant,
+        fewer for several plants, none where the horizon is cut in windows.
     window_s : float or None
         Length of the pieces a long horizon is cut into [s]; None: chosen from the reference.
     """
@@ -70,7 +71,7 @@ class TrackOptions:
     maximum_tension_N: float = math.inf
     max_iterations: int = 400
     tolerance: float = 3e-3
-    restarts: int = 5
+    restarts: int | None = None
     window_s: float | None = None
 
     def __post_init__(self) -> None:
@@ -86,7 +87,7 @@ class TrackOptions:
             raise ParameterError(f"max_iterations must be >= 3, got {self.max_iterations}; 400 is a good start")
         if not 0 < self.tolerance < 1:
             raise ParameterError(f"tolerance must lie between 0 and 1, got {self.tolerance}; 0.003 is a good start")
-        if not 0 <= self.restarts <= 100:
+        if self.restarts is not None and not 0 <= self.restarts <= 100:
             raise ParameterError(f"restarts must lie between 0 and 100, got {self.restarts}; 0 for a single search")
         if self.window_s is not None and not self.window_s > 0:
             raise ParameterError(f"window_s must be > 0, got {self.window_s}; leave it out to have it chosen")

@@ -21,6 +21,9 @@ KNOTS_OF_OVERLAP = 30
 """Coarse knots that a piece sees beyond what it keeps."""
 
 
+_RESTARTS = 5  # unless told otherwise, of one plant
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Window:
     """One piece: solved from `start` to `end`, kept up to `keep`; the next one starts there.
@@ -85,11 +88,14 @@ def solve(
     simulators = [Simulator(p.chain, step_s, p.state, start) for p in problem.plants]
     static = tuple(p.static.start_N for p in problem.plants)
     force, refinements = np.array([problem.start_N]), []
+    restarts = options.restarts
+    if restarts is None:
+        restarts = _RESTARTS // len(problem.plants) if len(pieces) == 1 else 0
     settings = SqpSettings(
         iterations=options.max_iterations,
         tolerance=options.tolerance,
         trust_N=0.1 * float(np.ptp(problem.goal.reference_N)) + 1e-6,
-        restarts=options.restarts,
+        restarts=restarts,
     )
     counter = _Counter(progress, options.max_iterations * len(pieces))
     for piece in pieces:

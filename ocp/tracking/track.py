@@ -186,9 +186,8 @@ def _search(problem: TrackingProblem, inversion: Inversion, options: TrackOption
         started = min(candidates, key=lambda c: c[0].merit)[1] if limits.motion.binds else inversion.force_N
         further = [] if limits.motion.binds else [law]
         starts = (started, *further, *([programme(problem)] if _differ(problem) else []))
-        # Every plant costs as much again, and where the reference is out of reach another search may follow.
-        restarts = 0 if _missed_N(problem).any() else options.restarts // len(problem.plants)
-        moves = replace(options, restarts=restarts)
+        # Where the reference is out of reach another search may follow.
+        moves = replace(options, restarts=0) if _missed_N(problem).any() else options
         force, refinements = solve(_taut(problem, started), starts, moves, progress)
         candidates.append((evaluate(problem, force), force))
         if limits.motion.binds:  # the search may end beyond a limit of the motion

@@ -29,6 +29,7 @@ def sweep(
         str | None,
         typer.Option("--scheduler", metavar="ADDRESS", help="Existing Dask cluster to compute on; default: here."),
     ] = None,
+    parquet: Annotated[bool, typer.Option("--parquet", help="Write the samples as a Parquet file too.")] = False,
 ) -> None:
     """Try a design on units that differ, or design over a grid.
 
@@ -43,14 +44,17 @@ def sweep(
     from tendonff.compensator.design.sweep.plan import Axis
     from tendonff.compensator.design.sweep.run import DEFAULT
     from tendonff.compensator.design.sweep.run import sweep as run_sweep
+    from tendonff.compensator.files.writing import require_parquet
 
+    if parquet:
+        require_parquet()
     axes = [Axis.parse(text) for text in over or []]
     names = DEFAULT if compensators is None else tuple(name.strip() for name in compensators.split(","))
     with executor_of(scheduler) as executor, progress("sweeping") as advance:
         result = run_sweep(
             loaded, out, over=axes, samples=samples, compensators=names, executor=executor, progress=advance
         )
-        result.write(out)
+        result.write(out, parquet=parquet)
     say(result.headline)
     for name in result.compensators:
         say(

@@ -1,5 +1,8 @@
 """Sweeps: what is stored is gone on with, wherever it is computed, and the numbers are those of single runs."""
 
+import signal
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -124,11 +127,61 @@ def test_a_dask_cluster_by_its_address_gives_the_same_rows(unsure: Scenario, tmp
 
     here = sweep(unsure, tmp_path / "here", samples=8, compensators=NAMES)
     with (
-        distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster,
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0") as cluster,
         executor_of(cluster.scheduler_address) as executor,
     ):
         there = sweep(unsure, tmp_path / "there", samples=8, compensators=NAMES, executor=executor)
     assert there.rows == here.rows
+
+
+_KILLED = """
+import os, signal
+from pathlib import Path
+from tendonff.compensator.design.sweep import run
+from tendonff.compensator.design.sweep.cluster import executor_of
+from tendonff.compensator.scenario.scenario import load_scenario
+run._JOBS_OF_WAVE = 2
+
+def tell(done, _total):
+    if done >= 16 and {kill}:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+with executor_of("{address}") as executor:
+    result = run.sweep(
+        load_scenario(Path("{scenario}")),
+        Path("{out}"),
+        samples=40,
+        compensators=("none", "inverse"),
+        executor=executor,
+        progress=tell,
+    )
+result.write(Path("{out}"), parquet=True)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="this system has no SIGKILL")
+def test_a_sweep_on_a_cluster_of_processes_that_was_killed_equals_one_that_ran_through(tmp_path: Path) -> None:
+    distributed, pandas = pytest.importorskip("distributed"), pytest.importorskip("pandas")
+    text = (EXAMPLES / "finger.toml").read_text(encoding="utf-8")
+    text = text.replace("duration_s = 4.0", "duration_s = 0.6").replace("step_s = 0.001", "step_s = 0.004")
+    (tmp_path / "s.toml").write_text(text + "\n[robust]\nmu = 0.2\nstiffness = 0.1\n", encoding="utf-8")
+
+    def swept(address: str, out: str, *, kill: bool) -> int:
+        code = _KILLED.format(address=address, scenario=tmp_path / "s.toml", out=tmp_path / out, kill=kill)
+        return subprocess.run([sys.executable, "-c", code], check=False, timeout=300).returncode
+
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0") as cluster:
+        address = cluster.scheduler_address
+        assert swept(address, "parts", kill=True) == -signal.SIGKILL
+        stored = (tmp_path / "parts" / "rows.partial.csv").read_text(encoding="utf-8").count("\n")
+        assert stored == 16
+        assert swept(address, "parts", kill=False) == swept(address, "whole", kill=False) == 0
+    for name in ("samples.csv", "summary.json"):
+        assert (tmp_path / "parts" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+    frame = pandas.read_parquet(tmp_path / "parts" / "samples.parquet")
+    again = pandas.read_csv(tmp_path / "whole" / "samples.csv")
+    pandas.testing.assert_frame_equal(frame, again, rtol=1e-14)
 
 
 def test_what_cannot_be_swept_is_refused_with_a_way_out(unsure: Scenario, tmp_path: Path) -> None:
