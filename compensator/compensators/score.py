@@ -1,5 +1,6 @@
 """How well a force delivers the wanted tension: simulate it on a chain, and score what arrives."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -132,6 +133,41 @@ def simulate_profile(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Slack:
+    """Where a tendon went slack.
+
+    Parameters
+    ----------
+    end : str
+        End of the tendon that went slack first.
+    time_s : float
+        When [s].
+    share : float
+        Share of the samples in which some link is slack.
+    message : str
+        In words.
+    """
+
+    end: str
+    time_s: float
+    share: float
+    message: str
+
+    @classmethod
+    def of(cls, run: Simulation) -> "Slack":
+        """Of a simulation with a slack link."""
+        slack = run.tension_N <= 0
+        row = int(np.argmax(slack.any(axis=1)))
+        at_load = int(np.argmax(slack[row])) >= slack.shape[1] / 2
+        return cls(
+            end="load" if at_load else "actuator",
+            time_s=float(run.time_s[row]),
+            share=float(slack.any(axis=1).mean()),
+            message=run.message,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Verified:
     """One compensator's profile on one plant.
 
@@ -147,8 +183,8 @@ class Verified:
     score : Score
     position_error_m : tuple of 2 float, or None
         Root mean square and largest error of the load's position [m], where that is wanted.
-    slack : str
-        Where the tendon went slack; empty where it stayed taut.
+    slack : Slack or None
+        Where the tendon went slack; None where it stayed taut.
     """
 
     compensator: str
@@ -158,7 +194,7 @@ class Verified:
     load_m: FloatArray
     score: Score
     position_error_m: tuple[float, float] | None
-    slack: str
+    slack: Slack | None
 
 
 def verify(
@@ -193,8 +229,37 @@ def verify(
         load_m=load,
         score=score(reference.tension_N, output),
         position_error_m=None if reference.position_m is None else _position_error(load - reference.position_m),
-        slack=run.message if run.outcome is Outcome.SLACK else "",
+        slack=Slack.of(run) if run.outcome is Outcome.SLACK else None,
     )
+
+
+_CAUSES = {
+    "actuator": "the force falls faster than mass and friction of the drive let its end follow",
+    "load": "the load's end gives way faster than the tendon is taken in",
+}
+
+
+def slack_warnings(verified: Sequence[Verified]) -> list[str]:
+    """One line for each cause of slack: who lets it come about, when, and why.
+
+    Parameters
+    ----------
+    verified : sequence of Verified
+    """
+    found = []
+    for end, cause in _CAUSES.items():
+        those = [v for v in verified if v.slack is not None and v.slack.end == end]
+        if not those:
+            continue
+        places = [v.slack for v in those if v.slack is not None]
+        names = dict.fromkeys(v.compensator for v in those)
+        levels = dict.fromkeys(v.plant.level.value for v in those)
+        found.append(
+            f"slack at the {end}'s end under the profiles {', '.join(names)} (level {', '.join(levels)}) from "
+            f"t = {min(place.time_s for place in places):.4g} s on, in up to "
+            f"{100 * max(place.share for place in places):.2g} % of the samples: {cause}"
+        )
+    return found
 
 
 def _position_error(error_m: FloatArray) -> tuple[float, float]:

@@ -6,7 +6,14 @@ from dataclasses import replace
 from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, ProfileStatus
 from tendonff.compensator.compensators.motion import with_motion
 from tendonff.compensator.compensators.registry import COMPENSATORS
-from tendonff.compensator.compensators.score import SimulatedPlant, Verified, ignored_motion, is_worse, verify
+from tendonff.compensator.compensators.score import (
+    SimulatedPlant,
+    Verified,
+    ignored_motion,
+    is_worse,
+    slack_warnings,
+    verify,
+)
 from tendonff.compensator.design.drive_use import drive_warnings
 from tendonff.compensator.design.expectation import expect
 from tendonff.compensator.design.output import Design
@@ -93,7 +100,7 @@ def design(
             parts.done()
     warnings += _worse_than_nothing([v for v in verified if v.plant.level is level], reference.tension_N)
     warnings += _promises([v for v in verified if v.plant.level is level], proof)
-    warnings += [f"{v.compensator} on {v.plant.level}: {v.slack}" for v in verified if v.slack]
+    warnings += slack_warnings(verified)
     result = Design(
         scenario=scenario,
         reference=reference,
