@@ -8,13 +8,14 @@
 For a tendon that is driven at one end, without inertia, bristles and creep, the law holds for any history: the output
 is the play of the input, ln(T_out + p) = Play[ln(T_in + p)] with dead band mu_pull theta + mu_release theta. Plays
 compose along the path, so the tension profile is the memory of the input. Eq. (4) of Palli, Borghesan, Melchiorri
-(ICRA 2010) for one-way slip; the play law is derived in the same notation.
+(ICRA 2010) for one-way slip; the play law is derived in the same notation. With spread bounds several plays act, and
+slip sets in gradually: `spread_bounds`.
 
 Where both ends act see `two_ended`.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -23,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Transmission
 from tendonff.models.section import Section
+from tendonff.models.spread_bounds import SpreadPlays
 
 Array = NDArray[np.float64]
 
@@ -91,11 +93,15 @@ class CapstanLaw:
         mu theta when pulling and when releasing [-], >= 0.
     adhesion_N : float
         Load-independent tension p [N], >= 0.
+    pull_spread, release_spread : float
+        Of the plays' bounds around mu theta [-], 0 (one play) to 1.
     """
 
     pull_exponent: float
     release_exponent: float
     adhesion_N: float = 0.0
+    pull_spread: float = 0.0
+    release_spread: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("pull_exponent", "release_exponent", "adhesion_N"):
@@ -109,6 +115,9 @@ class CapstanLaw:
                     f"{name} = mu theta must be at most {_LARGEST_EXPONENT:g}, got {value:g}: no tension gets through; "
                     "check the friction coefficients, and total_angle_rad, which is in radians"
                 )
+        for name in ("pull_spread", "release_spread"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise ParameterError(f"{name} must be from 0 to 1, got {getattr(self, name)}; use 0 for one play")
 
     @classmethod
     def of(cls, transmission: Transmission) -> "CapstanLaw":
@@ -118,15 +127,20 @@ class CapstanLaw:
             pull_exponent=math.fsum(pull),
             release_exponent=math.fsum(release),
             adhesion_N=transmission.friction.adhesion_N,
+            pull_spread=transmission.friction.pull_spread or 0.0,
+            release_spread=transmission.friction.release_spread or 0.0,
         )
+
+    @property
+    def plays(self) -> SpreadPlays | None:
+        """The plays with spread bounds; None where one play is the law."""
+        if self.pull_spread == 0 and self.release_spread == 0:
+            return None
+        return SpreadPlays.of(self.pull_exponent, self.release_exponent, self.pull_spread, self.release_spread)
 
     def part(self, share: float) -> "CapstanLaw":
         """Law of the first `share` (0 to 1) of the wrap angle: plays compose."""
-        return CapstanLaw(
-            pull_exponent=share * self.pull_exponent,
-            release_exponent=share * self.release_exponent,
-            adhesion_N=self.adhesion_N,
-        )
+        return replace(self, pull_exponent=share * self.pull_exponent, release_exponent=share * self.release_exponent)
 
     def output_bounds_N(self, input_N: ArrayLike) -> tuple[Array, Array]:
         """Least and largest output tension that an input tension admits [N].
@@ -165,8 +179,16 @@ class CapstanLaw:
         """
         history = np.asarray(input_N, dtype=np.float64)
         start = history[0] if initial_output_N is None else initial_output_N
-        lows, highs = self.output_bounds_N(history)
-        return np.maximum(_play_history(start, lows, highs), 0.0)
+        if self.plays is None:
+            lows, highs = self.output_bounds_N(history)
+            return np.maximum(_play_history(start, lows, highs), 0.0)
+        p = self.adhesion_N
+        held = [
+            _play_history(start + p, (history + p) * low, (history + p) * high)
+            for low, high in zip(self.plays.low, self.plays.high, strict=True)
+        ]
+        output: Array = np.maximum(np.mean(held, axis=0) - p, 0.0)
+        return output
 
     def profile_history_N(self, input_N: ArrayLike, shares: ArrayLike, initial_N: float | None = None) -> Array:
         """Tension along the path for any input history, started from uniform tension.
@@ -204,7 +226,8 @@ class CapstanLaw:
         """Input tension for a wanted output history: the branch of its last change, held while it stands still.
 
         At each reversal the answer jumps by the factor e^{(mu_pull + mu_release) theta} in T + p; an actuator's rate
-        limit decides what is left of that. The answer is not clipped: negative values ask for a push.
+        limit decides what is left of that. With spread bounds it jumps by the band of the narrowest play alone. The
+        answer is not clipped: negative values ask for a push.
 
         Parameters
         ----------
@@ -218,11 +241,14 @@ class CapstanLaw:
         ndarray, shape (n,)
         """
         wanted = np.asarray(output_N, dtype=np.float64)
+        start = float(wanted[0] if initial_input_N is None else initial_input_N)
+        if self.plays is not None:
+            p = self.adhesion_N
+            return self.plays.inputs(wanted + p, start=float(wanted[0]) + p, held=start + p) - p
         change = np.sign(np.diff(wanted, prepend=wanted[0]))
         moved = change != 0
         last_move = np.maximum.accumulate(np.where(moved, np.arange(len(wanted)), -1))
         answer = np.where(change > 0, self.input_for_N(wanted, Branch.PULL), self.input_for_N(wanted, Branch.RELEASE))
-        start = wanted[0] if initial_input_N is None else initial_input_N
         return np.where(last_move >= 0, answer[np.maximum(last_move, 0)], start)
 
     def largest_output_N(self, force_max_N: float) -> float:

@@ -133,6 +133,9 @@ class Friction:
         The same near rest [-]; default: mu_static mu_dynamic_release/mu_dynamic.
     adhesion_N : float, optional
         Load-independent tension p added to the tension in the friction law [N], >= 0; default 0.
+    pull_spread, release_spread : float, optional
+        Of the static law alone: its slip sets in gradually, over dead bands from (1 - spread) to (1 + spread) times
+        the middle one [-], 0 to 1; the chain has its bristles for that. Default: none.
     """
 
     mu_dynamic: float
@@ -144,6 +147,8 @@ class Friction:
     mu_dynamic_release: float | None = None
     mu_static_release: float | None = None
     adhesion_N: float = 0.0
+    pull_spread: float | None = None
+    release_spread: float | None = None
 
     def __post_init__(self) -> None:
         _require("mu_dynamic", self.mu_dynamic, least=0, hint="use 0 for a frictionless path")
@@ -168,6 +173,12 @@ class Friction:
                     f"got {self.mu_static_release}; set both equal for no Stribeck effect"
                 )
         _require("adhesion_N", self.adhesion_N, least=0, hint="use 0 for friction that is proportional to tension")
+        for name in ("pull_spread", "release_spread"):
+            spread = getattr(self, name)
+            if spread is not None:
+                _require(name, spread, least=0, hint="leave it out for one dead band")
+                if spread > 1:
+                    raise ParameterError(f"{name} must be <= 1, got {spread}: no dead band is less than none")
 
     @property
     def release_dynamic(self) -> float:

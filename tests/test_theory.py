@@ -1,5 +1,6 @@
 """Every numbered formula of the theory pages, checked against the packages, or independently where none holds it."""
 
+import itertools
 import math
 import re
 import runpy
@@ -134,6 +135,26 @@ def test_the_plateau_after_a_reversal_lasts_as_long_as_the_ramp_through_the_jump
     held = law.output_history_N(np.maximum(ramp, 0.1), level)
     plateau = step * np.argmax(held < level * (1 - 1e-9))
     assert level * (math.exp(0.63) - math.exp(-0.63)) / rate == pytest.approx(plateau, abs=2 * step)
+
+
+@equation("2.4", "2.5")
+def test_plays_with_spread_bounds_by_the_formulas_themselves():
+    """The operator written out, one play at a time, and its inverse with the number of slipping plays searched for."""
+    law = CapstanLaw(pull_exponent=0.63, release_exponent=0.47, adhesion_N=1.5, pull_spread=0.7, release_spread=0.5)
+    low, high = law.plays.low, law.plays.high
+    assert float(np.mean(low)) == pytest.approx(math.exp(-0.63), rel=1e-12)
+    assert float(np.mean(high)) == pytest.approx(math.exp(0.47), rel=1e-12)
+    wanted = np.array([20, 25, 32, 30, 24, 26, 25, 40, 12, 18], dtype=float)
+    w, forces = np.full(8, wanted[0] + 1.5), [wanted[0]]
+    for before, r in itertools.pairwise(wanted):
+        bounds = low if r > before else high
+        tried = [(8 * (r + 1.5) - w[j:].sum()) / bounds[:j].sum() for j in range(1, 9)]
+        means = [np.clip(w, u * low, u * high).mean() for u in tried]
+        [u, *_] = [u for u, mean in zip(tried, means, strict=True) if abs(mean - r - 1.5) < 1e-9]
+        w = np.minimum(np.maximum(w, u * low), u * high)
+        forces.append(u - 1.5)
+    np.testing.assert_allclose(law.input_history_N(wanted), forces, rtol=1e-12)
+    np.testing.assert_allclose(law.output_history_N(forces), wanted, rtol=1e-12)
 
 
 @pytest.fixture(scope="module")

@@ -1,23 +1,35 @@
 """`tendonff design --online`: what a filter of a reference that arrives live costs and buys."""
 
+import math
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.compensators.stream.run import NOISE_GOAL_DB, Candidate, StreamChoice, choose_stream
+from tendonff.compensator.compensators.stream.filter import StreamFilter
+from tendonff.compensator.compensators.stream.run import (
+    NOISE_GOAL_DB,
+    Candidate,
+    StreamChoice,
+    choose_stream,
+    over_preview,
+    rate_binds,
+)
 from tendonff.compensator.export.text.c_text import accepted_range
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.reporting.plots import GREY, INK, legend_below, new_figure, save_figure
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.capstan import CapstanLaw
 from tendonff.ocp.errors import SolveError
 
 _PREVIEW_S = 0.05
 """Longest filter that is drawn, where the scenario's own are shorter [s]."""
+_PREVIEW_SHARES = (0.1, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0, 1.3)  # of the time for the largest jump
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,11 +44,20 @@ class Online:
         Further ones, of which those longer than the lag allowed need preview.
     lag_max_s : float
         Lag that the scenario accepts [s].
+    over_preview : tuple of Candidate
+        The picked filter with more and more preview; empty where the rate limit does not bind.
+    jump_s : float
+        Time that the rate limit needs for the static law's jump at the largest reference [s].
+    optimum_percent : float or None
+        RMS error of the optimal profile, which knows all of the reference [% of range]; None where it is not known.
     """
 
     choice: StreamChoice
     longer: tuple[Candidate, ...]
     lag_max_s: float
+    over_preview: tuple[Candidate, ...] = ()
+    jump_s: float = 0.0
+    optimum_percent: float | None = None
 
     @property
     def sentence(self) -> str:
@@ -44,19 +65,29 @@ class Online:
         picked = self.choice.picked
         lag = picked.design.filter.lag_s
         timing = f"{-1e3 * lag:.3g} ms of preview" if lag < 0 else f"{1e3 * lag:.3g} ms of lag"
-        return (
+        found = (
             f"live reference: {timing}, {len(picked.design.filter.taps)} taps, error {picked.score.percent} % of "
             f"range, {picked.noise_dB:+.1f} dB of the reference's noise in the force above 30 Hz"
+        )
+        if not self.over_preview:
+            return found
+        last = min(self.over_preview, key=lambda c: abs(c.design.filter.lag_s + self.jump_s))
+        optimum = "" if self.optimum_percent is None else f"; the optimal profile has {self.optimum_percent:.3g} %"
+        return (
+            f"{found}. The rate limit binds: with preview for the largest jump ({1e3 * self.jump_s:.3g} ms) "
+            f"{last.score.percent} %{optimum}"
         )
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write `online.csv` and the figure `online` into an existing folder."""
-        rows = (*self.choice.candidates, *self.longer)
+        rows = (*self.choice.candidates, *self.longer, *self.over_preview)
         write_csv(
             Path(folder) / "online.csv",
             {
                 "lag_s": [c.design.filter.lag_s for c in rows],
                 "filter_s": [_length_s(c) for c in rows],
+                "ramp_s": [c.design.ahead * c.design.filter.step_s for c in rows],
+                "overshoot": [0.0 if c.design.ramp is None else c.design.ramp.overshoot for c in rows],
                 "keeps_parabolas": [int(c.design.filter.is_flat) for c in rows],
                 "rmse_percent_of_range": [c.score.rmse_percent_of_range for c in rows],
                 "force_noise_dB": [c.noise_dB for c in rows],
@@ -66,8 +97,14 @@ class Online:
         save_figure(online_figure(self), Path(folder) / "online")
 
 
-def study_online(scenario: Scenario) -> Online:
+def study_online(scenario: Scenario, optimum_percent: float | None = None) -> Online:
     """Try filters on the scenario's reference with the noise of a converter.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    optimum_percent : float, optional
+        RMS error of the optimal profile on the same model, for comparison [% of range].
 
     Raises
     ------
@@ -82,20 +119,43 @@ def study_online(scenario: Scenario) -> Online:
     problem = Problem.of(scenario)
     accepted = accepted_range(problem)
     choice = choose_stream(problem, scenario.stream, accepted)
-    longer = choose_stream(problem, replace(scenario.stream, preview_s=_PREVIEW_S), accepted)
+    further = replace(scenario.stream, preview_s=_PREVIEW_S)
+    longer = choose_stream(problem, further, accepted, with_ramps=False)
     if choice is None or longer is None:
         raise SolveError(
             "no force of a live reference can be simulated on this chain; check it with tendonff simulate, "
             "or let the reference move more slowly"
         )
-    return Online(choice=choice, longer=longer.candidates, lag_max_s=scenario.stream.lag_max_s)
+    jump = 0.0
+    over: tuple[Candidate, ...] = ()
+    if rate_binds(problem):
+        law, reference = CapstanLaw.of(problem.transmission), problem.reference
+        width = math.exp(law.pull_exponent) - math.exp(-law.release_exponent)
+        jump = (float(reference.tension_N.max()) + law.adhesion_N) * width / problem.limits.rate_N_per_s
+        design = choice.picked.design
+        needed = (design.filter.half + 1) * design.filter.step_s
+        over = over_preview(problem, design, [max(needed, share * jump) for share in _PREVIEW_SHARES])
+    return Online(
+        choice=choice,
+        longer=longer.candidates,
+        lag_max_s=scenario.stream.lag_max_s,
+        over_preview=over,
+        jump_s=jump,
+        optimum_percent=optimum_percent,
+    )
 
 
 def online_figure(result: Online) -> Figure:
     """Error over noise in the force: one curve for each kind of filter, a point for each length, the pick ringed."""
-    figure, axes = new_figure(height_in=3.6)
+    rows = 2 if result.over_preview else 1
+    figure, axes = new_figure(rows=rows, height_in=1.2 + 2.4 * rows)
     panel = axes[0, 0]
-    every = (*result.choice.candidates, *result.longer)
+    best: dict[StreamFilter, Candidate] = {}
+    ramps = result.choice.picked.design.ramp is not None  # whose errors are not those of filters alone
+    shown = [c for c in result.choice.candidates if c.design.ramp] if ramps else result.choice.candidates
+    for each in sorted((*shown, *(() if ramps else result.longer)), key=lambda c: -c.score.rmse_N):
+        best[each.design.filter] = each
+    every = tuple(best.values())
     for is_flat, color, label in ((False, INK, "least noise"), (True, GREY, "keeps parabolas too")):
         row = sorted((c for c in every if c.design.filter.is_flat is is_flat), key=_length_s)
         if not row:
@@ -121,7 +181,24 @@ def online_figure(result: Online) -> Figure:
         title=f"Reference in steps of {result.choice.resolution_N:.3g} N, one of them noise",
     )
     legend_below(figure, panel, columns=2)
+    if result.over_preview:
+        _draw_preview(axes[1, 0], result)
     return figure
+
+
+def _draw_preview(panel: Axes, result: Online) -> None:
+    """Error over preview where the rate limit binds, beside what the optimal profile reaches."""
+    time_ms = [-1e3 * c.design.filter.lag_s for c in result.over_preview]
+    error = [c.score.rmse_percent_of_range for c in result.over_preview]
+    panel.plot(time_ms, error, "o-", color=INK, linewidth=0.8)
+    panel.axvline(1e3 * result.jump_s, color=GREY, linewidth=0.8, linestyle=(0, (6, 3)))
+    panel.annotate("largest jump at this rate", (1e3 * result.jump_s, max(error)), ha="right", va="top", rotation=90)
+    if result.optimum_percent is not None:
+        panel.axhline(result.optimum_percent, color=GREY, linewidth=0.8)
+        panel.annotate("optimal profile", (time_ms[0], result.optimum_percent), va="bottom")
+    panel.set(
+        xlabel="preview [ms]", ylabel="RMS error [% of range]", yscale="log", title="Preview against the rate limit"
+    )
 
 
 def _length_s(candidate: Candidate) -> float:

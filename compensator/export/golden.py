@@ -245,10 +245,16 @@ def golden_vectors(
 
 
 def _live(problem: Problem, stream: StreamDesign, course_N: FloatArray, precision: Precision) -> Course:
-    """The course with the noise of a converter, lost for a time in which the reference moves on."""
+    """The course with the noise of a converter, lost for a time in which the reference moves on.
+
+    With a ramp it is the reference as it is, from before where its force is fastest: in and out of the limits.
+    """
+    if stream.ramp is not None:
+        fastest = int(np.argmax(np.abs(np.diff(problem.inversion.force_N))))
+        course_N = problem.reference.tension_N[max(0, fastest - _LIVE_ROWS // 2) :][: stream.ahead + _LIVE_ROWS]
     step = max(2 * stream.band_N, 1e-3 * scale_N(course_N))
-    rough = rounded(quantised(course_N[:_LIVE_ROWS], step), precision)
-    rough[0] = course_N[0]
+    rough = rounded(quantised(course_N[: stream.ahead + _LIVE_ROWS], step), precision)
+    rough[0] = rounded(course_N[:1], precision)[0]
     rough[_LOST] = np.nan
     start = float(rough[0])
     force, step = stream_force(stream, problem, rough), problem.reference.step_s

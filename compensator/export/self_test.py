@@ -12,7 +12,8 @@ from tendonff.compensator.export.checks import Status, checksum, integer_checksu
 from tendonff.compensator.export.golden import Course, Golden, respond, servo_of
 from tendonff.compensator.export.text.parameters import settable_numbers
 from tendonff.compensator.export.text.table_index import share_index
-from tendonff.models.capstan import Branch
+from tendonff.models.capstan import Branch, CapstanLaw
+from tendonff.models.spread_bounds import PLAYS
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.inverse import invert
 
@@ -130,8 +131,11 @@ def self_test_context(
         bits[name] = Status.OK
         if name == "inverse":
             bits[name] = seen(exact.force_N, limited, least, most)
+    change = actuator.force_rate_max_N_per_s * step
+    ramps = live is not None and bool(np.any(np.abs(np.diff(live.plant_force_N)) > 0.999 * change))
     return {
         "golden": golden,
+        "live_ramps": ramps and servo_of(problem) is None,
         "limit_cases": limit_cases(least, most, actuator.force_rate_max_N_per_s * step, precision),
         "checksums": {
             "profile": checksum(profile_N, precision),
@@ -146,7 +150,7 @@ def self_test_context(
         "jump_bits": {name: int(value) for name, value in bits.items()},
         "plant_ends": (float(ends.near_position_m[-1]), float(ends.far_position_m[-1])),
         "settable": {
-            "capstan": ("pull", "release", "adhesion"),
+            "capstan": (*_bounds(CapstanLaw.of(problem.transmission)), "adhesion"),
             "inverse": ("mu", "adhesion", *settable_numbers(problem)),
         },
         "narrow_N": (least + 0.25 * (min(most, 1e6) - least), least + 0.75 * (min(most, 1e6) - least)),
@@ -154,6 +158,13 @@ def self_test_context(
         "slack_rows": _SLACK_ROWS if slack else 0,
         "slack_drive": lowest,
     }
+
+
+def _bounds(law: CapstanLaw) -> tuple[str, ...]:
+    """Members of the capstan law's state that follow from the coefficients."""
+    if law.plays is None:
+        return "pull", "release"
+    return tuple(f"{side}[{k}]" for side in ("low", "high") for k in (0, PLAYS - 1))
 
 
 def _table_checksums(table: LookupTable, precision: Precision) -> dict[str, int]:

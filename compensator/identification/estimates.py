@@ -15,7 +15,7 @@ from tendonff.compensator.identification.result import Estimate
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.ocp.fits.chain import DynamicParameter
-from tendonff.ocp.fits.static import SPREADS, StaticParameter
+from tendonff.ocp.fits.static import SPREADS, StaticParameter, in_gross_sliding
 
 P, D = StaticParameter, DynamicParameter
 
@@ -41,10 +41,8 @@ def _scenario_value(scenario: Scenario, name: str) -> float | None:
         return friction.release_dynamic
     if name == "mu_static_release":
         return friction.release_static
-    for table in (friction, tendon):
-        if hasattr(table, name):
-            return float(getattr(table, name))
-    return None
+    value = next((getattr(table, name) for table in (friction, tendon) if hasattr(table, name)), None)
+    return None if value is None else float(value)
 
 
 def static_estimates(scenario: Scenario, stage: StaticSelection, now: ExcitationSummary, *, described: bool) -> Answer:
@@ -60,9 +58,11 @@ def static_estimates(scenario: Scenario, stage: StaticSelection, now: Excitation
     """
     theta, fit = scenario.transmission.path.total_angle_rad, stage.fit
     solution = fit.solution
+    sliding = dict(zip((P.PULL, P.RELEASE), in_gross_sliding(fit.values), strict=True))
+    per_own = {k: v / fit.values[k] / theta if fit.values[k] > 0 else 1 / theta for k, v in sliding.items()}
     names = {
-        P.PULL: ("mu_dynamic", 1 / theta),
-        P.RELEASE: ("mu_dynamic_release", 1 / theta),
+        P.PULL: ("mu_dynamic", per_own[P.PULL]),
+        P.RELEASE: ("mu_dynamic_release", per_own[P.RELEASE]),
         P.ADHESION: ("adhesion_N", 1.0),
         P.INPUT_BIAS: ("input_bias_N", 1.0),
         P.OUTPUT_BIAS: ("output_bias_N", 1.0),
@@ -100,7 +100,7 @@ def static_estimates(scenario: Scenario, stage: StaticSelection, now: Excitation
             if parameter in LOAD_TERMS and partner in LOAD_TERMS:
                 why = f"it goes with {partner}, these files tell only their combination; repeat at several loads"
         else:
-            why = "static stage" + (f"; mu theta = {value:.4g}" if factor != 1 else "")
+            why = "static stage" + (f"; mu theta = {sliding[parameter]:.4g}" if parameter in sliding else "")
         told = bool(told and described and math.isfinite(error))
         shown = factor * value if described or own is None else own
         estimates.append(

@@ -9,17 +9,18 @@ from tendonff.compensator.identification.fitting.static import (
     FileError,
     StaticFit,
     errors_of,
-    fit_static,
     middle_of,
     pooled_percent,
 )
 from tendonff.compensator.identification.measured.cleaning import Record
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level
+from tendonff.models.spread_bounds import middle_exponent
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.chain import ChainModel, DynamicParameter
-from tendonff.ocp.fits.static import StaticParameter
+from tendonff.ocp.fits.static import NEUTRAL, StaticParameter, in_gross_sliding
 
 P, D = StaticParameter, DynamicParameter
 
@@ -36,12 +37,15 @@ class Fitted:
     offsets_N : tuple of 2 floats
         What the input and the output cell read at zero, beyond what was taken off when the files were read.
     static : StaticFit or None
-        The static law that it holds.
+        The static law that was fitted; None where the chain was.
+    chain_percent : float or None
+        What the chain of the scenario leaves where a static law was fitted [% of range]; None where nothing drives it.
     """
 
     scenario: Scenario
     offsets_N: tuple[float, float] = (0.0, 0.0)
     static: StaticFit | None = None
+    chain_percent: float | None = None
 
 
 def scenario_of_chain(scenario: Scenario, fit: DynamicFit, records: Sequence[Record]) -> Fitted:
@@ -80,9 +84,7 @@ def scenario_of_chain(scenario: Scenario, fit: DynamicFit, records: Sequence[Rec
 def scenario_of_static(
     scenario: Scenario, stage: StaticSelection, records: Sequence[Record], *, static_only: bool
 ) -> Fitted:
-    """The scenario with all values of a fitted static law, at the fidelity level that replays the files best.
-
-    What a scenario has no key for is left out, and the rest fitted again without it.
+    """The scenario with all values of a fitted static law, at the fidelity level whose chain comes closest.
 
     Parameters
     ----------
@@ -93,11 +95,9 @@ def scenario_of_static(
     static_only : bool
         No simulation: the scenario's own level stays.
     """
-    t, fit = scenario.transmission, stage.fit
-    if fit.model.guide or fit.model.spread:
-        fit = fit_static(records, replace(fit.model, guide=False, spread=False), fit.explain, start=fit)
+    t, fit, values = scenario.transmission, stage.fit, stage.fit.values
     theta, f = t.path.total_angle_rad, t.friction
-    pull, release = (max(fit.values[k], 0.0) / theta for k in (P.PULL, P.RELEASE))
+    pull, release = (max(exponent, 0.0) / theta for exponent in in_gross_sliding(values))
     ratio = f.mu_static / f.mu_dynamic if f.mu_dynamic > 0 else 1.0
     friction = replace(
         f,
@@ -105,19 +105,58 @@ def scenario_of_static(
         mu_static=ratio * pull,
         mu_dynamic_release=release,
         mu_static_release=ratio * release,
-        adhesion_N=max(fit.values[P.ADHESION], 0.0),
+        adhesion_N=max(values[P.ADHESION], 0.0),
+        pull_spread=values[P.PULL_SPREAD] or None,
+        release_spread=values[P.RELEASE_SPREAD] or None,
     )
     if fit.model.presliding:
-        friction = replace(friction, soft_bristle_stiffness_N_per_m=fit.values[P.BRISTLE])
-    changed = replace(scenario, transmission=replace(t, friction=friction))
-    offsets = (fit.values[P.INPUT_BIAS], fit.values[P.OUTPUT_BIAS])
+        friction = replace(friction, soft_bristle_stiffness_N_per_m=values[P.BRISTLE])
+    how = replace(
+        scenario.measurement,
+        explain=fit.explain if fit.explain is Explain.INPUT else scenario.measurement.explain,
+        guide_stiffness_N_per_m=values[P.GUIDE] or None,
+        guide_zero_m=middle_of(records) if values[P.GUIDE] else None,
+        bristle_spread=values[P.BRISTLE_SPREAD] or None,
+    )
+    changed = replace(scenario, transmission=replace(t, friction=friction), measurement=how)
+    offsets = (values[P.INPUT_BIAS], values[P.OUTPUT_BIAS])
     own = scenario.run.level
     driven = static_only or fit.explain is Explain.INPUT or any(r.signed for r in records)
     levels = [Level.PRESLIDING] if fit.model.presliding else [own] if driven else [own, Level.VISCOELASTIC]
     tried = [replace(_fitted(changed, level, offsets, records), static=fit) for level in dict.fromkeys(levels)]
-    if len(tried) == 1:
+    if driven:
         return tried[0]
-    return min(tried, key=lambda found: pooled_percent(replay(found, fit.explain, records), records, fit.explain))
+    left = [pooled_percent(_chain_replay(found, fit.explain, records), records, fit.explain) for found in tried]
+    best = min(range(len(tried)), key=left.__getitem__)
+    return replace(tried[best], chain_percent=left[best])
+
+
+def static_law_of(fitted: Fitted, fit: StaticFit) -> StaticFit:
+    """The static law that a fitted scenario holds, from its own keys.
+
+    Parameters
+    ----------
+    fitted : Fitted
+    fit : StaticFit
+        For the kind of law.
+    """
+    t, how = fitted.scenario.transmission, fitted.scenario.measurement
+    law, friction = CapstanLaw.of(t), t.friction
+    values = {
+        **NEUTRAL,
+        P.PULL: -middle_exponent(-law.pull_exponent, law.pull_spread),
+        P.RELEASE: middle_exponent(law.release_exponent, law.release_spread),
+        P.PULL_SPREAD: law.pull_spread,
+        P.RELEASE_SPREAD: law.release_spread,
+        P.ADHESION: law.adhesion_N,
+        P.INPUT_BIAS: fitted.offsets_N[0],
+        P.OUTPUT_BIAS: fitted.offsets_N[1],
+        P.GUIDE: how.guide_stiffness_N_per_m or 0.0,
+        P.BRISTLE_SPREAD: how.bristle_spread or 0.0,
+    }
+    if fit.model.presliding:
+        values[P.BRISTLE] = friction.soft_bristle_stiffness_N_per_m
+    return replace(fit, values=values)
 
 
 def with_coulomb(scenario: Scenario, coulomb_N: float) -> Scenario:
@@ -138,22 +177,24 @@ def _fitted(scenario: Scenario, level: Level, offsets_N: tuple[float, float], re
     )
 
 
-def replay(
-    fitted: Fitted, explain: Explain, records: Sequence[Record], *, static_only: bool = False
-) -> tuple[FileError, ...]:
-    """Errors of a fitted scenario, simulated again over the files with its own number of masses.
+def replay(fitted: Fitted, explain: Explain, records: Sequence[Record]) -> tuple[FileError, ...]:
+    """Errors of the law that a fitted scenario holds: of its static law, or of its chain, simulated again.
 
     Parameters
     ----------
     fitted : Fitted
     explain : Explain
     records : sequence of Record
-    static_only : bool, optional
-        By the static law, without the chain.
     """
-    driven = static_only or explain is Explain.INPUT or any(r.signed for r in records)
-    if fitted.static is not None and driven:
-        return errors_of(fitted.static, records, middle_of(records))
+    if fitted.static is None:
+        return _chain_replay(fitted, explain, records)
+    zero = fitted.scenario.measurement.guide_zero_m
+    law = static_law_of(fitted, fitted.static)
+    return errors_of(law, records, middle_of(records) if zero is None else zero)
+
+
+def _chain_replay(fitted: Fitted, explain: Explain, records: Sequence[Record]) -> tuple[FileError, ...]:
+    """Errors of the chain with the scenario's own number of masses."""
     scenario = fitted.scenario
     model = ChainModel(
         transmission=scenario.transmission,

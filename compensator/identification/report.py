@@ -28,9 +28,9 @@ def identification_report(found: IdentificationData, folder: Path) -> Report:
     validated = found.validation_percent
     judged = "" if validated is None else f", and {validated:.2g} % on validation files"
     verdict = (
-        f"The {found.law} law describes the device: RMS error {found.fit_percent:.2g} % of range{judged}."
+        f"The device is described by the law “{found.law}”: RMS error {found.fit_percent:.2g} % of range{judged}."
         if found.described
-        else f"No law describes the device. Best: {found.law}: RMS error {found.fit_percent:.2g} % of range{judged}."
+        else f"No law describes the device. The best, “{found.law}”, leaves {found.fit_percent:.2g} % of range{judged}."
     )
     estimates = Table(
         caption="Estimates; not identifiable: kept at the scenario's value; doubtful: fitted together with the others",

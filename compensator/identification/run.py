@@ -25,14 +25,21 @@ from tendonff.compensator.identification.fitting.model_selection import (
     choose_explain,
     select_static,
 )
-from tendonff.compensator.identification.fitting.sliding_ratio import SlidingRatio, sliding_ratios
+from tendonff.compensator.identification.fitting.sliding_ratio import sliding_ratios
 from tendonff.compensator.identification.fitting.static import pooled_percent
 from tendonff.compensator.identification.identifiability import summarise_excitation
 from tendonff.compensator.identification.measured.cleaning import Record, clean
 from tendonff.compensator.identification.measured.plan import check_plan, check_question
-from tendonff.compensator.identification.measured.reading import DataIssue, read_measurement
+from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.measured.units import magnitude_warning, unit_warnings
-from tendonff.compensator.identification.moments import moved_inside
+from tendonff.compensator.identification.messages import (
+    about_delay,
+    about_fitted,
+    about_issues,
+    about_moments,
+    about_no_law,
+    about_uneven_path,
+)
 from tendonff.compensator.identification.outcome import Outcome, compared, outcome_of
 from tendonff.compensator.identification.output import Identification
 from tendonff.compensator.identification.result import POOR_PERCENT, FileResult
@@ -40,14 +47,9 @@ from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.chain import DynamicParameter
-from tendonff.ocp.fits.static import SPREADS, StaticParameter
+from tendonff.ocp.fits.static import StaticParameter
 
 P, D = StaticParameter, DynamicParameter
-
-MOST_ALIKE = 3
-"""So many files may each have a line about the same kind of data issue."""
-
-MOST_MOMENTS = 5
 
 SMALL_SHARE = 0.03
 """A file whose error is below this share of the common range is described, however little it moves itself."""
@@ -94,7 +96,7 @@ def identify(
     check_plan(raw, how, static_only=static_only, say=say, confirm=confirm)
     everything = [clean(one, how) for one in raw]
     records, judges = everything[: len(fit_files)], everything[len(fit_files) :]
-    warnings = [*unit_warnings(how, _positions_of(records)), *_issues_of(everything)]
+    warnings = [*unit_warnings(how, _positions_of(records)), *about_issues(everything)]
     foreign = _foreign(scenario, records)
     warnings += [foreign] if foreign else []
     stage: StaticSelection | None = None
@@ -117,17 +119,18 @@ def identify(
         chain = None
     outcome = outcome_of(laws, stage, chain, records, judges)
     files, said = by_file(chain, records, conditions or {})
-    warnings += [*said, *_delay(delay), *_touched(outcome)]
+    warnings += [*said, *about_delay(delay), *about_moments(outcome)]
     sliding = sliding_ratios(records)
     failure = _failure(outcome)
     if failure:
-        warnings.append(_no_law(outcome, failure, sliding, records))
+        warnings.append(about_no_law(outcome, failure, sliding, records))
     estimates, names, correlation = _estimates(scenario, stage, chain, records, described=not failure)
     fitted, replayed = Fitted(scenario=scenario), None
     if not failure:
         say("replay of the fitted scenario")
         fitted, replayed = _carried_on(scenario, stage, chain, records, static_only=static_only)
-        warnings += _not_in_a_scenario(fitted, stage, chain, records)
+        warnings += about_fitted(fitted, records)
+        warnings += about_uneven_path(chain, scenario.transmission.path.total_angle_rad)
     of_drive = drive_estimate(scenario, raw[: len(fit_files)])
     if of_drive is not None:
         estimates = (*estimates, of_drive)
@@ -209,7 +212,9 @@ def _fit(
             say("tendon stage")
             lengths = tendon.fit_tendon(records, stage.fit.values, transmission.tendon)
             if lengths.explained >= tendon.EXPLAINED_ENOUGH:
-                other = dynamic.fit_coarse(records, transmission, start | {D(k): v for k, v in lengths.values.items()})
+                near = start | {D.BRISTLE: coarse.solution.values[D.BRISTLE]}
+                near |= {D(k): v for k, v in lengths.values.items()}
+                other = dynamic.fit_coarse(records, transmission, near, several=False)
                 coarse = min(coarse, other, key=lambda c: c.solution.cost)
         chain = dynamic.fit_dynamic(coarse, start, validation=judges, biases=_biased(stage, records), say=say)
     except SolveError as error:
@@ -249,32 +254,7 @@ def _carried_on(
     elif stage is not None:
         fitted = scenario_of_static(scenario, stage, records, static_only=static_only)
     explain = Explain.POSITION if stage is None else stage.fit.explain
-    return fitted, pooled_percent(replay(fitted, explain, records, static_only=static_only), records, explain)
-
-
-def _delay(delay: Delay | None) -> list[str]:
-    """What to say where one channel is read later than the other."""
-    if delay is None or not delay.told:
-        return []
-    told = (
-        f"the output is read {1e3 * abs(delay.seconds):.3g} ms {'later' if delay.seconds > 0 else 'earlier'} than the "
-        f"input (+-{1e3 * delay.error_s:.2g} ms), which was taken out before the fit: log both with one clock"
-    )
-    return [told]
-
-
-def _touched(outcome: Outcome) -> list[str]:
-    """Moments at which the output moved although the law holds it."""
-    moments = moved_inside(outcome.comparisons)
-    if not moments:
-        return []
-    shown = ", ".join(f"{name} {time:.4g} s" for name, time in moments[:MOST_MOMENTS])
-    more = " ..." if len(moments) > MOST_MOMENTS else ""
-    told = (
-        f"the output moves inside the dead band {len(moments)} times ({shown}{more}): was the far end touched or moved "
-        "there? Leave these times out, or hold it"
-    )
-    return [told]
+    return fitted, pooled_percent(replay(fitted, explain, records), records, explain)
 
 
 def _positions_of(records: Sequence[Record]) -> list[str]:
@@ -288,24 +268,6 @@ def _foreign(scenario: Scenario, records: Sequence[Record]) -> str | None:
     names = ("input_N", "output_N") if all(r.has_output for r in records) else ("input_N",)
     largest = max(float(np.abs(r.joined(name)).max()) for r in records for name in names)
     return magnitude_warning(largest, scenario.transmission.actuator.force_max_N)
-
-
-def _issues_of(records: Sequence[Record]) -> list[str]:
-    """What was found in the files, one line each; a kind that many files share takes one line for all of them."""
-    lines = []
-    for issue in DataIssue:
-        found = [(r.name, f.text) for r in records for f in r.findings if f.issue is issue]
-        if issue is DataIssue.SKIPPED or not found:
-            continue
-        files = len({name for name, _ in found})
-        if files <= MOST_ALIKE:
-            lines += [f"{name}: {text}" for name, text in found]
-        else:
-            name, text = found[0]
-            lines.append(
-                f"{issue} in {files} files; {name}: {text.removeprefix(f'{issue}: ')} (the others are in fit.json)"
-            )
-    return lines
 
 
 def _start(scenario: Scenario, stage: StaticSelection) -> dict[DynamicParameter, float]:
@@ -346,52 +308,3 @@ def _failure(outcome: Outcome) -> str:
 
 def _is_poor(file: FileResult, widest_N: float) -> bool:
     return file.error.percent > POOR_PERCENT and file.error.rms > SMALL_SHARE * widest_N
-
-
-def _no_law(outcome: Outcome, failure: str, sliding: Sequence[SlidingRatio], records: Sequence[Record]) -> str:
-    shown = [
-        f"{g.branch} {g.log_ratio:.3g} ({g.interval[0]:.3g} to {g.interval[1]:.3g})"
-        for g in sliding
-        if g.log_ratio is not None and g.interval is not None
-    ]
-    ratios = f"; ln(T_in/T_out) in gross sliding: {', '.join(shown)}" if shown else ""
-    return (
-        f"no law explains these files: the best, {outcome.law}, has {failure}. A transmission driven at its input end "
-        "alone behaves differently: is the output end, or the path itself, driven, or the loop pre-tensioned? No value "
-        f"was taken over into the fitted scenario{ratios}{_positions_wanted(records)}"
-    )
-
-
-def _not_in_a_scenario(
-    fitted: Fitted, stage: StaticSelection | None, chain: dynamic.DynamicFit | None, records: Sequence[Record]
-) -> list[str]:
-    """What the law has and a scenario has no place for, or a place that is easily overlooked."""
-    found = []
-    foreign = [] if chain is not None or stage is None else [k for k in (P.GUIDE, *SPREADS) if stage.fit.values[k] != 0]
-    if foreign:
-        guide = "; add the guide's friction force by hand" if P.GUIDE in foreign else ""
-        found.append(
-            f"a scenario has no key for {', '.join(foreign)}: fitted.toml has the other values fitted again without"
-            f"{guide}"
-        )
-    if any(fitted.offsets_N):
-        shown = ", ".join(f"{end} {v:.4g} N" for end, v in zip(("input", "output"), fitted.offsets_N, strict=True) if v)
-        place = (
-            "beyond what was taken off; a design with fitted.toml does not have it"
-            if any(r.zeroed for r in records)
-            else "kept in [measurement] of fitted.toml for reading files; it is no part of a design"
-        )
-        found.append(f"the cells' readings without tension (input_bias_N, output_bias_N): {shown}, {place}")
-    return found
-
-
-def _positions_wanted(records: Sequence[Record]) -> str:
-    """What would let a law for a driven output be tried, where it was not."""
-    if all(r.has_input_position for r in records):
-        return ""
-    unread = sorted({name for r in records for name in r.unread})
-    offered = f" (columns not read: {', '.join(unread)})" if unread else ""
-    return (
-        "; laws for a driven output need the motion of the input end, which was not read: name it with "
-        f"--input-position-column{offered}"
-    )

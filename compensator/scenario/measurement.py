@@ -57,6 +57,10 @@ class Measurement:
         Cut-off of the zero-phase low-pass that both channels go through [Hz], > 0. Default: found from the noise.
     explain : Explain, optional
         Tension that is predicted from the other one. Default auto: chosen from the data.
+    guide_stiffness_N_per_m, guide_zero_m, bristle_spread : float, optional
+        What the law of a driven output (explain = "input") has besides [friction], as `identify` writes it: stiffness
+        of what pulls on the input end beside the tendon and where it does not pull, and s of two strands whose
+        bristles are e^s times as stiff and as soft as soft_bristle_stiffness_N_per_m. Default: none.
     """
 
     time_column: str = "time_s"
@@ -77,6 +81,9 @@ class Measurement:
     skip_s: float | None = None
     cutoff_Hz: float | None = None
     explain: Explain = Explain.AUTO
+    guide_stiffness_N_per_m: float | None = None
+    guide_zero_m: float | None = None
+    bristle_spread: float | None = None
 
     def __post_init__(self) -> None:
         require_number("time_scale", self.time_scale, above=0, hint="0.001 turns milliseconds into seconds")
@@ -88,6 +95,9 @@ class Measurement:
         for name in ("input_offset_N", "output_offset_N"):
             if getattr(self, name) is not None:
                 require_number(name, getattr(self, name), hint="leave it out to have it found from slack samples")
+        for name in ("guide_stiffness_N_per_m", "guide_zero_m", "bristle_spread"):
+            if getattr(self, name) is not None:
+                require_number(name, getattr(self, name), hint="leave it out for none")
         if self.tare_s is not None and not 0 <= self.tare_s[0] < self.tare_s[1]:
             raise ParameterError(
                 f"tare_s must be from and to, 0 <= from < to, got {list(self.tare_s)}; give when the tendon is slack"

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from tendonff.models.bounds import play
 from tendonff.models.friction import LuGreBristle
+from tendonff.models.spread_bounds import PLACES, PLAYS, sliding_exponent
 
 Array = NDArray[np.float64]
 
@@ -70,9 +71,8 @@ P = StaticParameter
 ORDER = tuple(StaticParameter)
 
 SPREADS = (P.BRISTLE_SPREAD, P.PULL_SPREAD, P.RELEASE_SPREAD)
-PLAYS = 8
-PLACES = tuple((2 * k + 1) / PLAYS - 1 for k in range(PLAYS))
-"""Of the plays' bounds in their spread, evenly from -1 to 1."""
+CHUNK = 2048
+"""Rows that one call of a law steps through."""
 
 NEUTRAL: Mapping[StaticParameter, float] = {
     **dict.fromkeys(StaticParameter, 0.0),
@@ -157,6 +157,14 @@ def _with_slopes(state: ca.SX, signals: ca.SX, parameters: ca.SX, start: ca.SX, 
     )
 
 
+def in_gross_sliding(values: Mapping[StaticParameter, float]) -> tuple[float, float]:
+    """Mu theta at which all plays slip, pulling and releasing; the law's own exponents where there is one play."""
+    return (
+        -sliding_exponent(-values[P.PULL], values[P.PULL_SPREAD]),
+        sliding_exponent(values[P.RELEASE], values[P.RELEASE_SPREAD]),
+    )
+
+
 @functools.cache
 def _play_step(count: int) -> _Step:
     w, signals, places = ca.SX.sym("w", count), ca.SX.sym("signals", 2), ca.DM(PLACES if count == PLAYS else 0.0)
@@ -201,15 +209,22 @@ def _bristle_step() -> _Step:
     return _with_slopes(f_s, signals, parameters, start, after, far + ca.sum1(after) + beside)
 
 
-@functools.lru_cache(maxsize=64)
-def _accumulated(law: _Step, count: int) -> ca.Function:
-    return law.step.mapaccum(f"run_{count}", count)
+@functools.lru_cache(maxsize=8)
+def _accumulated(law: _Step) -> ca.Function:
+    return law.step.mapaccum("rows", CHUNK)
 
 
 def _run(law: _Step, values: Mapping[StaticParameter, float], signals: Array) -> Response:
+    """Step through all rows, a chunk at a time: a function of one length is made once."""
     numbers = ca.DM([values.get(k, NEUTRAL[k]) for k in ORDER])
-    run = _accumulated(law, signals.shape[1])
-    start = law.start(signals[:, 0], numbers)
-    _, found = run(start, signals, ca.repmat(numbers, 1, signals.shape[1]))
-    rows = np.asarray(found).T
+    run, state = _accumulated(law), law.start(signals[:, 0], numbers)
+    count = signals.shape[1]
+    # The last row is repeated to fill the last chunk, and its answers are dropped.
+    whole = np.concatenate([signals, np.repeat(signals[:, -1:], -count % CHUNK, axis=1)], axis=1)
+    given, parts = ca.repmat(numbers, 1, CHUNK), []
+    for start in range(0, whole.shape[1], CHUNK):
+        states, found = run(state, whole[:, start : start + CHUNK], given)
+        state = states[:, -1]
+        parts.append(np.asarray(found).T)
+    rows = np.concatenate(parts)[:count]
     return Response(prediction_N=rows[:, 0].copy(), slopes=rows[:, 1:].copy())

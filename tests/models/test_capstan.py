@@ -11,6 +11,7 @@ from tendonff.models.bounds import play
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Transmission
+from tendonff.models.spread_bounds import play_exponents
 
 LAW = CapstanLaw(pull_exponent=0.62, release_exponent=0.45, adhesion_N=0.5)
 histories = st.lists(st.floats(0.0, 150.0), min_size=2, max_size=40).map(np.array)
@@ -140,3 +141,50 @@ def test_the_law_answers_without_building_a_function(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(ca, "Function", refuse)
     assert law.output_history_N(inputs) == pytest.approx(before, abs=0)
     assert law.input_for_N(before, Branch.PULL)[1] == pytest.approx(20.0)
+
+
+SPREAD = CapstanLaw(pull_exponent=0.62, release_exponent=0.45, adhesion_N=0.5, pull_spread=0.8, release_spread=0.4)
+
+
+def _turning(rows=900):
+    """A tension with large and small reversals and a hold."""
+    rng = np.random.default_rng(3)
+    levels = np.concatenate([[20.0], np.ravel(np.column_stack([rng.uniform(30, 60, 12), rng.uniform(8, 28, 12)]))])
+    turning = np.interp(np.linspace(0, len(levels) - 1, rows), np.arange(len(levels)), levels)
+    return np.concatenate([turning, np.full(50, turning[-1]), np.linspace(turning[-1], 40, 100)])
+
+
+def test_the_inverse_of_spread_plays_is_exact_through_small_reversals():
+    wanted = _turning()
+    force = SPREAD.input_history_N(wanted)
+    np.testing.assert_allclose(SPREAD.output_history_N(force), wanted, rtol=0, atol=1e-12)
+    assert np.ptp(force[900:950]) == 0  # what stands still is held
+
+
+def test_in_gross_sliding_spread_plays_have_the_ratio_of_one():
+    up, down = np.linspace(5, 300, 400), np.linspace(300, 2, 400)
+    output = SPREAD.output_history_N(np.concatenate([up, down]))
+    assert (up[-1] + 0.5) / (output[399] + 0.5) == pytest.approx(math.exp(0.62), rel=1e-12)
+    assert (down[-1] + 0.5) / (output[-1] + 0.5) == pytest.approx(math.exp(-0.45), rel=1e-12)
+    assert SPREAD.output_bounds_N(300.0)[0] == pytest.approx(output[399])
+
+
+def test_a_spread_of_nothing_is_the_capstan_law():
+    wanted, bare = _turning(), replace(SPREAD, pull_spread=0.0, release_spread=0.0)
+    hardly = replace(SPREAD, pull_spread=1e-12, release_spread=0.0)
+    np.testing.assert_allclose(hardly.input_history_N(wanted), bare.input_history_N(wanted), rtol=1e-9)
+    np.testing.assert_allclose(hardly.output_history_N(wanted), bare.output_history_N(wanted), rtol=1e-9)
+
+
+def test_at_a_reversal_the_force_of_spread_plays_jumps_by_the_narrowest_band_alone():
+    wanted = np.concatenate([np.linspace(20, 60, 20_000), np.linspace(60, 30, 20_000)])
+    lifted = SPREAD.input_history_N(wanted) + 0.5
+    narrowest = -play_exponents(-0.62, 0.8)[0] + play_exponents(0.45, 0.4)[0]
+    assert narrowest < 0.5 * (0.62 + 0.45)
+    assert lifted[20_001] / lifted[19_999] == pytest.approx(math.exp(-narrowest), rel=0.02)
+
+
+@pytest.mark.parametrize("spread", [-0.1, 1.1, math.nan])
+def test_a_spread_out_of_bounds_is_refused(spread):
+    with pytest.raises(ParameterError, match="pull_spread"):
+        replace(SPREAD, pull_spread=spread)

@@ -17,18 +17,6 @@
 #define SHOWN 25
 #define MODULES 4
 
-static void write_hex(uint64_t value)
-{
-    char text[18];
-    int i;
-    for (i = 0; i < 16; i++) {
-        text[i] = "0123456789abcdef"[(value >> (60 - 4 * i)) & 15u];
-    }
-    text[16] = ' ';
-    text[17] = '\0';
-    target_write(text);
-}
-
 static uint64_t bits_of(tff_real value)
 {
     uint64_t bits = 0u;

@@ -167,7 +167,7 @@ def torn_table(source: Path, folder: Path, precision: Precision) -> Path:
 
 
 def answers(text: str, precision: Precision, kinds: tuple[str, ...] = KINDS) -> Answers:
-    """Read what bench.c or bench_table.c and the counter wrote."""
+    """Read what bench.c, or a bench of one module, and the counter wrote."""
     lines = [line.split() for line in text.splitlines()]
     kind = np.float32 if precision is Precision.FLOAT else np.float64
     width = 8 if precision is Precision.FLOAT else 16
@@ -184,30 +184,34 @@ def answers(text: str, precision: Precision, kinds: tuple[str, ...] = KINDS) -> 
 
 
 def on_host(source: Path, folder: Path, precision: Precision, kinds: tuple[str, ...] = KINDS) -> Answers:
-    """Run bench.c (bench_<kind>.c for one module alone) on this machine."""
+    """Run bench.c (the bench of one module for one alone) on this machine."""
     need("gcc")
-    bench, files = _sources(source, kinds)
-    run("gcc", *HOST_FLAGS, "-DHOST", "-I", folder, "-I", source, bench, *files, "-lm", "-o", folder / "host")
+    compiled = _sources(source, folder, kinds)
+    run("gcc", *HOST_FLAGS, "-DHOST", "-I", folder, "-I", source, *compiled, "-lm", "-o", folder / "host")
     return answers(run(folder / "host").stderr, precision, kinds)
 
 
-def _sources(source: Path, kinds: tuple[str, ...]) -> tuple[Path, list[Path]]:
+def _sources(source: Path, folder: Path, kinds: tuple[str, ...]) -> list[str | Path]:
+    """Sources and options: bench.c for all modules, of one alone its own bench or bench_one.c."""
     modules = MODULES if kinds == KINDS else ("parameters", "limits", "path", *kinds)
-    return HERE / ("bench.c" if kinds == KINDS else f"bench_{kinds[0]}.c"), [
-        source / f"tff_{name}.c" for name in modules if name != "path" or (source / "tff_path.c").exists()
+    own = HERE / ("bench.c" if kinds == KINDS else f"bench_{kinds[0]}.c")
+    (folder / "module.h").write_text(f'#include "tff_{kinds[0]}.h"\n')
+    return [
+        f"-DMODULE={kinds[0]}",
+        own if own.exists() else HERE / "bench_one.c",
+        *(source / f"tff_{name}.c" for name in modules if name != "path" or (source / "tff_path.c").exists()),
     ]
 
 
 def on_board(board: Board, source: Path, folder: Path, kinds: tuple[str, ...] = KINDS) -> tuple[Answers, Path]:
-    """Run bench.c (bench_<kind>.c for one module alone) on an emulated controller; returns the image too."""
+    """Run bench.c (the bench of one module for one alone) on an emulated controller; returns the image too."""
     need("arm-none-eabi-gcc", "qemu-system-arm", "gcc")
     image, counter = folder / "bench.elf", folder / "libcount.so"
-    bench, files = _sources(source, kinds)
     run(
         *("arm-none-eabi-gcc", *board.flags, "-std=gnu11", "-O2", "-ffp-contract=off", "-fno-math-errno"),
         *("-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections", "-nostartfiles"),
         *("--specs=nano.specs", "--specs=nosys.specs", "-I", folder, "-I", source, "-T", HERE / "mps2.ld"),
-        *(HERE / "startup.c", bench, *files, "-lm", "-o", image),
+        *(HERE / "startup.c", *_sources(source, folder, kinds), "-lm", "-o", image),
     )
     run("gcc", "-O2", "-shared", "-fPIC", "-o", counter, HERE / "count.c")
     symbols = {

@@ -41,7 +41,8 @@ def design(
             from tendonff.compensator.design.online import study_online
 
             with progress("filters of a live reference"):
-                study = study_online(loaded)
+                optimum = result.on_level("optimal", result.level).score.rmse_percent_of_range
+                study = study_online(loaded, optimum)
                 study.write(folder)
             say(study.sentence)
     for warning in result.warnings:

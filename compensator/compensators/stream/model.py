@@ -7,6 +7,8 @@ import numpy as np
 
 from tendonff.compensator.compensators.base import FloatArray, Problem
 from tendonff.compensator.compensators.stream.filter import StreamFilter
+from tendonff.compensator.compensators.stream.ramp import Ramp
+from tendonff.models.errors import ParameterError
 from tendonff.ocp.inverse import invert
 
 RE_ENTRY_S = 0.1
@@ -24,12 +26,32 @@ class StreamDesign:
         Half of the width of the dead band [N].
     low_N, high_N : float
         Range that references are clamped to [N].
+    ramp : Ramp, optional
+        What preview does against a rate limit that binds; its samples are part of those of the preview.
     """
 
     filter: StreamFilter
     band_N: float
     low_N: float
     high_N: float
+    ramp: Ramp | None = None
+
+    def __post_init__(self) -> None:
+        if self.ahead > self.filter.delay - self.filter.half:
+            raise ParameterError(
+                f"samples of the ramp must be at most {self.filter.delay - self.filter.half}, got {self.ahead}; "
+                "filter and ramp share the preview"
+            )
+
+    @property
+    def ahead(self) -> int:
+        """Samples by which the inverse runs ahead of what is due."""
+        return 0 if self.ramp is None else self.ramp.samples
+
+    @property
+    def line(self) -> int:
+        """Length of the line of references before the inverse."""
+        return self.filter.delay + self.filter.half + 1 - self.ahead
 
     @property
     def re_entry(self) -> int:
@@ -38,7 +60,7 @@ class StreamDesign:
 
 
 def smoothed(design: StreamDesign, reference_N: FloatArray, initial_N: float) -> FloatArray:
-    """The reference that the inverse receives [N].
+    """The reference that the inverse receives, ahead of what is due where there is a ramp [N].
 
     Parameters
     ----------
@@ -48,10 +70,10 @@ def smoothed(design: StreamDesign, reference_N: FloatArray, initial_N: float) ->
     initial_N : float
         Tension at rest before [N].
     """
-    taps, lagging = design.filter.taps, design.filter.delay - design.filter.half
+    taps = design.filter.taps
     last = centre = min(max(initial_N, design.low_N), design.high_N)
     offset, left, lost = 0.0, 0, False
-    line = [centre] * (design.filter.delay + design.filter.half + 1)
+    line = [centre] * design.line
     found = []
     for given in reference_N.tolist():
         if math.isfinite(given):
@@ -65,7 +87,7 @@ def smoothed(design: StreamDesign, reference_N: FloatArray, initial_N: float) ->
             lost = True
         centre = min(max(centre, last - design.band_N), last + design.band_N)
         line = [*line[1:], centre]
-        window = np.array(line[: len(taps)]) if lagging else np.array(line)
+        window = np.array(line[: len(taps)])
         newest = window[-1]
         found.append(float(newest + taps @ (window - newest)))
     return np.array(found)
@@ -83,5 +105,8 @@ def stream_force(design: StreamDesign, problem: Problem, reference_N: FloatArray
     """
     start = float(reference_N[0])
     tension = smoothed(design, reference_N, start)
-    force = invert(problem.chain, tension, problem.reference.step_s, initial_tension_N=start).force_N
-    return problem.limits.apply(force, problem.reference.step_s, start)
+    step = problem.reference.step_s
+    force = invert(problem.chain, tension, step, initial_tension_N=start).force_N
+    if design.ramp is None:
+        return problem.limits.apply(force, step, start)
+    return design.ramp.apply(force, tension, problem.limits, step, start)

@@ -14,7 +14,8 @@ import numpy as np
 from tendonff._version import __version__
 from tendonff.compensator.compensators.base import CModule, Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
-from tendonff.compensator.compensators.stream.model import RE_ENTRY_S
+from tendonff.compensator.compensators.stream.model import RE_ENTRY_S, StreamDesign
+from tendonff.compensator.compensators.stream.ramp import SLACK
 from tendonff.compensator.compensators.table import table_range
 from tendonff.compensator.compensators.table_build import BuiltTable
 from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_code
@@ -28,6 +29,8 @@ from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
+from tendonff.models.parameters import Transmission
+from tendonff.models.spread_bounds import PLAYS, play_exponents
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
 from tendonff.ocp.step.joints import Joints
@@ -106,7 +109,9 @@ def folder_files(
         What the templates need beyond scenario and level.
     """
     context = _context(scenario, problem, modules, precision, prefix, further) | dict(further)
-    beside = packed([m.name for m in modules], str(context["follower"]), prefix)
+    # Structured Text has the law with one dead band.
+    packable = [m.name for m in modules if m.name != "capstan" or context["plays"] is None]
+    beside = packed(packable, str(context["follower"]), prefix)
     templates = {name: f"c/{name}.j2" for name in _FOLDER_FILES} | beside
     return {path: _TEMPLATES.get_template(template).render(context) for path, template in templates.items()}
 
@@ -220,6 +225,8 @@ def _context(
     chain = problem.chain
     count, reals, size = chain.count, chain.layout.size, 4 if precision is Precision.FLOAT else 8
     accepted = accepted_range(problem)
+    design: StreamDesign | None = further.get("stream")
+    ramp = None if design is None else design.ramp
     names = [module.name for module in modules]
     others = (STREAM, PLANT, *ADAPTIVE_MODULES)
     followers = [m for m in modules if not m.plays_back and m not in others]  # of a reference, without delay
@@ -236,17 +243,16 @@ def _context(
     free = 5 if chain.friction.weakening_speed_m_per_s is not None else 3
     free = 1 if joints else free
     state = {
-        "inverse": padded(output + (2 * reals + 6 + free + past) * size + 12 + path[True], size),
-        "capstan": output + 5 * size,
+        "inverse": padded(output + (2 * reals + (7 if ramp else 6) + free + past) * size + 12 + path[True], size),
+        "capstan": output + (5 if law.plays is None else 4 + 3 * PLAYS) * size,
         "table": padded(output + 4 * size + 4, size),
         "plant": padded((2 * reals + (3 if servo else 2)) * size + 16 + path[False], size),
         "profile": padded(output + 4, size),
         "bounds": padded(4 * size + 4, size),
     }
-    if "stream" in names:
-        design = further["stream"]
-        line = design.filter.delay + design.filter.half + 1
-        state["stream"] = padded(output + state["inverse"] + (line + 3) * size + 12, size)
+    if design is not None and "stream" in names:
+        line = design.line + 3 + (2 * (design.ahead + 1) + 2 if ramp else 0)
+        state["stream"] = padded(output + state["inverse"] + line * size + (20 if ramp else 12), size)
     return _naming(scenario, problem.level, precision, prefix) | {
         **path_context(chain, joints, prefix),
         "title": f"{prefix}: feedforward force for a tendon",
@@ -262,6 +268,7 @@ def _context(
         "pull_ratio": math.exp(law.pull_exponent),
         "release_ratio": math.exp(-law.release_exponent),
         "adhesion": law.adhesion_N,
+        "plays": _plays(law, transmission, precision),
         "re_entry": max(1, round(RE_ENTRY_S / step)),
         **_start_context(chain),
         "servo": servo,
@@ -272,6 +279,8 @@ def _context(
         "names": names,
         "followers": followers,
         "adaptive": None,
+        "ramp": ramp,
+        "ramp_slack": SLACK,
         "follower": "inverse" if "inverse" in names else next(iter(m.name for m in followers), ""),
         "initial": reference.initial_tension_N,
         "amplitude": 0.25 * min(reference.initial_tension_N, max(reference.range_N, 1e-3)),
@@ -279,6 +288,20 @@ def _context(
         "limits": plant_limits(precision),
         "state_bytes": state,
     }
+
+
+def _plays(law: CapstanLaw, transmission: Transmission, precision: Precision) -> dict[str, object] | None:
+    """Plays of a law with spread bounds: their own wrap angles, whatever the coefficients are set to."""
+    if law.plays is None:
+        return None
+    friction, least = transmission.friction, 1e-9  # a coefficient of 0 may be set to another
+    mu_pull, mu_release = max(friction.mu_dynamic, least), max(friction.release_dynamic, least)
+    angles = {
+        "pull_rad": -play_exponents(-max(law.pull_exponent, least), law.pull_spread) / mu_pull,
+        "release_rad": play_exponents(max(law.release_exponent, least), law.release_spread) / mu_release,
+    }
+    rows = {name: _wrapped([literal(float(v), precision) for v in angle]) for name, angle in angles.items()}
+    return rows | {"count": PLAYS, "mu_pull": friction.mu_dynamic, "mu_release": friction.release_dynamic}
 
 
 def _start_context(chain: Chain) -> dict[str, object]:

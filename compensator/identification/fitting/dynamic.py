@@ -65,6 +65,8 @@ class DynamicFit:
         Mean output tension.
     files : tuple of FileEstimate
         What each file says by itself; empty for a single file.
+    concentration : float
+        By how much more of the wrap angle the nearer half of the path seems to carry than half [-]; 0: even.
     """
 
     model: ChainModel
@@ -74,6 +76,7 @@ class DynamicFit:
     law: ChosenLaw
     mean_N: float
     files: tuple[FileEstimate, ...]
+    concentration: float = 0.0
 
 
 def _tension_N(run: FitPiece) -> Array:
@@ -221,7 +224,8 @@ def fit_dynamic(
     every = (*task.free, *(n for n in D if n not in task.free))
     slopes = slopes_over_all(quick, every)
     files = () if slopes is None else file_estimates(quick, slopes, solution)
-    solution = with_scatter(with_other_laws(solution, slopes, every, quick), files)
+    solution, concentration = with_other_laws(solution, slopes, every, quick)
+    solution = with_scatter(solution, files)
     solution = with_floors(with_input_noise(quick, solution), mean_N)
     return DynamicFit(
         model=replace(task.model, count=transmission.path.segments),
@@ -231,6 +235,7 @@ def fit_dynamic(
         law=law,
         mean_N=mean_N,
         files=files,
+        concentration=concentration,
     )
 
 

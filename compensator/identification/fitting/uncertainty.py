@@ -7,7 +7,8 @@ import numpy as np
 
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals
 from tendonff.compensator.identification.measured.reading import Array
-from tendonff.compensator.identification.measured.smoothing import find_adaptive_low_pass
+from tendonff.compensator.identification.measured.smoothing import find_adaptive_low_pass, without_ripple
+from tendonff.models.section import Section
 from tendonff.ocp.fits.chain import DynamicParameter
 from tendonff.ocp.fits.least_squares import Residuals, Solution, block_covariance
 
@@ -16,9 +17,9 @@ D = DynamicParameter
 REPLICAS = 8
 """Runs with noise put on the input again, for what its noise does to the answer."""
 
-MORE_THAN_ONCE, CORRECTION_DOUBT = 1.5, 0.5
-"""The first dose of noise shifts the answer by so many times what a second one does, for rectification grows more
-slowly than variance; and the standard error of the correction, as a share of it. Both seen on simulated rigs."""
+MORE_THAN_ONCE, CORRECTION_DOUBT = 1.45, 0.25
+"""The noise itself shifts the answer by so many times what noise put on the smoothed input does, whose extremes are
+noise already; and the standard error of the correction, as a share of it. Both seen on simulated rigs."""
 
 FLOORS = {
     D.MU_PULL: 0.005,
@@ -36,6 +37,12 @@ ADHESION_FLOOR = 0.002
 
 ALTERNATIVES = (D.ADHESION, D.STATIC_EXCESS, D.OUTPUT_BIAS)
 """Each may be missing in the law although it acts; they are averaged over by what the data say of them."""
+
+TRIED_CONCENTRATION = 0.3
+"""The path whose nearer half carries so much more than half of the wrap angle is one more of them."""
+
+UNEVEN_FROM = 3.0
+"""From this logarithm of the evidence on a path that is not even is spoken of."""
 
 POSITIVE = tuple(n for n in D if n not in (D.INPUT_BIAS, D.OUTPUT_BIAS))
 
@@ -68,11 +75,12 @@ def with_other_laws(
     found: Residuals | None,
     names: Sequence[DynamicParameter],
     task: ChainResiduals,
-) -> Solution:
+) -> tuple[Solution, float]:
     """Average the covariance over laws with one more effect, each weighted by what the data say of it.
 
     One Gauss-Newton step from the solution tells where the answer would go with the effect and how much the error would
-    fall; Akaike's weights follow, with as many samples as there are independent ones.
+    fall; Akaike's weights follow, with as many samples as there are independent ones. A path whose wrap angle is not
+    even along its length is one of the effects: it shows in the elongation and moves the stiffness most.
 
     Parameters
     ----------
@@ -81,27 +89,62 @@ def with_other_laws(
         At the solution, with slopes over `names`.
     names : sequence of DynamicParameter
     task : ChainResiduals
+
+    Returns
+    -------
+    solution : Solution
+    concentration : float
+        By how much more of the wrap angle the nearer half carries than half [-]; 0 where the data do not tell.
     """
     if found is None:
-        return solution
+        return solution, 0.0
     free = [names.index(D(n)) for n in solution.values]
     independent = task.independent_rows(found)
     own_step, own_size = _newton(found, free)
     moves, spreads, evidence = [np.zeros(len(free))], [solution.covariance], [0.0]
-    for extra in ALTERNATIVES:
-        if names.index(extra) in free:
+    others: list[tuple[DynamicParameter | None, Residuals, int]] = [
+        (extra, found, names.index(extra)) for extra in ALTERNATIVES if names.index(extra) not in free
+    ]
+    uneven = _with_concentration(found, task)
+    if uneven is not None:
+        others.append((None, uneven, len(names)))
+    concentration = 0.0
+    for extra, slopes, column in others:
+        columns = [*free, column]
+        step, size = _newton(slopes, columns)
+        covariance, _ = block_covariance(replace(slopes, slopes=slopes.slopes[:, columns]), robust=True)
+        feasible = extra is None or extra not in POSITIVE or step[-1] + task.fixed[extra] > 0
+        if not (feasible and np.isfinite(covariance).all()):
             continue
-        columns = [*free, names.index(extra)]
-        step, size = _newton(found, columns)
-        covariance, _ = block_covariance(replace(found, slopes=found.slopes[:, columns]), robust=True)
-        feasible = extra not in POSITIVE or step[-1] + task.fixed[extra] > 0
-        if feasible and np.isfinite(covariance).all():
-            moves.append(step[:-1] - own_step)
-            spreads.append(covariance[:-1, :-1])
-            evidence.append(min(independent / 2 * float(np.log(own_size / size)) - 1, 0.0))
-    share = np.exp(evidence) / np.sum(np.exp(evidence))
+        said = independent / 2 * float(np.log(own_size / size)) - 1
+        moves.append(step[:-1] - own_step)
+        spreads.append(covariance[:-1, :-1])
+        # The choice of the law has turned the others down already; nobody has asked for this one yet.
+        evidence.append(said if extra is None else min(said, 0.0))
+        if extra is None and said > UNEVEN_FROM:
+            concentration = float(step[-1])
+    share = np.exp(np.array(evidence) - max(evidence))
+    share /= share.sum()
     total = sum(s * (c + np.outer(m, m)) for s, c, m in zip(share, spreads, moves, strict=True))
-    return replace(solution, covariance=np.asarray(total))
+    return replace(solution, covariance=np.asarray(total)), concentration
+
+
+def _with_concentration(found: Residuals, task: ChainResiduals) -> Residuals | None:
+    """Slopes over one more value: by how much the nearer half carries more than its half of the wrap angle."""
+    t = task.model.transmission
+    if t.path.sections or t.joints or not all(run.with_elongation for run in task.pieces):
+        return None
+    theta = t.path.total_angle_rad
+    shares = {"near": 0.5 * (1 + TRIED_CONCENTRATION), "far": 0.5 * (1 - TRIED_CONCENTRATION)}
+    halves = tuple(Section(name=name, angle_rad=theta * share, length_m=0.5) for name, share in shares.items())
+    path = replace(t.path, sections=halves, total_angle_rad=sum(half.angle_rad for half in halves))
+    model = replace(task.model, transmission=replace(t, path=path))
+    try:
+        other = replace(task, model=model, free=()).evaluate({})
+    except ValueError:
+        return None
+    slope = (other.values - found.values) / TRIED_CONCENTRATION
+    return replace(found, slopes=np.column_stack([found.slopes, slope]))
 
 
 def _newton(found: Residuals, columns: Sequence[int]) -> tuple[Array, float]:
@@ -119,9 +162,9 @@ def with_input_noise(task: ChainResiduals, solution: Solution) -> Solution:
     """Take the input's noise into account: what it shifts is taken out, what it scatters joins the covariance.
 
     The model is driven by a measurement. Its noise is rectified by the play of friction, and the filter against it
-    rounds the extremes that friction remembers; neither is in the residuals' statistics. So the smoothed input is taken
-    for true, measured again with noise of the same size, filtered again, and one Gauss-Newton step tells where the
-    answer goes (parametric bootstrap).
+    rounds the extremes that friction remembers; neither is in the residuals' statistics. So the smoothed input, without
+    the ripple that noise has left on it, is taken for true, measured again with noise of the same size, filtered again,
+    and one Gauss-Newton step tells where the answer goes (parametric bootstrap).
 
     Parameters
     ----------
@@ -132,6 +175,8 @@ def with_input_noise(task: ChainResiduals, solution: Solution) -> Solution:
     if all(run.input_noise_N <= 0 for run in task.pieces):
         return solution
     base = task.evaluate(solution.values)
+    calm = [without_ripple(run.drive.input_N, run.input_noise_N) for run in task.pieces]
+    before = _driven_by(task, calm, solution)
     weight = 1 / np.sqrt(1 + base.values**2)
     normal = (base.slopes * weight[:, None]).T
     inverse = np.linalg.pinv(normal @ base.slopes, hermitian=True, rcond=1e-14)
@@ -139,12 +184,10 @@ def with_input_noise(task: ChainResiduals, solution: Solution) -> Solution:
     moves = []
     for _ in range(REPLICAS):
         again = []
-        for run in task.pieces:
-            read = run.drive.input_N + run.input_noise_N * rng.standard_normal(len(run.drive.input_N))
-            smooth = find_adaptive_low_pass(read, run.step_s).apply(read)
-            again.append(replace(run, drive=replace(run.drive, input_N=smooth)))
-        other = replace(task, pieces=again, free=()).evaluate(solution.values)
-        moves.append(-inverse @ (normal @ (other.values - base.values)))
+        for run, true_N in zip(task.pieces, calm, strict=True):
+            read = true_N + run.input_noise_N * rng.standard_normal(len(true_N))
+            again.append(find_adaptive_low_pass(read, run.step_s).apply(read))
+        moves.append(-inverse @ (normal @ (_driven_by(task, again, solution).values - before.values)))
     shift, scatter = MORE_THAN_ONCE * np.mean(moves, axis=0), np.atleast_2d(np.cov(np.array(moves).T))
     values = {}
     for name, by in zip(task.free, shift, strict=True):
@@ -153,6 +196,12 @@ def with_input_noise(task: ChainResiduals, solution: Solution) -> Solution:
         values[str(name)] = max(corrected, least) if name in POSITIVE else corrected
     doubt = np.outer(shift, shift) * CORRECTION_DOUBT**2
     return replace(solution, values=values, covariance=solution.covariance + scatter * (1 + 1 / REPLICAS) + doubt)
+
+
+def _driven_by(task: ChainResiduals, inputs_N: Sequence[Array], solution: Solution) -> Residuals:
+    """Residuals of a solution under other inputs, without slopes."""
+    pieces = [replace(run, drive=replace(run.drive, input_N=x)) for run, x in zip(task.pieces, inputs_N, strict=True)]
+    return replace(task, pieces=pieces, free=()).evaluate(solution.values)
 
 
 def with_floors(solution: Solution, mean_N: float) -> Solution:

@@ -127,6 +127,10 @@ ODD = {
         {"segments": 1},
         {"mu_static": 0.25, "mu_dynamic_release": 0.1, "adhesion_N": 2.0},
     ),
+    "spread bounds": (
+        {"segments": 1},
+        {"mu_dynamic_release": 0.1, "adhesion_N": 0.5, "pull_spread": 0.8, "release_spread": 0.4},
+    ),
     "a straight path": ({"total_angle_rad": 0.0}, {"viscous_N_s_per_m": 0.0}),
 }
 
@@ -142,6 +146,8 @@ def test_odd_transmissions_export_and_pass_their_own_test(examples, tmp_path, ca
     export_project(replace(scenario, transmission=whole), profile_N=np.full(3, 30.0)).write(tmp_path)
     said = subprocess.run(["make", "test"], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert "self test passed" in said.stdout, said.stdout + said.stderr
+    # Structured Text has the law with one dead band alone.
+    assert (tmp_path / "structured_text" / "tff_capstan.st").exists() == ("pull_spread" not in friction)
 
 
 def test_equal_input_gives_equal_bytes_and_no_date(examples):

@@ -9,7 +9,7 @@ from synthetic import Faults, write_synthetic
 from tendonff.compensator.identification import outcome
 from tendonff.compensator.identification.fitting.static import FileError, middle_of, respond
 from tendonff.compensator.identification.measured.smoothing import low_pass
-from tendonff.compensator.identification.moments import moved_inside
+from tendonff.compensator.identification.messages import moved_inside
 from tendonff.compensator.identification.result import PieceComparison, summary_lines
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.measurement import Explain
@@ -17,6 +17,7 @@ from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
+from tendonff.models.section import Section
 from tendonff.ocp.fits.chain import ChainModel, DynamicParameter
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import simulate
@@ -168,6 +169,26 @@ def test_laws_are_compared_on_the_same_rows_and_range(laws_compared):
     assert len(laws) == len(stage.tried) + len(chain.law.candidates)
     for law, candidate in zip(laws[len(stage.tried) :], chain.law.candidates, strict=True):
         assert law.fit_percent == pytest.approx(100 * candidate.fit.rms_N / np.ptp(output))
+
+
+def test_a_path_that_is_not_even_widens_the_stiffness_and_is_named(nominal, truth, tmp_path):
+    """The elongation tells it; an interval from the scatter alone would miss the stiffness by several widths."""
+    theta = truth.path.total_angle_rad
+    halves = (
+        Section(name="near", angle_rad=0.75 * theta, length_m=0.5),
+        Section(name="far", angle_rad=0.25 * theta, length_m=0.5),
+    )
+    uneven = replace(truth, path=replace(truth.path, sections=halves), friction=replace(truth.friction, adhesion_N=0.0))
+    write_synthetic(tmp_path / "a.csv", uneven, *strokes(5), Faults(noise=0.003), step_s=STEP)
+    found = identify(nominal, [tmp_path / "a.csv"])
+    [message] = [w for w in found.warnings if "the elongation fits better" in w]
+    near_rad = float(message.partition("actuator has ")[2].split()[0])
+    assert near_rad == pytest.approx(0.75 * theta, rel=0.1)
+    for name in ("stiffness_N_per_m", "relaxing_stiffness_N_per_m"):
+        estimate, true = found.estimate(name), getattr(truth.tendon, name)
+        assert estimate.value > 1.05 * true
+        assert estimate.interval[0] <= true <= estimate.interval[1]
+    assert found.estimate("mu_dynamic").value == pytest.approx(MU, rel=0.01)
 
 
 @pytest.mark.parametrize("noise", [0.001, 0.005])

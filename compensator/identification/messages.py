@@ -1,0 +1,162 @@
+"""What is said beside the estimates: about the files, the law, and what the answer does not hold."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonff.compensator.identification.fitted import Fitted
+from tendonff.compensator.identification.fitting.delay import Delay
+from tendonff.compensator.identification.fitting.dynamic import DynamicFit
+from tendonff.compensator.identification.fitting.sliding_ratio import SlidingRatio
+from tendonff.compensator.identification.measured.cleaning import Record
+from tendonff.compensator.identification.measured.reading import DataIssue
+from tendonff.compensator.identification.outcome import Outcome
+from tendonff.compensator.identification.result import PieceComparison
+from tendonff.ocp.fits.static import StaticParameter
+
+Array = NDArray[np.float64]
+P = StaticParameter
+
+MOST_ALIKE = 3
+"""So many files may each have a line about the same kind of data issue."""
+
+MOST_MOMENTS = 5
+
+STILL_SHARE, MOVED_SHARE = 0.01, 0.05
+"""The law holds the output while it changes by less than the first share of the range; the measured output moves when
+it changes by more than the second."""
+
+LEAST_S = 0.1
+
+
+def moved_inside(comparisons: Sequence[PieceComparison]) -> list[tuple[str, float]]:
+    """File and time [s] of every stretch in which the measured output moves while the law holds it."""
+    found = []
+    for piece in comparisons:
+        span = float(np.ptp(piece.measured))
+        for start, stop in _held(piece.model, STILL_SHARE * span):
+            time, measured = piece.time_s[start:stop], piece.measured[start:stop]
+            if time[-1] - time[0] >= LEAST_S and float(np.ptp(measured)) > MOVED_SHARE * span:
+                row = int(np.argmax(np.abs(measured - measured[0]) > MOVED_SHARE * span / 2))
+                found.append((piece.name, float(time[row])))
+    return found
+
+
+def _held(x: Array, within: float) -> list[tuple[int, int]]:
+    """Stretches over which a signal stays within a band."""
+    stretches, start, low, high = [], 0, x[0], x[0]
+    for k, value in enumerate(x):
+        low, high = min(low, value), max(high, value)
+        if high - low > within:
+            if k - start > 1:
+                stretches.append((start, k))
+            start, low, high = k, value, value
+    return [*stretches, (start, len(x))]
+
+
+def about_delay(delay: Delay | None) -> list[str]:
+    """What to say where one channel is read later than the other."""
+    if delay is None or not delay.told:
+        return []
+    told = (
+        f"the output is read {1e3 * abs(delay.seconds):.3g} ms {'later' if delay.seconds > 0 else 'earlier'} than the "
+        f"input (+-{1e3 * delay.error_s:.2g} ms), which was taken out before the fit: log both with one clock"
+    )
+    return [told]
+
+
+def about_uneven_path(chain: DynamicFit | None, theta: float) -> list[str]:
+    """What to say where the elongation fits an uneven path better."""
+    if chain is None or chain.concentration == 0:
+        return []
+    near = float(np.clip((1 + chain.concentration) / 2, 0, 1))
+    told = (
+        f"the elongation fits better where the half of the path next to the actuator has {near * theta:.3g} of the "
+        f"{theta:.3g} rad: the tendon's stiffness and relaxation are doubtful; give the path in [[path.sections]] with "
+        "angle_rad and length_m"
+    )
+    return [told]
+
+
+def about_moments(outcome: Outcome) -> list[str]:
+    """Moments at which the output moved although the law holds it."""
+    moments = moved_inside(outcome.comparisons)
+    if not moments:
+        return []
+    shown = ", ".join(f"{name} {time:.4g} s" for name, time in moments[:MOST_MOMENTS])
+    more = " ..." if len(moments) > MOST_MOMENTS else ""
+    told = (
+        f"the output moves inside the dead band {len(moments)} times ({shown}{more}): was the far end touched or moved "
+        "there? Leave these times out, or hold it"
+    )
+    return [told]
+
+
+def about_issues(records: Sequence[Record]) -> list[str]:
+    """What was found in the files, one line each; a kind that many files share takes one line for all of them."""
+    lines = []
+    for issue in DataIssue:
+        found = [(r.name, f.text) for r in records for f in r.findings if f.issue is issue]
+        if issue is DataIssue.SKIPPED or not found:
+            continue
+        files = len({name for name, _ in found})
+        if files <= MOST_ALIKE:
+            lines += [f"{name}: {text}" for name, text in found]
+        else:
+            name, text = found[0]
+            lines.append(
+                f"{issue} in {files} files; {name}: {text.removeprefix(f'{issue}: ')} (the others are in fit.json)"
+            )
+    return lines
+
+
+def about_no_law(outcome: Outcome, failure: str, sliding: Sequence[SlidingRatio], records: Sequence[Record]) -> str:
+    """Why nothing was taken over, and what the files tell all the same."""
+    shown = [
+        f"{g.branch} {g.log_ratio:.3g} ({g.interval[0]:.3g} to {g.interval[1]:.3g})"
+        for g in sliding
+        if g.log_ratio is not None and g.interval is not None
+    ]
+    ratios = f"; ln(T_in/T_out) in gross sliding: {', '.join(shown)}" if shown else ""
+    return (
+        f"no law explains these files: the best, {outcome.law}, has {failure}. A transmission driven at its input end "
+        "alone behaves differently: is the output end, or the path itself, driven, or the loop pre-tensioned? No value "
+        f"was taken over into the fitted scenario{ratios}{_positions_wanted(records)}"
+    )
+
+
+def about_fitted(fitted: Fitted, records: Sequence[Record]) -> list[str]:
+    """What the law has that a design does not, or not in all of its profiles."""
+    found = []
+    if fitted.chain_percent is not None:
+        found.append(
+            "the law is static, and [friction] of fitted.toml has all of it; the chain of the same values leaves "
+            f"{fitted.chain_percent:.2f} % of range on these files"
+        )
+    spread = fitted.scenario.measurement.bristle_spread
+    guide = fitted.scenario.measurement.guide_stiffness_N_per_m
+    if spread or guide:
+        keys = ", ".join(k for k, v in (("guide_stiffness_N_per_m", guide), ("bristle_spread", spread)) if v)
+        found.append(f"{keys} of this law are kept in [measurement] of fitted.toml; they are no part of a design")
+    if any(fitted.offsets_N):
+        shown = ", ".join(f"{end} {v:.4g} N" for end, v in zip(("input", "output"), fitted.offsets_N, strict=True) if v)
+        place = (
+            "beyond what was taken off; a design with fitted.toml does not have it"
+            if any(r.zeroed for r in records)
+            else "kept in [measurement] of fitted.toml for reading files; it is no part of a design"
+        )
+        found.append(f"the cells' readings without tension (input_bias_N, output_bias_N): {shown}, {place}")
+    return found
+
+
+def _positions_wanted(records: Sequence[Record]) -> str:
+    """What would let a law for a driven output be tried, where it was not."""
+    if all(r.has_input_position for r in records):
+        return ""
+    unread = sorted({name for r in records for name in r.unread})
+    offered = f" (columns not read: {', '.join(unread)})" if unread else ""
+    return (
+        "; laws for a driven output need the motion of the input end, which was not read: name it with "
+        f"--input-position-column{offered}"
+    )
