@@ -94,7 +94,7 @@ READ = {
     "times of day.csv": table(";", decimal=",", head="time,{}_N", clock="12:00:"),
     "byte order mark.csv": lambda names: "\ufeff" + table(";")(names),
     "Windows line ends.csv": changed(("\n", "\r\n")),
-    "quotes.csv": changed((",", '","'), ("\ntime_s", '"time_s'), ("\n", '"\n"'), of=lambda names: "\n" + PLAIN(names)),
+    "quotes.csv": lambda names: "".join('"' + row.replace(",", '","') + '"\n' for row in PLAIN(names).splitlines()),
     "separators at the ends.csv": changed(("00\n", "00,\n")),
     "packed.csv.gz": lambda names: gzip.compress(table(";", decimal=",")(names).encode()),
     "spreadsheet.xlsx": lambda names: packed(lambda stream: frame(names).to_excel(stream, index=False)),
