@@ -231,7 +231,10 @@ def test_a_cycle_that_fits_uncertain_friction_is_better_in_the_worst_case(cable)
     uncertain = replace(slow, robust=replace(slow.robust, mu=0.2, samples=3))
     problem = Problem.of(uncertain)
     assert len(problem.samples) == 3
-    forces = {name: compensator(name).profile(problem).force_N for name in ("inverse", "optimal")}
+    profiles = {name: compensator(name).profile(problem) for name in ("inverse", "optimal")}
+    forces = {name: profile.force_N for name, profile in profiles.items()}
+    assert all(departure.end_s <= 0.6 for departure in profiles["optimal"].tracking.departures)
+    assert profiles["optimal"].tracking.departures
     nominal = compensator("optimal").profile(Problem.of(slow)).force_N
     bands = robustness(problem, forces | {"nominal": nominal}).bands
     assert bands["optimal"].worst_rms_N < 0.8 * bands["inverse"].worst_rms_N
