@@ -1,25 +1,29 @@
 """Count the mutants of models/ and ocp/ that the project's own tests kill.
 
-Run: python benchmarks/mutate_python.py [--count 40] [--seed 1] [--only models/friction.py]
+Run: python benchmarks/mutate_python.py [--count 40] [--minutes 30] [--seed 1] [--only models/friction.py]
 
-A mutant changes one operator, comparison, constant or truth value of the code, in a copy of the repository, and is
-tried with the tests of its own folder. One that cannot be told from the original, as a tolerance or a cache, lives too.
+A mutant changes one operator, comparison, constant or truth value of the code (decorators apart), in a copy of the
+repository, and is tried with the tests that name its file first, then with those of its folder. One that cannot be told
+from the original, as a tolerance or a cache, lives too. Says the share that dies with its 95 % interval.
 """
 
 import argparse
 import ast
+import math
 import os
 import random
+import re
 import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-SECONDS = 240
+SECONDS = 300
 OPERATORS: dict[type, str] = {
     ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*", ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">",
     ast.Eq: "!=", ast.NotEq: "==", ast.And: "or", ast.Or: "and",
@@ -55,7 +59,13 @@ def mutants(file: str) -> Iterator[Mutant]:
         )
         return Mutant(file=file, line=node.lineno, what=f"{old} -> {new}", text=changed.decode())
 
-    for node in ast.walk(ast.parse(text)):
+    tree = ast.parse(text)
+    passive = {
+        id(part) for node in ast.walk(tree) for each in getattr(node, "decorator_list", ()) for part in ast.walk(each)
+    }
+    for node in ast.walk(tree):
+        if id(node) in passive:
+            continue
         if isinstance(node, ast.BinOp) and type(node.op) in OPERATORS:
             yield from _between(change, raw, node, at(node.left, end=True), at(node.right), OPERATORS[type(node.op)])
         elif isinstance(node, ast.Compare) and len(node.ops) == 1 and type(node.ops[0]) in OPERATORS:
@@ -84,38 +94,52 @@ def _between(change, raw: bytes, node: ast.AST, first: int, last: int, new: str)
         yield change(node, place, place + len(old), new)
 
 
-def tests_of(file: str) -> list[str]:
-    """Tests of the folder that a file is in; of a file alone those that carry its name."""
+def tests_of(file: str) -> list[list[str]]:
+    """Tests that name the file, then those of its folder and of what stands on it."""
     part = Path(file)
-    own = Path("tests") / part.parent / f"test_{part.stem}.py"
+    named = re.compile(rf"\b{part.parent.as_posix().replace('/', '.')}\.{part.stem}\b")
+    every = sorted((ROOT / "tests" / part.parts[0]).rglob("test_*.py"))
+    if part.parts[0] == "models":
+        every += sorted((ROOT / "tests" / "ocp").glob("test_*.py"))
+    every.sort(key=lambda test: test.stem != f"test_{part.stem}")
+    own = [str(test.relative_to(ROOT)) for test in every if named.search(test.read_text(encoding="utf-8"))]
     folder = Path("tests") / part.parent
-    if file.startswith("models/"):
-        return ["tests/models", "tests/ocp/test_inverse.py"]
-    nested = len(part.parts) > 2 and (ROOT / folder).is_dir()
-    chosen = [str(folder)] if nested else [str(own)] if (ROOT / own).exists() else []
-    return [*chosen, "tests/ocp/test_simulate.py", "tests/ocp/test_inverse.py", "tests/test_theory.py"]
+    near = [str(folder)] if (ROOT / folder).is_dir() and part.parent.as_posix() != "ocp" else []
+    wide = ["tests/ocp/test_simulate.py", "tests/ocp/test_inverse.py", "tests/test_theory.py"]
+    return [tests for tests in (own, [*near, *wide]) if tests]
 
 
-def survives(copy: Path, mutant: Mutant) -> bool:
-    """Whether all tests pass."""
+def survives(copy: Path, mutant: Mutant) -> bool | None:
+    """Whether all tests pass; None where they take too long, be it the mutant or the machine."""
     original = (copy / mutant.file).read_text(encoding="utf-8")
     (copy / mutant.file).write_text(mutant.text, encoding="utf-8")
     try:
-        chosen = [t for t in tests_of(mutant.file) if (copy / t).exists()]
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *chosen]
         environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": str(copy)}
-        done = subprocess.run(command, cwd=copy, env=environment, capture_output=True, timeout=SECONDS, check=False)
-        return done.returncode == 0
+        for chosen in tests_of(mutant.file):
+            command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *chosen]
+            done = subprocess.run(command, cwd=copy, env=environment, capture_output=True, timeout=SECONDS, check=False)
+            if done.returncode != 0:
+                return False
+        return True
     except subprocess.TimeoutExpired:
-        return False
+        return None
     finally:
         (copy / mutant.file).write_text(original, encoding="utf-8")
+
+
+def interval(hits: int, tried: int) -> tuple[float, float]:
+    """Wilson's 95 % interval of a share."""
+    z2 = 1.96**2
+    middle = (hits + z2 / 2) / (tried + z2)
+    half = math.sqrt(z2 * (hits * (tried - hits) / tried + z2 / 4)) / (tried + z2)
+    return middle - half, middle + half
 
 
 def main() -> int:
     """Print the score and the survivors."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=40)
+    parser.add_argument("--minutes", type=float, default=1e9, help="no further mutant after so long")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="")
     options = parser.parse_args()
@@ -130,11 +154,20 @@ def main() -> int:
         shutil.copytree(
             ROOT, copy, symlinks=True, ignore=shutil.ignore_patterns(".git", "__pycache__", ".venv", "site")
         )
+        ends, tried = time.monotonic() + 60 * options.minutes, 0
         for mutant in chosen:
-            if survives(copy, mutant):
+            if time.monotonic() > ends:
+                break
+            lives = survives(copy, mutant)
+            tried += lives is not None
+            if lives is None:
+                print(f"too long: {mutant.file}:{mutant.line} {mutant.what}", flush=True)
+            elif lives:
                 alive.append(mutant)
-                print(f"alive: {mutant.file}:{mutant.line} {mutant.what}", flush=True)
-    print(f"{len(chosen) - len(alive)} of {len(chosen)} die, of {len(every)} mutants in all")
+                print(f"alive ({tried} tried): {mutant.file}:{mutant.line} {mutant.what}", flush=True)
+    low, high = interval(tried - len(alive), tried)
+    share = f"{100 * low:.0f} to {100 * high:.0f} %, Wilson 95 %"
+    print(f"{tried - len(alive)} of {tried} die ({share}), of {len(every)} in all")
     return 0
 
 

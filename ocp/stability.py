@@ -186,7 +186,7 @@ def _warnings(
         return ()
     worst = max(found, key=lambda s: s.growth_exponent)
     error = (
-        f"expect about {expected_N:.2g} N rms ({100 * expected_N / max(range_N, 1e-300):.2g} % of range)"
+        f"expect an RMS error of about {expected_N:.2g} N ({100 * expected_N / max(range_N, 1e-300):.2g} % of range)"
         if math.isfinite(expected_N)
         else "expect a large error (the finer replay did not even converge)"
     )

@@ -86,6 +86,11 @@ def test_the_address_of_the_project_is_the_same_everywhere() -> None:
         assert home in (ROOT / name).read_text(encoding="utf-8"), f"{name} must follow [project.urls]"
 
 
+def test_the_version_to_cite_is_that_of_the_package() -> None:
+    stated = runpy.run_path(str(ROOT / "tendonff" / "_version.py"))["__version__"]
+    assert f"\nversion: {stated}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+
+
 def test_the_conda_recipe_requires_what_the_package_requires() -> None:
     recipe = (ROOT / "conda" / "meta.yaml").read_text(encoding="utf-8")
     run = recipe.split("  run:\n")[1].split("\n\n")[0]

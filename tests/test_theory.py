@@ -372,6 +372,19 @@ def test_the_best_factor_on_two_plants_leaves_tanh_of_the_half_width(share):
     ).read_text(encoding="utf-8")
 
 
+@equation("9.2")
+@pytest.mark.parametrize("share", [-0.1, 0.1])
+def test_the_rms_error_of_a_wrong_coefficient_stays_within_its_bound_and_comes_near_it(share):
+    a, p = 0.63, 1.5
+    d = abs(share) * a
+    reference = 40 + 15 * np.sin(np.linspace(0, 20, 4000)) + 8 * np.sin(np.linspace(0, 53, 4000))
+    force = CapstanLaw(pull_exponent=a, release_exponent=a, adhesion_N=p).input_history_N(reference)
+    real = CapstanLaw(pull_exponent=a * (1 + share), release_exponent=a * (1 + share), adhesion_N=p)
+    error = real.output_history_N(force, reference[0]) - reference
+    bound = (math.exp(d) - 1) * np.sqrt(np.mean((reference + p) ** 2))
+    assert 0.6 * bound < np.sqrt(np.mean(error**2)) <= bound
+
+
 @equation("P1", "P2")
 def test_the_moduli_of_ropes_follow_from_their_stretch_factors():
     """Per cent of length = W G/D^2, pounds and inches."""

@@ -63,6 +63,7 @@ def overview_figure(result: AdaptationData) -> Figure:
             panel.plot(errors, places, linestyle="", marker=marker, color=colour, label=label)
     panel.set_yticks(places, [case.variation.name for case in result.cases])
     panel.set(xscale="log", xlabel="RMS error after 2 s, % of reference range", title="Plants that differ")
+    panel.xaxis.set_major_formatter("{x:g}")
     panel.axvline(1.0, color="0.6", linewidth=0.8)
     legend_below(figure, panel, columns=3)
     return figure
@@ -82,6 +83,7 @@ def case_figure(result: AdaptationData, case: Case) -> Figure:
         error = _rms(trace.tension_N - case.reference_N, result.reference.step_s) / scale
         axes[0, 0].plot(case.time_s[rows], np.maximum(error[rows], 1e-3), color=colour, linestyle=line, label=label)
     axes[0, 0].set(yscale="log", ylabel="error, % of range", title=f"Error (RMS over 0.25 s): {case.variation.name}")
+    axes[0, 0].yaxis.set_major_formatter("{x:g}")
     _estimates(result, case, axes[1, 0], rows)
     legend_below(figure, axes[0, 0], columns=3)
     return figure
@@ -111,6 +113,7 @@ def information_figure(result: AdaptationData) -> Figure:
     axes[0, 0].set(
         yscale="log", xlabel="time [s]", ylabel="standard deviation, %", title="What this reference can identify"
     )
+    axes[0, 0].yaxis.set_major_formatter("{x:g}")
     axes[0, 0].legend()
     return figure
 

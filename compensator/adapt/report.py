@@ -3,6 +3,7 @@
 from matplotlib.figure import Figure
 
 from tendonff.compensator.adapt.result import SETTLED_S, AdaptationData, Case, Scheme
+from tendonff.compensator.reporting.cells import Cell
 from tendonff.compensator.reporting.page import (
     FileNote,
     Picture,
@@ -95,16 +96,16 @@ def _sentence(text: str) -> str:
 def _errors(result: AdaptationData) -> Table:
     schemes = [scheme for scheme in Scheme if scheme in result.cases[0].traces]
     return Table(
-        caption=f"RMS error after {SETTLED_S:g} s, % of reference range",
+        caption=f"RMS error after {SETTLED_S:g} s, % of reference range. Time to 1 %: a dash where it is never reached",
         columns=("plant", *(scheme.replace("_", " ") for scheme in schemes), "time to 1 % [s]", "status"),
         rows=[_row(case, schemes) for case in result.cases],
     )
 
 
-def _row(case: Case, schemes: list[Scheme]) -> tuple[str | float, ...]:
+def _row(case: Case, schemes: list[Scheme]) -> tuple[Cell, ...]:
     tuned = case.traces[Scheme.SELF_TUNING]
     after = tuned.time_to_one_percent_s
     frozen = "" if tuned.frozen_after_s is None else f"frozen after {tuned.frozen_after_s:.2f} s"
     status = "; ".join(text for text in ("not here" if case.is_limit else "", frozen) if text) or "good"
     errors = (case.traces[scheme].settled_percent for scheme in schemes)
-    return (case.variation.name, *errors, "never" if after is None else f"{after:.2f}", status)
+    return (case.variation.name, *errors, after, status)

@@ -197,9 +197,13 @@ def _headline(cases: list[Case], known: Information) -> str:
     off = [case for case in off if case.variation.mu in (0.8, 1.2) and not case.variation.changes][:2]
     plain = max(case.traces[Scheme.FEEDFORWARD].settled_percent for case in off)
     tuned = max(case.traces[Scheme.SELF_TUNING].settled_percent for case in off)
+    widest = max(cases, key=lambda case: case.traces[Scheme.SELF_TUNING].settled_percent)
+    most = widest.traces[Scheme.SELF_TUNING].settled_percent
     return (
-        f"With friction 20 % off, the RMS error after {SETTLED_S:g} s is {tuned:.2g} % of range with self-tuning from "
-        f"{known.tuning.sensor.words}, {plain:.2g} % without; {known.sentences()[0]}."
+        f"Expect an RMS error of up to {tuned:.2g} % of range after {SETTLED_S:g} s with self-tuning from "
+        f"{known.tuning.sensor.words}, for mu ±20 % and all else as in the scenario; without: up to {plain:.2g} %. "
+        f"Where other parameters are off too: up to {most:.2g} % ({widest.variation.name}). "
+        f"{known.sentences()[0].capitalize()}."
     )
 
 
@@ -214,9 +218,14 @@ def _warnings(cases: list[Case], known: Information, certificate: FeedbackCertif
                 f"do not use it where {case.variation.name}: RMS error {tuned.settled_percent:.3g} % of range after "
                 f"{SETTLED_S:g} s, plain feedforward {plain.settled_percent:.3g} %"
             )
-        if tuned.frozen_after_s is not None:
-            notes.append(
-                f"{case.variation.name}: the model stopped explaining the measurement after "
-                f"{tuned.frozen_after_s:.3g} s; tuning froze at the last safe values"
-            )
+    frozen = [
+        f"{case.variation.name} (after {after:.2f} s)"
+        for case in cases
+        if (after := case.traces[Scheme.SELF_TUNING].frozen_after_s) is not None
+    ]
+    if frozen:
+        notes.append(
+            "the model stopped explaining the measurement, and tuning froze at the last safe values: "
+            + "; ".join(frozen)
+        )
     return tuple(notes)

@@ -13,7 +13,15 @@ from tendonff.compensator.compare.result import CAPSTAN_PLANT, ENOUGH_PERCENT, E
 from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, ProfileStatus
 from tendonff.compensator.compensators.motion import with_motion
 from tendonff.compensator.compensators.registry import COMPENSATORS
-from tendonff.compensator.compensators.score import SimulatedPlant, ignored_motion, scale_N, score, simulate_profile
+from tendonff.compensator.compensators.score import (
+    SimulatedPlant,
+    Slack,
+    ignored_motion,
+    scale_N,
+    score,
+    simulate_profile,
+    slack_warnings,
+)
 from tendonff.compensator.compensators.uncertain import Doubt, doubt
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.scenario.sampled.joint_motion import moved
@@ -23,7 +31,6 @@ from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.crosscheck.halving import NUDGE
-from tendonff.ocp.simulate import Outcome
 from tendonff.ocp.tracking.problem import TrackOptions
 from tendonff.ocp.tracking.robust import error_band
 
@@ -68,6 +75,7 @@ def compare(
     outputs: dict[tuple[str, Level, str], FloatArray] = {}
     forces_of: dict[tuple[str, Level], FloatArray] = {}
     seen: dict[tuple[bytes, str], tuple[Entry, FloatArray]] = {}
+    slack: dict[tuple[str, str], Slack] = {}
     for level in Level:
         problem = Problem.of(scenario, level=level, reference=reference, options=options)
         profiles: dict[str, Profile] = {}
@@ -83,7 +91,7 @@ def compare(
                 command = b"" if profile.command_m is None else profile.command_m.tobytes()
                 key = (profile.force_N.tobytes() + command, plant)
                 if key not in seen:  # none and capstan do not depend on the design level
-                    seen[key] = _entry(transmission, name, level, plant, profile, reference, warnings)
+                    seen[key] = _entry(transmission, name, level, plant, profile, reference, slack)
                 found, outputs[name, level, plant] = seen[key]
                 entries.append(replace(found, compensator=name, design_level=level, plant_level=plant))
             parts.done()
@@ -110,7 +118,7 @@ def compare(
         worst_percent=worst,
         recommendation=recommend(entries, compensators, worst, str(real)),
         ignored=ignored_motion(Problem.of(scenario, reference=reference, options=options)),
-        warnings=tuple(dict.fromkeys((*warnings, *_noise(entries)))),
+        warnings=tuple(dict.fromkeys((*warnings, *slack_warnings(slack), *_noise(entries)))),
     )
 
 
@@ -150,7 +158,7 @@ def _entry(
     plant: str,
     profile: Profile,
     reference: Reference,
-    warnings: list[str],
+    slack: dict[tuple[str, str], Slack],
 ) -> tuple[Entry, FloatArray]:
     """Simulate a plant under a profile, with the spread over step and tolerance."""
     if plant == CAPSTAN_PLANT:
@@ -160,7 +168,7 @@ def _entry(
             rows = np.concatenate([rows[:-1], rows])
         outputs = [law.output_history_N(rows, start)[-len(profile.force_N) :]]
     else:
-        outputs = list(_replays(transmission, Level(plant), profile, reference, f"{name} on {plant}", warnings))
+        outputs = list(_replays(transmission, Level(plant), profile, reference, (name, plant), slack))
     result = score(reference.tension_N, outputs[0])
     spread = max((float(np.sqrt(np.mean((other - outputs[0]) ** 2))) for other in outputs[1:]), default=0.0)
     entry = Entry(
@@ -176,14 +184,19 @@ def _entry(
 
 
 def _replays(
-    transmission: Transmission, level: Level, profile: Profile, reference: Reference, what: str, warnings: list[str]
+    transmission: Transmission,
+    level: Level,
+    profile: Profile,
+    reference: Reference,
+    what: tuple[str, str],
+    slack: dict[tuple[str, str], Slack],
 ) -> Iterator[FloatArray]:
     """Output tension with ever larger steps, then with a force that is a little different."""
     for refinement in REFINEMENTS:
         plant = SimulatedPlant(level=level, refinement=refinement)
         run = simulate_profile(transmission, plant, profile, reference).require()
-        if run.outcome is Outcome.SLACK and refinement == REFINEMENTS[0]:
-            warnings.append(f"{what}: {run.message}")
+        if refinement == REFINEMENTS[0] and (found := Slack.of(run)) is not None:
+            slack[what] = found
         yield run.output_tension_N[::refinement]
     # Steps are solved to rounding, so a tolerance is the last digits: the answer must not depend on them.
     start = reference.initial_tension_N

@@ -1,6 +1,6 @@
 """How well a force delivers the wanted tension: simulate it on a chain, and score what arrives."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -139,32 +139,22 @@ class Slack:
     Parameters
     ----------
     end : str
-        End of the tendon that went slack first.
-    time_s : float
-        When [s].
-    share : float
-        Share of the samples in which some link is slack.
+        The nearest end, "actuator" or "load", of the link that went slack first.
     message : str
-        In words.
+        What the simulation says.
     """
 
     end: str
-    time_s: float
-    share: float
     message: str
 
     @classmethod
-    def of(cls, run: Simulation) -> "Slack":
-        """Of a simulation with a slack link."""
+    def of(cls, run: Simulation) -> "Slack | None":
+        """Of a simulation; None where the tendon stayed taut."""
+        if run.outcome is not Outcome.SLACK:
+            return None
         slack = run.tension_N <= 0
-        row = int(np.argmax(slack.any(axis=1)))
-        at_load = int(np.argmax(slack[row])) >= slack.shape[1] / 2
-        return cls(
-            end="load" if at_load else "actuator",
-            time_s=float(run.time_s[row]),
-            share=float(slack.any(axis=1).mean()),
-            message=run.message,
-        )
+        first = int(np.argmax(slack[np.argmax(slack.any(axis=1))]))
+        return cls(end="load" if first >= slack.shape[1] / 2 else "actuator", message=run.message)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -229,7 +219,7 @@ def verify(
         load_m=load,
         score=score(reference.tension_N, output),
         position_error_m=None if reference.position_m is None else _position_error(load - reference.position_m),
-        slack=Slack.of(run) if run.outcome is Outcome.SLACK else None,
+        slack=Slack.of(run),
     )
 
 
@@ -239,27 +229,26 @@ _CAUSES = {
 }
 
 
-def slack_warnings(verified: Sequence[Verified]) -> list[str]:
-    """One line for each cause of slack: who lets it come about, when, and why.
+def slack_warnings(slack: Mapping[tuple[str, str], Slack]) -> list[str]:
+    """One line for each cause of slack, on all profiles under which it comes about; none where the tendon stays taut.
 
     Parameters
     ----------
-    verified : sequence of Verified
+    slack : mapping of (str, str) to Slack
+        By name of the compensator and plant.
     """
-    found = []
+    lines = []
     for end, cause in _CAUSES.items():
-        those = [v for v in verified if v.slack is not None and v.slack.end == end]
+        those = {key: one for key, one in slack.items() if one.end == end}
         if not those:
             continue
-        places = [v.slack for v in those if v.slack is not None]
-        names = dict.fromkeys(v.compensator for v in those)
-        levels = dict.fromkeys(v.plant.level.value for v in those)
-        found.append(
-            f"slack at the {end}'s end under the profiles {', '.join(names)} (level {', '.join(levels)}) from "
-            f"t = {min(place.time_s for place in places):.4g} s on, in up to "
-            f"{100 * max(place.share for place in places):.2g} % of the samples: {cause}"
+        names = list(dict.fromkeys(compensator for compensator, _ in those))
+        plant, found = [(plant, one) for (name, plant), one in those.items() if name == names[0]][-1]
+        lines.append(
+            f"the tendon goes slack at the {end}'s end under {', '.join(names)}: {cause}; "
+            f"{names[0]} on {plant}: {found.message}"
         )
-    return found
+    return lines
 
 
 def _position_error(error_m: FloatArray) -> tuple[float, float]:

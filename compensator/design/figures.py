@@ -101,13 +101,13 @@ def force_figure(result: DesignData) -> Figure:
     force, rate, travel = axes[:, 0]
     actuator, step = result.scenario.transmission.actuator, result.reference.step_s
     _draw(force, result, result.forces_N, lambda c: c.label)
-    for name, limit in (("force_min_N", actuator.force_min_N), ("force_max_N", actuator.force_max_N)):
-        _mark(force, name, limit)
+    for limit in (actuator.force_min_N, actuator.force_max_N):
+        _mark(force, limit)
     rates = {name: np.gradient(profile, step) for name, profile in result.forces_N.items()}
     _draw(rate, result, rates)
     _zoom(rate, {name: values for name, values in rates.items() if name != "none"})
     for sign in (-1, 1):
-        _mark(rate, "force_rate_max_N_per_s" if sign > 0 else None, sign * actuator.force_rate_max_N_per_s)
+        _mark(rate, sign * actuator.force_rate_max_N_per_s)
     travels = {c.name: 1e3 * result.on_level(c.name, result.level).travel_m for c in result.compensators}
     _draw(travel, result, travels)
     force.set(ylabel="actuator force [N]")
@@ -123,9 +123,10 @@ def drive_figure(result: DesignData) -> Figure:
     (travel, speed), (power, plane) = axes
     actuator, rows = result.scenario.transmission.actuator, thinned(len(result.reference.time_s))
     motor, time = actuator.motor, result.reference.time_s[rows]
-    styles = {c.name: _look(c) for c in result.compensators}
-    for use in drive_use(result):
-        look = styles[use.name]
+    uses = drive_use(result)
+    looks = _looks(result, {use.name: use.force_N for use in uses})
+    for use in uses:
+        look = looks[use.name]
         travel.plot(time, 1e3 * use.travel_m[rows], **look)
         speed.plot(time, 1e3 * use.speed_m_per_s[rows], **look)
         power.plot(time, use.power_W[rows], **look)
@@ -163,11 +164,13 @@ def loop_figure(result: DesignData) -> Figure:
     by_force, by_reference = axes[0]
     rows = thinned(len(result.reference.time_s))
     wanted = result.reference.tension_N[rows]
+    outputs = {c.name: result.on_level(c.name, result.level).output_N for c in result.compensators}
+    looks = _looks(result, outputs)
     for compensator in result.compensators:
-        output = result.on_level(compensator.name, result.level).output_N[rows]
+        output = outputs[compensator.name][rows]
         if compensator.name in _LOOPS:
-            by_force.plot(result.profiles[compensator.name].force_N[rows], output, **_look(compensator))
-        by_reference.plot(wanted, output, **_look(compensator))
+            by_force.plot(result.profiles[compensator.name].force_N[rows], output, **asdict(compensator.style))
+        by_reference.plot(wanted, output, **looks[compensator.name])
     ends = [float(np.min(wanted)), float(np.max(wanted))]
     by_reference.plot(ends, ends, color=INK, linewidth=0.8, label="output = reference")
     by_force.set(xlabel="actuator force [N]", ylabel="output tension [N]", title="Tendon hysteresis")
@@ -211,19 +214,23 @@ def _draw(
 ) -> None:
     """Draw a curve of each compensator; one that hides another is told from it by width and in the legend."""
     rows = thinned(len(result.reference.time_s))
-    span = max((float(np.ptp(curve)) for curve in curves.values()), default=0.0)
-    hidden = coinciding(curves, span)
-    names = {c.name: c for c in result.compensators}
-    for name, curve in curves.items():
-        look = asdict(names[name].style)
+    for name, look in _looks(result, curves, label).items():
+        panel.plot(result.reference.time_s[rows], curves[name][rows], **look)
+
+
+def _looks(
+    result: DesignData, curves: dict[str, FloatArray], label: Callable[[Compensator], str] | None = None
+) -> dict[str, dict[str, Any]]:
+    """What matplotlib is told to draw each compensator: a curve under another is wide, the other's legend says so."""
+    hidden = coinciding(curves, max((float(np.ptp(curve)) for curve in curves.values()), default=0.0))
+    names, looks = {c.name: c for c in result.compensators}, {}
+    for name in curves:
+        looks[name] = asdict(names[name].style)
         if name in hidden.values():
-            look.update(linewidth=_WIDE, linestyle="-", alpha=0.55)
-        text = None
-        if label is not None:
-            text = label(names[name])
-            if name in hidden:
-                text += f" (coincides with {names[hidden[name]].label})"
-        panel.plot(result.reference.time_s[rows], curve[rows], **look, label=text)
+            looks[name].update(linewidth=_WIDE, linestyle="-", alpha=0.55)
+        text = names[name].label if label is None else label(names[name])
+        looks[name]["label"] = text + (f" (coincides with {names[hidden[name]].label})" if name in hidden else "")
+    return looks
 
 
 def _zoom_limit(curves: dict[str, FloatArray]) -> float:
@@ -240,13 +247,8 @@ def _zoom(panel: Axes, curves: dict[str, FloatArray]) -> None:
         panel.set_ylim(-limit, limit)
 
 
-def _look(compensator: Compensator) -> dict[str, Any]:
-    """What matplotlib is told to draw a compensator."""
-    return {**asdict(compensator.style), "label": compensator.label}
-
-
-def _mark(panel: Axes, name: str | None, limit: float) -> None:
+def _mark(panel: Axes, limit: float) -> None:
     """Draw a limit of the actuator where it lies within a third of the drawn range."""
     low, high = panel.get_ylim()
     if low - (high - low) / 3 < limit < high + (high - low) / 3:
-        panel.axhline(limit, label=name, **_BOUND)
+        panel.axhline(limit, **_BOUND)

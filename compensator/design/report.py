@@ -7,7 +7,7 @@ from tendonff.compensator.compensators.base import Style
 from tendonff.compensator.compensators.score import scale_N
 from tendonff.compensator.design.drive_use import drive_use
 from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS, DesignData
-from tendonff.compensator.reporting.cells import Cell
+from tendonff.compensator.reporting.cells import Cell, format_cell
 from tendonff.compensator.reporting.colours import INK
 from tendonff.compensator.reporting.interactive import interactive_view
 from tendonff.compensator.reporting.page import (
@@ -38,7 +38,7 @@ _CAPTIONS = {
     "loop": "Left: the tendon's hysteresis, output over force. Right: output over reference; perfect compensation is "
     "the diagonal. Equal scales on both axes.",
     "error": "Error on each fidelity level with the design's own parameters, on one scale; right: enlarged.",
-    "drive": "What the profiles ask of the drive, on the design level; thin lines are its limits.",
+    "drive": "What the profiles ask of the drive, on the design level. Dashed: its limits, where they are near.",
 }
 
 
@@ -55,11 +55,16 @@ def headline(result: DesignData) -> str:
 def fine_print(result: DesignData) -> str:
     """What the model says of itself."""
     best = result.recommended
-    return (
+    own = (
         f"With exactly the design's parameters the RMS error is {result.on_proof(best.name).score.percent} % "
-        f"({best.label}, {FINE_SEGMENTS} masses, step/{FINE_REFINEMENT}). That is the accuracy of the computation, not "
-        "of a rig, where the uncertainty of the parameters decides."
+        f"({best.label}, {FINE_SEGMENTS} masses, step/{FINE_REFINEMENT})"
     )
+    if result.robustness is not None and best.name == "optimal" and "inverse" in result.profiles:
+        return (
+            f"{own}, against {result.on_proof('inverse').score.percent} % of the exact inverse: what the robust "
+            "profile gives up there for a smaller worst case."
+        )
+    return f"{own}. That is the accuracy of the computation; on a rig the uncertainty of the parameters decides."
 
 
 def _worst(result: DesignData, name: str | None = None) -> str:
@@ -187,7 +192,7 @@ def _positions(result: DesignData) -> tuple[Block, ...]:
     for c in result.compensators:
         own, fine = (v.position_error_m for v in (result.on_level(c.name, result.level), result.on_proof(c.name)))
         if own is not None and fine is not None:
-            share = f"{100 * fine[0] / span:.3g}" if span > 0 else ""
+            share = 100 * fine[0] / span if span > 0 else None
             rows.append((c.label, own[0], own[1], fine[0], fine[1], share))
     table = Table(
         caption="Error of the load's position: design level, and finer chain",
@@ -208,8 +213,9 @@ def _drive(result: DesignData) -> tuple[Block, ...]:
     def row(what: str, values: list[float], limit: float | None) -> None:
         if limit and values:
             asked[what.partition(" [")[0]] = max(values) / limit
-        share = "" if not limit or not values else f"{100 * max(values) / limit:.3g} %"
-        rows.append((what, *values, "" if limit is None else limit, share))
+        share = None if not limit or not values else f"{100 * max(values) / limit:.3g} %"
+        # Each row has its own unit, so its own decimals.
+        rows.append((what, *(format_cell(value) for value in values), None if limit is None else f"{limit:.5g}", share))
 
     speeds = [float(np.max(np.abs(use.speed_m_per_s))) for use in used]
     lower, upper = actuator.travel_min_m, actuator.travel_max_m
@@ -259,7 +265,7 @@ def _solver(result: DesignData) -> tuple[Block, ...]:
         columns=("status", "iterations", "build [s]", "solve [s]"),
         rows=((tracking.status.value, tracking.iterations, tracking.build_s, tracking.solve_s),),
     )
-    return Text(tracking.message), table
+    return Text(f"{tracking.message[:1].upper()}{tracking.message[1:]}."), table
 
 
 def _robust_section(result: DesignData) -> tuple[Section, ...]:

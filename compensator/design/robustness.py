@@ -57,13 +57,16 @@ def robustness(problem: Problem, forces_N: Mapping[str, FloatArray]) -> Robustne
 
 def robustness_warnings(found: Robustness) -> list[str]:
     """Over-compensation is the dangerous side: name it."""
-    return [
-        f"{name}: over-compensates by up to {100 * band.amplification:.2g} % of the swing where mu is "
-        f"{100 * (band.amplified_sample.mu - 1):+.3g} %; inside a feedback loop over-compensation injects "
-        "energy: choose mu too low rather than too high"
-        for name, band in found.bands.items()
-        if name != "none" and band.amplification > _OVERCOMPENSATION
-    ]
+    over = {name: b for name, b in found.bands.items() if name != "none" and b.amplification > _OVERCOMPENSATION}
+    if not over:
+        return []
+    swings = ", ".join(f"{name} {100 * band.amplification:.2g}" for name, band in over.items())
+    lowest = 100 * (min(band.amplified_sample.mu for band in over.values()) - 1)
+    text = (
+        f"over-compensation, in % of the swing, largest over the samples (mu {lowest:+.3g} %): {swings}; inside a "
+        "feedback loop over-compensation injects energy: choose mu too low rather than too high"
+    )
+    return [text]
 
 
 def robustness_summary(found: Robustness) -> dict[str, object]:

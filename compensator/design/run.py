@@ -99,8 +99,8 @@ def design(
             found.append(verify(transmission, plant, name, profile, reference))
             parts.done()
     warnings += _worse_than_nothing([v for v in verified if v.plant.level is level], reference.tension_N)
-    warnings += _promises([v for v in verified if v.plant.level is level], proof, nominal=not problem.samples)
-    warnings += slack_warnings(verified)
+    warnings += _promises([v for v in verified if v.plant.level is level], proof, is_robust=bands is not None)
+    warnings += slack_warnings({(v.compensator, v.plant.level.value): v.slack for v in verified if v.slack})
     result = Design(
         scenario=scenario,
         reference=reference,
@@ -134,10 +134,10 @@ _KEPT = 2.0  # times the error on the design level that the finer chain may leav
 _SMALL = 0.5  # % of range: errors below this are not worth a word
 
 
-def _promises(designed: Sequence[Verified], proof: Sequence[Verified], *, nominal: bool) -> list[str]:
+def _promises(designed: Sequence[Verified], proof: Sequence[Verified], *, is_robust: bool) -> list[str]:
     """Profiles that leave far more on the finer chain than where they were designed, and what beats the optimal one.
 
-    The last only where the profile is made for the nominal parameters, which the finer chain has.
+    A robust profile is not meant to be best with the nominal parameters.
     """
     found = []
     for here, fine in zip(designed, proof, strict=True):
@@ -149,7 +149,11 @@ def _promises(designed: Sequence[Verified], proof: Sequence[Verified], *, nomina
             )
     scores = {v.compensator: v.score for v in proof}
     best = min(scores, key=lambda name: scores[name].rmse_N)
-    if nominal and "optimal" in scores and scores["optimal"].rmse_N > max(1.02 * scores[best].rmse_N, 1e-3 * _SMALL):
+    if (
+        not is_robust
+        and "optimal" in scores
+        and scores["optimal"].rmse_N > max(1.02 * scores[best].rmse_N, 1e-3 * _SMALL)
+    ):
         optimal, other = scores["optimal"], scores[best]
         if optimal.rmse_percent_of_range > _SMALL:
             found.append(

@@ -77,7 +77,7 @@ def per_newton(problem: Problem) -> float:
 def loss_warnings(losses: Sequence[FloatLoss]) -> tuple[str, ...]:
     """Losses above 0.1 % of range, with the way out."""
     return tuple(
-        f"{loss.module} in float departs from the model by {loss.rms_N:.2g} N rms ({loss.percent_of_range:.2g} % of "
+        f"{loss.module} in float departs from the model by {loss.rms_N:.2g} N RMS ({loss.percent_of_range:.2g} % of "
         f"range), {loss.peak_N:.2g} N at most: use --precision double, or a larger step_s or fewer segments"
         for loss in losses
         if not loss.percent_of_range <= 0.1

@@ -112,7 +112,7 @@ def _residuals(comparisons: Sequence[PieceComparison], folder: Path) -> list[Pat
         ax.axhline(0, color=INK, lw=0.6)
         ax.plot(t, left, color=BLUE, lw=0.8)
         rms = float(np.sqrt(np.mean(left**2)))
-        ax.set_title(f"{_title(piece)}: rms {rms:.2g} % of range")
+        ax.set_title(f"{_title(piece)}: RMS error {rms:.2g} % of range")
         ax.set_ylabel("model less\nmeasured [%]")
         ax.margins(x=0.01)
     axes[-1, 0].set_xlabel("time [s]")

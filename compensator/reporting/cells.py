@@ -1,17 +1,25 @@
 """Cells of a table as text: numbers of one column with the same number of decimals."""
 
 import math
+import re
 from collections.abc import Sequence
 
 Cell = str | float | int | bool | None
 """What a table holds; None shows as a dash."""
 
+_FIGURE = re.compile(r"[<−-]? ?\d.{0,20}$")
 _DECADES = 4  # that one number of decimals serves
 
 
 def is_number(cell: Cell) -> bool:
     """Whether a cell holds a number; yes and no are none."""
     return isinstance(cell, (int, float)) and not isinstance(cell, bool)
+
+
+def is_aligned(column: Sequence[Cell]) -> bool:
+    """Whether a column is set to the right: numbers, and short texts that begin with one, such as "4.6 ± 0.1"."""
+    shown = [cell for cell in column if cell is not None and cell != ""]
+    return bool(shown) and all(is_number(c) or (isinstance(c, str) and _FIGURE.match(c) is not None) for c in shown)
 
 
 def column_decimals(cells: Sequence[Cell], digits: int = 3, least: float = 0.0) -> int | None:

@@ -30,6 +30,8 @@ def bode_figure(systems: Mapping[str, control.LTI], frequencies_Hz: FloatArray, 
             axes[0, 0].loglog(frequencies_Hz, np.abs(response), style, label=label)
             axes[1, 0].semilogx(frequencies_Hz, np.degrees(np.unwrap(np.angle(response))), style)
         axes[0, 0].set(ylabel=ylabel)
+        for axis in (axes[0, 0].yaxis, axes[1, 0].xaxis):
+            axis.set_major_formatter("{x:g}")
         axes[1, 0].set(ylabel="phase [deg]", xlabel="frequency [Hz]")
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return figure

@@ -67,6 +67,7 @@ def interactive_view(time_s: FloatArray, panels: Mapping[str, Curves]) -> str:
             panel.add_tools(HoverTool(renderers=[line], tooltips=tips, visible=len(panel.renderers) == 1))
         panel.add_layout(panel.legend[0], "below")
         panel.legend.update(click_policy="hide", label_text_font_size="8pt", ncols=2, border_line_alpha=0.0)
+        panel.legend.update(location="top_left", spacing=0, margin=0, label_width=140)
         drawn.append(panel)
     script, place = components(column(*drawn, sizing_mode="stretch_width"))
     own = Resources(mode="inline", components=["bokeh"])  # no widgets, no WebGL

@@ -46,7 +46,7 @@ from matplotlib.figure import Figure
 from tendonff._version import __version__
 from tendonff.compensator.files.reading import open_text
 from tendonff.compensator.files.writing import write_text
-from tendonff.compensator.reporting.cells import Cell, column_decimals, format_cell, is_number
+from tendonff.compensator.reporting.cells import Cell, column_decimals, format_cell, is_aligned
 from tendonff.compensator.reporting.plots import figure_style
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash, scenario_to_toml
 
@@ -298,12 +298,8 @@ def _prepared(block: Block, numbers: Iterator[int]) -> dict[str, object]:
         case Text():
             return {"kind": "text", "text": block.text}
         case Table():
-            numeric = [
-                any(is_number(row[k]) for row in block.rows)
-                and all(row[k] is None or is_number(row[k]) for row in block.rows)
-                for k in range(len(block.columns))
-            ]
             columns = [[row[k] for row in block.rows] for k in range(len(block.columns))]
+            numeric = [is_aligned(column) for column in columns]
             decimals = [column_decimals(column, block.digits, block.least) for column in columns]
             rows = [
                 [

@@ -21,21 +21,26 @@ class OptimalSettings:
     travel_weight : float, optional
         What doubling the force's travel costs, as a mean squared error relative to the squared range of the reference
         [-], >= 0. Default 1e-6.
+    static_weight : float, optional
+        Weight of the error by the static law beside that of the model, >= 0: soft bristles can be pumped by a force
+        that shakes, that law cannot. Default 0.1.
     max_iterations : int, optional
-        Quadratic programs for each window of the horizon, 3 to 10000. Default 100.
+        Quadratic programs for each window of the horizon, 3 to 10000. Default 400.
     restarts : int, optional
-        Searches from the profile that was found, moved a little in time, 0 to 6. Default 2.
+        Searches from the profile that was found, moved in time, that may be in vain before the search ends, 0 to 100.
+        Default 5.
     """
 
     minimum_tension_N: float | None = None
     maximum_tension_N: float | None = None
     effort_weight: float | None = None
     travel_weight: float | None = None
+    static_weight: float | None = None
     max_iterations: int | None = None
     restarts: int | None = None
 
     def __post_init__(self) -> None:
-        for name in ("minimum_tension_N", "effort_weight", "travel_weight"):
+        for name in ("minimum_tension_N", "effort_weight", "travel_weight", "static_weight"):
             if (value := getattr(self, name)) is not None:
                 require_number(name, value, least=0, hint="leave it out for the default")
         if self.maximum_tension_N is not None:
@@ -46,9 +51,9 @@ class OptimalSettings:
                     f"got {self.maximum_tension_N:g}; leave it out for none"
                 )
         if self.max_iterations is not None:
-            require_whole("max_iterations", self.max_iterations, least=3, most=10000, hint="100 is a good start")
+            require_whole("max_iterations", self.max_iterations, least=3, most=10000, hint="400 is a good start")
         if self.restarts is not None:
-            require_whole("restarts", self.restarts, least=0, most=6, hint="2 is a good start")
+            require_whole("restarts", self.restarts, least=0, most=100, hint="5 is a good start")
 
     @property
     def given(self) -> dict[str, float | int]:

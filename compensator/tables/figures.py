@@ -36,5 +36,7 @@ def table_figure(result: TablesData) -> Figure:
         right.plot(nodes.share * (middle + p), at_nodes, ".", color=colours[branch], markersize=4)
     left.set(xlabel="reference tension [N]", ylabel="force [N]", title="slip (thick) and reversals (thin)")
     left.legend(loc="upper left")
-    right.set(xlabel="tension since the reversal [N]", title=f"transition at {middle:.3g} N and its nodes")
+    right.set(
+        xlabel="tension since the reversal [N]", ylabel="force [N]", title=f"transition at {middle:.3g} N and its nodes"
+    )
     return figure

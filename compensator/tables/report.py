@@ -53,10 +53,11 @@ def table_report(result: TablesData, picture: Path) -> Report:
     )
     return Report(
         title=f"Compensation table: {result.scenario.name}",
-        summary=(
-            f"A table of {first.table.nodes} values has an RMS error of {own.rmse_percent_of_range:.2g} % of the "
-            f"reference range on the {result.level} level, with the scenario's own parameters. It covers "
-            f"{covered[0]:.4g} to {covered[-1]:.4g} N."
+        summary=f"{result.headline} It has {first.table.nodes} values for {covered[0]:.4g} to {covered[-1]:.4g} N.",
+        fine_print=(
+            f"With exactly the scenario's parameters the RMS error is {own.rmse_percent_of_range:.2g} % on the "
+            f"{result.level} level. That is the accuracy of the table, not of a rig, where the uncertainty of the "
+            "parameters decides."
         ),
         warnings=result.reference.warnings,
         sections=(
@@ -74,7 +75,7 @@ def table_report(result: TablesData, picture: Path) -> Report:
             Section(
                 title="How to read it",
                 blocks=(
-                    *(Text(f"{part}.") for part in FORMULA.split("; ")),
+                    *map(Text, FORMULA.split("; ")),
                     Text(
                         "The table is quasi-static: made for slow reversals out of full slip, without masses. The "
                         "exact inverse (tendonff export-c) is more accurate for slightly more computation."

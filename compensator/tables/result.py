@@ -47,6 +47,10 @@ class TablesData:
         Further columns of the file.
     scores : dict of Level to Score
         What the scenario's own table delivers on each level, within the actuator's limits.
+    worst_percent : float
+        Its largest RMS error over what may be the real transmission [% of range].
+    doubt : str
+        What that is the worst over, in words.
     options : str
         Options of the command that would make the same, for the report.
     """
@@ -57,4 +61,14 @@ class TablesData:
     tables: tuple[AngleTable, ...]
     axes: tuple[str, ...]
     scores: dict[Level, Score]
+    worst_percent: float
+    doubt: str
     options: str
+
+    @property
+    def headline(self) -> str:
+        """What to expect on a rig, in one sentence."""
+        return (
+            f"Expect an RMS error of up to {self.worst_percent:.3g} % of the {self.reference.range_N:.4g} N range of "
+            f"the reference with this table, for {self.doubt}."
+        )

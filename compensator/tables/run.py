@@ -6,14 +6,16 @@ from types import MappingProxyType
 
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.motion import with_motion
-from tendonff.compensator.compensators.score import SimulatedPlant, verify
+from tendonff.compensator.compensators.score import SimulatedPlant, scale_N, verify
 from tendonff.compensator.compensators.table import CompensationTable, table_of, table_range
+from tendonff.compensator.compensators.uncertain import doubt
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampled.joint_motion import posed
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.tables.output import Tables
 from tendonff.compensator.tables.result import AngleTable
 from tendonff.models.fidelity import Level
+from tendonff.ocp.tracking.robust import error_band
 
 
 def make_tables(
@@ -70,6 +72,16 @@ def make_tables(
             ]
     profile = with_motion(problem, "table", CompensationTable(own.table).profile(problem))
     scores = {on: verify(transmission, SimulatedPlant(level=on), "table", profile, reference).score for on in Level}
+    real = doubt(transmission, scenario.robust)
+    band = error_band(
+        real.samples,
+        problem.level,
+        profile.force_N,
+        reference.tension_N,
+        reference.step_s,
+        initial_tension_N=reference.initial_tension_N,
+        periodic=reference.periodic,
+    )
     options = {"level": level, "bound": bound_N, "angles": _listed(angles_rad), "rates": _listed(rates_N_per_s)}
     options["pose"] = " --pose ".join(f"{name}={angle}" for name, angle in pose_rad.items())
     return Tables(
@@ -79,6 +91,8 @@ def make_tables(
         tables=tuple(tables),
         axes=(("total_angle_rad",) if angles_rad else ()) + (("rate_N_per_s",) if rates_N_per_s else ()),
         scores=scores,
+        worst_percent=100 * band.worst_rms_N / scale_N(reference.tension_N),
+        doubt=str(real),
         options=" ".join(f"--{name} {value}" for name, value in options.items() if value),
     )
 

@@ -37,4 +37,5 @@ def draw() -> Figure:
             panel.annotate(f"{error:.2g} %", (count, error), textcoords="offset points", xytext=(6, 5), fontsize=8)
         panel.set(xlabel="masses of the design", ylabel="RMS error [% of range]", xticks=COUNTS, xticklabels=COUNTS)
         panel.set_xticks([], minor=True)
+        panel.yaxis.set_major_formatter("{x:g}")
     return figure

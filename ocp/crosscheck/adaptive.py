@@ -157,7 +157,7 @@ class AdaptiveCheck:
         """The finding in words."""
         share = 100 / self.range_N if self.range_N > 0 else 0.0
         found = (
-            f"output tension against {self.solver.value}: {self.rms_N:.3g} N rms, {self.peak_N:.3g} N at most "
+            f"output tension against {self.solver.value}: {self.rms_N:.3g} N RMS, {self.peak_N:.3g} N at most "
             f"({share * self.rms_N:.2g} % and {share * self.peak_N:.2g} % of range)"
         )
         apart = f"{self.spread_N:.3g} N ({share * self.spread_N:.2g} % of range)"

@@ -67,10 +67,10 @@ class StepCheck:
         )
         found = (
             f"output tension against a run with step {self.step_s / 2:g} s: "
-            f"{self.rms_N:.3g} N rms, {self.peak_N:.3g} N at most{shares}"
+            f"{self.rms_N:.3g} N RMS, {self.peak_N:.3g} N at most{shares}"
         )
         if self.reproducible:
-            return f"{found}; estimated error {self.error_N:.3g} N rms ({self.percent(self.error_N):.2g} % of range)"
+            return f"{found}; estimated error {self.error_N:.3g} N RMS ({self.percent(self.error_N):.2g} % of range)"
         return (
             f"{found}; not reproducible point by point: runs that differ only in step and in the ninth digit of the "
             f"force lie up to {self.spread_N:.3g} N apart ({self.percent(self.spread_N):.2g} % of range); impacts, or "

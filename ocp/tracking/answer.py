@@ -72,31 +72,39 @@ def answer(
         status = TrackStatus.INFEASIBLE
     error = output - reference
     rms, span = float(np.sqrt(np.mean(error**2))), max(float(np.ptp(reference)), 1e-300)
-    clipped_rms = float(np.sqrt(work.at_clipped.squares.max()))
+    plants = len(work.evaluation.squares)
+    clipped_rms, worst_rms = (float(np.sqrt(e.squares.max())) for e in (work.at_clipped, work.evaluation))
     iterations = sum(r.iterations for r in work.refinements)
     gain = max((r.gain for r in work.refinements), default=0.0)
     told: tuple[str, ...] = ()
     if status is not TrackStatus.EXACT:
         bounds = options.minimum_tension_N, options.maximum_tension_N
         told = reasons(law_of(nominal), reference, inversion.force_N, h, limits, *bounds)
-    plants, worst_rms = len(work.evaluation.squares), float(np.sqrt(work.evaluation.squares.max()))
-    left = f"{rms:.3g} N rms ({100 * rms / span:.2g} % of range) remain"
+    left = f"RMS error {rms:.3g} N ({100 * rms / span:.2g} % of range)"
     if plants > 1:
+        given = len(problem.plants)
+        of = (
+            f"{plants} plants"
+            if plants == given
+            else "the model and its twin with stiff bristles"
+            if given == 1
+            else f"{given} plants and as many with stiff bristles"
+        )
         left = (
-            f"{worst_rms:.3g} N rms remain on the worst of {plants} plants, {rms:.3g} N "
+            f"RMS error {worst_rms:.3g} N on the worst of {of}, {rms:.3g} N "
             f"({100 * rms / span:.2g} % of range) on the nominal one"
         )
     if work.at_clipped.beyond_N == 0:  # what breaks a bound is no yardstick
-        left += f", the clipped inverse leaves {clipped_rms:.3g} N"
+        left += f", that of the clipped inverse {clipped_rms:.3g} N"
     if plants > 1:
         needed = max(travel_N(problem.clipped(inversion.force_N)), 1e-300)
-        left += f"; the force travels {travel_N(force):.3g} N, {travel_N(force) / needed:.2g} times as far as that"
-    effort = f"{iterations} iterations, {solve_s:.2g} s"
+        left += f"; the force travels {travel_N(force):.0f} N, {travel_N(force) / needed:.2g} times as far as that"
+    effort = f"{iterations} iterations, {solve_s:.1f} s"
     message = {
-        TrackStatus.EXACT: f"no limit binds: the exact inverse is the optimum, {rms:.2g} N rms remain; no iterations",
+        TrackStatus.EXACT: "no limit binds: the exact inverse is the optimum; no iterations",
         TrackStatus.OPTIMAL: f"{left}; {effort}",
         TrackStatus.UNSTABLE: (
-            f"no limit binds, but simulated the exact inverse leaves {rms:.3g} N rms "
+            f"no limit binds, but simulated the exact inverse has an RMS error of {rms:.3g} N "
             f"({100 * rms / span:.2g} % of range): "
             "this rig amplifies rounding (stick-slip), so do not expect it to follow"
         ),

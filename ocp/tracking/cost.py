@@ -13,6 +13,7 @@ from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.diagnosis import reversals
 from tendonff.ocp.tracking.motion import INSIDE
 from tendonff.ocp.tracking.problem import Goal, MotionBound, TensionBounds, TrackingProblem
+from tendonff.ocp.tracking.ratcheting import StaticGoal
 
 Knots = NDArray[np.int_]
 
@@ -27,6 +28,8 @@ class Evaluation:
         What is made small: error, effort and penalty [N^2]; infinite where a simulation fails.
     squares : ndarray, shape (plants,)
         Mean squared tension errors [N^2].
+    slopes : ndarray, shape (plants,)
+        Of the merit over each plant's errors [-].
     density : ndarray, shape (n,)
         Share of each row in the merit, without penalties [N^2].
     beyond_N : float
@@ -38,6 +41,7 @@ class Evaluation:
 
     merit: float
     squares: Array
+    slopes: Array
     density: Array
     beyond_N: float
     tensions_N: tuple[Array, ...]
@@ -106,12 +110,19 @@ def evaluate(problem: TrackingProblem, force_N: Array) -> Evaluation:
         run = simulate(plant.chain, force_N, problem.step_s, state=plant.state)
         if run.outcome is Outcome.FAILED:
             bad = np.full(len(problem.plants), np.inf)
-            return Evaluation(merit=np.inf, squares=bad, density=np.empty(0), beyond_N=np.inf, tensions_N=())
+            return Evaluation(
+                merit=np.inf, squares=bad, slopes=bad, density=np.empty(0), beyond_N=np.inf, tensions_N=()
+            )
         tensions.append(run.tension_N)
         travels.append(run.near_position_m - plant.origin_m)
     errors = np.array([(t[:, -1] - goal.reference_N) ** 2 for t in tensions])
     squares = errors.mean(axis=1)
-    mean, slopes = power_mean(squares, goal.power)
+    for k, static in enumerate(p.static for p in problem.plants):
+        if static.weight > 0:
+            errors[k] += static.weight * (static.output_N(force_N) - static.wanted_N) ** 2
+    weights = np.array([p.weight for p in problem.plants])
+    mean, slopes = power_mean(weights * errors.mean(axis=1), goal.power)
+    slopes *= weights
     low, high = min(float(t[1:].min()) for t in tensions), max(float(t[1:].max()) for t in tensions)
     beyond = max(bounds.low_N - low, high - bounds.high_N, *_motion_beyond_N(problem, force_N, travels), 0.0)
     cost = goal.effort_weight * force_N**2 / len(force_N)
@@ -121,6 +132,7 @@ def evaluate(problem: TrackingProblem, force_N: Array) -> Evaluation:
     return Evaluation(
         merit=mean + float(cost.sum()) + goal.penalty_N * beyond + slack,
         squares=squares,
+        slopes=slopes,
         density=slopes @ errors / len(force_N) + cost,
         beyond_N=beyond,
         tensions_N=tuple(tensions),
@@ -163,10 +175,9 @@ def gauss_newton_model(
     # A position remembers for ever: cut off, its slopes would jump and tell of speeds that are not there.
     moves = any(plant.bounds for plant in problem.plants)
     wiped = np.full(k, n) if moves else _wiped_rows(goal.reference_N, knots)
-    _, slopes = power_mean(evaluation.squares, goal.power)
-    hessian, gradient = np.zeros((k, k)), np.zeros(k)
+    hessian, gradient, shape = np.zeros((k, k)), np.zeros(k), knot_shape(knots)
     rows, lows, highs = [np.empty((0, k))], [np.empty(0)], [np.empty(0)]
-    plants = zip(problem.plants, evaluation.tensions_N, evaluation.travels_m, slopes, strict=True)
+    plants = zip(problem.plants, evaluation.tensions_N, evaluation.travels_m, evaluation.slopes, strict=True)
     for plant, tension, travel, slope in plants:
         watched = _watched(tension, bounds, reach_N)
         seen, place = np.unique(watched[:, 0], return_inverse=True)
@@ -184,6 +195,8 @@ def gauss_newton_model(
         weight = 2 * slope / n
         error = tension[:, -1] - goal.reference_N
         _add_squares(hessian, gradient, output, weight, error, knots, wiped)
+        if plant.static.weight > 0:
+            _add_static(hessian, gradient, plant.static, weight, force_N, shape)
         if watched.size:
             at, link = watched.T
             rows.append(found.watched_slopes[place, link, :])
@@ -197,7 +210,7 @@ def gauss_newton_model(
                 lows.append(low)
                 highs.append(high)
     if goal.effort_weight > 0 or goal.travel_weight > 0:
-        _add_force_cost(hessian, gradient, goal, force_N, knots)
+        _add_force_cost(hessian, gradient, goal, force_N, shape)
     return GaussNewtonModel(
         hessian=hessian,
         gradient=gradient,
@@ -207,9 +220,19 @@ def gauss_newton_model(
     )
 
 
-def _add_force_cost(hessian: Array, gradient: Array, goal: Goal, force_N: Array, knots: Knots) -> None:
+def _add_static(
+    hessian: Array, gradient: Array, static: StaticGoal, weight: float, force_N: Array, shape: sp.csr_array
+) -> None:
+    """Add the error by the static law."""
+    at, rise = static.slopes(force_N)
+    slopes, weight = sp.diags_array(rise) @ shape[at], weight * static.weight
+    hessian += weight * (slopes.T @ slopes).toarray()
+    gradient += weight * (slopes.T @ (static.output_N(force_N) - static.wanted_N))
+
+
+def _add_force_cost(hessian: Array, gradient: Array, goal: Goal, force_N: Array, shape: sp.csr_array) -> None:
     """Add the costs of effort and travel."""
-    shape, n = knot_shape(knots), len(force_N)
+    n = len(force_N)
     if goal.effort_weight > 0:
         hessian += 2 * goal.effort_weight / n * (shape.T @ shape).toarray()
         gradient += 2 * goal.effort_weight / n * (shape.T @ force_N)

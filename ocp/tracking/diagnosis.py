@@ -148,8 +148,8 @@ def reasons(
     if not found and worst.excess > 0:
         unit = "N/s" if worst.name.startswith("force_rate") else "N"
         found.append(
-            f"the exact inverse needs {worst.value:.4g} {unit} at t = {worst.time_s:.4g} s, "
-            f"{worst.name} is {worst.bound:.4g}"
+            f"the exact inverse needs {worst.value:.5g} {unit} at t = {worst.time_s:.4g} s, "
+            f"{worst.name} is {worst.bound:.5g}"
         )
     return tuple(found)
 

@@ -7,6 +7,7 @@ so that a ramp may begin and end at a knot; elsewhere it keeps its fine structur
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 
@@ -36,22 +37,20 @@ class GridRefinement:
         Of all grids, each of the start that won there.
     improved : bool
         Better than the clipped inverse.
+    converged : bool
+        Neither the last search nor those from moved profiles were cut short by the iteration limit.
     """
 
     force_N: Array
     evaluation: Evaluation
     searches: tuple[SqpResult, ...]
     improved: bool
+    converged: bool
 
     @property
     def iterations(self) -> int:
         """Quadratic programs of the search that won."""
         return sum(s.iterations for s in self.searches)
-
-    @property
-    def converged(self) -> bool:
-        """The last search was not cut short by the iteration limit."""
-        return self.searches[-1].status is not SqpStatus.ITERATIONS
 
     @property
     def gain(self) -> float:
@@ -258,8 +257,15 @@ def refine(
     search = _Search(problem=problem, settings=settings, spacing=spacing, tell=tell)
     first = best = _taut_start(problem, problem.clipped(inverse))
     near = even_knots(len(inverse), max(spacing // 4, 1))
-    tried = [search.on(_COARSE, nearest_profile(problem, start, near), best) for start in starts_N]
-    found = min(tried, key=lambda result: result.evaluation.merit)
+    starts = [nearest_profile(problem, start, near) for start in starts_N]
+    tried = [search.on(_COARSE, start, best) for start in starts]
+    if problem.goal.power > 1:  # the mean is smoother than the worst: what is best for it is a start as well
+        mean = replace(search, problem=replace(problem, goal=replace(problem.goal, power=1.0)))
+        smooth = min((mean.on(_COARSE, start, best) for start in starts), key=lambda result: result.evaluation.merit)
+        smooth_N = _on_rows(smooth.force_N, search.factor(_COARSE), inverse, problem)
+        tried.append(search.on(_COARSE, smooth_N, best))
+    coarse = problem.coarsened(search.factor(_COARSE))
+    found = reduce(lambda one, other: _best_of_blocks(coarse, one, other), tried)
     found = replace(found, force_N=_on_rows(found.force_N, search.factor(_COARSE), inverse, problem))
     searches = [found]
     for stage in _FINE:
@@ -267,21 +273,30 @@ def refine(
         searches.append(found)
         if found.evaluation.merit < best[0].merit:
             best = (found.evaluation, found.force_N)
-    for shift in _SHIFTS[: settings.restarts]:
-        if search.left < 1:
-            break
-        moved = _shifted(problem, best, round(shift * spacing))
-        again = search.on(_FINE[-1], moved, best, _AGAIN)
+    ended = found.status is not SqpStatus.ITERATIONS
+    rng, vain = np.random.default_rng(0), 0
+    while vain < settings.restarts and search.left >= 1:
+        moved, held = _moved(problem, best, spacing, rng)
+        again = search.on(_FINE[-1], moved, best, _AGAIN, held)
         again = _best_of_blocks(problem, again, replace(again, evaluation=best[0], force_N=best[1]))
+        vain = 0 if again.evaluation.merit < (1 - _GAINED) * best[0].merit else vain + 1
         if again.evaluation.merit < best[0].merit:
             best = (again.evaluation, again.force_N)
             searches.append(again)
     force = problem.clipped(best[1])  # what rounding of the quadratic programs left
-    return GridRefinement(force_N=force, evaluation=best[0], searches=tuple(searches), improved=best is not first)
+    return GridRefinement(
+        force_N=force,
+        evaluation=best[0],
+        searches=tuple(searches),
+        improved=best is not first,
+        converged=vain == settings.restarts if settings.restarts else ended,
+    )
 
 
-_AGAIN = 6  # iterations of a search from a shifted profile
-_SHIFTS = (0.5, -0.5, 1.0, -1.0, 1.5, -1.5)  # of the coarse spacing, in turn: ramps that begin earlier, or later
+_AGAIN = 8  # iterations of a search from a shifted profile
+_GAINED = 0.005  # of the merit: a search that brings less was in vain
+_SPREADS = (0.3, 1.0, 2.0)  # of the coarse spacing: how far profiles are moved in time, one of these at a time
+_MOVED = 0.6  # of the blocks at a time
 
 
 @dataclass(slots=True, kw_only=True)
@@ -302,7 +317,14 @@ class _Search:
         """Rows of time in one of the stage's."""
         return max(self.spacing // stage.rows, 1) if stage.rows else 1
 
-    def on(self, stage: _Stage, force_N: Array, best: tuple[Evaluation, Array], most: int | None = None) -> SqpResult:
+    def on(
+        self,
+        stage: _Stage,
+        force_N: Array,
+        best: tuple[Evaluation, Array],
+        most: int | None = None,
+        held: np.typing.NDArray[np.bool_] | None = None,
+    ) -> SqpResult:
         """The search on a stage from a profile on all rows."""
         factor = self.factor(stage)
         grid = self.problem.coarsened(factor)
@@ -311,7 +333,7 @@ class _Search:
         if factor == 1:
             evaluation, start = _as_far_as_taut(self.problem, best, start)
         rules = replace(self.settings, iterations=max(min(self.left, most or stage.iterations), 1))
-        found = solve_sqp(grid, start, evaluation, knots, rules, self.tell)
+        found = solve_sqp(grid, start, evaluation, knots, rules, self.tell, held)
         self.spent += found.iterations
         return found
 
@@ -319,13 +341,18 @@ class _Search:
 _WORTH = 0.01  # of the merit: a block that has less is not searched again
 
 
-def _shifted(problem: TrackingProblem, best: tuple[Evaluation, Array], rows: int) -> Array:
-    """The profile so many rows earlier, or later where negative, where an error is left between two reversals."""
+def _moved(
+    problem: TrackingProblem, best: tuple[Evaluation, Array], spacing: int, rng: np.random.Generator
+) -> tuple[Array, np.typing.NDArray[np.bool_]]:
+    """The profile moved in time in some blocks where an error is left, and the blocks that are not moved."""
     evaluation, force = best
-    every_row = np.arange(len(force))
-    blocks = Blocks.between_reversals(problem, every_row)
+    rows = np.arange(len(force))
+    blocks = Blocks.between_reversals(problem, rows)
     open_ = blocks.sums(evaluation.density) > _WORTH * evaluation.merit
-    return problem.clipped(np.where(open_[blocks.of_knot], force[np.clip(every_row + rows, 0, len(force) - 1)], force))
+    chosen = open_ & (rng.random(blocks.count) < _MOVED)
+    chosen = chosen if chosen.any() else open_
+    shift = np.round(rng.normal(0, rng.choice(_SPREADS) * spacing, blocks.count)).astype(int) * chosen
+    return problem.clipped(force[np.clip(rows + shift[blocks.of_knot], 0, len(force) - 1)]), ~chosen
 
 
 def _best_of_blocks(problem: TrackingProblem, one: SqpResult, other: SqpResult) -> SqpResult:

@@ -66,7 +66,7 @@ def led_force(problem: TrackingProblem, inversion: Inversion, options: TrackOpti
     )
     led = replace(
         problem,
-        plants=(replace(plant, chain=chain, bounds=of_spring),),
+        plants=(replace(plant, chain=chain, bounds=of_spring, static=replace(plant.static, weight=0.0)),),
         limits=ForceLimits(
             minimum_N=float(drive.min()) - _FREE * span,
             maximum_N=float(drive.max()) + _FREE * span,
@@ -75,7 +75,7 @@ def led_force(problem: TrackingProblem, inversion: Inversion, options: TrackOpti
         start_N=float(drive[0]),
         goal=replace(problem.goal, effort_weight=0.0, travel_weight=0.0),
     )
-    found = _rounded_off(solve(led, (drive,), options)[0], step_s)
+    found = _rounded_off(solve(led, (drive,), replace(options, restarts=0))[0], step_s)
     run = simulate(chain, found, step_s, state=plant.state)
     return None if run.outcome is Outcome.FAILED else found - lead * run.near_position_m
 

@@ -2,14 +2,15 @@
 
 ::
 
-    minimise    M_p[mean (T_s - r)^2] + w mean f^2 + v (travel of f)        over the force f(t)
+    minimise    M_p[mean (T_s - r)^2 + c (S_s - s)^2] + w mean f^2 + v (travel of f)    over the force f(t)
     subject to  the chain of every plant s, from its state: T_s is its output     dynamics
                 minimum_N <= f <= maximum_N, abs(df/dt) <= rate_N_per_s           limits of the actuator
                 low_N <= tension anywhere along the tendon <= high_N              bounds of the tendon
                 abs(dq_a/dt) <= speed, low_m <= q_a - q_a(0) <= high_m            limits of the actuator's motion
                 abs(f + stall_N/no_load dq_a/dt) <= stall_N                       torque-speed line of its motor
 
-r is the reference and M_p the mean of order p over the plants: one plant and p = 1 for a nominal design. The dynamics
+r is the reference and M_p the mean of order p over the plants: one plant and p = 1 for a nominal design. S is the
+output by the static law and s what the exact inverse gives there: no force pumps it (`ratcheting`). The dynamics
 are simulated (single shooting), so every iterate is a profile that could be used; the tension bounds carry an exact
 penalty. `cost` evaluates and linearises the problem, `sqp` solves it on one grid of knots, `grids` from coarse to
 fine, `receding_horizon` cuts long ones into pieces, `track` puts the answer into words.
@@ -26,6 +27,7 @@ from tendonff.models.layout import ChainState
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.limits import ForceLimits, MotionLimits
 from tendonff.ocp.tracking.motion import APPROACH_S
+from tendonff.ocp.tracking.ratcheting import StaticGoal
 
 WORST_POWER = 8.0
 """Order of a mean that is close to the largest value."""
@@ -42,6 +44,10 @@ class TrackOptions:
     travel_weight : float
         What doubling the travel of the clipped inverse's force costs, as a mean square error relative to the squared
         range of the reference [-]: force that shakes to no purpose is not worth its while. 0 for none.
+    static_weight : float
+        Weight of the error by the static law beside that of the model, where that law speaks for stiff bristles [-]:
+        soft bristles can be pumped by a force that shakes, which no rig was measured to do. 0 trusts the model; a
+        robust design does not use it.
     minimum_tension_N : float
         Least tension anywhere along the tendon [N]; 0 means no link may go slack.
     maximum_tension_N : float
@@ -51,37 +57,37 @@ class TrackOptions:
     tolerance : float
         Relative decrease of the mean squared error that is not worth another iteration [-].
     restarts : int
-        Searches from the profile that was found, moved a little in time: each takes about a third of the time again,
-        and may find a better one.
+        Searches from the profile that was found, moved in time at random, that may bring next to nothing before the
+        search ends; 0 for a single search, which takes a third of the time.
     window_s : float or None
         Length of the pieces a long horizon is cut into [s]; None: chosen from the reference.
     """
 
     effort_weight: float = 0.0
     travel_weight: float = 1e-6
+    static_weight: float = 0.1
     minimum_tension_N: float = 0.0
     maximum_tension_N: float = math.inf
-    max_iterations: int = 100
+    max_iterations: int = 400
     tolerance: float = 3e-3
-    restarts: int = 2
+    restarts: int = 5
     window_s: float | None = None
 
     def __post_init__(self) -> None:
-        if not 0 <= self.effort_weight < math.inf:
-            raise ParameterError(f"effort_weight must be a finite number >= 0, got {self.effort_weight}; 0 for none")
-        if not 0 <= self.travel_weight < math.inf:
-            raise ParameterError(f"travel_weight must be a finite number >= 0, got {self.travel_weight}; 0 for none")
+        for name in ("effort_weight", "travel_weight", "static_weight"):
+            if not 0 <= (value := getattr(self, name)) < math.inf:
+                raise ParameterError(f"{name} must be a finite number >= 0, got {value}; 0 for none")
         if not 0 <= self.minimum_tension_N < self.maximum_tension_N:
             raise ParameterError(
                 f"minimum_tension_N must be >= 0 and below maximum_tension_N = {self.maximum_tension_N:g}, "
                 f"got {self.minimum_tension_N}; 0 means no slack"
             )
         if self.max_iterations < 3:
-            raise ParameterError(f"max_iterations must be >= 3, got {self.max_iterations}; 100 is a good start")
+            raise ParameterError(f"max_iterations must be >= 3, got {self.max_iterations}; 400 is a good start")
         if not 0 < self.tolerance < 1:
             raise ParameterError(f"tolerance must lie between 0 and 1, got {self.tolerance}; 0.003 is a good start")
-        if not 0 <= self.restarts <= 6:
-            raise ParameterError(f"restarts must lie between 0 and 6, got {self.restarts}; 0 for a single search")
+        if not 0 <= self.restarts <= 100:
+            raise ParameterError(f"restarts must lie between 0 and 100, got {self.restarts}; 0 for a single search")
         if self.window_s is not None and not self.window_s > 0:
             raise ParameterError(f"window_s must be > 0, got {self.window_s}; leave it out to have it chosen")
 
@@ -195,12 +201,14 @@ def motion_bounds(motion: MotionLimits, span_N: float, stiffness_N_per_m: float)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlantModel:
-    """A chain, where it starts, where its near end was at rest [m], and the bounds of that end's motion."""
+    """A chain, its start, its near end at rest [m], the bounds of that end, its goal by the static law, its weight."""
 
     chain: Chain
     state: ChainState
     origin_m: float
+    static: StaticGoal
     bounds: tuple[MotionBound, ...] = ()
+    weight: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -262,6 +270,7 @@ class TrackingProblem:
         margin = 1e-4 * span  # the search aims a little inside, so that what it finds is inside
         travel = max(travel_N(limits.apply(inverse_N, step_s, limits.start(initial_tension_N))), 1e-3 * span)
         slack = 1e-3 * min(float(reference_N.min()), initial_tension_N)
+        weight = options.static_weight if len(chains) == 1 else 0.0  # of others the inverse is not known
         return cls(
             step_s=step_s,
             goal=Goal(
@@ -277,6 +286,7 @@ class TrackingProblem:
                     chain=c,
                     state=x,
                     origin_m=x.near_position_m,
+                    static=StaticGoal.of(c, inverse_N, step_s, initial_tension_N, weight),
                     bounds=motion_bounds(limits.motion, span, initial_tension_N / x.near_position_m),
                 )
                 for c, x in ((c, c.rest_state(initial_tension_N)) for c in chains)
@@ -299,7 +309,9 @@ class TrackingProblem:
         """
         return self.limits.apply(force_N, self.step_s, self.start_N)
 
-    def piece(self, rows: slice, states: tuple[ChainState, ...], start_N: float) -> "TrackingProblem":
+    def piece(
+        self, rows: slice, states: tuple[ChainState, ...], static_N: tuple[float, ...], start_N: float
+    ) -> "TrackingProblem":
         """The same problem on some of its rows.
 
         Parameters
@@ -307,13 +319,18 @@ class TrackingProblem:
         rows : slice
         states : tuple of ChainState
             Of the plants at the first of these rows.
+        static_N : tuple of float
+            Their outputs there by the static law [N].
         start_N : float
             Force there [N].
         """
         return replace(
             self,
             goal=replace(self.goal, reference_N=self.goal.reference_N[rows]),
-            plants=tuple(replace(p, state=x) for p, x in zip(self.plants, states, strict=True)),
+            plants=tuple(
+                replace(p, state=x, static=replace(p.static, start_N=output, wanted_N=p.static.wanted_N[rows]))
+                for p, x, output in zip(self.plants, states, static_N, strict=True)
+            ),
             start_N=start_N,
         )
 
@@ -332,6 +349,9 @@ class TrackingProblem:
                 self.goal,
                 reference_N=every(self.goal.reference_N, factor),
                 least_travel_N=factor * self.goal.least_travel_N,
+            ),
+            plants=tuple(
+                replace(p, static=replace(p.static, wanted_N=every(p.static.wanted_N, factor))) for p in self.plants
             ),
         )
 

@@ -9,13 +9,16 @@ more than they do under the clipped inverse.
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tendonff.models.capstan import CapstanLaw
 from tendonff.models.chain import Chain
 from tendonff.models.friction import LuGreBristle
 from tendonff.ocp.simulate import simulate
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.diagnosis import law_of
 
+_TINY_N = 1e-12
 _STIFFER = 30.0  # bristles about as stiff as those of the other levels
 _MORE = 2.0  # times what the models differ under the clipped inverse
 _LEAST = 0.03  # of the reference's range: differences below this are not looked into
@@ -28,6 +31,59 @@ def stiffened(chain: Chain) -> Chain:
         return chain
     stiff = replace(bristle, bristle_stiffness_N_per_m=_STIFFER * bristle.bristle_stiffness_N_per_m)
     return replace(chain, elements=replace(chain.elements, friction=stiff))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StaticGoal:
+    """What is asked of a tendon by the static law, which no force can pump.
+
+    Parameters
+    ----------
+    law : CapstanLaw
+    weight : float
+        Of its squared error beside that of the chain [-].
+    start_N : float
+        Output before row 0 [N].
+    wanted_N : ndarray, shape (n,)
+        What the exact inverse without limits gives there [N].
+    """
+
+    law: CapstanLaw
+    weight: float
+    start_N: float
+    wanted_N: Array
+
+    @classmethod
+    def of(cls, chain: Chain, inverse_N: Array, step_s: float, tension_N: float, weight: float) -> "StaticGoal":
+        """Of a chain that starts under uniform tension.
+
+        The weight is taken times the share that stiff bristles have in what the law leaves out: where that is inertia,
+        damping or relaxation, the law is no judge.
+        """
+        law, force = law_of(chain), np.maximum(inverse_N, 0.0)
+        wanted = law.output_history_N(force, tension_N)
+        if weight > 0:
+            own, stiff = (
+                simulate(each, force, step_s, initial_tension_N=tension_N).output_tension_N
+                for each in (chain, stiffened(chain))
+            )
+            usable = len(own) == len(stiff) == len(wanted)
+            missed = _rms(stiff - wanted) / max(_rms(stiff - own), _TINY_N) if usable else np.inf
+            weight *= max(1 - missed**2, 0.0)
+        return cls(law=law, weight=weight, start_N=tension_N, wanted_N=wanted)
+
+    def output_N(self, force_N: Array) -> Array:
+        """Output under a force, shape (n,)."""
+        return self.law.output_history_N(force_N, self.start_N)
+
+    def slopes(self, force_N: Array) -> tuple[NDArray[np.int_], Array]:
+        """Of each row: the row whose force set its output, and the slope over that force, 0 where it is the start's."""
+        output = self.output_N(force_N)
+        low, high = self.law.output_bounds_N(force_N)
+        pulled, released = output <= low, output >= high
+        at = np.maximum.accumulate(np.where(pulled | released, np.arange(len(force_N)), -1))
+        rise = np.where(pulled, np.exp(-self.law.pull_exponent), np.exp(self.law.release_exponent))
+        return np.maximum(at, 0), np.where((at >= 0) & (output > 0), rise[at], 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

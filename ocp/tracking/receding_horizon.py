@@ -1,7 +1,7 @@
 """Receding horizon: a long problem in pieces that overlap, so that cost grows with the length, not with its cube."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -83,6 +83,7 @@ def solve(
     pieces = list(windows(len(starts_N[0]), length, overlap))
     start = ChainInputs.of_force(np.array([problem.start_N]))
     simulators = [Simulator(p.chain, step_s, p.state, start) for p in problem.plants]
+    static = tuple(p.static.start_N for p in problem.plants)
     force, refinements = np.array([problem.start_N]), []
     settings = SqpSettings(
         iterations=options.max_iterations,
@@ -93,7 +94,7 @@ def solve(
     counter = _Counter(progress, options.max_iterations * len(pieces))
     for piece in pieces:
         here = slice(piece.start, piece.end + 1)
-        part = problem.piece(here, tuple(s.state for s in simulators), float(force[-1]))
+        part = problem.piece(here, tuple(s.state for s in simulators), static, float(force[-1]))
         found = refine(part, tuple(start[here] for start in starts_N), settings, spacing, counter.tick)
         refinements.append(found)
         kept = found.force_N[1 : piece.keep - piece.start + 1]
@@ -101,6 +102,10 @@ def solve(
         if piece.end > piece.keep:
             for simulator in simulators:
                 simulator.advance(ChainInputs.of_force(kept))
+            outputs = (
+                replace(p.static, start_N=at).output_N(kept) for p, at in zip(problem.plants, static, strict=True)
+            )
+            static = tuple(float(output[-1]) for output in outputs)
     counter.finish()
     return force, tuple(refinements)
 

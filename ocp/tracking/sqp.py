@@ -51,7 +51,7 @@ class SqpSettings:
     trust_N : float
         Largest change of the force in the first step [N].
     restarts : int
-        Searches from the profile moved in time, when the others are done.
+        Searches from the profile moved in time that may bring next to nothing before the search ends.
     """
 
     iterations: int
@@ -92,6 +92,7 @@ def solve_sqp(
     knots: Knots,
     settings: SqpSettings,
     tell: Callable[[], None] | None = None,
+    held: np.typing.NDArray[np.bool_] | None = None,
 ) -> SqpResult:
     """Improve a profile until it does not pay any more.
 
@@ -107,6 +108,8 @@ def solve_sqp(
     settings : SqpSettings
     tell : callable, optional
         Called after each iteration.
+    held : ndarray of bool, shape (b,), optional
+        Blocks that stay as they are, of `Blocks.between_reversals`.
 
     Returns
     -------
@@ -117,6 +120,8 @@ def solve_sqp(
     trust = np.full(blocks.count, settings.trust_N)
     # A block cannot gain more than what it has.
     poor = np.where(blocks.sums(evaluation.density) < settings.tolerance / blocks.count * evaluation.merit, _POOR, 0)
+    if held is not None:
+        poor[held] = _POOR
     promise, iteration, status, gain = np.inf, 0, SqpStatus.ITERATIONS, np.zeros(blocks.count)
     while iteration < settings.iterations and status is SqpStatus.ITERATIONS:
         iteration += 1

@@ -111,19 +111,19 @@ def _solve(
     found = _search(problem, inversion, options, progress)
     cautions: tuple[str, ...] = ()
     if found.refinements and _pumps(problem, inversion, found.force_N):
-        weight = _SOBER * found.at_clipped.squares.max() / travel_N(problem.clipped(inversion.force_N))
+        weight, share = _SOBER * found.at_clipped.squares.max() / travel_N(problem.clipped(inversion.force_N)), 1.0
         if _differ(problem):  # there travel that makes the plants' memories alike is worth its while
-            weight = problem.goal.travel_weight
+            weight, share = problem.goal.travel_weight, _STIFF
         sober = replace(
             problem,
-            plants=(*problem.plants, *(replace(p, chain=stiffened(p.chain)) for p in problem.plants)),
+            plants=(*problem.plants, *(replace(p, chain=stiffened(p.chain), weight=share) for p in problem.plants)),
             goal=replace(problem.goal, power=WORST_POWER, travel_weight=weight),
         )
         calm = _search(sober, inversion, options, progress)
         promised, left = (float(np.sqrt(f.evaluation.squares.max())) for f in (found, calm))
         caution = (
-            f"a force that shakes promises {promised:.3g} N rms by pumping the bristles, which stiff bristles and the "
-            f"static law deny; this profile holds with stiff bristles as well, and leaves {left:.3g} N rms at worst"
+            f"a force that shakes promises {promised:.3g} N RMS by pumping the bristles, which stiff bristles and the "
+            f"static law deny; this profile holds with stiff bristles as well, and leaves {left:.3g} N RMS at worst"
         )
         cautions = (caution,)
         found = calm
@@ -133,15 +133,20 @@ def _solve(
 def _pumps(problem: TrackingProblem, inversion: Inversion, force_N: Array) -> bool:
     """Whether the profile pumps the bristles of the nominal plant."""
     chain, start, reference = problem.plants[0].chain, float(inversion.force_N[0]), problem.goal.reference_N
-    # What the largest force cannot hold against friction in full slip is missed, whatever the bristles promise.
-    missed = np.maximum(reference - law_of(chain).largest_output_N(problem.limits.maximum_N - chain.coulomb_N), 0.0)
     output = simulate(chain, force_N, problem.step_s, initial_tension_N=start).output_tension_N
-    if np.mean((output - reference) ** 2) < 0.25 * np.mean(missed**2):
+    if np.mean((output - reference) ** 2) < 0.25 * np.mean(_missed_N(problem) ** 2):
         return True
     suspect, usual = (
         disagreement(chain, force, problem.step_s, start) for force in (force_N, problem.clipped(inversion.force_N))
     )
     return suspect.exceeds(usual, float(np.ptp(reference)))
+
+
+def _missed_N(problem: TrackingProblem) -> Array:
+    """What the largest force cannot hold against friction in full slip, whatever the bristles promise, shape (n,)."""
+    chain = problem.plants[0].chain
+    most = law_of(chain).largest_output_N(problem.limits.maximum_N - chain.coulomb_N)
+    return np.maximum(problem.goal.reference_N - most, 0.0)
 
 
 def _search(problem: TrackingProblem, inversion: Inversion, options: TrackOptions, progress: Progress | None) -> Found:
@@ -181,7 +186,10 @@ def _search(problem: TrackingProblem, inversion: Inversion, options: TrackOption
         started = min(candidates, key=lambda c: c[0].merit)[1] if limits.motion.binds else inversion.force_N
         further = [] if limits.motion.binds else [law]
         starts = (started, *further, *([programme(problem)] if _differ(problem) else []))
-        force, refinements = solve(_taut(problem, started), starts, options, progress)
+        # Every plant costs as much again, and where the reference is out of reach another search may follow.
+        restarts = 0 if _missed_N(problem).any() else options.restarts // len(problem.plants)
+        moves = replace(options, restarts=restarts)
+        force, refinements = solve(_taut(problem, started), starts, moves, progress)
         candidates.append((evaluate(problem, force), force))
         if limits.motion.binds:  # the search may end beyond a limit of the motion
             kept = problem.clipped(moderate(force))
@@ -208,6 +216,7 @@ def _differ(problem: TrackingProblem) -> bool:
     return max(exponents) > (1 + 1e-6) * min(exponents)
 
 
+_STIFF = 0.5  # weight of a squared error with stiff bristles where plants differ
 _SOBER = 1.0  # of the clipped inverse's squared error: the cost of travelling as far once more
 _BEYOND = 5e-4  # of the reference's range, as `MotionScale` counts: half a percent of the speed
 _EXACT = 1e-3  # of the reference's range: an error below this is called rounding
@@ -228,8 +237,7 @@ def _taut(problem: TrackingProblem, wanted_N: Array) -> TrackingProblem:
 def _status(problem: TrackingProblem, evaluation: Evaluation, refinements: tuple[GridRefinement, ...]) -> TrackStatus:
     if not math.isfinite(evaluation.merit):
         return TrackStatus.FAILED
-    chain, reference = problem.plants[0].chain, problem.goal.reference_N
-    if reference.max() > law_of(chain).largest_output_N(problem.limits.maximum_N - chain.coulomb_N):
+    if _missed_N(problem).any():
         return TrackStatus.BEST_ACHIEVABLE
     if not refinements:
         return TrackStatus.CLIPPED

@@ -10,49 +10,21 @@ from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.interop import as_iosystem, linear_system, link_impedance, output_names
 from tendonff.models.link import ZenerLink
-from tendonff.models.parameters import (
-    Actuator,
-    Friction,
-    Load,
-    Path,
-    Tendon,
-    Transmission,
-)
 from tendonff.ocp.simulate import simulate
 
-FINGER = Transmission(
-    path=Path(total_angle_rad=2.0, segments=3, radius_m=0.03),
-    tendon=Tendon(
-        mass_kg=0.002,
-        stiffness_N_per_m=2e4,
-        relaxing_stiffness_N_per_m=6e3,
-        relaxation_time_s=0.4,
-        damping_N_s_per_m=2.0,
-    ),
-    friction=Friction(
-        mu_dynamic=0.2,
-        mu_static=0.25,
-        stribeck_velocity_m_per_s=0.005,
-        viscous_N_s_per_m=1.0,
-        bristle_stiffness_N_per_m=1e6,
-        soft_bristle_stiffness_N_per_m=2e4,
-        mu_dynamic_release=0.15,
-        adhesion_N=0.5,
-    ),
-    actuator=Actuator(
-        mass_kg=0.15, damping_N_s_per_m=5.0, force_min_N=0.0, force_max_N=200.0, force_rate_max_N_per_s=1e5
-    ),
-    load=Load(mass_kg=0.02, stiffness_N_per_m=3000.0, damping_N_s_per_m=2.0),
-)
-CHAIN = Chain.of(FINGER, Level.PRESLIDING)
 START_N = 30.0
 
 
-def test_the_iosystem_answers_a_force_as_the_simulator_does():
+@pytest.fixture(scope="module")
+def chain(generic):
+    return Chain.of(generic, Level.PRESLIDING, 3)
+
+
+def test_the_iosystem_answers_a_force_as_the_simulator_does(generic):
     """An independent implicit Runge-Kutta method on the continuous equations, through a reversal."""
     time = np.arange(0, 0.2, 5e-4)
     force = START_N + 20 * np.sin(2 * np.pi * 5 * time)
-    chain = Chain.of(FINGER, Level.PRESLIDING, 2)
+    chain = Chain.of(generic, Level.PRESLIDING, 2)
     response = control.input_output_response(
         as_iosystem(chain),
         time,
@@ -69,20 +41,20 @@ def test_the_iosystem_answers_a_force_as_the_simulator_does():
     assert np.abs(outputs[-1] - played.far_position_m).max() < 0.02 * np.ptp(played.far_position_m)
 
 
-def test_both_ends_are_inputs_on_request():
-    system = as_iosystem(CHAIN, both_ends=True)
+def test_both_ends_are_inputs_on_request(generic, chain):
+    system = as_iosystem(chain, both_ends=True)
     assert system.input_labels == ["force_N", "actuator_rest_position_m", "load_force_N", "load_rest_position_m"]
-    x = CHAIN.rest_state(START_N).vector()
+    x = chain.rest_state(START_N).vector()
     at_rest = system.dynamics(0, x, [START_N, 0, 0, 0])
     assert at_rest == pytest.approx(np.zeros(len(x)), abs=1e-9)
     released = system.dynamics(0, x, [START_N, 0, 1.0, 0])  # f_c2 pulls the load away from the actuator
-    assert released[CHAIN.count + 1] == pytest.approx(-1 / FINGER.load.mass_kg)
+    assert released[chain.count + 1] == pytest.approx(-1 / generic.load.mass_kg)
 
 
 @pytest.mark.parametrize("level", list(Level))
-def test_the_linear_system_is_the_slope_of_the_nonlinear_one(level):
+def test_the_linear_system_is_the_slope_of_the_nonlinear_one(generic, level):
     """Central differences at a sliding state, where the signs of the velocities count."""
-    chain = Chain.of(FINGER, level)
+    chain = Chain.of(generic, level, 3)
     force = START_N + 200 * np.arange(0, 0.1, 1e-3)
     state = simulate(chain, force, 1e-3).final
     linear, whole = linear_system(chain, state), as_iosystem(chain)
@@ -94,27 +66,27 @@ def test_the_linear_system_is_the_slope_of_the_nonlinear_one(level):
     assert linear.A @ direction[kept] == pytest.approx(slope[kept], rel=1e-5, abs=1e-9 * np.abs(slope).max())
 
 
-def test_a_sticking_tendon_is_a_row_of_springs():
+def test_a_sticking_tendon_is_a_row_of_springs(generic, chain):
     """Gain at rest, frequency zero: springs k1 N, 2 k1 N at the ends, between bristles sigma0/N, against the load's."""
-    elements = CHAIN.elements
-    sigma, n = elements.friction.bristle_stiffness_N_per_m, CHAIN.count
+    elements = chain.elements
+    sigma, n = elements.friction.bristle_stiffness_N_per_m, chain.count
     k = elements.link.stiffness_N_per_m * np.array([2 * n, *[n] * (n - 1), 2 * n])
-    between = np.concatenate([k, [FINGER.load.stiffness_N_per_m]]) + np.concatenate([[0.0], k])
+    between = np.concatenate([k, [generic.load.stiffness_N_per_m]]) + np.concatenate([[0.0], k])
     stiffness = np.diag(between + np.array([0, *[sigma] * n, 0])) - np.diag(k, 1) - np.diag(k, -1)
     positions = np.linalg.solve(stiffness, np.eye(n + 2)[0])  # one newton at the actuator
-    gain = control.dcgain(linear_system(CHAIN, CHAIN.rest_state(START_N))).ravel()
+    gain = control.dcgain(linear_system(chain, chain.rest_state(START_N))).ravel()
     assert gain[:-2] == pytest.approx(k * -np.diff(positions), rel=1e-9)
     assert gain[-2:] == pytest.approx(positions[[0, -1]], rel=1e-9)
 
 
-def test_the_linear_system_is_stable_and_small_steps_agree_with_the_simulator():
-    linear = linear_system(CHAIN, CHAIN.rest_state(START_N))
-    assert linear.nstates == 3 * CHAIN.count + 5
+def test_the_linear_system_is_stable_and_small_steps_agree_with_the_simulator(chain):
+    linear = linear_system(chain, chain.rest_state(START_N))
+    assert linear.nstates == 3 * chain.count + 5
     assert np.all(linear.poles().real < 0)
     time = np.arange(0, 0.1, 1e-4)
     small = 1e-4 * np.sin(2 * np.pi * 20 * time)
-    played = simulate(CHAIN, START_N + small, 1e-4).output_tension_N - START_N
-    expected = np.asarray(control.forced_response(linear, time, small).outputs[CHAIN.count])
+    played = simulate(chain, START_N + small, 1e-4).output_tension_N - START_N
+    expected = np.asarray(control.forced_response(linear, time, small).outputs[chain.count])
     assert played == pytest.approx(expected, abs=0.01 * np.abs(expected).max())
 
 

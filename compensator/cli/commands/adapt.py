@@ -5,7 +5,10 @@ from tendonff.compensator.cli.progress import progress, say, warn
 
 
 def adapt(scenario: ScenarioArgument, out: OutFolderOption) -> None:
-    """Try self-tuning on rigs that differ from the scenario, against feedforward and feedback alone."""
+    """Try self-tuning on rigs that differ from the scenario.
+
+    Feedforward and feedback alone stand beside it.
+    """
     from tendonff.compensator.cli.opening import opened
 
     with opened(scenario, out) as (loaded, folder):

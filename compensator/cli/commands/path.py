@@ -20,7 +20,10 @@ def path(
         typer.Option("--tolerance", metavar="RAD", help="Largest error of the angle up to any place by the sections."),
     ] = 0.05,
 ) -> None:
-    """Find sections, lengths and wrap angles of a measured centreline."""
+    """Find the wrap angles of a measured path.
+
+    Its sections, with lengths, angles and intervals, to paste into a scenario.
+    """
     from tendonff.compensator.files.writing import atomic_directory
 
     with atomic_directory(out) as folder:

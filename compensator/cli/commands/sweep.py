@@ -30,7 +30,10 @@ def sweep(
         typer.Option("--scheduler", metavar="ADDRESS", help="Existing Dask cluster to compute on; default: here."),
     ] = None,
 ) -> None:
-    """Design over a grid of parameters, or try a design on units that differ; started again, it goes on."""
+    """Try a design on units that differ, or design over a grid.
+
+    Started again on the same folder, it goes on where it was stopped.
+    """
     if source != "robust":
         raise typer.BadParameter(f'must be "robust", got "{source}"', param_hint="--from")
     from tendonff.compensator.scenario.scenario import load_scenario
@@ -48,8 +51,9 @@ def sweep(
             loaded, out, over=axes, samples=samples, compensators=names, executor=executor, progress=advance
         )
         result.write(out)
+    say(result.headline)
     for name in result.compensators:
         say(
             f"{name}: error below 1 % of range in {100 * result.yield_of(name, 1.0):.3g} % of {len(result.rows)}, "
-            f"below {result.quantiles(name)[-2]:.3g} % in 95 %"
+            f"below {max(result.quantiles(name)[-2], 1e-3):.3g} % in 95 %"
         )

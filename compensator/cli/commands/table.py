@@ -83,9 +83,10 @@ def table(
         warn(warning)
     if (nodes := max(made.built.table.nodes for made in result.tables)) > _MANY_NODES:
         warn(f"{nodes} nodes in one table are {8 * nodes} bytes on the controller: raise --bound, or use the inverse")
+    say(result.headline)
     built, own = result.tables[0].built, result.scores[result.level]
     say(
         f"{sum(made.built.table.nodes for made in result.tables)} nodes, interpolation error {built.error_N:.3g} N "
-        f"(bound {built.bound_N:.3g} N); as a compensator on level {result.level}: {own.rmse_N:.3g} N RMS, "
+        f"(bound {built.bound_N:.3g} N); RMS error with exactly the scenario's parameters on level {result.level}: "
         f"{own.rmse_percent_of_range:.2g} % of range"
     )

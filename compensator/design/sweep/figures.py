@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.registry import compensator
-from tendonff.compensator.design.sweep.result import SweepData
+from tendonff.compensator.design.sweep.result import SweepData, key_label
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure
 
 
@@ -28,7 +28,7 @@ def sweep_figures(result: SweepData) -> dict[str, Figure]:
         at = [row.values[k] for row in result.rows]
         for name in result.compensators:
             each = compensator(name)
-            panel.plot(at, result.percent(name), ".", markersize=3, color=each.style.color, label=each.label)
-        panel.set(xlabel=result.keys[k], ylabel="RMS error [% of range]")
+            panel.plot(at, result.percent(name), ".", markersize=6, color=each.style.color, label=each.label)
+        panel.set(xlabel=key_label(result.keys[k]), ylabel="RMS error [% of range]")
     legend_below(over, panels[-1, 0], columns=3)
     return {"yield": share, "errors": over}

@@ -91,7 +91,7 @@ def factors_of(sample: Sample) -> tuple[float, ...]:
 
 
 def varied(scenario: Scenario, keys: tuple[str, ...], values: tuple[float, ...]) -> Scenario:
-    """The scenario with other values of some keys.
+    """The scenario with other values of some keys; `mu_static` goes along with `mu_dynamic` where both are equal.
 
     Parameters
     ----------
@@ -113,6 +113,9 @@ def varied(scenario: Scenario, keys: tuple[str, ...], values: tuple[float, ...])
         if whole and value != round(value):
             raise InputError(f"--over {key}: {name} must be a whole number, got {value:g}; choose FROM:TO:COUNT so")
         changes.setdefault(table, {})[name] = round(value) if whole else value
+    friction = scenario.transmission.friction
+    if "mu_dynamic" in changes.get("friction", {}) and friction.mu_static == friction.mu_dynamic:
+        changes["friction"].setdefault("mu_static", changes["friction"]["mu_dynamic"])  # no Stribeck effect stays none
     try:
         run = replace(scenario.run, **changes.pop("run", {}))  # type: ignore[arg-type]
         transmission = scenario.transmission

@@ -4,29 +4,36 @@ from collections.abc import Mapping
 
 from matplotlib.figure import Figure
 
-from tendonff.compensator.design.sweep.result import QUANTILES, YIELD_PERCENT, SweepData
+from tendonff.compensator.compensators.registry import compensator
+from tendonff.compensator.design.sweep.result import QUANTILES, YIELD_PERCENT, SweepData, key_label
 from tendonff.compensator.reporting.page import FileNote, Report, Section, Table, pictures_of, provenance_of
 
 
 def sweep_report(result: SweepData, figures: Mapping[str, Figure]) -> Report:
     """The page of a sweep."""
     unit = "units" if result.is_random else "points"
-    best = min(result.compensators, key=lambda name: result.quantiles(name)[-2])
+    labels = {name: compensator(name).label for name in result.compensators}
     yields = Table(
         caption=f"Share of the {unit} whose error stays below a bound [%]",
         columns=("compensator", *(f"< {bound:g} % of range" for bound in YIELD_PERCENT)),
-        rows=[(name, *(100 * result.yield_of(name, at) for at in YIELD_PERCENT)) for name in result.compensators],
+        rows=[
+            (labels[name], *(round(100 * result.yield_of(name, at)) for at in YIELD_PERCENT))
+            for name in result.compensators
+        ],
     )
     quantiles = Table(
         caption=f"RMS error that a share of the {unit} stays within [% of reference range]",
         columns=("compensator", *(f"{100 * q:g} %" for q in QUANTILES)),
-        rows=[(name, *result.quantiles(name)) for name in result.compensators],
+        rows=[(labels[name], *result.quantiles(name)) for name in result.compensators],
     )
     budget = Table(
         caption="First-order budget: error with one parameter at the ends of its range, all else nominal [% of range]",
-        columns=("compensator", *(f"{key} {at:g}" for key, low, high, _, _ in result.budget for at in (low, high))),
+        columns=(
+            "compensator",
+            *(f"{key_label(key)}: {at:g}" for key, low, high, _, _ in result.budget for at in (low, high)),
+        ),
         rows=[
-            (name, *(error[k] for _, _, _, at_low, at_high in result.budget for error in (at_low, at_high)))
+            (labels[name], *(error[k] for _, _, _, at_low, at_high in result.budget for error in (at_low, at_high)))
             for k, name in enumerate(result.compensators)
         ],
     )
@@ -37,10 +44,7 @@ def sweep_report(result: SweepData, figures: Mapping[str, Figure]) -> Report:
     pictures = pictures_of(figures, captions)
     return Report(
         title=f"Sweep: {result.scenario.name}",
-        summary=(
-            f"{len(result.rows)} {unit}; best, {best}: RMS error below 1 % of range in "
-            f"{100 * result.yield_of(best, 1.0):.3g} % of them, below {result.quantiles(best)[-2]:.3g} % in 95 %."
-        ),
+        summary=result.headline,
         warnings=(),
         sections=(
             Section(title="Yield", blocks=(pictures["yield"], yields, quantiles)),

@@ -5,12 +5,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonff.compensator.compensators.base import FloatArray
+from tendonff.compensator.compensators.registry import compensator
+from tendonff.compensator.compensators.uncertain import doubt
 from tendonff.compensator.scenario.scenario import Scenario
 
 YIELD_PERCENT = (0.5, 1.0, 2.0, 5.0, 10.0)
 """Errors whose yields are told [% of range]."""
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
+
+
+def key_label(key: str) -> str:
+    """A varied key as figures and tables name it: `mu_factor` is a factor on mu."""
+    name = key.removesuffix("_factor")
+    return key if name == key else f"factor on {name.replace('_', ' ')}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,3 +89,21 @@ class SweepData:
     def quantiles(self, name: str) -> tuple[float, ...]:
         """Errors that so many of the units stay within, at `QUANTILES` [% of range]."""
         return tuple(float(q) for q in np.quantile(self.percent(name), QUANTILES, method="inverted_cdf"))
+
+    @property
+    def headline(self) -> str:
+        """What to expect, in two sentences."""
+        best = min(self.compensators, key=lambda name: self.quantiles(name)[-1])
+        *_, most, worst = (max(q, 1e-3) for q in self.quantiles(best))
+        label = compensator(best).label
+        if not self.is_random:
+            return (
+                f"RMS error of up to {worst:.3g} % of range over {len(self.rows)} points, best profile: {label}. "
+                "Every profile knows the parameters of its point; on a rig their uncertainty adds to that."
+            )
+        over = doubt(self.scenario.transmission, self.scenario.robust).widths
+        return (
+            f"Expect an RMS error of up to {worst:.3g} % of range on {len(self.rows)} units drawn from {over} (as "
+            f"[robust] states), with the best profile: {label}. 95 % of the units stay below {most:.3g} %, "
+            f"{100 * self.yield_of(best, 1.0):.3g} % below 1 %."
+        )

@@ -61,7 +61,7 @@ def drive_estimate(scenario: Scenario, raw: Sequence[RawMeasurement]) -> Estimat
     told = error_N < 0.35 * value and left < _MOST_RESIDUAL * value
     why = (
         f"force of the drive less the tension at its end, with a damping of {found.values[DAMPING]:.3g} N s/m and an "
-        f"offset of {found.values[OFFSET]:.3g} N; {left:.2g} N rms are left"
+        f"offset of {found.values[OFFSET]:.3g} N; residual {left:.2g} N RMS"
     )
     if not told:
         why = f"{why}, too much to tell {value:.3g} N: check the force's scale and the actuator's mass_kg"

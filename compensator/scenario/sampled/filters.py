@@ -111,7 +111,7 @@ def noise_advice(
     if noise > _MOST_NOISE * float(np.ptp(tension)):
         return None  # what the filter removes is the reference itself
     message = (
-        f"{file}: noise of {noise:.2g} N rms in the samples becomes {force_noise:.3g} N rms in the force "
+        f"{file}: noise of {noise:.2g} N RMS in the samples becomes {force_noise:.3g} N RMS in the force "
         f"({100 * force_noise / max(spread, 1e-300):.0f} % of its range); "
         f"set cutoff_Hz = {cutoff:.2g} in [reference] to filter it"
     )

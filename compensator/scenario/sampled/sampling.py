@@ -93,7 +93,7 @@ def sample_reference(scenario: Scenario, *, strict: bool = True) -> Reference:
     if removed > 0 and isinstance(spec, CsvReference):
         span, unit = (tension, "N") if sampled.position_m is None else (sampled.position_m, "m")
         notes.append(
-            f"{spec.file}: the low-pass at {spec.cutoff_Hz:g} Hz removed {removed:.3g} {unit} rms "
+            f"{spec.file}: the low-pass at {spec.cutoff_Hz:g} Hz removed {removed:.3g} {unit} RMS "
             f"({100 * removed / max(float(np.ptp(span)), 1e-300):.2g} % of range)"
         )
     if abs(initial - tension[0]) > 1e-3 * max(float(np.ptp(tension)), 1e-9):

@@ -276,7 +276,7 @@ def test_the_motor_of_the_exosuit_is_sized(exosuit, tmp_path):
     summary = json.loads((tmp_path / "summary.json").read_text())
     slack = [text for text in summary["warnings"] if "slack" in text]
     assert len(slack) == 2  # one for each cause
-    assert "under the profiles none, capstan, smoothed" in slack[0]
+    assert "slack at the actuator's end under none, capstan, smoothed: " in slack[0]
     page = (tmp_path / "report.html").read_text()
     assert "The drive suffices for these profiles; what comes closest to its limit is" in page
     assert "Not judged, since not given: the torque-speed line" in page

@@ -2,6 +2,7 @@
 
 import ctypes
 import json
+import math
 import re
 import shutil
 import subprocess
@@ -155,6 +156,24 @@ def test_equal_input_gives_equal_bytes_and_no_date(examples):
     one, two = (export_project(scenario, profile_N=np.full(3, 30.0)).files for _ in range(2))
     assert one == two
     assert not any(re.search(r"20\d\d-\d\d-\d\d", text) for text in one.values())
+
+
+def test_references_are_accepted_up_to_what_the_largest_force_delivers_through_the_friction(examples):
+    """T = (F + p) e^{-mu theta} - p; limits and sample time as in the scenario."""
+    scenario = load_scenario(examples / "finger.toml")
+    t = replace(scenario.transmission, friction=replace(scenario.transmission.friction, adhesion_N=1.5))
+    text = export_project(replace(scenario, transmission=t), profile_N=np.ones(3)).files["tff_types.h"]
+
+    def stated(name):
+        return float(re.search(rf"#define TFF_{name} \(*(\S+?)\)*\n", text)[1])
+
+    most = (t.actuator.force_max_N + 1.5) * math.exp(-t.friction.mu_dynamic * t.path.total_angle_rad) - 1.5
+    assert stated("REFERENCE_MAX_N") == pytest.approx(most, rel=1e-12)
+    assert 0 < stated("REFERENCE_MIN_N") < sample_reference(scenario).tension_N.min()
+    assert stated("FORCE_MAX_N") == t.actuator.force_max_N
+    assert stated("FORCE_MIN_N") == t.actuator.force_min_N
+    assert stated("CHANGE_MAX_N") == pytest.approx(t.actuator.force_rate_max_N_per_s * scenario.run.step_s, rel=1e-12)
+    assert stated("STEP_S") == scenario.run.step_s
 
 
 def test_float_code_holds_no_double(examples):

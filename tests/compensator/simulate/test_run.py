@@ -79,7 +79,7 @@ def test_the_check_states_an_error_that_shrinks_with_the_step(
         message = capsys.readouterr().err
         assert f"check: output tension against a run with step {step / 2:g} s: " in message
         assert "% of range" in message
-        errors.append(float(message.split(" s: ")[1].split(" N rms")[0]))
+        errors.append(float(message.split(" s: ")[1].split(" N RMS")[0]))
         coarse, fine = (output_tension(examples, step / k)[::k] for k in (1, 2))
         assert errors[-1] == pytest.approx(np.sqrt(np.mean((coarse - fine)[1:] ** 2)), rel=1e-2)
     assert 0 < errors[1] < errors[0] / 2

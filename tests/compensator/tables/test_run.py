@@ -9,6 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.score import SimulatedPlant, verify
+from tendonff.compensator.compensators.table import CompensationTable
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.compensator.tables.output import table_csv
 from tendonff.compensator.tables.run import make_tables
@@ -29,6 +32,19 @@ def tables(finger):
 
 def test_as_a_compensator_it_leaves_less_than_half_a_percent_where_the_static_law_leaves_ten(tables):
     assert tables.scores[tables.level].rmse_percent_of_range < 0.5
+
+
+def test_its_first_sentence_is_the_worst_case_over_the_friction_and_not_the_model_against_itself(tables, finger):
+    """The plant with 10 % less friction, simulated apart."""
+    friction = finger.transmission.friction
+    softer = replace(
+        finger.transmission,
+        friction=replace(friction, mu_dynamic=0.9 * friction.mu_dynamic, mu_static=0.9 * friction.mu_static),
+    )
+    profile = CompensationTable(tables.tables[0].built.table).profile(Problem.of(finger))
+    apart = verify(softer, SimulatedPlant(level=tables.level), "table", profile, tables.reference).score
+    assert tables.worst_percent == pytest.approx(apart.rmse_percent_of_range, rel=1e-6)
+    assert tables.headline.startswith(f"Expect an RMS error of up to {tables.worst_percent:.3g} % of the 32.98 N range")
 
 
 def test_the_csv_has_the_agreed_columns_no_empty_cell_and_reads_back(tables):

@@ -10,14 +10,18 @@ from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import simulate
-from tendonff.ocp.tracking.diagnosis import law_of
+from tendonff.ocp.tracking.cost import evaluate, gauss_newton_model
+from tendonff.ocp.tracking.diagnosis import law_of, reversals
 from tendonff.ocp.tracking.limits import ForceLimits
-from tendonff.ocp.tracking.ratcheting import Disagreement, disagreement
+from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
+from tendonff.ocp.tracking.ratcheting import Disagreement, StaticGoal, disagreement
 from tendonff.ocp.tracking.track import TrackStatus, track
 
 STEP = 4e-3
 TIME = np.arange(0, 1.2 + STEP / 2, STEP)
 REFERENCE = 30 + np.minimum(TIME / 0.3, 1) * 12 * np.sin(2 * np.pi * TIME)
+
+LIMITED = ForceLimits(minimum_N=0.0, maximum_N=300.0, rate_N_per_s=250.0)
 
 
 def rms(error: np.ndarray) -> float:
@@ -65,3 +69,63 @@ def test_a_reference_out_of_reach_gets_a_profile_that_keeps_its_promise_on_stiff
         run = simulate(Chain.of(rig, level), found.force_N, STEP, initial_tension_N=30.0)
         assert rms(run.output_tension_N - REFERENCE) < 2 * promised
     assert rms(law_of(chain).output_history_N(found.force_N, 30.0) - REFERENCE) < 2 * promised
+
+
+def test_slopes_of_the_static_law_are_those_of_its_output(rig: Transmission) -> None:
+    chain = Chain.of(rig, Level.PRESLIDING)
+    inverse = invert(chain, REFERENCE, STEP).force_N
+    goal = StaticGoal.of(chain, inverse, STEP, 30.0, 0.1)
+    force = LIMITED.apply(inverse, STEP, 30.0)
+    at, rise = goal.slopes(force)
+    change = np.random.default_rng(1).normal(size=len(force))
+    moved = (goal.output_N(force + 1e-7 * change) - goal.output_N(force)) / 1e-7
+    assert 0.2 < np.mean(at != np.arange(len(force))) < 0.8  # it sticks in some rows and slips in others
+    np.testing.assert_allclose(rise * change[at], moved, atol=1e-5)
+
+
+def test_the_gradient_of_the_goal_has_the_static_law_in_it(rig: Transmission) -> None:
+    chain = Chain.of(rig, Level.PRESLIDING)
+    inverse = invert(chain, REFERENCE, STEP).force_N
+    slopes = []
+    for weight in (0.0, 0.5):
+        problem = TrackingProblem.of(
+            (chain,),
+            REFERENCE,
+            STEP,
+            LIMITED,
+            TrackOptions(static_weight=weight),
+            initial_tension_N=30.0,
+            inverse_N=inverse,
+        )
+        force, knots = problem.clipped(inverse), np.arange(0, len(REFERENCE), 10)
+        model = gauss_newton_model(problem, force, evaluate(problem, force), knots, 0.0)
+        change = np.sin(np.arange(len(knots)))
+        change[0] = 0.0
+        step = 1e-5 * np.interp(np.arange(len(force)), knots, change)
+        ahead, behind = evaluate(problem, force + step).merit, evaluate(problem, force - step).merit
+        assert float(model.gradient @ change) == pytest.approx((ahead - behind) / 2e-5, rel=2e-3)
+        slopes.append(float(model.gradient @ change))
+    assert abs(slopes[1] - slopes[0]) > 0.05 * abs(slopes[0])
+
+
+def test_the_static_law_has_a_say_only_where_stiff_bristles_obey_it(rig: Transmission) -> None:
+    """A heavy, well damped tendon with stiff bristles is far from the static law for other reasons."""
+    heavy = replace(rig, tendon=replace(rig.tendon, mass_kg=1.0), load=replace(rig.load, mass_kg=2.0))
+    weights = []
+    for each, level in ((rig, Level.PRESLIDING), (heavy, Level.ELASTIC)):
+        chain = Chain.of(each, level)
+        inverse = invert(chain, REFERENCE, STEP).force_N
+        weights.append(StaticGoal.of(chain, inverse, STEP, 30.0, 0.1).weight)
+    assert weights[0] > 0.08
+    assert weights[1] == 0
+
+
+def test_the_static_law_keeps_the_force_from_shaking(rig: Transmission) -> None:
+    chain = Chain.of(rig, Level.PRESLIDING)
+    usual = disagreement(chain, invert(chain, REFERENCE, STEP).force_N, STEP, 30.0)
+    calm, shaking = (
+        track(chain, REFERENCE, STEP, LIMITED, TrackOptions(static_weight=weight)).force_N for weight in (0.1, 0.0)
+    )
+    assert 2 * len(reversals(calm)) <= len(reversals(shaking))
+    assert disagreement(chain, calm, STEP, 30.0).stiff_N < 1.1 * usual.stiff_N
+    assert disagreement(chain, shaking, STEP, 30.0).stiff_N > 1.4 * usual.stiff_N

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tendonff.compensator.identification.measured.centreline.result import CentrelineData
-from tendonff.compensator.reporting.plots import BLUE, GREY, ORANGE, VERMILION, figure_style, new_figure
+from tendonff.compensator.reporting.plots import BLUE, GREY, ORANGE, VERMILION, figure_style, legend_below, new_figure
 
 
 def centreline_figure(result: CentrelineData) -> Figure:
@@ -23,11 +23,22 @@ def centreline_figure(result: CentrelineData) -> Figure:
             label = each.name if straight else f"{each.name}: {each.angle_rad:.2f} rad"
             shape.plot(*curve[rows].T, color=color)
             place = curve[rows][int(rows.sum()) // 2]
-            shape.annotate(label, place, textcoords="offset points", xytext=(6, 6), fontsize=8)
+            away = place - curve.mean(axis=0)
+            away = 12 * away / max(float(np.hypot(*away)), 1e-12)
+            shape.annotate(
+                label,
+                place,
+                textcoords="offset points",
+                xytext=(away[0], away[1]),
+                fontsize=8,
+                ha="center",
+                va="center",
+            )
             turned.axvline(each.start_m, color=GREY, linewidth=0.5)
         shape.plot(*curve[:1].T, "o", color=BLUE, markersize=4, label="actuator end")
-        shape.legend()
-        shape.set(aspect="equal", xlabel="along the widest direction [m]", ylabel="across [m]")
+        legend_below(figure, shape)
+        shape.set_aspect("equal", adjustable="datalim")
+        shape.set(xlabel="along the widest direction [m]", ylabel="across [m]")
         shape.margins(0.15)
         low, high = result.turned_rad - result.spread_rad, result.turned_rad + result.spread_rad
         turned.fill_between(result.length_m, low, high, color=BLUE, alpha=0.2, linewidth=0, label="95 % interval")

@@ -104,6 +104,19 @@ def test_a_grid_designs_anew_at_every_point(unsure: Scenario, tmp_path: Path) ->
     assert result.rows[0].percent[0] < result.rows[4].percent[0]
 
 
+def test_without_a_stribeck_effect_friction_is_varied_as_a_whole(unsure: Scenario) -> None:
+    friction = unsure.transmission.friction
+    without = replace(unsure.transmission, friction=replace(friction, mu_static=friction.mu_dynamic))
+    there = varied(replace(unsure, transmission=without), ("friction.mu_dynamic",), (0.4,)).transmission.friction
+    assert there.mu_static == there.mu_dynamic == 0.4
+
+
+def test_the_first_sentence_is_the_worst_unit(unsure: Scenario, tmp_path: Path) -> None:
+    result = sweep(unsure, tmp_path / "s", samples=6, compensators=NAMES)
+    worst = min(max(row.percent[k] for row in result.rows) for k in range(len(NAMES)))
+    assert result.headline.startswith(f"Expect an RMS error of up to {worst:.3g} % of range on 6 units drawn from mu ±")
+
+
 @pytest.mark.slow
 def test_a_dask_cluster_by_its_address_gives_the_same_rows(unsure: Scenario, tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
