@@ -177,14 +177,15 @@ def _search(problem: TrackingProblem, inversion: Inversion, options: TrackOption
         return Found(status=status, force_N=clipped, evaluation=at_clipped, at_clipped=at_clipped)
     candidates = [(at_clipped, clipped), (evaluate(problem, static), static)]
     refinements: tuple[GridRefinement, ...] = ()
+    by_motion: tuple[GridRefinement, ...] = ()
     note = ""
     try:
-        led = led_force(problem, inversion, options) if limits.motion.binds else None
-        if led is not None:
+        started, further = inversion.force_N, [law]
+        if not np.array_equal(wanted_N, problem.clipped(inversion.force_N)):  # a limit of the motion binds
+            led, by_motion = led_force(problem, inversion, options)
             kept = problem.clipped(moderate(problem.clipped(led)))
             candidates.append((evaluate(problem, kept), kept))
-        started = min(candidates, key=lambda c: c[0].merit)[1] if limits.motion.binds else inversion.force_N
-        further = [] if limits.motion.binds else [law]
+            started, further = min(candidates, key=lambda c: c[0].merit)[1], []
         starts = (started, *further, *([programme(problem)] if _differ(problem) else []))
         # Every plant costs as much again, and where the reference is out of reach another search may follow.
         restarts = 0 if _missed_N(problem).any() else options.restarts // len(problem.plants)
@@ -199,6 +200,8 @@ def _search(problem: TrackingProblem, inversion: Inversion, options: TrackOption
     inside = [k for k, (found, _) in enumerate(candidates) if found.beyond_N <= _BEYOND * float(np.ptp(reference))]
     best = min(inside or range(len(candidates)), key=lambda i: candidates[i][0].merit)
     evaluation, force = candidates[best]
+    if by_motion and not any(r.improved for r in refinements):
+        refinements = by_motion
     won = best > 1 and any(r.improved for r in refinements)
     return Found(
         status=_status(problem, evaluation, refinements if won else ()),
