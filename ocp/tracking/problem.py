@@ -65,7 +65,7 @@ class TrackOptions:
 
     effort_weight: float = 0.0
     travel_weight: float = 1e-6
-    static_weight: float = 0.1
+    static_weight: float = 0.003
     minimum_tension_N: float = 0.0
     maximum_tension_N: float = math.inf
     max_iterations: int = 400
