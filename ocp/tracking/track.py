@@ -221,7 +221,7 @@ def _differ(problem: TrackingProblem) -> bool:
 
 _STIFF = 0.5  # weight of a squared error with stiff bristles where plants differ
 _SOBER = 1.0  # of the clipped inverse's squared error: the cost of travelling as far once more
-_BEYOND = 5e-4  # of the reference's range, as `MotionScale` counts: half a percent of the speed
+_BEYOND = 5e-4  # of the reference's range, as `MotionBound` counts: half a percent of the speed
 _EXACT = 1e-3  # of the reference's range: an error below this is called rounding
 _FLOORS = (1.0, 4.0, 16.0, 64.0, 256.0)
 

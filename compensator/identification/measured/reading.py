@@ -38,8 +38,8 @@ _USUAL = {
         ("input", "input_tension_N", ("input_tension", "input_force", "input"), FORCE_UNITS),
         ("output", "output_tension_N", ("output_tension", "output_force", "output"), FORCE_UNITS),
         ("actuator_force", "actuator_force_N", ("actuator_force",), FORCE_UNITS),
-        ("input_position", "input_position_m", ("input_position", "actuator_position"), LENGTH_UNITS),
-        ("output_position", "output_position_m", ("output_position", "load_position"), LENGTH_UNITS),
+        ("input_position", "input_position_m", ("input_position",), LENGTH_UNITS),
+        ("output_position", "output_position_m", ("output_position",), LENGTH_UNITS),
     )
 }
 """What the columns are called unless the user says otherwise, and how else they may be."""
