@@ -80,6 +80,10 @@ def tensions_figure(result: ExperimentData) -> Figure:
         for k, colour in enumerate(_section_colours()):
             label = f"$f_{k + 1}$" + (" (motor 1)" if k == 0 else " (motor 2)" if k == SECTIONS - 1 else "")
             panel.plot(run.time_s[rows], tension[rows, k], color=colour, label=label, linewidth=1.2)
+            if result.measured is not None and k in result.measured.tension_N:
+                few = thinned(len(result.measured.time_s))
+                course = result.measured.time_s[few], result.measured.tension_N[k][few]
+                panel.plot(*course, color=colour, linestyle=LINE_STYLES[1], linewidth=0.9)
         _shade_states(panel, run, named=row == 0)
         panel.grid(visible=False, axis="x")
         panel.set_ylabel(f"tension [N]\n{level}")

@@ -27,6 +27,7 @@ MEANINGS = {
     "profile_deviation_percent": "largest departure of ln T along the path from a straight line then, of mu theta",
     "tension_step_percent_of_range": "departure of any tension from its course as a motor changes its mode; 0 is ideal",
     "force_step_percent_of_range": "jump of a motor's pull as it changes its mode; 0 is ideal",
+    "measured": "difference of a measured tension, by sensor, from the simulated one, RMS and largest",
     "bristle_stiffness_factor": "factor on the bristles of the quasi-static run, which stands for the static law",
     "refinement": "difference of seven tensions to the run with more masses, the discretisation error, RMS and largest",
 }

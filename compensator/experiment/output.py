@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from tendonff.compensator.experiment.figures import experiment_figures
+from tendonff.compensator.experiment.measured import deviations
 from tendonff.compensator.experiment.numbers import (
     law_deviation,
     refinement,
@@ -67,6 +68,7 @@ def summary(result: ExperimentData) -> dict[str, object]:
             "slip_profile": {state: asdict(value) for state, value in slip_profiles(run).items()},
             "two_ended_law": asdict(law_deviation(run)),
         }
+        | ({} if result.measured is None else {"measured": [asdict(d) for d in deviations(run, result.measured)]})
         for level, run in result.runs.items()
     }
     steps = [value for run in result.runs.values() for value in switches(run)]
@@ -78,6 +80,7 @@ def summary(result: ExperimentData) -> dict[str, object]:
             "The paper shows this test in pictures and prints no numbers; its Fig. 7 cannot be read, so the states are "
             "chosen. All levels receive the schedule of the machine's level."
         ),
+        **({} if result.measured is None else {"measured_file": result.measured.name}),
         "states": [
             {
                 "state": done.state.name,

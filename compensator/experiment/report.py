@@ -2,6 +2,7 @@
 
 from matplotlib.figure import Figure
 
+from tendonff.compensator.experiment.measured import deviations
 from tendonff.compensator.experiment.numbers import (
     MEANINGS,
     holds,
@@ -14,7 +15,7 @@ from tendonff.compensator.experiment.numbers import (
     transient,
     warnings_of,
 )
-from tendonff.compensator.experiment.result import ExperimentData
+from tendonff.compensator.experiment.result import ExperimentData, MeasuredTensions
 from tendonff.compensator.reporting.page import (
     FileNote,
     Picture,
@@ -91,7 +92,12 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
         sections=(
             Section(
                 title="Seven tensions",
-                blocks=(Text(_NOTE), *_present(pictures, "experiment_tensions"), _states(result)),
+                blocks=(
+                    Text(_NOTE),
+                    *_present(pictures, "experiment_tensions"),
+                    *((_measured(result, result.measured),) if result.measured is not None else ()),
+                    _states(result),
+                ),
             ),
             Section(
                 title="How the models differ", blocks=(*_present(pictures, "experiment_details"), held, transients)
@@ -115,10 +121,25 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
                 ),
             ),
         ),
-        provenance=provenance_of(result.scenario, "experiment"),
+        provenance=provenance_of(
+            result.scenario, "experiment", "" if result.measured is None else f"--measured {result.measured.name}"
+        ),
         files=(
             *(FileNote(name=f"experiment_{level}.csv", content="states, tensions, motors") for level in result.runs),
             FileNote(name="summary.json", content="every number of this page for other programs"),
+        ),
+    )
+
+
+def _measured(result: ExperimentData, measured: MeasuredTensions) -> Table:
+    """RMS difference of each sensor from each model."""
+    by_level = {level: deviations(run, measured) for level, run in result.runs.items()}
+    return Table(
+        caption=f"{measured.name}, dashed in the figure: RMS difference from the models [% of range]",
+        columns=("tension", *(str(level) for level in by_level)),
+        rows=tuple(
+            (f"f_{each[0].sensor}", *(d.measured_rms_percent_of_range for d in each))
+            for each in zip(*by_level.values(), strict=True)
         ),
     )
 

@@ -83,6 +83,25 @@ class ExperimentRun:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredTensions:
+    """Tensions measured on a rig during the same test.
+
+    Parameters
+    ----------
+    name : str
+        Of the file.
+    time_s : ndarray, shape (n,)
+        From the start of the test.
+    tension_N : dict of int to ndarray, shape (n,)
+        By place among the seven sections, from 0.
+    """
+
+    name: str
+    time_s: FloatArray
+    tension_N: dict[int, FloatArray]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ExperimentData:
     """The test on all models.
 
@@ -100,6 +119,7 @@ class ExperimentData:
         The elastic level with a stiffer bristle, no viscous friction and no Stribeck effect: nearest to the static law.
     quasi_static_factor : float
         By how much its bristle is stiffer.
+    measured : MeasuredTensions or None
     """
 
     scenario: Scenario
@@ -109,3 +129,4 @@ class ExperimentData:
     fine: ExperimentRun
     quasi_static: ExperimentRun
     quasi_static_factor: float
+    measured: MeasuredTensions | None = None

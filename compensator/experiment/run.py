@@ -6,11 +6,14 @@ the new command from its own end tension and position, as a real rig does from i
 the same time and ends at the same force as the machine's.
 """
 
+import os
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from tendonff.compensator.experiment.machine import Machine, Plan, Schedule, StatePass, plan_experiment
+from tendonff.compensator.experiment.measured import read_measured
 from tendonff.compensator.experiment.output import ExperimentResult
 from tendonff.compensator.experiment.result import ExperimentRun
 from tendonff.compensator.experiment.rig import Rig, RigRows
@@ -90,13 +93,17 @@ def _scales(rates: FloatArray, starts_N: Ends, ends_N: Ends, step_s: float) -> F
     return scales
 
 
-def experiment(scenario: Scenario, *, progress: Progress = silent) -> ExperimentResult:
+def experiment(
+    scenario: Scenario, measured: str | os.PathLike[str] | None = None, *, progress: Progress = silent
+) -> ExperimentResult:
     """Run the two-motor test of a scenario on the three levels, and on its own with more masses.
 
     Parameters
     ----------
     scenario : Scenario
         Its [experiment] table may be missing.
+    measured : str or path, optional
+        Tensions of the same test on a rig: columns `time_s` and any of `tension_1_N` .. `tension_7_N`.
     progress : callable, optional
         Told parts done and parts in all.
 
@@ -107,6 +114,7 @@ def experiment(scenario: Scenario, *, progress: Progress = silent) -> Experiment
     SolveError
         A step could not be solved.
     """
+    laid_over = None if measured is None else read_measured(Path(measured))
     plan, lead = plan_experiment(scenario), scenario.run.level
     parts = Parts(progress, len(Level) + 2)
     schedule, leading = run_machine(plan, lead)
@@ -135,6 +143,7 @@ def experiment(scenario: Scenario, *, progress: Progress = silent) -> Experiment
         fine=fine,
         quasi_static=follow_schedule(replace(plan, rig=rig), schedule, Level.ELASTIC),
         quasi_static_factor=_QUASI_STATIC_FACTOR,
+        measured=laid_over,
     )
 
 

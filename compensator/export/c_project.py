@@ -15,11 +15,18 @@ from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.stream.run import StreamChoice, choose_stream
 from tendonff.compensator.compensators.table import CompensationTable, table_of
 from tendonff.compensator.compensators.table_build import BuiltTable
-from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_golden
+from tendonff.compensator.export.adaptive import adaptive_golden
 from tendonff.compensator.export.golden import golden_vectors
 from tendonff.compensator.export.host import run_on_host
 from tendonff.compensator.export.judgement import Judged, answer_of, judge, judge_stream
-from tendonff.compensator.export.modules import PLANT, c_modules, check_prefix, check_servo, check_tuning, exportable
+from tendonff.compensator.export.modules import (
+    ADAPTIVE_MODULES,
+    PLANT,
+    c_modules,
+    check_prefix,
+    check_tuning,
+    exportable,
+)
 from tendonff.compensator.export.self_test import FloatLoss, float_losses, loss_warnings, self_test_context
 from tendonff.compensator.export.text.c_text import (
     accepted_range,
@@ -116,7 +123,6 @@ def export_project(
         If there is no profile that may be exported, or nothing is better than no compensation; the message says why.
     """
     check_prefix(prefix)
-    check_servo(scenario)
     check_tuning(scenario)
     problem = Problem.of(scenario, level=level)
     warnings = problem.reference.warnings
@@ -135,7 +141,7 @@ def export_project(
         "profile_loops": problem.reference.periodic,
         "profile_bytes": (4 if precision is Precision.FLOAT else 8) * len(profile_N),
     }
-    choice = None if scenario.joints else choose_stream(problem, scenario.stream, accepted_range(problem))
+    choice = choose_stream(problem, scenario.stream, accepted_range(problem))
     stream = None if choice is None else choice.picked.design
     golden = golden_vectors(problem, table, precision, stream=stream)
     losses: tuple[FloatLoss, ...] = ()
@@ -145,16 +151,15 @@ def export_project(
         modules = tuple(m for m in c_modules(scenario, stream is not None) if m not in ADAPTIVE_MODULES)
         every = c_sources(scenario, problem, modules, precision, prefix, numbers)
         followed = dict.fromkeys(golden.jumps.columns, problem.reference.tension_N)
-        live = {} if golden.live is None else golden.live.inputs_N
-        inputs = [golden.course.inputs_N, golden.jumps.inputs_N, live, followed]
-        angles = [golden.course.joint_rad, golden.jumps.joint_rad, np.empty(0), _joint_rad(problem)]
+        live = ({}, np.empty(0)) if golden.live is None else (golden.live.inputs_N, golden.live.joint_rad)
+        inputs = [golden.course.inputs_N, golden.jumps.inputs_N, live[0], followed]
+        angles = [golden.course.joint_rad, golden.jumps.joint_rad, live[1], _joint_rad(problem)]
         found = run_on_host(every, prefix, precision, inputs, angles if scenario.joints else ())
         if found is not None:
             losses = float_losses(golden.course, found[0], problem)
             forces |= found[3]
     judged = judge(problem, forces)
-    if not scenario.joints:
-        judged = (*judged, judge_stream(judged, choice, problem))
+    judged = (*judged, judge_stream(judged, choice, problem))
     modules, faults = _chosen(judged, c_modules(scenario, stream is not None), force_export=force_export)
     further: dict[str, object] = {
         **numbers,
@@ -167,8 +172,7 @@ def export_project(
     notes: tuple[str, ...] = ()
     if scenario.adaptation is not None:
         notes = learnt(problem, tuning_of(problem, scenario.adaptation)).sentences()
-        course = golden.course
-        vectors = adaptive_golden(problem, scenario.adaptation, course.reference_N, course.plant_force_N, precision)
+        vectors = adaptive_golden(problem, scenario.adaptation, golden.course, precision)
         mu = problem.transmission.friction.mu_dynamic
         further["adaptive"] = {
             "golden": vectors,

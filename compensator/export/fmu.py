@@ -18,7 +18,7 @@ from tendonff._version import __version__
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.table import table_of
 from tendonff.compensator.export.kinds import FmiVersion, Kind
-from tendonff.compensator.export.modules import c_modules, check_prefix, check_servo, check_tuning
+from tendonff.compensator.export.modules import c_modules, check_prefix, check_tuning
 from tendonff.compensator.export.text.c_text import c_sources, table_context
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_file
@@ -121,7 +121,6 @@ def build_fmu(
     check_prefix(prefix)
     if kind is Kind.ADAPTIVE and scenario.adaptation is None:
         raise InputError(f"{scenario.source.name}: table [adaptation] is missing; --kind adaptive needs its sensor")
-    check_servo(scenario)
     check_tuning(scenario)
     problem = Problem.of(scenario, level=level)
     module = next(module for module in c_modules(scenario) if module.name == kind.value)

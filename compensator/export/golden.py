@@ -240,11 +240,11 @@ def golden_vectors(
             with_plant=False,
             chain=_moving(problem, samples[: len(jumps)], len(jumps), precision),
         ),
-        live=None if stream is None else _live(problem, stream, reference, precision),
+        live=None if stream is None else _live(problem, stream, reference, chain, precision),
     )
 
 
-def _live(problem: Problem, stream: StreamDesign, course_N: FloatArray, precision: Precision) -> Course:
+def _live(problem: Problem, stream: StreamDesign, course_N: FloatArray, chain: Chain, precision: Precision) -> Course:
     """The course with the noise of a converter, lost for a time in which the reference moves on.
 
     With a ramp it is the reference as it is, from before where its force is fastest: in and out of the limits.
@@ -257,12 +257,15 @@ def _live(problem: Problem, stream: StreamDesign, course_N: FloatArray, precisio
     rough[0] = rounded(course_N[:1], precision)[0]
     rough[_LOST] = np.nan
     start = float(rough[0])
-    force, step = stream_force(stream, problem, rough), problem.reference.step_s
-    exact = invert(problem.chain, smoothed(stream, rough, start), step, initial_tension_N=start, record=True)
+    if (motion := chain.motion) is not None:
+        rows = slice(len(rough))
+        chain = replace(chain, motion=replace(motion, time_s=motion.time_s[rows], angle_rad=motion.angle_rad[rows]))
+    force, step = stream_force(stream, replace(problem, model=chain), rough), problem.reference.step_s
+    exact = invert(chain, smoothed(stream, rough, start), step, initial_tension_N=start, record=True)
     if servo_of(problem) is not None:
         force = told(problem, exact, force)
     scale = float(np.abs(exact.force_N).max())
-    return Course(reference_N=rough, plant_force_N=force, columns={"stream": force}, scale_N=scale, chain=problem.chain)
+    return Course(reference_N=rough, plant_force_N=force, columns={"stream": force}, scale_N=scale, chain=chain)
 
 
 def servo_of(problem: Problem) -> float | None:

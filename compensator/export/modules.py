@@ -4,7 +4,6 @@ import re
 
 from tendonff.compensator.compensators.base import CModule, Compensator
 from tendonff.compensator.compensators.registry import COMPENSATORS
-from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.drive import Drive
@@ -15,6 +14,11 @@ STREAM = CModule(name="stream", content="exact inverse behind a filter, for refe
 
 PLANT = CModule(name="plant", content="the chain itself")
 """What is exported beside the compensators, for tests."""
+
+ADAPTIVE = CModule(name="adaptive", content="exact inverse that tunes itself to a measurement")
+BOUNDS = CModule(name="bounds", content="certified interval of the output tension")
+ADAPTIVE_MODULES = (ADAPTIVE, BOUNDS)
+"""What is exported for a scenario with [adaptation]."""
 
 STATIC = ("capstan", "table")
 """Modules without the chain's states: they answer with a force and cannot tell a command."""
@@ -29,21 +33,6 @@ _KEYWORDS = frozenset(
         """,
     )
 )
-
-
-def check_servo(scenario: Scenario) -> None:
-    """Refuse what cannot be printed for a controller yet: a position servo on a path in sections or that moves.
-
-    Raises
-    ------
-    InputError
-    """
-    path, load = scenario.transmission.path, scenario.transmission.load
-    if scenario.transmission.actuator.drive is Drive.POSITION and (path.sections or load.joint is not None):
-        raise InputError(
-            f'{scenario.source.name} [actuator]: drive = "position" on a path in sections is not exported yet; play a '
-            'command column of profile.csv (design), or export with drive = "force"'
-        )
 
 
 def check_tuning(scenario: Scenario) -> None:
@@ -80,7 +69,8 @@ def c_modules(scenario: Scenario, with_stream: bool = False) -> tuple[CModule, .
         The module for live references too.
     """
     stream = (STREAM,) if with_stream else ()
-    more = () if scenario.adaptation is None else ADAPTIVE_MODULES
+    tuned = (ADAPTIVE,) if scenario.joints else ADAPTIVE_MODULES  # no total angle to certify where joints move
+    more = () if scenario.adaptation is None else tuned
     own = tuple(module for _, module in exportable(scenario.transmission, moving=bool(scenario.joints)))
     return (*own, *stream, PLANT, *more)
 

@@ -63,6 +63,14 @@ def identification_report(found: IdentificationData, folder: Path) -> Report:
         columns=("branch", "ln ratio", "5 to 95 %", "samples", "remark"),
         rows=[(str(g.branch), g.log_ratio, _interval(g.interval), g.rows, g.reason) for g in found.sliding],
     )
+    by_section = Table(
+        caption="Friction by section, between neighbouring tension cells, with standard errors",
+        columns=("from", "to", "angle [rad]", "mu pulling", "+-", "mu releasing", "+-"),
+        rows=[
+            (s.start, s.stop, s.stop_rad - s.start_rad, s.mu, s.mu_error, s.mu_release, s.mu_release_error)
+            for s in found.sections
+        ],
+    )
     pictures: list[Block] = [
         PictureFile(path=folder / f"{name}.png", caption=caption)
         for name, caption in _CAPTIONS.items()
@@ -86,6 +94,7 @@ def identification_report(found: IdentificationData, folder: Path) -> Report:
         warnings=found.warnings,
         sections=(
             Section(title="Estimates", blocks=(estimates,)),
+            *((Section(title="Friction by section", blocks=(by_section,)),) if found.sections else ()),
             Section(title="Model and measurement", blocks=pictures),
             Section(title="Choice of the law", blocks=(laws, sliding)),
             Section(title="Measured files", blocks=(files,)),
@@ -115,7 +124,10 @@ def _options(how: Measurement) -> str:
         value = getattr(how, name)
         if value == getattr(usual, name):
             continue
-        if name.endswith("_column"):
+        if name == "tension_columns":
+            cells = zip(value, how.tension_angles_rad or (), strict=True)
+            words += [f"--tension-column {shlex.quote(f'{column}={angle:g}')}" for column, angle in cells]
+        elif name.endswith("_column"):
             words.append(f"--{name.replace('_', '-')} {shlex.quote(value)}")
         elif name.endswith("_scale"):
             words.append(f"--scale {name.removesuffix('_scale')}={value:g}")

@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from tendonff.compensator.identification.fitting.between_files import ByFile
+from tendonff.compensator.identification.fitting.sections import SectionFriction
 from tendonff.compensator.identification.fitting.sliding_ratio import SlidingRatio
 from tendonff.compensator.identification.fitting.static import FileError
 from tendonff.compensator.identification.measured.reading import Array, Finding
@@ -164,6 +165,8 @@ class IdentificationData:
         What each of several files says alone.
     output_delay_s : float or None
         How much later the output is read than the input.
+    sections : tuple of SectionFriction
+        Friction between tension cells along the path, where there are more than two.
     comparable : bool
         The measured tensions are of the scenario's size; else no excitation is suggested.
     """
@@ -186,6 +189,7 @@ class IdentificationData:
     inputs: tuple[Path, ...]
     by_file: tuple[ByFile, ...] = ()
     output_delay_s: float | None = None
+    sections: tuple[SectionFriction, ...] = ()
     comparable: bool = True
 
     def estimate(self, name: str) -> Estimate:
@@ -213,6 +217,7 @@ class IdentificationData:
                 }
                 for f in self.by_file
             },
+            "sections": [asdict(section) for section in self.sections],
             "output_delay_s": self.output_delay_s,
             "laws": [_law(law) for law in self.laws],
             "gross_sliding": {str(g.branch): _gross(g) for g in self.sliding},
@@ -269,6 +274,7 @@ def summary_lines(found: IdentificationData) -> Sequence[str]:
             for e in found.estimates
             if not e.identifiable
         ]
+    lines += [f"  {section.text}" for section in found.sections]
     if found.replay_percent is not None:
         lines.append(f"fitted.toml, simulated again: error {found.replay_percent:.2f} % of range on fitted files")
     return lines

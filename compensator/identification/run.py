@@ -25,6 +25,7 @@ from tendonff.compensator.identification.fitting.model_selection import (
     choose_explain,
     select_static,
 )
+from tendonff.compensator.identification.fitting.sections import friction_by_section
 from tendonff.compensator.identification.fitting.sliding_ratio import sliding_ratios
 from tendonff.compensator.identification.fitting.static import pooled_percent
 from tendonff.compensator.identification.identifiability import summarise_excitation
@@ -131,6 +132,8 @@ def identify(
         fitted, replayed = _carried_on(scenario, stage, chain, records, static_only=static_only)
         warnings += about_fitted(fitted, records)
         warnings += about_uneven_path(chain, scenario.transmission.path.total_angle_rad)
+    theta = scenario.transmission.path.total_angle_rad
+    sections = friction_by_section(fit_files, how, theta, fitted.scenario.transmission.friction.adhesion_N)
     of_drive = drive_estimate(scenario, raw[: len(fit_files)])
     if of_drive is not None:
         estimates = (*estimates, of_drive)
@@ -153,6 +156,7 @@ def identify(
         comparisons=outcome.comparisons,
         inputs=(*fit_files, *judging),
         by_file=files,
+        sections=sections,
         output_delay_s=None if delay is None else delay.seconds,
         comparable=foreign is None,
     )

@@ -1,22 +1,46 @@
 """An excitation for identification within the limits of a rig, as a force file."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.measured.reading import Array
+from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.models.capstan import CapstanLaw
+from tendonff.models.capstan import Branch, CapstanLaw
+from tendonff.models.chain import Chain
+from tendonff.models.errors import ParameterError
+from tendonff.models.fidelity import Level
+from tendonff.ocp.fits.chain import ChainModel, ChainResponse, Drive, DynamicParameter
+from tendonff.ocp.inverse import invert
+
+D = DynamicParameter
 
 ROW_S = 0.005
 RATE_SHARE, FORCE_SHARE = 0.5, 0.9
 """Shares of the actuator's limits that the excitation uses."""
 
-LEAST_HOLD_S, HOLD_TAUS = 1.0, 5.0
+LEAST_HOLD_S = 1.0
 STROKE_S, SMALL_STROKE_S, STEP_S = 2.0, 0.8, 0.4
-SWEEP_S = 12.0
+LOW_SHARE, LEAST_FORCE_N = 0.08, 0.5
+MASSES, SEARCH_STEP_S, NOISE_SHARE = 6, ROW_S, 0.005
+"""Of the chain that weighs plans against each other; noise of the cells as a share of their range."""
+
+PRIOR = 1e-2
+"""Information that is there before: everything is known to ten times its size."""
+
+TOLD = (
+    D.MU_PULL,
+    D.MU_RELEASE,
+    D.BRISTLE,
+    D.ADHESION,
+    D.STIFFNESS,
+    D.RELAXING,
+    D.RELAXATION_TIME,
+)
+"""What a fit looks for, and a design depends on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,11 +52,26 @@ class Excitation:
     time_s, force_N : ndarray, shape (n,)
     parts : tuple of str
         What each part is for, with its start.
+    expected_percent, before_percent : float or None
+        Error of a design that the noise of the cells would leave, with this excitation and with that of version 0.1.0
+        [% of the reference's range]; None where no reference was there to tell.
     """
 
     time_s: Array
     force_N: Array
     parts: tuple[str, ...]
+    expected_percent: float | None = None
+    before_percent: float | None = None
+
+    @property
+    def gain(self) -> str:
+        """What it is worth, in a sentence; empty where nothing tells."""
+        if self.expected_percent is None or self.before_percent is None:
+            return ""
+        return (
+            f"noise of {100 * NOISE_SHARE:g} % of range on the cells would leave an error of "
+            f"{self.expected_percent:.2g} % in a design, {self.before_percent:.2g} % with the excitation of 0.1.0"
+        )
 
 
 class _Pen:
@@ -72,8 +111,133 @@ class _Pen:
         self.pieces.append(start + scale * amplitude_N * fade * fade * (3 - 2 * fade) * wave)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """What an excitation spends its time on.
+
+    Parameters
+    ----------
+    strokes : tuple of float
+        Tops of the full strokes, as shares of the high force.
+    stroke_s : float
+        Time of each way.
+    holds : int
+        Holds after steps, up to 8.
+    hold_taus : float
+        Their length in relaxation times; at least a second each.
+    reversals : tuple of float
+        Shares of the high force from which small reversals start.
+    sweep_s : float
+    deep : bool
+        Down to the lowest tension that the reference asks for.
+    """
+
+    strokes: tuple[float, ...]
+    stroke_s: float
+    holds: int
+    hold_taus: float
+    reversals: tuple[float, ...]
+    sweep_s: float
+    deep: bool = True
+
+
+PLANS = (
+    Plan(strokes=(1.0, 0.6, 1.0), stroke_s=2.0, holds=8, hold_taus=5.0, reversals=(0.7,), sweep_s=12.0, deep=False),
+    *(
+        Plan(strokes=strokes, stroke_s=stroke_s, holds=holds, hold_taus=3.5, reversals=reversals, sweep_s=sweep_s)
+        for strokes, stroke_s in (((1.0, 0.6, 1.0), 2.0), ((1.0, 0.3, 0.6) * 2, 1.2), ((1.0, 0.4, 0.2) * 3, 1.0))
+        for holds in (3, 8)
+        for reversals in ((0.7,), (0.6, 0.2))
+        for sweep_s in (6.0, 14.0)
+    ),
+)
+"""Those that are tried; the first is the one of version 0.1.0, which the others must not outlast."""
+
+
 def suggest(scenario: Scenario) -> Excitation:
     """An excitation for the rig of a scenario, within the limits of its actuator.
+
+    Of several plans the one that leaves a design with the least expected error, by the exact sensitivities of the
+    chain and with the same noise on the cells.
+
+    Raises
+    ------
+    InputError
+        If the limits leave no room.
+    """
+    first = draw_plan(scenario, PLANS[0], _lowest_N(scenario, None))
+    wanted = _wanted(scenario)
+    if wanted is None:
+        return first
+    information = _Information(scenario, *wanted)
+    best, least = first, information.expected_percent(first.force_N)
+    before = least
+    for plan in PLANS[1:]:
+        lowest = _lowest_N(scenario, wanted[0] if plan.deep else None)
+        tried = draw_plan(scenario, plan, lowest)
+        if tried.time_s[-1] > first.time_s[-1]:
+            continue
+        expected = information.expected_percent(tried.force_N)
+        if expected < least:
+            best, least = tried, expected
+    return replace(best, expected_percent=least, before_percent=before)
+
+
+def _wanted(scenario: Scenario) -> tuple[Array, float] | None:
+    """The reference and its step; None where the path moves, or there is no reference to ask for anything."""
+    if scenario.transmission.joints:
+        return None
+    try:
+        reference = sample_reference(scenario, strict=False)
+    except (InputError, ParameterError):
+        return None
+    return reference.tension_N, reference.step_s
+
+
+def _lowest_N(scenario: Scenario, reference_N: Array | None) -> float:
+    """Least force: a share of the largest or, with a reference, what its lowest tension asks for if that is less."""
+    t = scenario.transmission
+    usual = max(t.actuator.force_min_N, LOW_SHARE * FORCE_SHARE * t.actuator.force_max_N)
+    if reference_N is None:
+        return usual
+    deepest = float(CapstanLaw.of(t).input_for_N(float(reference_N.min()), Branch.RELEASE))
+    return min(usual, max(t.actuator.force_min_N, deepest, LEAST_FORCE_N))
+
+
+class _Information:
+    """How well a design would do that were based on what an excitation tells."""
+
+    def __init__(self, scenario: Scenario, reference_N: Array, step_s: float) -> None:
+        t = scenario.transmission
+        self._model = ChainModel(transmission=t, level=Level.PRESLIDING, count=MASSES, longest_step_s=SEARCH_STEP_S)
+        self._values = self._model.values()
+        self._sizes = np.array([max(abs(self._values[name]), 1.0 if name is D.ADHESION else 1e-9) for name in TOLD])
+        self._noise_N = NOISE_SHARE * t.actuator.force_max_N
+        rows = slice(None, None, max(1, round(SEARCH_STEP_S / step_s)))
+        chain = Chain.of(t, Level.PRESLIDING, MASSES)
+        force = invert(chain, reference_N, step_s).force_N[rows]
+        response = self._respond(np.maximum(force, LEAST_FORCE_N), float(reference_N[0]))
+        slopes = response.output_slopes * self._sizes
+        self._design = slopes.T @ slopes / len(slopes)
+        self._span_N = max(float(np.ptp(reference_N)), 1e-9)
+
+    def _respond(self, force_N: Array, rest_N: float) -> ChainResponse:
+        drive = Drive(input_N=force_N, step_s=SEARCH_STEP_S, first_output_N=rest_N)
+        return self._model.respond(self._values, drive, TOLD)
+
+    def expected_percent(self, force_N: Array) -> float:
+        """RMS error of a design from these parameters' scatter alone [% of the reference's range]."""
+        response = self._respond(force_N, float(force_N[0]))
+        elongation = response.elongation_slopes - response.elongation_slopes.mean(axis=0)
+        stretch = NOISE_SHARE * max(float(np.ptp(response.elongation_m)), 1e-12)
+        parts = (response.output_slopes / self._noise_N, elongation / stretch)
+        rows = np.concatenate(parts) * self._sizes
+        told = rows.T @ rows + PRIOR * np.eye(len(TOLD))
+        return float(100 * np.sqrt(np.trace(np.linalg.solve(told, self._design))) / self._span_N)
+
+
+def draw_plan(scenario: Scenario, plan: Plan, low_N: float) -> Excitation:
+    """The force of a plan.
 
     Raises
     ------
@@ -81,9 +245,8 @@ def suggest(scenario: Scenario) -> Excitation:
         If the limits leave no room.
     """
     t = scenario.transmission
-    law = CapstanLaw.of(t)
+    law, low = CapstanLaw.of(t), low_N
     high = FORCE_SHARE * t.actuator.force_max_N
-    low = max(t.actuator.force_min_N, 0.08 * high)
     if high < 1.5 * low:
         raise InputError(
             f"force_min_N = {t.actuator.force_min_N:g} and force_max_N = {t.actuator.force_max_N:g} leave no room to "
@@ -91,29 +254,32 @@ def suggest(scenario: Scenario) -> Excitation:
         )
     # Enough for the output to move to and fro through several dead bands, not more.
     dead = math.exp(law.pull_exponent + law.release_exponent)
-    high = min(high, max(low * dead**2, 4 * low))
+    usual = max(t.actuator.force_min_N, LOW_SHARE * high)
+    high = min(high, max(usual * dead**2, 4 * usual))
     middle = math.sqrt(low * high)
-    hold = max(LEAST_HOLD_S, HOLD_TAUS * t.tendon.relaxation_time_s)
+    hold = max(LEAST_HOLD_S, plan.hold_taus * t.tendon.relaxation_time_s)
     pen = _Pen(middle, RATE_SHARE * t.actuator.force_rate_max_N_per_s)
     pen.note("rest: bias of the cells against each other, if the tension is uniform")
     pen.hold(1.0)
-    pen.note("full strokes: friction in either direction over the whole range of load")
-    for top in (high, 0.6 * high, high):
-        pen.move(top, STROKE_S)
-        pen.move(low, STROKE_S)
+    pen.note(f"full strokes down to {low:.3g} N: friction in either direction over the whole range of load")
+    for place in plan.strokes:
+        pen.move(max(place * high, 2 * low), plan.stroke_s)
+        pen.move(low, plan.stroke_s)
     pen.note(f"holds of {hold:.3g} s after steps: stiffness and relaxation")
-    for level in (high, low, middle, high, low, high, middle, low):
+    for level in (high, low, middle, high, low, high, middle, low)[: plan.holds]:
         pen.move(level, STEP_S)
         pen.hold(hold)
     pen.note("small reversals without gross sliding: bristle stiffness")
-    pen.move(0.7 * high, SMALL_STROKE_S)
-    for share in (0.1, 0.2, 0.3, 0.4):
-        pen.move(0.7 * high * (1 - share), SMALL_STROKE_S)
-        pen.move(0.7 * high, SMALL_STROKE_S)
+    for place in plan.reversals:
+        top = max(place * high, 2 * low)
+        pen.move(top, SMALL_STROKE_S)
+        for share in (0.1, 0.2, 0.3, 0.4):
+            pen.move(top * (1 - share), SMALL_STROKE_S)
+            pen.move(top, SMALL_STROKE_S)
     pen.note("two sines: speed dependence, and a part to judge the law on")
     centre = (low + high) / 2
     pen.move(centre, STROKE_S)
-    pen.sweep(0.95 * (high - centre), SWEEP_S)
+    pen.sweep(0.95 * (high - centre), plan.sweep_s)
     pen.hold(0.5)
     force = np.concatenate(pen.pieces)
     return Excitation(time_s=np.arange(len(force), dtype=np.float64) * ROW_S, force_N=force, parts=tuple(pen.parts))

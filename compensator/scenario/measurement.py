@@ -57,6 +57,9 @@ class Measurement:
         Cut-off of the zero-phase low-pass that both channels go through [Hz], > 0. Default: found from the noise.
     explain : Explain, optional
         Tension that is predicted from the other one. Default auto: chosen from the data.
+    tension_columns, tension_angles_rad : list, optional
+        Columns of tensions between the ends, scaled as the input, and the wrap angle from the actuator to each [rad]:
+        friction is told by section. Default: none.
     guide_stiffness_N_per_m, guide_zero_m, bristle_spread : float, optional
         What the law of a driven output (explain = "input") has besides [friction], as `identify` writes it: stiffness
         of what pulls on the input end beside the tendon and where it does not pull, and s of two strands whose
@@ -81,6 +84,8 @@ class Measurement:
     skip_s: float | None = None
     cutoff_Hz: float | None = None
     explain: Explain = Explain.AUTO
+    tension_columns: tuple[str, ...] | None = None
+    tension_angles_rad: tuple[float, ...] | None = None
     guide_stiffness_N_per_m: float | None = None
     guide_zero_m: float | None = None
     bristle_spread: float | None = None
@@ -98,6 +103,7 @@ class Measurement:
         for name in ("guide_stiffness_N_per_m", "guide_zero_m", "bristle_spread"):
             if getattr(self, name) is not None:
                 require_number(name, getattr(self, name), hint="leave it out for none")
+        self._check_cells()
         if self.tare_s is not None and not 0 <= self.tare_s[0] < self.tare_s[1]:
             raise ParameterError(
                 f"tare_s must be from and to, 0 <= from < to, got {list(self.tare_s)}; give when the tendon is slack"
@@ -106,3 +112,14 @@ class Measurement:
             require_number("skip_s", self.skip_s, least=0, hint="use 0 to keep every row")
         if self.cutoff_Hz is not None:
             require_number("cutoff_Hz", self.cutoff_Hz, above=0, hint="leave it out to have it found from the noise")
+
+    def _check_cells(self) -> None:
+        """Every cell between the ends has a place of its own."""
+        columns, angles = self.tension_columns or (), self.tension_angles_rad or ()
+        if len(columns) != len(angles) or len(set(angles)) < len(angles):
+            raise ParameterError(
+                f"tension_angles_rad must have an angle of its own for each of tension_columns, got {list(angles)} for "
+                f"{list(columns)}"
+            )
+        for angle in angles:
+            require_number("tension_angles_rad", angle, above=0, hint="the wrap angle from the actuator to the cell")

@@ -15,7 +15,7 @@ from tendonff.models.fidelity import Level
 from tendonff.models.layout import fields_of
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.adaptation.recursion import covariance_names, trust_law, update_law
-from tendonff.ocp.adaptation.tuning import GATE, MAX_DELAY, PEAK, Tunable
+from tendonff.ocp.adaptation.tuning import DOUBTED, GATE, MAX_DELAY, PEAK, Tunable
 from tendonff.ocp.codegen.compiler import find_compiler, load_library
 from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
@@ -195,11 +195,12 @@ def tuner_context(tuned: TunedChain, precision: Precision, *, prefix: str, past:
         "past": past,
         "gate": GATE,
         "peak": PEAK,
+        "doubted": DOUBTED,
         "reals": layout.size,
         "masses": chain.count,
         "numbers": list(chain.numbers()),
         "retuned": names,
-        "retuned_inputs": tuple(f"f{k}" for k in range(len(tuned.parameters))),
+        "retuned_inputs": tuple(f.name() for f in law.inputs if ca.depends_on(ca.vertcat(*law.outputs.values()), f)),
         "retuned_outputs": tuple(law.outputs),
         "retuned_link": any(name.startswith("link_") for name in names),
         "retuned_load": LOAD_STIFFNESS if LOAD_STIFFNESS in names else "",
@@ -214,16 +215,17 @@ def tuner_context(tuned: TunedChain, precision: Precision, *, prefix: str, past:
         "q_l": layout.part("q_l").start,
         "rest": lambda array: rest_statements(zero, one, array, precision),
         "moving": chain.moving,
+        "types": "",
         "far_driven": chain.far_joint is not None,
         "inverse_argument": "",
     }
 
 
-def tuner_laws(tuned: TunedChain) -> tuple[Law, ...]:
-    """The laws of the recursion and of the tuned numbers."""
+def tuner_laws(tuned: TunedChain, *, on_target: bool = False) -> tuple[Law, ...]:
+    """The laws of the recursion and of the tuned numbers; on a controller friction of masses has laws elsewhere."""
     count = len(tuned.parameters)
     numbers = tuned.retuned_numbers()[0]
-    own = (tuned.own_slopes(),) if tuned.chain.moving else ()
+    own = (tuned.own_slopes(),) if tuned.chain.moving and not on_target else ()
     return update_law(count), trust_law(count), *((numbers,) if numbers.outputs else ()), *own
 
 
@@ -236,7 +238,8 @@ def _host_text(tuned: TunedChain) -> str:
     chain, precision = tuned.chain, Precision.DOUBLE
     laws = ElementLaws.of(chain, folded=True)
     every = (*laws.simulation(), *laws.inverse(), *laws.tangent())
-    scheme = host_source(chain, every, ("kernel.c.j2", "inverse.c.j2", "weigh.c.j2", "tangent.c.j2"))
+    templates = ("kernel.c.j2", "inverse.c.j2", "weigh.c.j2", "tangent.c.j2")
+    scheme = host_source(chain, every, templates, ways_differ=Tunable.MU not in tuned.parameters)
     printer = Specialiser(prefix=PREFIX, precision=precision, parameters={})
     own = {law.name: printer.fold(law) for law in tuner_laws(tuned)}
     zero, one = (chain.rest_state(value).vector() for value in (0.0, 1.0))
@@ -245,6 +248,7 @@ def _host_text(tuned: TunedChain) -> str:
         "model": PREFIX,
         "inverse": PREFIX,
         "model_rows": f"{PREFIX.upper()}_ROWS",
+        "kinds": 2,
         "inverse_rows": 4,
         "shifted": False,
         "inverse_rest": lambda array: rest_statements(zero, one, array, precision),
@@ -254,12 +258,10 @@ def _host_text(tuned: TunedChain) -> str:
         "work": "&work_area",
         "plant_q_a": "(({} * n) + {})".format(*chain.layout.offset("q_a")),
     }
-    if chain.moving:  # friction belongs to the masses there, so that the numbers may need fewer factors
-        numbers = own.get("retuned_numbers")
-        context |= {"retuned_inputs": numbers.inputs} if numbers else {}
+    if chain.moving:
         context |= _moving_context(tuned, own["own_slopes"]) | {"inverse_argument": ", double *inverse_memory"}
-    templates = [render_tuner(name, context) for name in ("tuner.h.j2", "tuner.c.j2", "tuner_host.c.j2")]
-    return "\n".join([scheme, *(law.code for law in own.values()), *templates])
+    parts = [render_tuner(name, context) for name in ("tuner.h.j2", "tuner.c.j2", "tuner_host.c.j2")]
+    return "\n".join([scheme, *(law.code for law in own.values()), *parts])
 
 
 def _moving_context(tuned: TunedChain, own_slopes: SpecialisedLaw) -> dict[str, object]:

@@ -1,6 +1,8 @@
 """The tuner in C for a controller: model and inverse with all numbers folded in but those that are tuned."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+
+import casadi as ca
 
 from tendonff.models.chain import Chain
 from tendonff.ocp.adaptation.code import (
@@ -11,16 +13,17 @@ from tendonff.ocp.adaptation.code import (
     tuner_context,
     tuner_laws,
 )
+from tendonff.ocp.adaptation.tuning import Tunable
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal, real_type
-from tendonff.ocp.step.c_engine import link_ratios
+from tendonff.ocp.step.folding import Weights, chain_specialiser, link_compliances, weighted_sum
+from tendonff.ocp.step.joints import Joints, way_of
 from tendonff.ocp.step.laws import ElementLaws, end_mass, end_mass_tangent, far_velocity, near_force
-from tendonff.ocp.step.render import Limits, StepCode, law_calls
+from tendonff.ocp.step.render import Compliances, Limits, StepCode, law_calls
 from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT
-from tendonff.ocp.step.target import controller_limits, link_compliances
-
-Weights = tuple[tuple[float, float], ...]
+from tendonff.ocp.step.target import controller_limits, on_joints
+from tendonff.ocp.step.target_joints import SLOPE_OF, Contact, contact_code
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,14 +59,23 @@ class TunerCode:
         Types; the last is `<prefix>_tuner`.
     source : str
         Static functions.
+    model_rows, inverse_rows : int
+        Rows of coefficients of model and inverse.
     """
 
     header: str
     source: str
+    model_rows: int
+    inverse_rows: int
 
 
 def inverse_free_code(
-    tuned: TunedChain, step_s: float, prefix: str, precision: Precision, names: tuple[str, ...]
+    tuned: TunedChain,
+    step_s: float,
+    prefix: str,
+    precision: Precision,
+    names: tuple[str, ...],
+    contact: Contact | None = None,
 ) -> FreeCode:
     """The exact inverse with free numbers.
 
@@ -77,10 +89,13 @@ def inverse_free_code(
     precision : Precision
     names : tuple of str
         The free numbers, as in `Chain.numbers`.
+    contact : Contact, optional
+        Friction of the bends of a path in sections.
     """
     chain = tuned.chain
     weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY))
-    folder, laws = _specialiser(chain, weights, prefix, precision, names), ElementLaws.of(chain, folded=True)
+    folder = chain_specialiser(chain, weights, prefix, precision, contact, names)
+    laws = ElementLaws.of(chain, folded=True) if contact is None else contact.laws
     shifted = precision is Precision.FLOAT
     far: dict[str, float] = {"f_c": 0.0, "x_c": 0.0, "pull": 1.0} | ({"f": 0.0} if shifted else {})
     numbers = chain.numbers()
@@ -90,26 +105,38 @@ def inverse_free_code(
         }
         for which in ("near", "far")
     }
+    start = laws.link_start()
+    if folder.reorder:
+        start = weighted_sum(start, "e_base", *(f"{name}_base" for name in chain.link.states))
     folded = (
         folder.fold(laws.link_gain()),
-        folder.fold(laws.link_start()),
+        folder.fold(start),
         folder.fold(laws.link_rate(), fixed={"force": 0.0} if shifted else {}),
         folder.fold(laws.link_states()),
-        folder.fold(far_velocity(), fixed=ends["far"] | far),
+        *(() if chain.far_joint else (folder.fold(far_velocity(), fixed=ends["far"] | far),)),
         folder.fold(near_force(chain.near), fixed=ends["near"] | {"x_c": 0.0, "pull": -1.0}),
         folder.fold(laws.path_mass_inverse(drop=shifted)),
     )
-    compliances: dict[str, float | str] | None = None
+    compliances: Compliances | None = None
     if shifted:
-        of_links = link_compliances(chain, precision)
-        one, load = literal(1.0, precision), float(chain.far.stiffness_N_per_m)
-        free_load = f"({one} / c->{LOAD_STIFFNESS})" if LOAD_STIFFNESS in names else 1 / load
-        compliances = {"q_l": free_load, **of_links}
-    return _free_code(chain, folder, weights, folded, names, ("inverse.c.j2",), compliances=compliances)
+        compliances = link_compliances(chain, precision)
+        if chain.far_joint is None:
+            one, load = literal(1.0, precision), float(chain.far.stiffness_N_per_m)
+            free_load = f"({one} / c->{LOAD_STIFFNESS})"
+            known = free_load if LOAD_STIFFNESS in names else literal(1 / load, precision)
+            compliances = {"q_l": known, **compliances}
+    return _free_code(
+        chain, folder, weights, folded, names, ("inverse.c.j2",), compliances=compliances, contact=contact
+    )
 
 
 def model_free_code(
-    tuned: TunedChain, step_s: float, prefix: str, precision: Precision, names: tuple[str, ...]
+    tuned: TunedChain,
+    step_s: float,
+    prefix: str,
+    precision: Precision,
+    names: tuple[str, ...],
+    contact: Contact | None = None,
 ) -> FreeCode:
     """The time step with its sensitivities, and with free numbers; those of the ends are free anyway."""
     chain, limits = tuned.chain, controller_limits(precision)
@@ -117,7 +144,10 @@ def model_free_code(
     weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY), *pieces)
     ends = tuple(name for name in chain.numbers() if name.startswith(("near_", "far_")))
     free = tuple(dict.fromkeys((*names, *ends)))
-    folder, laws = _specialiser(chain, weights, prefix, precision, free), ElementLaws.of(chain, folded=True)
+    folder = chain_specialiser(chain, weights, prefix, precision, contact, free, whole=False)
+    laws = ElementLaws.of(chain, folded=True)
+    if contact is not None:  # slopes over every number, as those of the host; numbers that equal another have none
+        laws = replace(contact.laws, friction_symbols=_every_symbol(contact.laws))
     folded = (
         folder.fold(laws.link_gain()),
         folder.fold(laws.link_start()),
@@ -129,7 +159,14 @@ def model_free_code(
         *(folder.fold(end_mass(end)) for end in laws.ends),
         *(folder.fold(end_mass_tangent(end)) for end in laws.ends),
     )
-    return _free_code(chain, folder, weights, folded, free, ("kernel.c.j2", "tangent.c.j2"), limits=limits)
+    templates = (*(() if contact is None else ("moving_target.c.j2",)), "kernel.c.j2", "tangent.c.j2")
+    return _free_code(chain, folder, weights, folded, free, templates, limits=limits, contact=contact)
+
+
+def _every_symbol(laws: ElementLaws) -> tuple[ca.SX, ...]:
+    known = {s.name(): s for s in laws.friction_symbols}
+    names = [f"friction_{field.name}" for field in fields(laws.friction)]  # type: ignore[arg-type]
+    return tuple(known[name] if name in known else ca.SX.sym(name) for name in names)
 
 
 def tuner_code(tuned: TunedChain, step_s: float, prefix: str, precision: Precision, delay: int) -> TunerCode:
@@ -148,17 +185,23 @@ def tuner_code(tuned: TunedChain, step_s: float, prefix: str, precision: Precisi
     """
     model_prefix, inverse_prefix = f"{prefix}_model", f"{prefix}_inverse"
     context = tuner_context(tuned, precision, prefix=prefix, past=delay + 1)
-    names = tuned.retuned_numbers()[1]
-    model = model_free_code(tuned, step_s, model_prefix, precision, names)
-    inverse = inverse_free_code(tuned, step_s, inverse_prefix, precision, names)
-    shifted, chain = precision is Precision.FLOAT, tuned.chain
+    names, chain, limits = tuned.retuned_numbers()[1], tuned.chain, controller_limits(precision)
+    contact, kinds = None, 2  # of links: inner ones, and those at the ends
+    if chain.moving:
+        types, kinds = prefix.rpartition("_")[0], 1
+        joints = Joints.of(chain)
+        contact = contact_code(chain, joints, model_prefix, precision, settable=True, slopes=True, types=types)
+        context |= _on_path(tuned, contact, types, precision)
+    model = model_free_code(tuned, step_s, model_prefix, precision, names, contact)
+    inverse = inverse_free_code(tuned, step_s, inverse_prefix, precision, names, contact)
+    shifted = precision is Precision.FLOAT
     zero, one = (chain.rest_state(value).vector() * (0.0 if shifted else 1.0) for value in (0.0, 1.0))
-    limits = controller_limits(precision)
     context |= {
         "model": model_prefix,
         "inverse": inverse_prefix,
-        "model_rows": 2 * (2 + limits.splits),
-        "inverse_rows": 4,
+        "kinds": kinds,
+        "model_rows": kinds * (2 + limits.splits),
+        "inverse_rows": kinds * 2,
         "shifted": shifted,
         "inverse_rest": lambda array: rest_statements(zero, one, array, precision),
         "gain_calls": {model_prefix: model.gain_call, inverse_prefix: inverse.gain_call},
@@ -167,23 +210,27 @@ def tuner_code(tuned: TunedChain, step_s: float, prefix: str, precision: Precisi
         "work": "&work_area",
     }
     counts = [f"#define {p.upper()}_COUNT {chain.count}" for p in (model_prefix, inverse_prefix)]
-    types = _code(chain, model_prefix, precision, {}, limits=limits)
+    types_code = _code(chain, model_prefix, precision, {}, limits=limits, contact=contact)
     printer = Specialiser(prefix=prefix, precision=precision, parameters={})
-    own = [printer.fold(law).code for law in tuner_laws(tuned)]
+    own = [printer.fold(law).code for law in tuner_laws(tuned, on_target=True)]
+    on_path = f"    {real_type(precision)} tension[{chain.count + 1}];\n    {real_type(precision)} last;"
     past = [
         "/* Tensions of the last sample, as changes: states are kept relative to what these alone would cause. */",
         "typedef struct {",
         f"    {real_type(precision)} reference;",
         f"    {real_type(precision)} change[{chain.count + 1}];",
         f"    {real_type(precision)} drop[{chain.count}];",
+        *([] if contact is None else [on_path]),
         f"}} {inverse_prefix}_past;\n",
     ]
-    header = [model.record, inverse.record, *(past if shifted else []), render_tuner("tuner.h.j2", context)]
+    bends = [] if contact is None else [contact.record, f"typedef {model_prefix}_contact {inverse_prefix}_contact;\n"]
+    header = [model.record, inverse.record, *bends, *(past if shifted else []), render_tuner("tuner.h.j2", context)]
     source = [
         *counts,
-        *(types.render(name) for name in ("types.h.j2", "target.h.j2")),
+        *(types_code.render(name) for name in ("types.h.j2", "target.h.j2")),
         model.rows,
         inverse.rows,
+        *([] if contact is None else [contact.functions]),
         model.laws,
         model.body,
         inverse.laws,
@@ -191,21 +238,41 @@ def tuner_code(tuned: TunedChain, step_s: float, prefix: str, precision: Precisi
         *own,
         render_tuner("tuner.c.j2", context),
     ]
-    return TunerCode(header="\n".join(header), source="\n".join(source))
+    return TunerCode(
+        header="\n".join(header),
+        source="\n".join(source),
+        model_rows=kinds * (2 + limits.splits),
+        inverse_rows=kinds * 2,
+    )
 
 
-def _specialiser(
-    chain: Chain, weights: Weights, prefix: str, precision: Precision, free: tuple[str, ...]
-) -> Specialiser:
-    ratios = link_ratios(chain.elements.ratio)
-    rows = [(weight, ratio) for weight, _ in weights for ratio in ratios]
-    parameters = {name: (value,) * len(rows) for name, value in chain.numbers().items() if name not in free}
-    parameters["H"], parameters["ratio"] = tuple(weight for weight, _ in rows), tuple(ratio for _, ratio in rows)
-    reorder = precision is Precision.FLOAT
-    if not any(name.startswith("link_") for name in free):
-        whole = Specialiser(prefix=prefix, precision=precision, parameters=parameters)
-        (parameters["gain"],) = whole.evaluate(ElementLaws.of(chain).link_gain())
-    return Specialiser(prefix=prefix, precision=precision, parameters=parameters, reorder=reorder)
+def _on_path(tuned: TunedChain, contact: Contact, types: str, precision: Precision) -> dict[str, object]:
+    """What the templates need to know of a path in sections."""
+    chain, layout = tuned.chain, tuned.chain.layout
+    friction = [name for name in chain.numbers() if name.startswith("friction_")]
+    slopes = [
+        (friction.index(name), name, k)
+        for name in contact.own
+        if SLOPE_OF + name in contact.record
+        for k, key in enumerate(tuned.parameters)
+        if key in (Tunable.MU, f"mu_{way_of(name.removeprefix('friction_'))}")
+    ]
+    stretch, states = chain.link.rest(1.0)
+    of_links = dict(zip(("e", *layout.link_states), (stretch, *states), strict=True))
+    ways = (Tunable.MU, Tunable.MU_PULL), (Tunable.MU, Tunable.MU_RELEASE)
+    found = [next((k for k, key in enumerate(tuned.parameters) if key in way), None) for way in ways]
+    one, zero = literal(1.0, precision), literal(0.0, precision)
+    spring = literal(0.0 if chain.far_joint is not None else 1 / float(chain.far.stiffness_N_per_m), precision)
+    return {
+        "types": types,
+        "friction": friction,
+        "slopes": slopes,
+        "slope_of": SLOPE_OF,
+        "friction_at": [(name, layout.part(name).start) for name in layout.friction_states],
+        "factors": ", ".join(one if k is None else f"f[{k}]" for k in found),
+        "link_parts": [(layout.part(n).start, literal(float(v), precision)) for n, v in of_links.items()],
+        "spring": spring if precision is Precision.DOUBLE else zero,
+    }
 
 
 def _code(
@@ -215,8 +282,10 @@ def _code(
     laws: dict[str, SpecialisedLaw],
     *,
     limits: Limits | None = None,
-    compliances: dict[str, float | str] | None = None,
+    compliances: Compliances | None = None,
+    contact: Contact | None = None,
 ) -> StepCode:
+    types = prefix.rpartition("_")[0].rpartition("_")[0]
     return StepCode(
         prefix=prefix,
         precision=precision,
@@ -227,6 +296,8 @@ def _code(
         numbers={name: literal(value, precision) for name, value in chain.numbers().items()},
         limits=limits or Limits(),
         compliances=compliances,
+        moving=contact is not None,
+        on_joints=None if contact is None else on_joints(chain, types, contact, factors=True),
     )
 
 
@@ -239,18 +310,20 @@ def _free_code(
     templates: tuple[str, ...],
     *,
     limits: Limits | None = None,
-    compliances: dict[str, float | str] | None = None,
+    compliances: Compliances | None = None,
+    contact: Contact | None = None,
 ) -> FreeCode:
     laws = {law.name: law for law in folded}
     gain, linked = laws["link_gain"], any(name.startswith("link_") for name in free)
-    used = [law for law in folded if law is not gain or linked]
-    code = _code(chain, folder.prefix, folder.precision, laws, limits=limits, compliances=compliances)
+    by_length = "ratio" in gain.inputs  # then the scheme asks for each link's
+    used = [law for law in folded if law is not gain or linked or by_length]
+    code = _code(chain, folder.prefix, folder.precision, laws, limits=limits, compliances=compliances, contact=contact)
     real, numbers = real_type(folder.precision), chain.numbers()
-    weights = tuple(weight for weight in weights for _ in range(2))  # of inner links, and of those at the ends
+    weights = tuple(weight for weight in weights for _ in range(1 if contact else 2))  # links inside, at the ends
     columns: dict[str, tuple[float, ...]] = {"H": tuple(w for w, _ in weights), "carry": tuple(c for _, c in weights)}
     columns |= dict(folder.coefficients)
     columns |= {name: (numbers[name],) * len(weights) for name in free}
-    if linked:  # `retune` fills it in
+    if linked and not by_length:  # `retune` fills it in
         columns["gain"] = (0.0,) * len(weights)
     fields = "\n".join(f"    {real} {name};" for name in columns)
     rows = "\n".join(
@@ -267,5 +340,5 @@ def _free_code(
         ),
         laws="\n".join(law.code for law in used),
         body="\n".join(code.render(template) for template in templates),
-        gain_call=law_calls(folder.prefix, laws)("link_gain", {"gain": "&rows[k].gain"}),
+        gain_call="" if by_length else law_calls(folder.prefix, laws)("link_gain", {"gain": "&rows[k].gain"}),
     )

@@ -29,11 +29,14 @@ class TunerStatus(IntFlag):
         unexplained; otherwise the last safe values hold.
     AT_BOUND
         A factor is at an end of its range.
+    DOUBT
+        More stays unexplained than a good model leaves: something has changed, or is not as the model has it.
     """
 
     LIMITED = 1
     FROZEN = 2
     AT_BOUND = 4
+    DOUBT = 8
 
 
 REALS = (

@@ -15,7 +15,7 @@ WATCH_SHARE = 0.035
 LOST_SHARE = 0.07
 FULL_SPEED_PER_S = 0.3
 CORRELATION_S = 0.5
-DRIFT_PER_S = 1e-3
+DRIFT_PER_S = 1.8e-3
 START_DEVIATION = 0.3
 SLEW_PER_S = 2.0
 QUICK_S = 0.02
@@ -24,6 +24,9 @@ HOLD_SPANS = 2.0
 REST_S = 0.3
 GATE = 0.01
 """Share of full speed below which nothing is learnt."""
+
+DOUBTED = 1.44
+"""Mean square of what is unexplained, in squares of what a good model leaves, from which on it is said."""
 
 PEAK = 1.5
 """What is unexplained over `QUICK_S` counts where it is so many times its mean over `SLOW_S`."""

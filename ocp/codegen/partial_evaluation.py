@@ -79,6 +79,8 @@ class Specialiser:
         Names, after the prefix, of functions to call for operations of a CasADi tape instead of those of the library.
     floors : mapping of str to float, optional
         Lower bounds that the caller keeps, by name of the argument: maxima with what is not above them go.
+    steady : sequence of str, optional
+        Arguments that are the same in many calls: with `reorder`, constants are gathered with them.
     """
 
     prefix: str
@@ -87,6 +89,7 @@ class Specialiser:
     reorder: bool = False
     functions: Mapping[int, str] = field(default_factory=dict)
     floors: Mapping[str, float] = field(default_factory=dict)
+    steady: Sequence[str] = ()
     coefficients: dict[str, Values] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -111,7 +114,7 @@ class Specialiser:
         """
         name = name or law.name
         known = dict(self.parameters) | {key: (value,) * self.weights for key, value in (fixed or {}).items()}
-        results = _Tape(self.reorder, self.floors).run(law, known, self.weights)
+        results = _Tape(self.reorder, self.floors, self.steady).run(law, known, self.weights)
         return self._print(law, name, results)
 
     def evaluate(self, law: Law) -> tuple[Values, ...]:
@@ -203,10 +206,12 @@ class _Tape:
         Gather constants and multiply instead of dividing.
     floors : mapping of str to float, optional
         Lower bounds of arguments.
+    steady : sequence of str, optional
+        Arguments that are the same in many calls.
     """
 
-    def __init__(self, reorder: bool, floors: Mapping[str, float] | None = None) -> None:
-        self._reorder, self._floors = reorder, floors or {}
+    def __init__(self, reorder: bool, floors: Mapping[str, float] | None = None, steady: Sequence[str] = ()) -> None:
+        self._reorder, self._floors, self._steady = reorder, floors or {}, steady
         self._table: dict[tuple[object, ...], _Node] = {}
 
     def run(self, law: Law, known: Mapping[str, Values], weights: int) -> list[_Node]:
@@ -279,9 +284,16 @@ class _Tape:
                 if outer.constant is None or product.op != ca.OP_MUL:
                     continue
                 for inner, rest in (product.operands, product.operands[::-1]):
-                    if inner.constant is not None:
+                    if inner.constant is not None or self._is_steady(inner):
                         return self._simplify(ca.OP_MUL, (rest, self._simplify(ca.OP_MUL, (outer, inner))))
         return None
+
+    def _is_steady(self, node: _Node) -> bool:
+        """An argument that is the same in many calls, or a constant times one: several products may share it."""
+        if node.op == ca.OP_MUL:
+            one, other = node.operands
+            return one.constant is not None and self._is_steady(other)
+        return node.argument in self._steady
 
     def _without_neutral(self, op: int, operands: tuple[_Node, ...]) -> _Node | None:
         """X + 0, x - x, 1 x, 0 x, c ? x : x and their like: exact."""

@@ -93,7 +93,7 @@ def places_of(chain: Chain, time_s: float, step_s: float, rows: int) -> list[Arr
     return [table]
 
 
-def host_source(chain: Chain, laws: tuple[Law, ...], templates: tuple[str, ...]) -> str:
+def host_source(chain: Chain, laws: tuple[Law, ...], templates: tuple[str, ...], *, ways_differ: bool = False) -> str:
     """C for chains of any size with the laws of this one.
 
     Parameters
@@ -102,10 +102,12 @@ def host_source(chain: Chain, laws: tuple[Law, ...], templates: tuple[str, ...])
     laws : tuple of Law
     templates : tuple of str
         What follows the laws.
+    ways_differ : bool, optional
+        Friction of the two directions may be set apart.
     """
     printer = Specialiser(prefix=PREFIX, precision=Precision.DOUBLE, parameters={})
     elements = ElementLaws.of(chain, folded=True)
-    moved = (elements.contact(twins_of(chain)),) if chain.moving else ()
+    moved = (elements.contact(twins_of(chain, ways_differ=ways_differ)),) if chain.moving else ()
     printed = {law.name: printer.fold(law) for law in (*laws, *moved)}
     templates = ("moving.c.j2", *templates) if chain.moving else templates
     code = StepCode(

@@ -96,6 +96,12 @@ class Joints:
     far_m: tuple[float, ...]
     far_driven: bool
 
+    @property
+    def near_m(self) -> tuple[float, ...]:
+        """Change of the near end's position per radian of each joint, links and far end being as they are [m]."""
+        gained = (sum(self.links[k].gained_m[j] for k in self.link_of) for j in range(len(self.names)))
+        return tuple(far - gain for far, gain in zip(self.far_m, gained, strict=True))
+
     @classmethod
     def of(cls, chain: Chain) -> "Joints":
         """Those of a chain."""

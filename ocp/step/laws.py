@@ -53,10 +53,22 @@ def symbolic(record: R, prefix: str, aliases: dict[str, str] | None = None) -> R
     return replace(record, **(known | {name: known[other] for name, other in (aliases or {}).items()}))  # type: ignore[type-var]
 
 
-def twins_of(chain: Chain) -> dict[str, str]:
-    """Fields of the law of contact that equal an earlier one on every mass, and the first such."""
+def twins_of(chain: Chain, *, ways_differ: bool = False) -> dict[str, str]:
+    """Fields of the law of contact that equal an earlier one on every mass, and the first such.
+
+    Parameters
+    ----------
+    chain : Chain
+    ways_differ : bool, optional
+        Coefficients of the two directions may be set apart.
+    """
     known = fields_of(chain.elements.contact)
-    first = {name: next(other for other in known if np.array_equal(known[name], known[other])) for name in known}
+
+    def equal(name: str, other: str) -> bool:
+        apart = ways_differ and name.endswith("_release") != other.endswith("_release")
+        return not apart and np.array_equal(known[name], known[other])
+
+    first = {name: next(other for other in known if equal(name, other)) for name in known}
     return {name: other for name, other in first.items() if name != other}
 
 

@@ -37,6 +37,9 @@ _HOST_LINKS = (("c", "for (i = 1; i < n; i++)"), ("of_ends", "i = 0;"), ("of_end
 ends would be made one over vectors, and cost more than the rest."""
 
 
+Compliances = Mapping[str, str | tuple[str, str]]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
     """Bounds of the loops of a generated step, and the balance that counts as solved.
@@ -74,12 +77,15 @@ class OnJoints:
         Numbers of friction that differ from bend to bend, or with the joints.
     joints, far_driven : bool
         There are any; one moves the far end.
+    factors : bool, optional
+        Friction carries factors that are known at run time only.
     """
 
     types: str
     own: tuple[str, ...]
     joints: bool
     far_driven: bool
+    factors: bool = False
 
 
 def law_calls(
@@ -141,8 +147,9 @@ class StepCode:
         Numbers that the caller of the inverse hands over.
     on_joints : OnJoints, optional
         For a controller, where the path moves or has sections.
-    compliances : mapping of str to float or C text, optional
-        For an inverse that keeps states relative to what the tension alone would cause: by state, [m/N].
+    compliances : mapping of str to C text or tuple of C text, optional
+        For an inverse that keeps states relative to what the tension alone would cause: by state, [m/N]; those of
+        links for inner ones and for those at the ends.
     held : bool, optional
         A servo's stiffness holds the near end, whose rounding counts too.
     """
@@ -159,7 +166,7 @@ class StepCode:
     of_masses: tuple[str, ...] = ()
     limits: Limits = Limits()
     free: tuple[str, ...] = ()
-    compliances: Mapping[str, float | str] | None = None
+    compliances: Compliances | None = None
     on_joints: OnJoints | None = None
     held: bool = False
 
@@ -263,7 +270,7 @@ class StepCode:
             row_of=lambda k: k if on_joints else f"2 * ({k})",
             link_loops=_ALL_LINKS if self.moving else _HOST_LINKS if self.host else _LINKS_BY_KIND,
             link_of_i="c" if self.moving else "l",
-            ratio_given=lambda record: "ratio[i]" if self.moving and record == "c" else f"{record}->ratio",
+            ratio_given=lambda record, i="i": f"ratio[{i}]" if self.moving and record == "c" else f"{record}->ratio",
             gain_given=lambda record: "gain[i]" if self.moving else f"{record}->gain",
             per_mass=lambda name: f"c->of_masses[({self.of_masses.index(name)} * n) + i]",
             contact_numbers=own[1:],
@@ -296,6 +303,7 @@ class StepCode:
             at=lambda name: _text(*states.offset(name), "n"),
             bases=indexed,
             ends=lambda names, prefix, at: {s: f"&{prefix}{s}[{at}]" for s in names},
+            elements=lambda names, at: {s: f"&x[{_text(*states.offset(s), 'n')} + {at}]" for s in names},
             based=lambda names: {f"{s}_base": f"{s}_base" for s in names},
             same=lambda names: {s: s for s in names},
             number=lambda name: self.numbers[name],
@@ -318,10 +326,7 @@ class StepCode:
             input_names=INPUT_NAMES,
             held=self.held,
             shifted=self.compliances is not None,
-            compliances={
-                name: value if isinstance(value, str) else number(value)
-                for name, value in (self.compliances or {}).items()
-            },
+            compliances=self.compliances,
             zero=number(0.0),
             half=number(0.5),
             one=number(1.0),

@@ -11,17 +11,14 @@ from tendonff.models.layout import fields_of
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal, real_type
-from tendonff.ocp.step.c_engine import link_ratios
+from tendonff.ocp.step.folding import Weights, chain_specialiser, link_compliances, weighted_sum
 from tendonff.ocp.step.joints import Joints
 from tendonff.ocp.step.laws import ElementLaws, end_mass, far_velocity, near_force
-from tendonff.ocp.step.render import Limits, OnJoints, StepCode
+from tendonff.ocp.step.render import Compliances, Limits, OnJoints, StepCode
 from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT, RESIDUAL_ROUNDING, RESIDUAL_TOLERANCE_N
 from tendonff.ocp.step.target_joints import Contact, contact_code
 
-Weights = tuple[tuple[float, float], ...]
-
 _KINDS = 2
-_LINK_KIND = "((i == 0) || (i == n))"
 _OF_LINKS = (
     "/* What depends on the weight H [s] of the scheme: two rows for the first step (implicit Euler), two for",
     " * every later step (second-order backward differences; `carry` is the share of the last change in the base),",
@@ -55,6 +52,7 @@ class ChainCode:
         Record of friction on a bend, where the path moves or has sections; else empty.
     travel : str
         Statements that set `travel` to that of the actuator's end since the rest under `self->start`; of the inverse.
+        On a path in sections to its position but for a constant.
     free : tuple of str, optional
         Numbers of the chain that the inverse takes as arguments.
     """
@@ -114,14 +112,18 @@ def inverse_code(
     contact = _contact(chain, prefix, precision, settable=settable)
     if contact is not None and settable:
         left = ("piece_adhesion_N",)
-    folder = _specialiser(chain, weights, prefix, precision, contact, left)
+    floors = {name: 0.0 if name == "piece_adhesion_N" else COEFFICIENT_FLOOR for name in left}
+    folder = chain_specialiser(chain, weights, prefix, precision, contact, left, floors=floors)
     laws = ElementLaws.of(chain, folded=settable) if contact is None else contact.laws
     compliances = None if precision is Precision.DOUBLE else _compliances(chain, precision)
     far, rate = {"f_c": 0.0, "x_c": 0.0, "pull": 1.0}, {}
     if compliances is not None:  # the laws depend on tension and position through their balance only
         far["f"], rate["force"] = 0.0, 0.0
+    start = laws.link_start()
+    if folder.reorder:
+        start = weighted_sum(start, "e_base", *(f"{name}_base" for name in chain.link.states))
     folded = (
-        folder.fold(laws.link_start()),
+        folder.fold(start),
         folder.fold(laws.link_rate(), fixed=rate),
         folder.fold(laws.link_states()),
         *(() if chain.far_joint else (folder.fold(far_velocity(), fixed=_end(chain, "far") | far),)),
@@ -137,7 +139,7 @@ def inverse_code(
         body=code.render("inverse.c.j2"),
         rest=_rest(chain, precision, relative=compliances is not None),
         contact=contact.record if contact else "",
-        travel=_travel(chain, precision, compliances, folder.prefix.upper()),
+        travel=_travel(chain, precision, compliances, folder.prefix),
         free=free,
     )
 
@@ -158,7 +160,7 @@ def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -
     pieces = tuple((step_s / 2**k, 0.0) for k in range(1, limits.splits + 1))
     weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY), *pieces)
     contact = _contact(chain, prefix, precision)
-    folder, laws = _specialiser(chain, weights, prefix, precision, contact, whole=False), _laws(chain, contact)
+    folder, laws = chain_specialiser(chain, weights, prefix, precision, contact, whole=False), _laws(chain, contact)
     near, far = {"pull": -1.0}, {"x_c": 0.0, "f_c": 0.0, "pull": 1.0}
     if not chain.near.stiffness_N_per_m:
         near["x_c"] = 0.0
@@ -188,18 +190,11 @@ def _code(
     laws: tuple[SpecialisedLaw, ...],
     *,
     limits: Limits | None = None,
-    compliances: dict[str, str] | None = None,
+    compliances: Compliances | None = None,
     contact: Contact | None = None,
     free: tuple[str, ...] = (),
 ) -> StepCode:
-    on_joints = None
-    if contact is not None:
-        on_joints = OnJoints(
-            types=folder.prefix.rpartition("_")[0],
-            own=contact.own,
-            joints=chain.motion is not None,
-            far_driven=chain.far_joint is not None,
-        )
+    types = folder.prefix.rpartition("_")[0]
     return StepCode(
         prefix=folder.prefix,
         precision=folder.precision,
@@ -212,8 +207,19 @@ def _code(
         free=free,
         compliances=compliances,
         moving=contact is not None,
-        on_joints=on_joints,
+        on_joints=None if contact is None else on_joints(chain, types, contact),
         held=folder.precision is Precision.FLOAT and chain.near.stiffness_N_per_m > 0,
+    )
+
+
+def on_joints(chain: Chain, types: str, contact: Contact, *, factors: bool = False) -> OnJoints:
+    """What a controller keeps of a chain's path; see `OnJoints`."""
+    return OnJoints(
+        types=types,
+        own=contact.own,
+        joints=chain.motion is not None,
+        far_driven=chain.far_joint is not None,
+        factors=factors,
     )
 
 
@@ -230,40 +236,22 @@ def _text(folded: tuple[SpecialisedLaw, ...], contact: Contact | None) -> str:
     return "\n".join(parts)
 
 
-def _compliances(chain: Chain, precision: Precision) -> dict[str, str]:
-    """What a lasting newton does to the load and to the states of a link, or where links differ of the whole [m/N]."""
+def _compliances(chain: Chain, precision: Precision) -> Compliances:
+    """What a lasting newton does to the load and to the states of a link [m/N]."""
+    known: dict[str, str | tuple[str, str]]
     known = {} if chain.far_joint else {"q_l": literal(1 / chain.far.stiffness_N_per_m, precision)}
-    if not chain.moving:
-        return known | link_compliances(chain, precision)
-    stretch, states = chain.link.rest(1.0)
-    of_link = {"e": stretch, **dict(zip(chain.link.states, states, strict=True))}
-    return known | {name: literal(float(value), precision) for name, value in of_link.items()}
+    return known | link_compliances(chain, precision)
 
 
-def link_compliances(chain: Chain, precision: Precision) -> dict[str, str]:
-    """What a lasting newton does to the states of link i [m/N], as C text.
-
-    A float holds a position of centimetres to nanometres only, which a stiff bristle turns into newtons over a hold.
-    Relative to what the tension alone would cause, positions are small and their rounding harmless. Double code keeps
-    the states themselves, and so agrees with the Python model to rounding.
-    """
-    rests = [chain.link.shortened(ratio).rest(1.0) for ratio in link_ratios(chain.elements.ratio)]
-    kinds = {"e": [stretch for stretch, _ in rests]}
-    kinds |= {name: [states[k] for _, states in rests] for k, name in enumerate(chain.link.states)}
-    return {
-        name: f"({_LINK_KIND} ? {literal(float(ends), precision)} : {literal(float(inner), precision)})"
-        for name, (inner, ends) in kinds.items()
-    }
-
-
-def _travel(chain: Chain, precision: Precision, compliances: dict[str, str] | None, upper: str) -> str:
+def _travel(chain: Chain, precision: Precision, compliances: Compliances | None, prefix: str) -> str:
     """Statements for the travel; where states are relative, from elongations and tensions: rounding adds up nowhere."""
-    layout, more = chain.layout, "(tension - self->start)"
-    if chain.far_joint is not None or chain.moving:
-        return ""  # no module tells a travel there
+    layout, more, upper = chain.layout, "(tension - self->start)", prefix.upper()
+    if chain.moving:
+        return _position(chain, precision, compliances, prefix)
     if compliances is None:
         slope = literal(chain.rest_state(1.0).near_position_m, precision)
         return f"    travel = self->x[{layout.part('q_a').start}] - (self->start * {slope});"
+    of_link = "(((i == 0) || (i == n)) ? {1} : {0})".format(*compliances["e"])
     lines = (
         "    {",
         f"        const int32_t n = {upper}_COUNT;",
@@ -271,7 +259,7 @@ def _travel(chain: Chain, precision: Precision, compliances: dict[str, str] | No
         "        int32_t i;",
         f"        travel = self->x[{layout.part('q_l').start}] + ({more} * {compliances['q_l']});",
         "        for (i = n; i >= 0; i--) {",
-        f"            travel += self->x[{layout.part('e').start} + i] + ({more} * {compliances['e']});",
+        f"            travel += self->x[{layout.part('e').start} + i] + ({more} * {of_link});",
         f"            tension += (i > 0) ? self->past.drop[i - 1] : {literal(0.0, precision)};",
         "        }",
         "    }",
@@ -279,42 +267,30 @@ def _travel(chain: Chain, precision: Precision, compliances: dict[str, str] | No
     return "\n".join(lines)
 
 
-def _specialiser(
-    chain: Chain,
-    weights: Weights,
-    prefix: str,
-    precision: Precision,
-    contact: Contact | None,
-    free: tuple[str, ...] = (),
-    *,
-    whole: bool = True,
-) -> Specialiser:
-    """What folds the laws; on a moving path a link is the whole tendon, or with `whole` unset its ratio is unknown."""
-    reorder = precision is Precision.FLOAT or contact is not None
-    ratios = link_ratios(chain.elements.ratio) if contact is None else (1.0,)
-    rows = [(weight, ratio) for weight, _ in weights for ratio in ratios]
-    numbers = _snapped(chain) if contact is None else contact.constants
-    parameters = {name: (value,) * len(rows) for name, value in numbers.items() if name not in free}
-    parameters["H"] = tuple(weight for weight, _ in rows)
-    floors = {name: 0.0 if name == "piece_adhesion_N" else COEFFICIENT_FLOOR for name in free}
-    floors |= {} if contact is None else contact.floors
-    if whole or contact is None:
-        parameters["ratio"] = tuple(ratio for _, ratio in rows)
-        folder = Specialiser(prefix=prefix, precision=precision, parameters=parameters)
-        (gain,) = folder.evaluate(ElementLaws.of(chain).link_gain())
-        parameters["gain"] = gain
-    return Specialiser(prefix=prefix, precision=precision, parameters=parameters, reorder=reorder, floors=floors)
-
-
-def _snapped(chain: Chain) -> dict[str, float]:
-    """Coefficients that differ by rounding only are made equal, so that no code is spent on the difference."""
-    numbers = chain.numbers()
-    names = [name for name in numbers if name.startswith("friction_")]
-    for k, name in enumerate(names):
-        for other in names[:k]:
-            if abs(numbers[name] - numbers[other]) <= 1e-14 * abs(numbers[other]):
-                numbers[name] = numbers[other]
-    return numbers
+def _position(chain: Chain, precision: Precision, compliances: Compliances | None, prefix: str) -> str:
+    """The same on a path in sections, but for a constant; what the path gains takes the end back."""
+    layout, types, joints = chain.layout, prefix.rpartition("_")[0], Joints.of(chain)
+    if compliances is None:
+        return f"    travel = self->x[{layout.part('q_a').start}];"
+    link = f"self->path.link[{types}_path_link_of[i]]"
+    stretched = f"(self->past.tension[i] * {link}.length) * {compliances['e'][0]}"
+    far = f"self->x[{layout.part('q_l').start}] + (self->past.reference * {compliances.get('q_l')})"
+    lines = [
+        "    {",
+        f"        const int32_t n = {prefix.upper()}_COUNT;",
+        "        int32_t i;",
+        f"        travel = {literal(0.0, precision) if chain.far_joint else far};",
+        "        for (i = n; i >= 0; i--) {",
+        f"            travel += self->x[{layout.part('e').start} + i] + ({stretched});",
+        "        }",
+        *(
+            f"        travel += self->path.joint[{k}] * {literal(gained, precision)};"
+            for k, gained in enumerate(joints.near_m)
+            if gained
+        ),
+        "    }",
+    ]
+    return "\n".join(lines)
 
 
 def _end(chain: Chain, which: str) -> dict[str, float]:

@@ -26,6 +26,7 @@ static {real} {prefix}_short_tanh({real} x)
 }}
 """
 _COEFFICIENTS = "friction_mu_"
+SLOPE_OF = "slope_of_"
 _SPARE = 1.25
 """Factor on the largest argument over the motion up to which the fraction holds."""
 
@@ -57,7 +58,16 @@ class Contact:
     functions: str
 
 
-def contact_code(chain: Chain, joints: Joints, prefix: str, precision: Precision, *, settable: bool = False) -> Contact:
+def contact_code(
+    chain: Chain,
+    joints: Joints,
+    prefix: str,
+    precision: Precision,
+    *,
+    settable: bool = False,
+    slopes: bool = False,
+    types: str = "",
+) -> Contact:
     """Friction of the bends.
 
     Parameters
@@ -70,7 +80,12 @@ def contact_code(chain: Chain, joints: Joints, prefix: str, precision: Precision
     precision : Precision
     settable : bool, optional
         Coefficients carry factors that are known at run time only.
+    slopes : bool, optional
+        The record also holds how those that carry a factor change with it, `SLOPE_OF` in front of their names.
+    types : str, optional
+        Prefix of the C names of the path; default: `prefix` without its last word.
     """
+    types = types or prefix.rpartition("_")[0]
     twins = equal_numbers(chain, ways_differ=settable)
     friction = symbolic(chain.friction, "friction_", twins)
     known = {name: _of_masses(chain, value) for name, value in fields_of(chain.friction, "friction_").items()}
@@ -78,7 +93,12 @@ def contact_code(chain: Chain, joints: Joints, prefix: str, precision: Precision
     known = {name: values[[b.first for b in joints.bends]] for name, values in known.items()}
     known |= {n: np.maximum(values, COEFFICIENT_FLOOR) for n, values in known.items() if n.startswith(_COEFFICIENTS)}
     printer = Specialiser(
-        prefix=prefix, precision=precision, parameters={}, reorder=True, functions={ca.OP_TANH: "short_tanh"}
+        prefix=prefix,
+        precision=precision,
+        parameters={},
+        reorder=True,
+        functions={ca.OP_TANH: "short_tanh"},
+        steady=("pull", "release"),
     )
     printed: dict[tuple[str, ...], str] = {}
     texts, renewed = [], set()
@@ -86,8 +106,9 @@ def contact_code(chain: Chain, joints: Joints, prefix: str, precision: Precision
     for k, bend in enumerate(joints.bends):
         if bend.joint < 0 and not settable:
             continue
-        for alike in (False, True) if settable else (False,):
-            law = _contact_law(chain, bend.first, twins, ("pull", "pull" if alike else "release") if settable else ())
+        for alike in (False, True) if settable and bend.joint >= 0 else (False,):
+            factors = ("pull", "pull" if alike else "release") if settable else ()
+            law = _contact_law(chain, bend.first, twins, factors, slopes=slopes)
             renewed |= set(law.outputs)
             key = tuple(str(e) for e in law.outputs.values())  # bends with the same coefficients share a function
             if key not in printed:
@@ -102,12 +123,9 @@ def contact_code(chain: Chain, joints: Joints, prefix: str, precision: Precision
         for name, values in known.items()
         if name.removeprefix("friction_") not in twins and (name in renewed or np.ptp(values) > 0)
     ) or ("piece_mass_kg",)
-    types, factors = (
-        prefix.rpartition("_")[0],
-        ", {0} pull, {0} release".format(real_type(precision)) if settable else "",
-    )
-    head = f"const {types}_path *path, {prefix}_contact *contact{factors}"
-    if settable and all(calls[True][k].split("(")[0] == text.split("(")[0] for k, text in calls[False].items()):
+    more = ", {0} pull, {0} release".format(real_type(precision)) if settable else ""
+    head = f"const {types}_path *path, {prefix}_contact *contact{more}"
+    if all(calls[False][k].split("(")[0] == text.split("(")[0] for k, text in calls[True].items()):
         calls[True] = {}
     moving = {alike: [t for k, t in made.items() if joints.bends[k].joint >= 0] for alike, made in calls.items()}
     init = [
@@ -125,14 +143,15 @@ def contact_code(chain: Chain, joints: Joints, prefix: str, precision: Precision
         *(_function("Friction everywhere.", f"{prefix}_touch_all", head, [*calls[False].values()]) if settable else []),
         *_function("Friction at the start.", f"{prefix}_contact_init", f"{prefix}_contact *contact", init),
     ]
+    fields = (*own, *sorted(name for name in renewed if name.startswith(SLOPE_OF)))
     everything = {**chain.numbers(), **{name: float(values[0]) for name, values in known.items()}}
     return Contact(
         laws=replace(ElementLaws.of(chain), friction=friction, friction_symbols=_distinct(friction)),
         own=own,
         constants={name: value for name, value in everything.items() if name not in own},
         floors={name: COEFFICIENT_FLOOR for name in own if name.startswith(_COEFFICIENTS)},
-        record=f"typedef struct {{ /* friction of one mass of a bend */\n    {real_type(precision)} {', '.join(own)};\n"
-        f"}} {prefix}_contact;\n",
+        record=f"typedef struct {{ /* friction of one mass of a bend */\n    {real_type(precision)} "
+        f"{', '.join(fields)};\n}} {prefix}_contact;\n",
         functions="\n".join(functions),
     )
 
@@ -238,7 +257,7 @@ def _of_masses(chain: Chain, value: object) -> np.ndarray:
     return np.broadcast_to(np.asarray(value, float), (chain.count,))
 
 
-def _contact_law(chain: Chain, mass: int, twins: dict[str, str], factor_names: tuple[str, ...]) -> Law:
+def _contact_law(chain: Chain, mass: int, twins: dict[str, str], factor_names: tuple[str, ...], *, slopes: bool) -> Law:
     """Numbers of friction on one mass that follow its wrap angle and, where there are any, factors by direction."""
     e = chain.elements
     symbols = {name: ca.SX.sym(name) for name in factor_names}
@@ -256,6 +275,10 @@ def _contact_law(chain: Chain, mass: int, twins: dict[str, str], factor_names: t
         for name, value in there.items()
         if name.removeprefix("friction_") not in twins and isinstance(value, ca.SX) and not value.is_constant()
     }
+    if slopes:
+        over = ca.vertcat(*symbols.values())
+        tuned = [name for name in outputs if ca.depends_on(there[name], over)]
+        outputs |= {SLOPE_OF + name: ca.sum2(ca.jacobian(there[name], over)) for name in tuned}
     return Law(
         name="contact",
         comment="Friction of a mass for a wrap angle [rad], eqs. (8), (9).",

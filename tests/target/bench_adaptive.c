@@ -25,7 +25,11 @@ int main(void)
         mark_begin();
         mark_end();
         mark_begin();
+#ifdef TFF_JOINTS
+        answer = tff_adaptive_step(&adaptive, reference[k], measured[k], joints[k]);
+#else
         answer = tff_adaptive_step(&adaptive, reference[k], measured[k]);
+#endif
         mark_end();
         difference = (double)answer - expected[k];
         difference = (difference < 0.0) ? -difference : difference;

@@ -7,7 +7,7 @@ import pytest
 
 from tendonff.compensator.adapt.setup import tuned_chain, tuning_of
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.export.adaptive import ADAPTIVE
+from tendonff.compensator.export.modules import ADAPTIVE
 from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig
@@ -18,6 +18,7 @@ MOST = 25_000
 """Instructions of a step with N = 6: 15 % of a period of 1 ms at 168 MHz."""
 
 BOTH = (Tunable.MU, Tunable.LOAD_STIFFNESS)
+APART = (Tunable.MU_PULL, Tunable.MU_RELEASE)
 
 
 def recorded(problem, settings):
@@ -32,6 +33,15 @@ def recorded(problem, settings):
     return wanted, run.measured, run.force_N
 
 
+def angles_of(problem):
+    """Joint angles at the ends of the steps; nothing where none moves."""
+    motion = problem.chain.motion
+    if motion is None:
+        return ""
+    rows = ", ".join(f"{{ {', '.join(f'{q:.17e}' for q in row)} }}" for row in motion.at(problem.reference.time_s[1:]))
+    return f"static const tff_real joints[ROWS][TFF_JOINTS] = {{ {rows} }};\n"
+
+
 def numbers(kind, name, values):
     rows = ",\n".join(f"({kind}){float(v):.17e}" for v in values)
     return f"static const {kind} {name}[ROWS] = {{\n{rows}\n}};\n"
@@ -39,15 +49,25 @@ def numbers(kind, name, values):
 
 @pytest.mark.parametrize("board", ["m4f", "m7"])
 @pytest.mark.parametrize(
-    ("sensor", "parameters"), [(Sensor.OUTPUT_TENSION, (Tunable.MU,)), (Sensor.ACTUATOR_POSITION, BOTH)]
+    ("example", "sensor", "parameters"),
+    [
+        ("finger", Sensor.OUTPUT_TENSION, (Tunable.MU,)),
+        ("finger", Sensor.ACTUATOR_POSITION, BOTH),
+        ("finger_moving", Sensor.ACTUATOR_POSITION, (Tunable.MU,)),
+        ("finger_moving", Sensor.OUTPUT_TENSION, APART),
+        ("finger_moving", Sensor.ACTUATOR_POSITION, BOTH),
+    ],
 )
 def test_a_step_of_the_tuner_stays_within_its_instructions_and_says_what_python_says(
-    toolbox, examples, tmp_path, board, sensor, parameters, record_property
+    toolbox, examples, tmp_path, board, example, sensor, parameters, record_property
 ):
+    """Six masses; two joints of the moving finger turn two of its four bends."""
     board = getattr(toolbox, board)
-    scenario = load_scenario(examples / "finger_adaptive.toml")
+    scenario = load_scenario(examples / f"{example}.toml")
+    path = replace(scenario.transmission.path, segments=6)
+    scenario = replace(scenario, transmission=replace(scenario.transmission, path=path))
     settings = replace(
-        scenario.adaptation,
+        load_scenario(examples / "finger_adaptive.toml").adaptation,
         sensor=sensor,
         parameters=parameters,
         noise=0.1 if sensor is Sensor.OUTPUT_TENSION else 2e-5,
@@ -60,13 +80,13 @@ def test_a_step_of_the_tuner_stays_within_its_instructions_and_says_what_python_
     toolbox.write_reference(tmp_path, wanted, board.precision)
     start = f"#define START_N ((tff_real){problem.reference.initial_tension_N!r})\n"
     arrays = numbers("tff_real", "measured", measured), numbers("double", "expected", force)
-    (tmp_path / "measured.h").write_text("".join([start, *arrays]))
+    (tmp_path / "measured.h").write_text("".join([start, *arrays, angles_of(problem)]))
     there, _ = toolbox.on_board(board, tmp_path, tmp_path, kinds=("adaptive",))
     _, most, mean = there.counts["adaptive"]
     what = " and ".join(parameters)
     record_property(
         "figure",
-        f"{board.name}, N = 6, tuner of {what}: {most} instructions at most, {mean:.0f} mean, "
+        f"{board.name}, N = 6, {example}, tuner of {what}: {most} instructions at most, {mean:.0f} mean, "
         f"{1e-9 * int(there.hashes[0], 16):.1g} N from Python",
     )
     assert most <= MOST

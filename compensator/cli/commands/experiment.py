@@ -1,10 +1,27 @@
 """`tendonff experiment`: the paper's ten-state test on two motors."""
 
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
 from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument
 from tendonff.compensator.cli.progress import progress, say, warn
 
 
-def experiment(scenario: ScenarioArgument, out: OutFolderOption) -> None:
+def experiment(
+    scenario: ScenarioArgument,
+    out: OutFolderOption,
+    measured: Annotated[
+        Path | None,
+        typer.Option(
+            "--measured",
+            metavar="FILE",
+            help="Tensions of this test on a rig (time_s, any of tension_1_N to tension_7_N), laid over the models.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
     """Run the ten-state test on two motors.
 
     All three model levels receive the same commands.
@@ -16,7 +33,7 @@ def experiment(scenario: ScenarioArgument, out: OutFolderOption) -> None:
         from tendonff.compensator.experiment.run import experiment as run_test
 
         with progress("experimenting") as advance:
-            result = run_test(loaded, progress=advance)
+            result = run_test(loaded, measured, progress=advance)
         result.write(folder)
     for warning in warnings_of(result):
         warn(warning)

@@ -3,7 +3,7 @@
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -18,59 +18,47 @@ if TYPE_CHECKING:
 SCALED = ("time", "input", "output", "input_position", "output_position", "actuator_force")
 
 
+def _column(name: str, what: str) -> Any:
+    """The option that names a column."""
+    return typer.Option(f"--{name}-column", help=f"Name of the column of {what}.", show_default=False)
+
+
+def _several(name: str, metavar: str, text: str) -> Any:
+    """An option that may be repeated."""
+    return typer.Option(name, metavar=metavar, help=f"{text}; may be repeated.", show_default=False)
+
+
 def identify(
     scenario: ScenarioArgument,
     out: OutFolderOption,
-    data: Annotated[
-        list[Path] | None,
-        typer.Option("--data", metavar="D.csv", help="Measured file to fit; may be repeated.", show_default=False),
-    ] = None,
+    data: Annotated[list[Path] | None, _several("--data", "D.csv", "Measured file to fit")] = None,
     validate: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--validate",
-            metavar="V.csv",
-            help="Measured file that judges the laws; may be repeated.",
-            show_default=False,
-        ),
+        list[Path] | None, _several("--validate", "V.csv", "Measured file that judges the laws")
     ] = None,
     suggest: Annotated[
         bool, typer.Option("--suggest", help="Only write an excitation for this rig, as a force file.")
     ] = False,
-    time_column: Annotated[
-        str | None, typer.Option("--time-column", help="Name of the column of time.", show_default=False)
-    ] = None,
-    input_column: Annotated[
-        str | None, typer.Option("--input-column", help="Name of the column of the input tension.", show_default=False)
-    ] = None,
-    output_column: Annotated[
-        str | None,
-        typer.Option("--output-column", help="Name of the column of the output tension.", show_default=False),
-    ] = None,
-    input_position_column: Annotated[
-        str | None,
-        typer.Option(
-            "--input-position-column", help="Name of the column of the input end's position.", show_default=False
+    time_column: Annotated[str | None, _column("time", "time")] = None,
+    input_column: Annotated[str | None, _column("input", "the input tension")] = None,
+    output_column: Annotated[str | None, _column("output", "the output tension")] = None,
+    input_position_column: Annotated[str | None, _column("input-position", "the input end's position")] = None,
+    output_position_column: Annotated[str | None, _column("output-position", "the output end's position")] = None,
+    actuator_force_column: Annotated[str | None, _column("actuator-force", "the actuator's force")] = None,
+    tension_column: Annotated[
+        list[str] | None,
+        _several(
+            "--tension-column",
+            "NAME=ANGLE_RAD",
+            "Column of a tension between the ends, and the wrap angle from the actuator to it",
         ),
-    ] = None,
-    output_position_column: Annotated[
-        str | None,
-        typer.Option(
-            "--output-position-column", help="Name of the column of the output end's position.", show_default=False
-        ),
-    ] = None,
-    actuator_force_column: Annotated[
-        str | None,
-        typer.Option("--actuator-force-column", help="Name of the column of the actuator's force.", show_default=False),
     ] = None,
     scale: Annotated[
         list[str] | None,
-        typer.Option(
+        _several(
             "--scale",
-            metavar="[COLUMN=]FACTOR",
-            help="Factor to SI units: of both tensions, or of the column time, input, output, input_position, "
-            "output_position or actuator_force; may be repeated.",
-            show_default=False,
+            "[COLUMN=]FACTOR",
+            "Factor to SI units: of both tensions, or of the column time, input, output, input_position, "
+            "output_position or actuator_force",
         ),
     ] = None,
     offset: Annotated[
@@ -112,11 +100,8 @@ def identify(
     static_only: Annotated[bool, typer.Option("--static", help="Stop after the static stage.")] = False,
     condition: Annotated[
         list[str] | None,
-        typer.Option(
-            "--condition",
-            metavar="FILE=LABEL",
-            help="Label of a measured file, such as wet or worn: estimates are told by label; may be repeated.",
-            show_default=False,
+        _several(
+            "--condition", "FILE=LABEL", "Label of a measured file, such as wet or worn: estimates are told by label"
         ),
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Fit very long files without asking.")] = False,
@@ -137,6 +122,8 @@ def identify(
         say(f"{out / 'suggested_force.csv'}: {excitation.time_s[-1]:.4g} s, up to {excitation.force_N.max():.4g} N")
         for part in excitation.parts:
             say(f"  {part}")
+        if excitation.gain:
+            say(excitation.gain)
         return
     if not data:
         raise InputError(
@@ -160,7 +147,7 @@ def identify(
     with opened(scenario, out, follows_reference=False) as (loaded, folder):
         try:
             how = replace(loaded.measurement, **{k: v for k, v in names.items() if v is not None})  # type: ignore[arg-type]
-            how = _zeroed(_scaled(how, scale or []), offset or [], tare)
+            how = _between(_zeroed(_scaled(how, scale or []), offset or [], tare), tension_column or [])
         except ParameterError as error:
             raise InputError(str(error)) from None
         from tendonff.compensator.identification.result import summary_lines
@@ -206,6 +193,25 @@ def _labels(options: list[str], names: list[str]) -> dict[str, str]:
             raise InputError(f'--condition: "{name}" is not given with --data{suggestion(Path(name).name, names)}')
         found[Path(name).name] = label
     return found
+
+
+def _between(how: "Measurement", options: list[str]) -> "Measurement":
+    """Put `--tension-column` into the table [measurement]."""
+    from tendonff.compensator.files.reading import InputError
+
+    if not options:
+        return how
+    cells = []
+    for option in options:
+        name, _, text = option.rpartition("=")
+        try:
+            cells.append((name, float(text)))
+        except ValueError:
+            name = ""
+        if not name:
+            raise InputError(f'--tension-column must be NAME=ANGLE_RAD, got "{option}"; --tension-column cell_2_N=1.05')
+    names, angles = zip(*cells, strict=True)
+    return replace(how, tension_columns=names, tension_angles_rad=angles)
 
 
 def _zeroed(how: "Measurement", offsets: list[str], tare: str | None) -> "Measurement":

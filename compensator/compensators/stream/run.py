@@ -75,7 +75,8 @@ def choose_stream(
     with_ramps : bool, optional
         Preview also helps against a rate limit that binds.
     """
-    step, binds = problem.reference.step_s, with_ramps and rate_binds(problem)
+    step, still = problem.reference.step_s, problem.chain.motion is None  # nobody knows where joints will be
+    binds = with_ramps and still and rate_binds(problem)
     ahead = min(round(stream.preview_s / step), _FURTHEST if binds else 2 * _LONGEST)
     longest = min(ahead or int(stream.lag_max_s / step * (1 + 1e-9)), _LONGEST)
     corner = corner_per_sample(problem.transmission, step)

@@ -18,8 +18,8 @@ from tendonff.compensator.compensators.stream.model import RE_ENTRY_S, StreamDes
 from tendonff.compensator.compensators.stream.ramp import SLACK
 from tendonff.compensator.compensators.table import table_range
 from tendonff.compensator.compensators.table_build import BuiltTable
-from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES, adaptive_code
-from tendonff.compensator.export.modules import PLANT, STREAM
+from tendonff.compensator.export.adaptive import adaptive_code
+from tendonff.compensator.export.modules import ADAPTIVE_MODULES, PLANT, STREAM
 from tendonff.compensator.export.packaging import packed
 from tendonff.compensator.export.text.parameters import parameter_context, settable_inverse
 from tendonff.compensator.export.text.path_text import padded, path_bytes, path_context
@@ -239,7 +239,7 @@ def _context(
     }
     past += count + 2 if past and joints else 0
     servo = actuator.servo_stiffness_N_per_m  # None for a force drive
-    past += 1 if servo else 0
+    past += (2 if joints else 1) if servo else 0
     free = 5 if chain.friction.weakening_speed_m_per_s is not None else 3
     free = 1 if joints else free
     state = {

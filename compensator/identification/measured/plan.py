@@ -71,7 +71,7 @@ def check_plan(
 
 
 def check_question(scenario: Scenario, fit_files: Sequence[Path], judging: Sequence[Path]) -> None:
-    """Refuse what cannot be answered: no file, a straight path, two relaxation times, a file that judges itself.
+    """Refuse what cannot be answered: no file, a straight path, two relaxation times, cells beyond the path.
 
     Raises
     ------
@@ -90,3 +90,10 @@ def check_question(scenario: Scenario, fit_files: Sequence[Path], judging: Seque
         )
     if twice := sorted({p.name for p in fit_files if p.resolve() in {v.resolve() for v in judging}}):
         raise InputError(f"{', '.join(twice)}: given with --data and with --validate; a file cannot judge its own fit")
+    theta = scenario.transmission.path.total_angle_rad
+    for angle in scenario.measurement.tension_angles_rad or ():
+        if angle >= theta:
+            raise InputError(
+                f"tension_angles_rad: a cell at {angle:g} rad; its angle from the actuator must be less than that of "
+                f"the whole path, {theta:g} rad"
+            )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.export.adaptive import ADAPTIVE_MODULES
+from tendonff.compensator.export.modules import ADAPTIVE, ADAPTIVE_MODULES
 from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.scenario.adaptation import Adaptation
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
@@ -20,10 +20,29 @@ NOISE = {Sensor.OUTPUT_TENSION: 0.165, Sensor.ACTUATOR_POSITION: 2e-5}
 DRIVER = """
 tff_adaptive *made(void) { return (tff_adaptive *)calloc(1, sizeof(tff_adaptive)); }
 void begin(tff_adaptive *self, double tension) { tff_adaptive_init(self, (tff_real)tension); }
-double step(tff_adaptive *self, double reference, double measured)
+double step(tff_adaptive *self, double reference, double measured, const double *joint_rad)
 {
+#ifdef TFF_JOINTS
+    tff_real angle[TFF_JOINTS];
+    for (int k = 0; k < TFF_JOINTS; k++) {
+        angle[k] = (tff_real)joint_rad[k];
+    }
+    return (double)tff_adaptive_step(self, (tff_real)reference, (tff_real)measured, angle);
+#else
+    (void)joint_rad;
     return (double)tff_adaptive_step(self, (tff_real)reference, (tff_real)measured);
+#endif
 }
+#ifdef TFF_JOINTS
+void begin_at(tff_adaptive *self, double tension, const double *joint_rad)
+{
+    tff_real angle[TFF_JOINTS];
+    for (int k = 0; k < TFF_JOINTS; k++) {
+        angle[k] = (tff_real)joint_rad[k];
+    }
+    tff_adaptive_init_at(self, (tff_real)tension, angle);
+}
+#endif
 double mu(const tff_adaptive *self) { return (double)tff_adaptive_mu(self); }
 unsigned status(const tff_adaptive *self) { return self->output.status; }
 void keep(const tff_adaptive *from, tff_adaptive *to)
@@ -39,15 +58,21 @@ class ExportedTuner:
     """The C module as an object."""
 
     def __init__(self, library: ctypes.CDLL, tension_N: float) -> None:
-        self.library = library
+        self.library, self.start_N = library, tension_N
         library.made.restype = ctypes.c_void_p
         library.step.restype = library.mu.restype = ctypes.c_double
         library.status.restype = ctypes.c_uint
         self.address = ctypes.c_void_p(library.made())
         library.begin(self.address, ctypes.c_double(tension_N))
 
-    def step(self, reference_N: float, measured: float) -> float:
-        return float(self.library.step(self.address, ctypes.c_double(reference_N), ctypes.c_double(measured)))
+    def step(self, reference_N: float, measured: float, joint_rad=()) -> float:
+        angles = (ctypes.c_double * len(joint_rad))(*joint_rad)
+        numbers = ctypes.c_double(reference_N), ctypes.c_double(measured)
+        return float(self.library.step(self.address, *numbers, angles))
+
+    def begin_at(self, tension_N: float, joint_rad) -> None:
+        angles = (ctypes.c_double * len(joint_rad))(*joint_rad)
+        self.library.begin_at(self.address, ctypes.c_double(tension_N), angles)
 
     @property
     def status(self) -> int:
@@ -56,6 +81,23 @@ class ExportedTuner:
     @property
     def mu(self) -> float:
         return float(self.library.mu(self.address))
+
+
+def compiled_tuner(scenario: Scenario, problem: Problem, precision: Precision) -> ExportedTuner:
+    """The tuner of a scenario's exported C, at rest."""
+    modules, path = (ADAPTIVE_MODULES, ()) if problem.chain.motion is None else ((ADAPTIVE,), ("path",))
+    texts = c_sources(scenario, problem, modules, precision, "tff")
+    names = ("parameters", "limits", *path, "adaptive")
+    order = ("types.h", *(f"{name}.h" for name in names), *(f"{name}.c" for name in names))
+    own = "\n".join(texts[f"tff_{name}"] for name in order)
+    lines = [line for line in own.splitlines() if not line.startswith('#include "')]
+    library = load_library("\n".join(["#include <stdlib.h>", *lines, DRIVER]))
+    return ExportedTuner(library, problem.reference.initial_tension_N)
+
+
+@pytest.fixture(scope="session")
+def tuner_of() -> Callable[..., ExportedTuner]:
+    return compiled_tuner
 
 
 def adapted(scenario: Scenario, sensor: Sensor, parameters: tuple[Tunable, ...]) -> Scenario:
@@ -72,20 +114,14 @@ def finger(examples) -> Scenario:
 @pytest.fixture(scope="session")
 def exported(finger) -> Callable[..., ExportedTuner]:
     """A new tuner of the compiled C."""
-    made: dict[object, tuple[ctypes.CDLL, float]] = {}
+    made: dict[object, ExportedTuner] = {}
 
     def tuner(sensor: Sensor, parameters=(Tunable.MU,), precision: Precision = Precision.DOUBLE) -> ExportedTuner:
         key = (sensor, parameters, precision)
         if key not in made:
             scenario = adapted(finger, sensor, parameters)
-            problem = Problem.of(scenario)
-            texts = c_sources(scenario, problem, ADAPTIVE_MODULES, precision, "tff")
-            order = ("types.h", "parameters.h", "limits.h", "adaptive.h", "parameters.c", "limits.c", "adaptive.c")
-            own = "\n".join(texts[f"tff_{name}"] for name in order)
-            lines = [line for line in own.splitlines() if not line.startswith('#include "')]
-            source = "\n".join(["#include <stdlib.h>", *lines, DRIVER])
-            made[key] = load_library(source), problem.reference.initial_tension_N
-        return ExportedTuner(*made[key])
+            made[key] = compiled_tuner(scenario, Problem.of(scenario), precision)
+        return ExportedTuner(made[key].library, made[key].start_N)
 
     return tuner
 

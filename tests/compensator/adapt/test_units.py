@@ -109,7 +109,8 @@ def test_the_units_are_valid(adaptive, tmp_path, kind, fmi):
         assert variables["mu"] == ("parameter", "tunable")
 
 
-def test_the_adaptive_unit_finds_the_friction_of_a_plant(adaptive, tmp_path):
+@pytest.mark.parametrize("example", ["finger_adaptive", "finger_moving"])
+def test_the_adaptive_unit_finds_the_friction_of_a_plant(adaptive, examples, tmp_path, example):
     """Measurements of a rig with 20 % more friction: what the tuner of Python says too."""
     fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed")
     if shutil.which("cc") is None:
@@ -118,15 +119,19 @@ def test_the_adaptive_unit_finds_the_friction_of_a_plant(adaptive, tmp_path):
     from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig
     from tendonff.ocp.adaptation.tuning import Tunable
 
-    problem = Problem.of(adaptive)
-    tuning, start = tuning_of(problem, adaptive.adaptation), problem.reference.initial_tension_N
+    scenario = replace(load_scenario(examples / f"{example}.toml"), adaptation=adaptive.adaptation)
+    problem = Problem.of(scenario)
+    tuning, start = tuning_of(problem, scenario.adaptation), problem.reference.initial_tension_N
     tuned, wanted = tuned_chain(problem, tuning), problem.reference.tension_N[1 : ROWS + 1]
     rig = SimulatedRig(tuned.with_factors({Tunable.MU: 1.2}), 1e-3, 1, start)
     run = SelfTuner(tuned, 1e-3, tuning, problem.limits, start).run(rig, wanted, np.zeros(ROWS))
     path = tmp_path / "unit.fmu"
-    path.write_bytes(build_fmu(adaptive, Kind.ADAPTIVE, FmiVersion.V2).content)
-    rows = list(zip(np.arange(ROWS) * 1e-3, wanted, run.measured, strict=True))
-    signal = np.array(rows, dtype=[("time", float), ("reference", float), ("measured", float)])
+    path.write_bytes(build_fmu(scenario, Kind.ADAPTIVE, FmiVersion.V2).content)
+    columns = {"time": np.arange(ROWS) * 1e-3, "reference": wanted, "measured": run.measured}
+    if (motion := problem.chain.motion) is not None:  # angles at the ends of the steps
+        angles = motion.at(problem.reference.time_s[1 : ROWS + 1])
+        columns |= {f"joint_{name}": angles[:, k] for k, name in enumerate(motion.names)}
+    signal = np.array(list(zip(*columns.values(), strict=True)), dtype=[(name, float) for name in columns])
     out = fmpy.simulate_fmu(
         str(path),
         stop_time=ROWS * 1e-3,

@@ -11,6 +11,7 @@ from tendonff.compensator.cli import run
 from tendonff.compensator.experiment import output as experiment_output
 from tendonff.compensator.experiment.figures import tensions_figure
 from tendonff.compensator.experiment.machine import plan_experiment
+from tendonff.compensator.experiment.measured import deviations, read_measured
 from tendonff.compensator.experiment.numbers import (
     MEANINGS,
     law_deviation,
@@ -23,10 +24,13 @@ from tendonff.compensator.experiment.numbers import (
     warnings_of,
 )
 from tendonff.compensator.experiment.output import write_run
-from tendonff.compensator.experiment.result import ExperimentRun
+from tendonff.compensator.experiment.report import experiment_report
+from tendonff.compensator.experiment.result import ExperimentRun, MeasuredTensions
 from tendonff.compensator.experiment.rig import Rig
 from tendonff.compensator.experiment.run import ExperimentResult, experiment, follow_schedule, run_machine
-from tendonff.compensator.files.reading import read_csv
+from tendonff.compensator.files.reading import InputError, read_csv
+from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.reporting.page import render_report
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 from tendonff.models.fidelity import Level
 
@@ -258,6 +262,49 @@ def test_the_command_writes_everything_for_the_finger(examples: Path, result: Ex
     assert summary["bumpless"]["largest_tension_step_percent_of_range"] < 0.1
     assert summary["refinement"]["fine_segments"] == 40
     assert summary["quasi_static_elastic"]["two_ended_law"]["max_percent_of_range"] < 0.1
+
+
+@pytest.fixture(scope="module")
+def measured(result: ExperimentResult, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Sensors 2 and 6 of a rig that is the viscoelastic model but for 0.5 N at the sixth."""
+    path, run_ = tmp_path_factory.mktemp("rig") / "rig.csv", result.runs[Level.VISCOELASTIC]
+    rows = slice(50, -50, 7)
+    sixth = run_.tension_N[rows, 5] + 0.5
+    write_csv(path, {"time_s": run_.time_s[rows], "tension_2_N": run_.tension_N[rows, 1], "tension_6_N": sixth})
+    return path
+
+
+def test_measured_tensions_are_laid_over_and_compared(result: ExperimentResult, measured: Path, tmp_path: Path) -> None:
+    with_rig = replace(result, measured=read_measured(measured))
+    levels = experiment_output.summary(with_rig)["levels"]
+    second, sixth = levels[Level.VISCOELASTIC]["measured"]
+    assert (second["sensor"], sixth["sensor"]) == (2, 6)
+    assert second["measured_rms_percent_of_range"] == pytest.approx(0, abs=1e-3)
+    for key in ("measured_rms_percent_of_range", "measured_max_percent_of_range"):
+        assert sixth[key] == pytest.approx(50 / result.runs[Level.VISCOELASTIC].range_N, rel=1e-3)
+    assert levels[Level.ELASTIC]["measured"][0]["measured_rms_percent_of_range"] > 0.5
+    lines, bare = (len(tensions_figure(one).axes[0].lines) for one in (with_rig, result))
+    assert lines == bare + 2
+    page = render_report(experiment_report(with_rig, {}))
+    assert "rig.csv, dashed in the figure" in page
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [("time_s,a\n0,1\n1,2\n", "at least one of tension_1_N"), ("time_s,tension_1_N\n0,x\n", "rows hold numbers")],
+)
+def test_a_measured_file_that_cannot_be_used_is_refused(
+    finger: Scenario, tmp_path: Path, text: str, message: str
+) -> None:
+    (tmp_path / "rig.csv").write_text(text)
+    with pytest.raises(InputError, match=message):
+        experiment(finger, tmp_path / "rig.csv")
+
+
+def test_a_measured_file_of_another_time_is_refused(result: ExperimentResult) -> None:
+    late = MeasuredTensions(name="rig.csv", time_s=np.array([1e4, 2e4]), tension_N={0: np.array([1.0, 2.0])})
+    with pytest.raises(InputError, match="let the measured time start with the test"):
+        deviations(result.runs[Level.ELASTIC], late)
 
 
 def test_the_report_explains_every_number_of_the_summary(result: ExperimentResult) -> None:

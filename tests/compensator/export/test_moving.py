@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.motion import with_motion
+from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.host import run_on_host
 from tendonff.compensator.export.modules import c_modules
@@ -16,6 +18,7 @@ from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.scenario.joints import SineJoint
 from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.models.drive import Drive
 from tendonff.models.parameters import Load
 from tendonff.models.section import SectionKind
 from tendonff.ocp.codegen.precision import Precision
@@ -125,6 +128,7 @@ def test_the_folder_says_what_the_joints_are_and_passes_its_own_test(folder):
     assert [joint["name"] for joint in content["joints"]] == ["knuckle", "middle"]
     assert content["table"] is None
     assert content["capstan"] is None
+    assert "passes stream: golden vectors of a live reference" in said.stdout
     assert not (folder / "tff_capstan.c").exists()
     assert not (folder / "tff_table.c").exists()
     assert "`knuckle` (-2 to" in (folder / "README.md").read_text()  # where the section would have no length
@@ -139,6 +143,43 @@ def test_the_self_test_sees_a_wrong_moment_arm(folder, tmp_path):
     (torn / "tff_path.c").write_text(source.replace(drift, drift.replace("rate_0", "1.01 * rate_0")))
     said = subprocess.run(["make", "test"], cwd=torn, capture_output=True, text=True, check=False)
     assert "FAILS  inverse: golden vectors" in said.stdout
+
+
+def servo(scenario):
+    """The same with a position drive, whose limits never bind: there the travel is the exact inverse's."""
+    bounds = {"force_max_N": 1e4, "force_rate_max_N_per_s": 1e7}
+    actuator = replace(scenario.transmission.actuator, drive=Drive.POSITION, servo_stiffness_N_per_m=2e5, **bounds)
+    return replace(scenario, transmission=replace(scenario.transmission, actuator=actuator))
+
+
+@pytest.mark.parametrize("precision", Precision)
+@pytest.mark.parametrize("variant", [None, far_driven, at_rest])
+def test_a_servo_is_told_where_to_go_while_joints_move_the_path(moving, variant, precision, record_property):
+    """x_c1 = q_a + (F - T0)/k; after a tenth of a second without angles it is where it would have been."""
+    scenario = servo(moving if variant is None else variant(moving))
+    problem = Problem.of(scenario)
+    wanted = problem.reference.tension_N[:ROWS]
+    expected = with_motion(problem, "inverse", compensator("inverse").profile(problem)).command_m[:ROWS]
+    angles = np.zeros((ROWS, 0))
+    if (motion := problem.chain.motion) is not None:
+        angles = motion.at(problem.reference.time_s[:ROWS])
+    module = next(m for m in c_modules(scenario) if m.name == "inverse")
+    sources = c_sources(scenario, problem, (module,), precision, "tff")
+    torn = angles.copy()
+    torn[500:600] = np.nan
+    found = run_on_host(sources, "tff", precision, [{"inverse": wanted}] * 2, [angles, torn])
+    if found is None:
+        pytest.skip("no C compiler")
+    whole, lost = (run["inverse"] for run in found)
+    error = np.abs(whole - expected).max()
+    record_property(
+        "figure", f"servo on a path in sections, {variant and variant.__name__}, {precision}: {error:.2g} m"
+    )
+    assert np.ptp(expected) > 1e-3
+    assert error < (1e-12 if precision is Precision.DOUBLE else 1e-7)
+    if angles.size:
+        assert np.all(lost[500:600] == lost[499])
+        assert np.abs(lost[-100:] - expected[-100:]).max() < 0.03 * np.ptp(expected)
 
 
 def test_samples_lost_while_the_joints_moved_cost_a_few_samples(moving):

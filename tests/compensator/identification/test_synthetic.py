@@ -10,10 +10,10 @@ from synthetic import DIRTY, Faults, write_synthetic
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import read_csv
 from tendonff.compensator.identification.run import identify
-from tendonff.compensator.identification.suggest import suggest
+from tendonff.compensator.identification.suggest import PLANS, draw_plan, suggest
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
-from tendonff.models.capstan import CapstanLaw
+from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.ocp.inverse import invert
@@ -192,6 +192,18 @@ def test_the_suggested_excitation_respects_the_actuator(nominal):
         hold = 3 * scenario.transmission.tendon.relaxation_time_s
         still = np.convolve(np.diff(force.force_N) == 0, np.ones(int(hold / 0.005)), "valid")
         assert still.max() == int(hold / 0.005)
+
+
+def test_the_suggested_excitation_goes_as_deep_as_the_reference_and_tells_a_design_more(examples):
+    scenario = load_scenario(examples / "surgical.toml")
+    found = suggest(scenario)
+    reference = sample_reference(scenario).tension_N
+    law = CapstanLaw.of(scenario.transmission)
+    assert found.force_N.min() == pytest.approx(float(law.input_for_N(reference.min(), Branch.RELEASE)), rel=1e-6)
+    before = draw_plan(scenario, PLANS[0], 0.08 * 0.9 * scenario.transmission.actuator.force_max_N)
+    assert found.time_s[-1] <= before.time_s[-1]
+    assert found.expected_percent < 0.5 * found.before_percent
+    assert f"{found.expected_percent:.2g} % in a design" in found.gain
 
 
 def _weaker(transmission):

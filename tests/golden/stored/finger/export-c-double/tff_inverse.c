@@ -156,58 +156,83 @@ static double tff_inverse_invert_step(
     double start;
     double rate;
     double v;
-    double f;
-    double near_f;
+    double f = reference;
     double f_c;
     double low = reference;
-    int i;
-    int j;
+    int i = n;
 
-    for (j = 0; j < (((4 * n) + 6) - 3); j += 4) { /* x_old holds x, x holds the base of the step; four in one go */
-        const double now_0 = x[j];
-        const double now_1 = x[j + 1];
-        const double now_2 = x[j + 2];
-        const double now_3 = x[j + 3];
-        x[j] = now_0 + (carry * (now_0 - x_old[j]));
-        x_old[j] = now_0;
-        x[j + 1] = now_1 + (carry * (now_1 - x_old[j + 1]));
-        x_old[j + 1] = now_1;
-        x[j + 2] = now_2 + (carry * (now_2 - x_old[j + 2]));
-        x_old[j + 2] = now_2;
-        x[j + 3] = now_3 + (carry * (now_3 - x_old[j + 3]));
-        x_old[j + 3] = now_3;
+    {
+        const double v_now = x[n + 1];
+        const double v_base = v_now + (carry * (v_now - x_old[n + 1]));
+        const double q_now = x[((4 * n) + 5)];
+        const double q_base = q_now + (carry * (q_now - x_old[((4 * n) + 5)]));
+        tff_inverse_far_velocity(c, f, v_base, q_base, &v);
+        x_old[n + 1] = v_now;
+        x_old[((4 * n) + 5)] = q_now;
+        x[((4 * n) + 5)] = q_base + (c->H * v);
+        x[n + 1] = v;
     }
-    for (; j < ((4 * n) + 6); j++) {
-        const double now = x[j];
-        x[j] = now + (carry * (now - x_old[j]));
-        x_old[j] = now;
-    }
-    f = reference;
-    tff_inverse_far_velocity(c, f, x[n + 1], x[((4 * n) + 5)], &v);
-    x[((4 * n) + 5)] += c->H * v;
-    x[n + 1] = v;
-    for (i = n; i >= 0; i--) { /* link i between mass i and mass i + 1 */
-        const tff_inverse_weights *const l = &c[((i == 0) || (i == n)) ? 1 : 0];
-        double *const e = &x[(n + 2) + i];
-        double *const z = &x[((2 * n) + 3) + i];
-        const double e_base = *e;
-        const double z_base = *z;
-        tff_inverse_link_start(l, e_base, z_base, &start);
-        tff_inverse_link_rate(l, f, start, &rate);
-        tff_inverse_link_states(l, rate, e_base, z_base, e, z);
+    {
+        const double e_now = x[(n + 2) + n];
+        const double e_base = e_now + (carry * (e_now - x_old[(n + 2) + n]));
+        const double z_now = x[((2 * n) + 3) + n];
+        const double z_base = z_now + (carry * (z_now - x_old[((2 * n) + 3) + n]));
+        x_old[(n + 2) + n] = e_now;
+        x_old[((2 * n) + 3) + n] = z_now;
+        tff_inverse_link_start((&c[1]), e_base, z_base, &start);
+        tff_inverse_link_rate((&c[1]), f, start, &rate);
+        tff_inverse_link_states((&c[1]), rate, e_base, z_base, &x[(n + 2) + n], &x[((2 * n) + 3) + n]);
         v += rate;
+}
+    do {
+        double near_f;
+        const double v_now = x[i];
+        const double v_base = v_now + (carry * (v_now - x_old[i]));
+        double *const f_s = &x[((3 * n) + 4) + (i - 1)];
+        const double f_s_base = *f_s + (carry * (*f_s - x_old[((3 * n) + 4) + (i - 1)]));
+        x_old[i] = v_now;
+        x_old[((3 * n) + 4) + (i - 1)] = *f_s;
+        tff_inverse_path_mass_inverse(c, v, f, v_base, f_s_base, piece_adhesion_N, friction_mu_dynamic_pull, friction_mu_dynamic_release, &near_f, f_s);
+        x[i] = v;
+        f = near_f;
+        low = (f < low) ? f : low;
+        i--;
         if (i > 0) {
-            double *const f_s = &x[((3 * n) + 4) + (i - 1)];
-            const double f_s_base = *f_s;
-            tff_inverse_path_mass_inverse(c, v, f, x[i], f_s_base, piece_adhesion_N, friction_mu_dynamic_pull, friction_mu_dynamic_release, &near_f, f_s);
-            x[i] = v;
-            f = near_f;
-            low = (f < low) ? f : low;
-        }
+            const double e_now = x[(n + 2) + i];
+            const double e_base = e_now + (carry * (e_now - x_old[(n + 2) + i]));
+            const double z_now = x[((2 * n) + 3) + i];
+            const double z_base = z_now + (carry * (z_now - x_old[((2 * n) + 3) + i]));
+            x_old[(n + 2) + i] = e_now;
+            x_old[((2 * n) + 3) + i] = z_now;
+            tff_inverse_link_start(c, e_base, z_base, &start);
+            tff_inverse_link_rate(c, f, start, &rate);
+            tff_inverse_link_states(c, rate, e_base, z_base, &x[(n + 2) + i], &x[((2 * n) + 3) + i]);
+            v += rate;
+}
+    } while (i > 0);
+    {
+        const double e_now = x[(n + 2) + i];
+        const double e_base = e_now + (carry * (e_now - x_old[(n + 2) + i]));
+        const double z_now = x[((2 * n) + 3) + i];
+        const double z_base = z_now + (carry * (z_now - x_old[((2 * n) + 3) + i]));
+        x_old[(n + 2) + i] = e_now;
+        x_old[((2 * n) + 3) + i] = z_now;
+        tff_inverse_link_start((&c[1]), e_base, z_base, &start);
+        tff_inverse_link_rate((&c[1]), f, start, &rate);
+        tff_inverse_link_states((&c[1]), rate, e_base, z_base, &x[(n + 2) + i], &x[((2 * n) + 3) + i]);
+        v += rate;
+}
+    {
+        const double v_now = x[0];
+        const double v_base = v_now + (carry * (v_now - x_old[0]));
+        const double q_now = x[((4 * n) + 4)];
+        const double q_base = q_now + (carry * (q_now - x_old[((4 * n) + 4)]));
+        tff_inverse_near_force(c, v, f, v_base, &f_c);
+        x_old[0] = v_now;
+        x_old[((4 * n) + 4)] = q_now;
+        x[((4 * n) + 4)] = q_base + (c->H * v);
+        x[0] = v;
     }
-    tff_inverse_near_force(c, v, f, x[0], &f_c);
-    x[((4 * n) + 4)] += c->H * v;
-    x[0] = v;
     *least = low;
     return f_c;
 }

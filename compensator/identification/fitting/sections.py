@@ -1,0 +1,144 @@
+"""Friction by section, from tensions measured between the ends of the path.
+
+The far end moves only while the whole path slips. In these rows ln(T + p) falls from cell to cell by mu times the angle
+between them, whatever the bristles do before.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.identification.fitting.sliding_ratio import last_reversal
+from tendonff.compensator.identification.measured.cleaning import clean
+from tendonff.compensator.identification.measured.reading import Array, read_measurement
+from tendonff.compensator.scenario.measurement import Measurement
+from tendonff.models.capstan import Branch
+
+SLIPPED_SHARE = 0.3
+"""The path slips once the far tension has moved by so much of its range since its last reversal."""
+
+NEARLY, LEAST_STROKES = 0.95, 3
+
+FLOOR = 0.01
+"""Standard error of the method as a share of the coefficient: bristles fill up without end."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SectionFriction:
+    """Friction between two neighbouring tension cells.
+
+    Parameters
+    ----------
+    start, stop : str
+        Columns of the two cells, from the actuator on.
+    start_rad, stop_rad : float
+        Wrap angle from the actuator to each of them.
+    mu, mu_release : float
+        Coefficients of the section [-].
+    mu_error, mu_release_error : float
+        Their standard errors, by the scatter between strokes.
+    """
+
+    start: str
+    stop: str
+    start_rad: float
+    stop_rad: float
+    mu: float
+    mu_release: float
+    mu_error: float
+    mu_release_error: float
+
+    @property
+    def text(self) -> str:
+        """One line."""
+        return (
+            f"{self.start} to {self.stop} ({self.start_rad:.3g} to {self.stop_rad:.3g} rad): mu {self.mu:.4g} "
+            f"(+-{2 * self.mu_error:.2g}) pulling, {self.mu_release:.4g} (+-{2 * self.mu_release_error:.2g}) releasing"
+        )
+
+
+def friction_by_section(
+    files: Sequence[Path], how: Measurement, theta_rad: float, adhesion_N: float
+) -> tuple[SectionFriction, ...]:
+    """Friction between each pair of neighbouring cells; none where nothing was measured between the ends.
+
+    Parameters
+    ----------
+    files : sequence of Path
+    how : Measurement
+        Names the cells between the ends and their places.
+    theta_rad : float
+        Wrap angle of the whole path.
+    adhesion_N : float
+        Load-independent tension p of the whole, which two neighbouring cells do not tell.
+
+    Raises
+    ------
+    InputError
+        If a column is missing, or too few strokes slip.
+    """
+    if not how.tension_columns or not how.tension_angles_rad:
+        return ()
+    between = sorted(zip(how.tension_angles_rad, how.tension_columns, strict=True))
+    cells = [(0.0, how.input_column), *between]
+    to_end = [_to_the_end(files, how, column, adhesion_N) for _, column in cells]
+    to_end.append({branch: np.zeros_like(strokes) for branch, strokes in to_end[0].items()})
+    cells.append((theta_rad, how.output_column))
+    found = []
+    for ((start_rad, start), near), ((stop_rad, stop), far) in pairwise(zip(cells, to_end, strict=True)):
+        angle = stop_rad - start_rad
+        pull, release = ((near[b] - far[b]) / angle for b in (Branch.PULL, Branch.RELEASE))
+        found.append(
+            SectionFriction(
+                start=start,
+                stop=stop,
+                start_rad=start_rad,
+                stop_rad=stop_rad,
+                mu=float(np.median(pull)),
+                mu_release=-float(np.median(release)),
+                mu_error=_error(pull),
+                mu_release_error=_error(release),
+            )
+        )
+    return tuple(found)
+
+
+def _error(strokes: Array) -> float:
+    """Standard error of a coefficient by stroke, with what presliding leaves of gross sliding."""
+    scatter = float(strokes.std(ddof=1) / np.sqrt(len(strokes)))
+    return float(np.hypot(scatter, FLOOR * np.median(strokes)))
+
+
+def _to_the_end(files: Sequence[Path], how: Measurement, column: str, adhesion_N: float) -> dict[Branch, Array]:
+    """Logarithm of the tension at a cell over that at the far end: its median in each stroke that slips."""
+    own = column == how.input_column
+    pair = replace(
+        how, input_column=column, input_offset_N=how.input_offset_N if own else None, skip_s=how.skip_s or 0.0
+    )
+    found: dict[Branch, list[float]] = {branch: [] for branch in Branch}
+    for file in files:
+        for piece in clean(read_measurement(file, pair), pair).pieces:
+            far = piece.output_N
+            turns = last_reversal(far)
+            moved = np.abs(far - far[turns])
+            enough = SLIPPED_SHARE * float(np.ptp(far))
+            for turn in np.unique(turns[turns > 0]):
+                stroke = np.flatnonzero(turns == turn)
+                # At the end of a stroke the far end stands still while the tension before it has turned round.
+                last = int(np.argmax(moved[stroke] >= NEARLY * moved[stroke].max()))
+                rows = stroke[:last][moved[stroke[:last]] > enough]
+                if len(rows):
+                    lifted = (piece.input_N[rows] + adhesion_N) / (far[rows] + adhesion_N)
+                    branch = Branch.PULL if far[rows[0]] > far[turn] else Branch.RELEASE
+                    found[branch].append(float(np.log(np.median(lifted))))
+    for branch, strokes in found.items():
+        if len(strokes) < LEAST_STROKES:
+            raise InputError(
+                f"friction by section: the far end slips in {len(strokes)} strokes ({branch}), {LEAST_STROKES} are "
+                "needed; pull and release further"
+            )
+    return {branch: np.array(strokes) for branch, strokes in found.items()}

@@ -1,0 +1,114 @@
+"""What is known of a chain before a controller runs: parameters to fold into the laws, row by row of the scheme."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import casadi as ca
+
+from tendonff.models.chain import Chain
+from tendonff.ocp.codegen.law import Law
+from tendonff.ocp.codegen.partial_evaluation import Specialiser
+from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.codegen.printer import literal
+from tendonff.ocp.step.c_engine import link_ratios
+from tendonff.ocp.step.laws import ElementLaws
+from tendonff.ocp.step.target_joints import Contact
+
+Weights = tuple[tuple[float, float], ...]
+"""Weight H [s] and carry of each row of the scheme."""
+
+
+def chain_specialiser(
+    chain: Chain,
+    weights: Weights,
+    prefix: str,
+    precision: Precision,
+    contact: Contact | None = None,
+    free: tuple[str, ...] = (),
+    *,
+    floors: Mapping[str, float] | None = None,
+    whole: bool = True,
+) -> Specialiser:
+    """What folds the laws of a chain.
+
+    Parameters
+    ----------
+    chain : Chain
+    weights : tuple
+        Rows of the scheme.
+    prefix : str
+        Prefix of every C name.
+    precision : Precision
+    contact : Contact, optional
+        On a path in sections; then a link is the whole tendon, or with `whole` unset its ratio is unknown.
+    free : tuple of str, optional
+        Numbers that are known at run time only.
+    floors : mapping of str to float, optional
+        Lower bounds of some of these that the caller keeps.
+    whole : bool, optional
+    """
+    reorder = precision is Precision.FLOAT or contact is not None
+    ratios = link_ratios(chain.elements.ratio) if contact is None else (1.0,)
+    rows = [(weight, ratio) for weight, _ in weights for ratio in ratios]
+    numbers = _snapped(chain) if contact is None else contact.constants
+    parameters: dict[str, tuple[float, ...]]
+    parameters = {name: (value,) * len(rows) for name, value in numbers.items() if name not in free}
+    parameters["H"] = tuple(weight for weight, _ in rows)
+    floors = dict(floors or {}) | ({} if contact is None else contact.floors)
+    if whole or contact is None:
+        parameters["ratio"] = tuple(ratio for _, ratio in rows)
+        if not any(name.startswith("link_") for name in free):
+            folder = Specialiser(prefix=prefix, precision=precision, parameters=parameters)
+            (parameters["gain"],) = folder.evaluate(ElementLaws.of(chain).link_gain())
+    return Specialiser(
+        prefix=prefix,
+        precision=precision,
+        parameters=parameters,
+        reorder=reorder,
+        floors=floors,
+        steady=() if contact is None else contact.own,
+    )
+
+
+def _snapped(chain: Chain) -> dict[str, float]:
+    """Coefficients that differ by rounding only are made equal, so that no code is spent on the difference."""
+    numbers = chain.numbers()
+    names = [name for name in numbers if name.startswith("friction_")]
+    for k, name in enumerate(names):
+        for other in names[:k]:
+            if abs(numbers[name] - numbers[other]) <= 1e-14 * abs(numbers[other]):
+                numbers[name] = numbers[other]
+    return numbers
+
+
+def weighted_sum(law: Law, *names: str) -> Law:
+    """A law that is linear in these arguments as their weighted sum: the weights are numbers of the chain.
+
+    Parameters
+    ----------
+    law : Law
+    *names : str
+        Its arguments; the others are such numbers.
+    """
+    over = [s for s in law.inputs if s.name() in names]
+    outputs = {
+        name: sum((ca.jacobian(value, s) * s for s in over), start=ca.SX(0)) for name, value in law.outputs.items()
+    }
+    return replace(law, outputs=outputs)
+
+
+def link_compliances(chain: Chain, precision: Precision) -> dict[str, tuple[str, str]]:
+    """What a lasting newton does to the states of an inner link and of one at an end [m/N], as C text.
+
+    Where links differ, it is that of the whole. A float holds a position of centimetres to nanometres only, which a
+    stiff bristle turns into newtons over a hold. Relative to what the tension alone would cause, positions are small
+    and their rounding harmless. Double code keeps the states themselves, and so agrees with Python to rounding.
+    """
+    ratios = (1.0, 1.0) if chain.moving else link_ratios(chain.elements.ratio)
+    rests = [chain.link.shortened(ratio).rest(1.0) for ratio in ratios]
+    kinds = {"e": [stretch for stretch, _ in rests]}
+    kinds |= {name: [states[k] for _, states in rests] for k, name in enumerate(chain.link.states)}
+    return {
+        name: (literal(float(inner), precision), literal(float(ends), precision))
+        for name, (inner, ends) in kinds.items()
+    }
