@@ -11,7 +11,9 @@ from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 
 
 @contextmanager
-def opened(scenario: Path, out: Path, *, follows_reference: bool = True) -> Iterator[tuple[Scenario, Path]]:
+def opened(
+    scenario: Path, out: Path, *, follows_reference: bool = True, strict: bool = True
+) -> Iterator[tuple[Scenario, Path]]:
     """Scenario and result folder, before a command imports what it computes with, which takes a second.
 
     A scenario that is not valid, a reference that is infeasible and a folder that cannot be written are refused at
@@ -23,6 +25,8 @@ def opened(scenario: Path, out: Path, *, follows_reference: bool = True) -> Iter
         Arguments of the command.
     follows_reference : bool, optional
         Whether the command uses the scenario's reference.
+    strict : bool, optional
+        Refuse a reference out of reach.
 
     Raises
     ------
@@ -31,7 +35,7 @@ def opened(scenario: Path, out: Path, *, follows_reference: bool = True) -> Iter
     """
     loaded = load_scenario(scenario)
     if follows_reference and loaded.reference_file() is None:  # pandas reads files; the command itself checks those
-        sample_reference(loaded)
+        sample_reference(loaded, strict=strict)
     with atomic_directory(out) as folder:
         if follows_reference and (note := work_ahead(loaded)) is not None:
             say(note)

@@ -15,6 +15,7 @@ from tendonff.compensator.compensators.motion import with_motion
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import (
     SimulatedPlant,
+    Slack,
     ignored_motion,
     scale_N,
     score,
@@ -30,7 +31,6 @@ from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.crosscheck.halving import NUDGE
-from tendonff.ocp.simulate import Outcome
 from tendonff.ocp.tracking.problem import TrackOptions
 from tendonff.ocp.tracking.robust import error_band
 
@@ -75,7 +75,7 @@ def compare(
     outputs: dict[tuple[str, Level, str], FloatArray] = {}
     forces_of: dict[tuple[str, Level], FloatArray] = {}
     seen: dict[tuple[bytes, str], tuple[Entry, FloatArray]] = {}
-    slack: dict[tuple[str, str], str] = {}
+    slack: dict[tuple[str, str], Slack] = {}
     for level in Level:
         problem = Problem.of(scenario, level=level, reference=reference, options=options)
         profiles: dict[str, Profile] = {}
@@ -158,7 +158,7 @@ def _entry(
     plant: str,
     profile: Profile,
     reference: Reference,
-    slack: dict[tuple[str, str], str],
+    slack: dict[tuple[str, str], Slack],
 ) -> tuple[Entry, FloatArray]:
     """Simulate a plant under a profile, with the spread over step and tolerance."""
     if plant == CAPSTAN_PLANT:
@@ -189,14 +189,14 @@ def _replays(
     profile: Profile,
     reference: Reference,
     what: tuple[str, str],
-    slack: dict[tuple[str, str], str],
+    slack: dict[tuple[str, str], Slack],
 ) -> Iterator[FloatArray]:
     """Output tension with ever larger steps, then with a force that is a little different."""
     for refinement in REFINEMENTS:
         plant = SimulatedPlant(level=level, refinement=refinement)
         run = simulate_profile(transmission, plant, profile, reference).require()
-        if run.outcome is Outcome.SLACK and refinement == REFINEMENTS[0]:
-            slack[what] = run.message
+        if refinement == REFINEMENTS[0] and (found := Slack.of(run)) is not None:
+            slack[what] = found
         yield run.output_tension_N[::refinement]
     # Steps are solved to rounding, so a tolerance is the last digits: the answer must not depend on them.
     start = reference.initial_tension_N

@@ -133,6 +133,31 @@ def simulate_profile(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Slack:
+    """Where a tendon went slack.
+
+    Parameters
+    ----------
+    end : str
+        The nearest end, "actuator" or "load", of the link that went slack first.
+    message : str
+        What the simulation says.
+    """
+
+    end: str
+    message: str
+
+    @classmethod
+    def of(cls, run: Simulation) -> "Slack | None":
+        """Of a simulation; None where the tendon stayed taut."""
+        if run.outcome is not Outcome.SLACK:
+            return None
+        slack = run.tension_N <= 0
+        first = int(np.argmax(slack[np.argmax(slack.any(axis=1))]))
+        return cls(end="load" if first >= slack.shape[1] / 2 else "actuator", message=run.message)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Verified:
     """One compensator's profile on one plant.
 
@@ -148,8 +173,8 @@ class Verified:
     score : Score
     position_error_m : tuple of 2 float, or None
         Root mean square and largest error of the load's position [m], where that is wanted.
-    slack : str
-        Where the tendon went slack; empty where it stayed taut.
+    slack : Slack or None
+        Where the tendon went slack; None where it stayed taut.
     """
 
     compensator: str
@@ -159,7 +184,7 @@ class Verified:
     load_m: FloatArray
     score: Score
     position_error_m: tuple[float, float] | None
-    slack: str
+    slack: Slack | None
 
 
 def verify(
@@ -194,23 +219,36 @@ def verify(
         load_m=load,
         score=score(reference.tension_N, output),
         position_error_m=None if reference.position_m is None else _position_error(load - reference.position_m),
-        slack=run.message if run.outcome is Outcome.SLACK else "",
+        slack=Slack.of(run),
     )
 
 
-def slack_warnings(slack: Mapping[tuple[str, str], str]) -> list[str]:
-    """One line on all profiles under which the tendon goes slack; none where it stays taut.
+_CAUSES = {
+    "actuator": "the force falls faster than mass and friction of the drive let its end follow",
+    "load": "the load's end gives way faster than the tendon is taken in",
+}
+
+
+def slack_warnings(slack: Mapping[tuple[str, str], Slack]) -> list[str]:
+    """One line for each cause of slack, on all profiles under which it comes about; none where the tendon stays taut.
 
     Parameters
     ----------
-    slack : mapping of (str, str) to str
-        What the simulation said, by name of the compensator and plant.
+    slack : mapping of (str, str) to Slack
+        By name of the compensator and plant.
     """
-    if not slack:
-        return []
-    names = list(dict.fromkeys(compensator for compensator, _ in slack))
-    plant, found = [(plant, text) for (name, plant), text in slack.items() if name == names[0]][-1]
-    return [f"the tendon goes slack under {', '.join(names)}; {names[0]} on {plant}: {found}"]
+    lines = []
+    for end, cause in _CAUSES.items():
+        those = {key: one for key, one in slack.items() if one.end == end}
+        if not those:
+            continue
+        names = list(dict.fromkeys(compensator for compensator, _ in those))
+        plant, found = [(plant, one) for (name, plant), one in those.items() if name == names[0]][-1]
+        lines.append(
+            f"the tendon goes slack at the {end}'s end under {', '.join(names)}: {cause}; "
+            f"{names[0]} on {plant}: {found.message}"
+        )
+    return lines
 
 
 def _position_error(error_m: FloatArray) -> tuple[float, float]:

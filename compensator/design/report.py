@@ -22,6 +22,7 @@ from tendonff.compensator.reporting.page import (
     provenance_of,
 )
 from tendonff.compensator.scenario.reference import Hold
+from tendonff.models.drive import Motor
 from tendonff.models.fidelity import Level
 from tendonff.ocp.reference.hold import find_holds
 
@@ -159,8 +160,8 @@ def design_report(result: DesignData, figures: dict[str, Figure], view: Interact
 def _holds(result: DesignData) -> tuple[Block, ...]:
     """Why the force of the exact inverse changes while the reference rests."""
     reference, profile = result.reference, result.profiles.get("inverse")
-    if profile is None or reference.hold is Hold.KEEP:
-        return ()
+    if profile is None or reference.hold is Hold.KEEP or reference.periodic or result.ignored is not None:
+        return ()  # in a cycle and on a path that moves the force has a reason to move
     force, found = profile.force_N, []
     for first, last in find_holds(reference.tension_N, reference.step_s):
         change = float(np.ptp(force[first : last + 1]))
@@ -207,8 +208,11 @@ def _drive(result: DesignData) -> tuple[Block, ...]:
     motor, used = actuator.motor, drive_use(result)
     labels = {c.name: c.label for c in result.compensators}
     rows: list[tuple[Cell, ...]] = []
+    asked: dict[str, float] = {}
 
     def row(what: str, values: list[float], limit: float | None) -> None:
+        if limit and values:
+            asked[what.partition(" [")[0]] = max(values) / limit
         share = None if not limit or not values else f"{100 * max(values) / limit:.3g} %"
         # Each row has its own unit, so its own decimals.
         rows.append((what, *(format_cell(value) for value in values), None if limit is None else f"{limit:.5g}", share))
@@ -229,7 +233,26 @@ def _drive(result: DesignData) -> tuple[Block, ...]:
         if motor.stall_torque_N_m is not None:
             row("motor: share of the torque-speed line", [use.load_of_the_line(motor) for use in used], 1.0)
     columns = ("quantity", *(labels[use.name] for use in used), "limit", "used")
-    return (Table(caption="What the drive must do", columns=columns, rows=tuple(rows)),)
+    table = Table(caption="What the drive must do", columns=columns, rows=tuple(rows))
+    return Text(_verdict(asked, motor)), table
+
+
+def _verdict(asked: dict[str, float], motor: Motor | None) -> str:
+    """Whether the drive suffices, by the shares of its limits that the profiles ask for."""
+    beyond = [f"{what} at {100 * share:.3g} % of its limit" for what, share in asked.items() if share > _BEYOND]
+    if beyond:
+        text = f"The drive is too small for these profiles: {'; '.join(beyond)}."
+    else:
+        what, share = max(asked.items(), key=lambda pair: pair[1])
+        text = f"The drive suffices for these profiles; what comes closest to its limit is {what}: {100 * share:.3g} %."
+    if motor is None:
+        return text + " [actuator.motor] with drum, gear and the motor's data sheet sizes the motor too."
+    missing = [] if motor.torque_rated_N_m is not None else ["torque_rated_N_m (what the motor stands for ever)"]
+    missing += [] if motor.stall_torque_N_m is not None else ["the torque-speed line (stall_torque_N_m)"]
+    return text if not missing else f"{text} Not judged, since not given: {' and '.join(missing)}."
+
+
+_BEYOND = 1.005  # of a limit: rounding
 
 
 def _solver(result: DesignData) -> tuple[Block, ...]:

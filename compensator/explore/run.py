@@ -128,7 +128,7 @@ def _course(
         notes.append(f"{curve.label}: {profile.message}")
     found = verify(plant, SimulatedPlant(level=problem.level), curve.name, profile, reference)
     if found.slack:
-        notes.append(f"{curve.label}: {found.slack}")
+        notes.append(f"{curve.label}: {found.slack.message}")
     return _thinned(problem, profile.force_N, found.output_N)
 
 

@@ -12,12 +12,13 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
-from tendonff.compensator.files.text import InputError, open_text
+from tendonff.compensator.files.text import InputError, user_text
 
 _COMMENTS = ("#", "%", "//")
 _LOOKED_AT = 200  # lines that the way of writing is told from
 _LONGEST = 100_000  # characters of a line that are looked at
 _SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces"}
+_DATE = re.compile(r"\d{4}-\d\d-\d\d|\d{1,2}:\d\d:")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 
 
@@ -37,6 +38,8 @@ class Dialect:
         What a line of units below the header says, one text a column; all empty where there is none.
     skipped : int
         Lines before the first row of numbers.
+    first : tuple of str
+        Cells of the first row below the header and the units; empty where there is none.
     notes : tuple of str
         In what the file differs from the plain form: header in the first line, commas, decimal points.
     """
@@ -46,7 +49,13 @@ class Dialect:
     names: tuple[str, ...]
     units: tuple[str, ...]
     skipped: int
+    first: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+
+    def is_dated(self, name: str) -> bool:
+        """Whether a column holds dates or times of day, by its first cell."""
+        at = self.names.index(name)
+        return at < len(self.first) and _DATE.match(self.first[at]) is not None
 
     def cells(self, line: str) -> list[str]:
         """Cells of a line, without blanks around them; csv.Error where its quotes make no sense."""
@@ -86,13 +95,8 @@ def find_dialect(path: Path, expected: Sequence[str] = ()) -> Dialect:
 
 
 def _first_lines(path: Path) -> list[str]:
-    with open_text(path) as stream:
-        try:
-            return [line.rstrip("\r\n") for line in islice(iter(lambda: stream.readline(_LONGEST), ""), _LOOKED_AT)]
-        except UnicodeDecodeError:
-            raise InputError(f"{path.name} is not UTF-8 text; save it as UTF-8 with commas") from None
-        except OSError as error:
-            raise InputError(f"{path.name} cannot be read: {error.strerror or error}") from None
+    with user_text(path) as stream:
+        return [line.rstrip("\r\n") for line in islice(iter(lambda: stream.readline(_LONGEST), ""), _LOOKED_AT)]
 
 
 def _dialect_of(lines: Sequence[str], expected: Sequence[str], file: str) -> Dialect:
@@ -132,6 +136,7 @@ def _dialect_of(lines: Sequence[str], expected: Sequence[str], file: str) -> Dia
         names=names,
         units=units,
         skipped=first_row,
+        first=tuple(rows[0]) if rows else (),
         notes=tuple(notes),
     )
 

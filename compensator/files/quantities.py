@@ -6,9 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from tendonff.compensator.files.dialect import Dialect
-from tendonff.compensator.files.reading import FloatArray, nearest_column, read_csv
-from tendonff.compensator.files.tables import table_dialect
+from tendonff.compensator.files.reading import FloatArray, check_increasing, nearest_column, read_csv
+from tendonff.compensator.files.tables import read_table, table_dialect
 from tendonff.compensator.files.text import InputError
 
 
@@ -87,12 +89,51 @@ def read_quantities(path: Path, wanted: Sequence[Quantity], *, starts_at_zero: b
         if column in [other for other, _, _ in found[:k]]:
             raise InputError(f'{path.name}: column "{column}" stands for two quantities; name a column for each')
     columns = [column for column, _, _ in found]
-    table = read_csv(path, columns, increasing=columns[0], starts_at_zero=starts_at_zero, dialect=dialect)
     notes = [*dialect.notes, *(note for _, _, note in found if note)]
+    dated = _dated(path, dialect, columns[0]) if wanted[0].si == "s" else None
+    if dated is None:
+        table = read_csv(path, columns, increasing=columns[0], starts_at_zero=starts_at_zero, dialect=dialect)
+    else:
+        check_increasing(path, columns[0], dated, dialect.skipped + 1, starts_at_zero=starts_at_zero)
+        table = read_csv(path, columns[1:], increasing=None, dialect=dialect) | {columns[0]: dated}
+        notes.append(f'column "{columns[0]}" read as dates, in seconds since the first')
+        found[0] = (columns[0], 1.0, "")
     return Quantities(
         values={q.name: table[column] * scale for q, (column, scale, _) in zip(wanted, found, strict=True)},
         notes=(f"{path.name}: {', '.join(notes)}",) if notes else (),
     )
+
+
+def _dated(path: Path, dialect: Dialect, column: str) -> FloatArray | None:
+    """Seconds since the first of a column of dates or times of day; None where it is none."""
+    if not dialect.is_dated(column):
+        return None
+    seconds, began = read_table(path, (column,)).seconds(column)
+    return None if began is None or not np.isfinite(seconds).all() else seconds
+
+
+def guess(dialect: Dialect, quantity: Quantity) -> tuple[str, float, str] | None:
+    """The one column whose name tells quantity and unit, what its unit is in SI, and what to say; None for none.
+
+    Parameters
+    ----------
+    dialect : Dialect
+    quantity : Quantity
+    """
+    meant = [(name, unit) for name, unit in _meant(dialect, quantity) if unit in quantity.units]
+    if quantity.si == "s":
+        meant += [(name, "s") for name, unit in _meant(dialect, quantity) if not unit and dialect.is_dated(name)]
+    if len(meant) == 1:
+        name, unit = meant[0]
+        return name, quantity.units[unit], f'column "{name}" read as {quantity.words[0]} in {unit}'
+    alike = [name for name in dialect.names if name.lower() == quantity.name.lower()]
+    return (alike[0], 1.0, f'column "{alike[0]}" read as {quantity.name}') if len(alike) == 1 else None
+
+
+def _meant(dialect: Dialect, quantity: Quantity) -> list[tuple[str, str]]:
+    """Columns that are called as the quantity may be, with their units."""
+    named = [(name, *_unit_of(dialect, name)) for name in dialect.names]
+    return [(name, unit) for name, stem, unit in named if stem in quantity.words]
 
 
 def _resolve(path: Path, dialect: Dialect, quantity: Quantity) -> tuple[str, float, str]:
@@ -102,12 +143,9 @@ def _resolve(path: Path, dialect: Dialect, quantity: Quantity) -> tuple[str, flo
         raise InputError(f'{path.name}: column "{quantity.column}" is missing{nearest_column(quantity.column, names)}')
     if quantity.column is not None or quantity.name in names:
         return _named(path, dialect, quantity)
-    guesses = [(name, *_unit_of(dialect, name)) for name in names]
-    meant = [(name, unit) for name, stem, unit in guesses if stem in quantity.words]
-    known = [(name, unit) for name, unit in meant if unit in quantity.units]
-    if len(known) == 1:
-        name, unit = known[0]
-        return name, quantity.units[unit], f'column "{name}" read as {quantity.words[0]} in {unit}'
+    if (found := guess(dialect, quantity)) is not None:
+        return found
+    meant = _meant(dialect, quantity)
     head = f'{path.name}: column "{quantity.name}" is missing'
     if len(meant) > 1:
         listed = ", ".join(f'"{name}"' for name, _ in meant)
@@ -120,7 +158,7 @@ def _resolve(path: Path, dialect: Dialect, quantity: Quantity) -> tuple[str, flo
             f'{head}; is it "{name}"? If it is in {quantity.si}, say so with {quantity.option.format(name)}, '
             f'else put the unit into its name: "{name} [{next(u for u in quantity.units if u != quantity.si)}]"'
         )
-    raise InputError(f"{head}{nearest_column(quantity.name, names)} (another name: {quantity.option.format('...')})")
+    raise InputError(f"{head}{nearest_column(quantity.name, names)} (say which by {quantity.option.format('...')})")
 
 
 def _named(path: Path, dialect: Dialect, quantity: Quantity) -> tuple[str, float, str]:
@@ -155,12 +193,16 @@ def _unit_of(dialect: Dialect, name: str) -> tuple[str, str]:
     below = dialect.units[dialect.names.index(name)]
     match = _NAME.fullmatch(name)
     if match is None:
-        return name.lower(), below
+        return _word(name), below
     unit = next((group for group in match.groups()[1:] if group is not None), "")
     bracketed = match[5] is None
     if below:
-        return (match[1] if bracketed or unit == below else name).lower(), below
-    return match[1].lower(), unit
+        return _word(match[1] if bracketed or unit == below else name), below
+    return _word(match[1]), unit
+
+
+def _word(text: str) -> str:
+    return text.lower().replace(" ", "_")
 
 
 def _stated_unit(dialect: Dialect, name: str) -> str:

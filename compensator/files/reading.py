@@ -2,6 +2,7 @@
 
 import csv
 import warnings
+import zlib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from tendonff.compensator.files.dialect import Dialect, is_comment
 from tendonff.compensator.files.tables import is_packed, read_table, table_dialect
-from tendonff.compensator.files.text import InputError, open_text, read_text, suggestion
+from tendonff.compensator.files.text import InputError, open_text, read_text, suggestion, user_text
 
 __all__ = ["FloatArray", "InputError", "nearest_column", "open_text", "read_csv", "read_text", "suggestion"]
 
@@ -71,11 +72,11 @@ def read_csv(
             place = row + dialect.skipped + 1
             raise InputError(f"{path.name} row {place}: {name} must be a finite number, got {values[row]}")
     if increasing is not None and increasing in columns:
-        _check_increasing(path, increasing, columns[increasing], dialect.skipped + 1, starts_at_zero=starts_at_zero)
+        check_increasing(path, increasing, columns[increasing], dialect.skipped + 1, starts_at_zero=starts_at_zero)
     return columns
 
 
-def _check_increasing(path: Path, name: str, time: FloatArray, first: int, *, starts_at_zero: bool) -> None:
+def check_increasing(path: Path, name: str, time: FloatArray, first: int, *, starts_at_zero: bool) -> None:
     """Refuse a clock that stands still, runs back, or starts elsewhere than at 0; its first row is row `first`."""
     if starts_at_zero and time[0] != 0:
         raise InputError(f"{path.name} row {first}: {name} must start at 0, got {time[0]:g}; subtract the first time")
@@ -129,7 +130,7 @@ def _parse(path: Path, dialect: Dialect, wanted: Sequence[str]) -> dict[str, Flo
                 encoding="utf-8-sig",
                 engine="c",
             )
-    except (ValueError, OverflowError, pd.errors.ParserWarning, pd.errors.EmptyDataError):
+    except (ValueError, OverflowError, EOFError, zlib.error, pd.errors.ParserWarning, pd.errors.EmptyDataError):
         return _parse_slowly(path, dialect, wanted)
     columns = {name: frame[names.index(name)].to_numpy(np.float64) for name in wanted}
     if not all(np.isfinite(values).all() for values in columns.values()):
@@ -157,7 +158,7 @@ def _parse_rows(path: Path, dialect: Dialect, wanted: Sequence[str]) -> dict[str
     values: list[list[float]] = []
     blank_row = row = 0
     width = len(dialect.names)
-    with open_text(path) as stream:
+    with user_text(path) as stream:
         try:
             for row, line in enumerate(stream, start=1):
                 if row <= dialect.skipped or is_comment(line):
@@ -168,14 +169,14 @@ def _parse_rows(path: Path, dialect: Dialect, wanted: Sequence[str]) -> dict[str
                 if blank_row:
                     raise InputError(f"{path.name} row {blank_row} is empty; remove it")
                 cells = dialect.cells(line)
+                while len(cells) > width and not cells[-1]:
+                    cells.pop()
                 if len(cells) != width:
                     doubled = dialect.separator == "," and len(cells) == 2 * width
                     hint = "; for decimal commas separate the columns by semicolons" if doubled else ""
                     raise InputError(f"{path.name} row {row}: expected {width} cells, got {len(cells)}{hint}")
                 values.append([_cell(path, row, name, cells[index], dialect) for name, index in indices])
-        except UnicodeDecodeError:
-            raise InputError(f"{path.name} is not UTF-8 text; save it as UTF-8 with commas") from None
-        except (csv.Error, OSError) as error:
+        except csv.Error as error:
             raise InputError(f"{path.name} row {row}: cannot be read ({error})") from None
     table = np.array(values, dtype=np.float64).reshape(-1, len(wanted))
     return {name: np.ascontiguousarray(table[:, k]) for k, name in enumerate(wanted)}
@@ -189,7 +190,8 @@ def _cell(path: Path, row: int, name: str, text: str, dialect: Dialect) -> float
         value = dialect.number(text)
     except ValueError:
         shown = text if len(text) <= 40 else f"{text[:37]}..."
-        raise InputError(f'{path.name} row {row}: {name} must be a number, got "{shown}"') from None
+        hint = "; is it the header again? Remove the row" if text.strip() in dialect.names else ""
+        raise InputError(f'{path.name} row {row}: {name} must be a number, got "{shown}"{hint}') from None
     if not np.isfinite(value):
         raise InputError(f"{path.name} row {row}: {name} must be a finite number, got {text.strip()}")
     return value

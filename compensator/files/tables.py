@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.compensator.files.dialect import Dialect, find_dialect, is_comment
-from tendonff.compensator.files.text import InputError, open_text
+from tendonff.compensator.files.text import READABLE, InputError, user_text
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Array = NDArray[np.float64]
 
-READABLE = "text with a header (separated by commas, semicolons, tabs; also .gz), .xlsx, .parquet, .mat"
 PACKED = {".xlsx": "openpyxl", ".xls": "xlrd", ".parquet": "pyarrow"}
 
 
@@ -33,6 +32,8 @@ class Table:
         By name, from a row of units below the header; empty where there is none.
     long_rows : int
         Rows that had more cells than the header and were left out.
+    repeated : tuple of str
+        Names that stand more than once in the header; `columns` has the last of each.
     notes : tuple of str
         What was taken for granted.
     """
@@ -40,7 +41,18 @@ class Table:
     columns: "Mapping[str, pd.Series[Any]]"
     units: Mapping[str, str]
     long_rows: int = 0
+    repeated: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+
+    @property
+    def dialect(self) -> Dialect:
+        """The plain form, with its own names and units."""
+        return Dialect(
+            names=tuple(self.columns),
+            units=tuple(self.units.get(name, "").strip(" []()") for name in self.columns),
+            skipped=1,
+            first=tuple(str(cells.iloc[0]) if len(cells) else "" for cells in self.columns.values()),
+        )
 
     def numbers(self, name: str) -> Array:
         """A column as numbers, NaN where a cell is none, shape (rows,)."""
@@ -54,7 +66,10 @@ class Table:
         return np.asarray(pd.to_numeric(cells, errors="coerce").to_numpy(dtype=np.float64))
 
     def seconds(self, name: str) -> tuple[Array, float | None]:
-        """A column of time as numbers; dates become seconds since the first, which is told in seconds since 1970."""
+        """A column of time as numbers; dates and times of day (12:00:03.5) become seconds since the first.
+
+        Also the first one: in seconds since 1970, or since midnight; None where the column holds numbers or nothing.
+        """
         import pandas as pd
 
         found = self.numbers(name)
@@ -62,7 +77,14 @@ class Table:
             return found, None
         dates = pd.to_datetime(self.columns[name], errors="coerce", format="ISO8601", utc=True)
         if not dates.notna().any():
-            return found, None
+            times = pd.to_timedelta(
+                self.columns[name].astype(str).where(lambda x: x.str.contains(":")), errors="coerce"
+            )
+            if not times.notna().any():
+                return found, None
+            since = np.asarray(times.dt.total_seconds().to_numpy(dtype=np.float64))
+            begin = float(since[np.isfinite(since)][0])
+            return np.asarray(since - begin, dtype=np.float64), begin
         first = dates.dropna().iloc[0]
         return np.asarray((dates - first).dt.total_seconds().to_numpy(dtype=np.float64)), float(first.timestamp())
 
@@ -97,9 +119,7 @@ def table_dialect(path: Path, expected: Sequence[str] = ()) -> Dialect:
     """How a table is written; one that is no text is in the plain form, with its own names and units."""
     if not is_packed(path):
         return find_dialect(path, expected)
-    table = read_table(path, expected)
-    names = tuple(table.columns)
-    return Dialect(names=names, units=tuple(table.units.get(name, "") for name in names), skipped=1)
+    return read_table(path, expected).dialect
 
 
 def _text(path: Path, expected: Sequence[str]) -> Table:
@@ -123,6 +143,11 @@ def _text(path: Path, expected: Sequence[str]) -> Table:
             long_rows += 1
         else:
             kept.append(row)
+    if long_rows and not kept:
+        raise InputError(
+            f"{path.name}: every row has more cells than the header; for decimal commas separate the columns by "
+            "semicolons"
+        )
     try:
         frame = pd.read_csv(
             io.StringIO("\n".join(kept)),
@@ -137,19 +162,18 @@ def _text(path: Path, expected: Sequence[str]) -> Table:
         raise InputError(f"{path.name} cannot be read as a table: {error}; what can be read: {READABLE}") from None
     units = dict(zip(names, dialect.units, strict=False)) if any(dialect.units) else {}
     return Table(
-        columns={name: frame[k] for k, name in enumerate(names)}, units=units, long_rows=long_rows, notes=dialect.notes
+        columns={name: frame[k] for k, name in enumerate(names)},
+        units=units,
+        long_rows=long_rows,
+        repeated=tuple(name for name in dict.fromkeys(names) if names.count(name) > 1),
+        notes=dialect.notes,
     )
 
 
 def _lines(path: Path) -> list[str]:
     """Lines of a text file."""
-    try:
-        with open_text(path) as stream:
-            text = stream.read()
-    except UnicodeDecodeError:
-        raise InputError(f"{path.name} is not UTF-8 text; what can be read: {READABLE}") from None
-    except (OSError, EOFError) as error:
-        raise InputError(f"{path.name} cannot be unpacked ({error}); what can be read: {READABLE}") from None
+    with user_text(path) as stream:
+        text = stream.read()
     if "\0" in text:
         raise InputError(f"{path.name} is not text; what can be read: {READABLE}")
     return text.splitlines()

@@ -1,7 +1,9 @@
 """Text files of the user, and the error that every bad input becomes."""
 
 import gzip
-from collections.abc import Sequence
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
 from typing import IO, cast
@@ -43,12 +45,24 @@ def open_text(path: Path) -> IO[str]:
         raise InputError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from None
 
 
-def read_text(path: Path) -> str:
-    """Whole text of a user's UTF-8 file."""
+READABLE = "text with a header (separated by commas, semicolons, tabs; also .gz), .xlsx, .parquet, .mat"
+
+
+@contextmanager
+def user_text(path: Path, way_out: str = f"save it as UTF-8; what can be read: {READABLE}") -> Iterator[IO[str]]:
+    """A user's text file while it is read; what goes wrong on the way becomes an InputError too."""
     with open_text(path) as stream:
         try:
-            return stream.read()
+            yield stream
         except UnicodeDecodeError:
-            raise InputError(f"{path.name} is not UTF-8 text; save it as UTF-8") from None
+            raise InputError(f"{path.name} is not UTF-8 text; {way_out}") from None
+        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+            raise InputError(f"{path.name} cannot be unpacked ({error}); {way_out}") from None
         except OSError as error:
             raise InputError(f"{path.name} cannot be read: {error.strerror or error}") from None
+
+
+def read_text(path: Path) -> str:
+    """Whole text of a user's UTF-8 file."""
+    with user_text(path, "save it as UTF-8") as stream:
+        return stream.read()

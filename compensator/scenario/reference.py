@@ -82,6 +82,8 @@ class Wish:
     def _check_quantity(self) -> None:
         if self.least_tension_N is not None:
             require_number("least_tension_N", self.least_tension_N, above=0, hint="a tendon cannot push")
+        if self.periodic and self.hold is Hold.KEEP:
+            raise ParameterError('hold = "keep" is for references that come to rest; leave it out with periodic = true')
 
     def _check_series(self, tensions: str, positions: str) -> None:
         """Exactly the series of the wanted quantity is given."""

@@ -273,9 +273,13 @@ def _complete(raw: Mapping[str, object], file: str) -> dict[str, object]:
             lacking[key] = missing
         if key in raw:
             complete[key] = expanded
-    if "reference" not in raw:
+    reference = raw.get("reference")
+    if isinstance(reference, Mapping) and (kind := _KINDS.get(str(reference.get("kind")))) is not None:
+        if missing := missing_keys(kind, reference):
+            lacking["reference"] = missing
+    elif reference is None:
         lacking["reference"] = ['kind ("sine", "waypoints" or "csv") and the keys of that kind']
-    if sum(map(len, lacking.values())) > 1 or "reference" in lacking:
+    if sum(map(len, lacking.values())) > 1 or reference is None:
         listed = "; ".join(f"[{key}] {', '.join(names)}" for key, names in lacking.items())
         stiffness = "stiffness_N_per_m" in lacking.get("tendon", ())
         rope = "; elastic_modulus_Pa, length_m and diameter_m may stand for stiffness_N_per_m" if stiffness else ""

@@ -33,7 +33,7 @@ class Evaluation:
     density : ndarray, shape (n,)
         Share of each row in the merit, without penalties [N^2].
     beyond_N : float
-        Largest excess over the tension bounds, or over those of the motion by `MotionScale` [N], 0 inside.
+        Largest excess over the tension bounds, or over those of the motion by `MotionBound` [N], 0 inside.
     tensions_N : tuple of ndarray, each (n, N + 1)
     travels_m : tuple of ndarray, each (n,)
         Position of the near end relative to rest.

@@ -10,6 +10,7 @@ from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import Inversion
 from tendonff.ocp.periodic import steady_response
 from tendonff.ocp.step.protocol import Array
+from tendonff.ocp.tracking.diagnosis import departures
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
 from tendonff.ocp.tracking.receding_horizon import Progress
@@ -92,6 +93,7 @@ def track_cycle(
     error = output - cycle_N
     return replace(
         found,
+        departures=departures(output, cycle_N, step_s),
         time_s=inversion.time_s,
         force_N=kept,
         predicted_output_N=output,

@@ -10,8 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from tendonff.ocp.inverse import Inversion
-from tendonff.ocp.simulate import Outcome, simulate
+from tendonff.ocp.simulate import simulate
 from tendonff.ocp.step.protocol import Array
+from tendonff.ocp.tracking.grids import GridRefinement
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.motion import INSIDE
 from tendonff.ocp.tracking.problem import MotionBound, TrackingProblem, TrackOptions
@@ -22,7 +23,9 @@ _CORNER_S = 0.008  # half the time in which the end may change its speed at a li
 _FREE = 100.0  # times what the inverse needs: no limit
 
 
-def led_force(problem: TrackingProblem, inversion: Inversion, options: TrackOptions) -> Array | None:
+def led_force(
+    problem: TrackingProblem, inversion: Inversion, options: TrackOptions
+) -> tuple[Array, tuple[GridRefinement, ...]]:
     """The force that moves the nominal plant's end along the best motion within its limits.
 
     Parameters
@@ -35,13 +38,16 @@ def led_force(problem: TrackingProblem, inversion: Inversion, options: TrackOpti
 
     Returns
     -------
-    ndarray, shape (n,), or None
-        Its rate is not limited yet; None where a simulation fails.
+    tuple of ndarray, shape (n,), and of tuple of GridRefinement
+        The force, whose rate is not limited yet, and the search in each window.
+
+    Raises
+    ------
+    SolveError
+        If a simulation fails.
     """
     plant, limits, step_s = problem.plants[0], problem.limits, problem.step_s
-    free = simulate(plant.chain, inversion.force_N, step_s, state=plant.state)
-    if free.outcome is Outcome.FAILED:
-        return None
+    free = simulate(plant.chain, inversion.force_N, step_s, state=plant.state).require()
     lead = _LEAD * problem.rest_N / plant.origin_m
     chain = plant.chain.with_end_stiffness(lead, plant.chain.far.stiffness_N_per_m)
     drive = inversion.force_N + lead * free.near_position_m
@@ -75,9 +81,10 @@ def led_force(problem: TrackingProblem, inversion: Inversion, options: TrackOpti
         start_N=float(drive[0]),
         goal=replace(problem.goal, effort_weight=0.0, travel_weight=0.0),
     )
-    found = _rounded_off(solve(led, (drive,), replace(options, restarts=0))[0], step_s)
-    run = simulate(chain, found, step_s, state=plant.state)
-    return None if run.outcome is Outcome.FAILED else found - lead * run.near_position_m
+    found, searches = solve(led, (drive,), replace(options, restarts=0))
+    found = _rounded_off(found, step_s)
+    run = simulate(chain, found, step_s, state=plant.state).require()
+    return found - lead * run.near_position_m, searches
 
 
 def _rounded_off(drive_N: Array, step_s: float) -> Array:

@@ -177,14 +177,15 @@ def _search(problem: TrackingProblem, inversion: Inversion, options: TrackOption
         return Found(status=status, force_N=clipped, evaluation=at_clipped, at_clipped=at_clipped)
     candidates = [(at_clipped, clipped), (evaluate(problem, static), static)]
     refinements: tuple[GridRefinement, ...] = ()
+    by_motion: tuple[GridRefinement, ...] = ()
     note = ""
     try:
-        led = led_force(problem, inversion, options) if limits.motion.binds else None
-        if led is not None:
+        started, further = inversion.force_N, [law]
+        if not np.array_equal(wanted_N, problem.clipped(inversion.force_N)):  # a limit of the motion binds
+            led, by_motion = led_force(problem, inversion, options)
             kept = problem.clipped(moderate(problem.clipped(led)))
             candidates.append((evaluate(problem, kept), kept))
-        started = min(candidates, key=lambda c: c[0].merit)[1] if limits.motion.binds else inversion.force_N
-        further = [] if limits.motion.binds else [law]
+            started, further = min(candidates, key=lambda c: c[0].merit)[1], []
         starts = (started, *further, *([programme(problem)] if _differ(problem) else []))
         # Where the reference is out of reach another search may follow.
         moves = replace(options, restarts=0) if _missed_N(problem).any() else options
@@ -198,6 +199,8 @@ def _search(problem: TrackingProblem, inversion: Inversion, options: TrackOption
     inside = [k for k, (found, _) in enumerate(candidates) if found.beyond_N <= _BEYOND * float(np.ptp(reference))]
     best = min(inside or range(len(candidates)), key=lambda i: candidates[i][0].merit)
     evaluation, force = candidates[best]
+    if by_motion and not any(r.improved for r in refinements):
+        refinements = by_motion
     won = best > 1 and any(r.improved for r in refinements)
     return Found(
         status=_status(problem, evaluation, refinements if won else ()),
@@ -217,7 +220,7 @@ def _differ(problem: TrackingProblem) -> bool:
 
 _STIFF = 0.5  # weight of a squared error with stiff bristles where plants differ
 _SOBER = 1.0  # of the clipped inverse's squared error: the cost of travelling as far once more
-_BEYOND = 5e-4  # of the reference's range, as `MotionScale` counts: half a percent of the speed
+_BEYOND = 5e-4  # of the reference's range, as `MotionBound` counts: half a percent of the speed
 _EXACT = 1e-3  # of the reference's range: an error below this is called rounding
 _FLOORS = (1.0, 4.0, 16.0, 64.0, 256.0)
 

@@ -29,7 +29,7 @@ def design(
     """
     from tendonff.compensator.cli.opening import opened
 
-    with opened(scenario, out) as (loaded, folder):
+    with opened(scenario, out, strict=strict) as (loaded, folder):
         from tendonff.compensator.design.run import design as design_profile
         from tendonff.compensator.design.scores import print_scores
 

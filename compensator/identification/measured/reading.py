@@ -8,7 +8,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.compensator.files.quantities import ANGLE_UNITS, FORCE_UNITS, LENGTH_UNITS, TIME_UNITS
+from tendonff.compensator.files.quantities import (
+    ANGLE_UNITS,
+    FORCE_UNITS,
+    LENGTH_UNITS,
+    TIME_UNITS,
+    TIME_WORDS,
+    Quantity,
+    guess,
+)
 from tendonff.compensator.files.reading import InputError, nearest_column
 from tendonff.compensator.files.tables import Table, read_table
 from tendonff.compensator.identification.measured.offsets import slack_offsets
@@ -23,14 +31,18 @@ OUT_OF_ORDER_ROWS = 5
 """A clock that is back on its way after so many rows had rows out of order; one that stays behind has jumped."""
 
 
-UNITS = {
-    "time": TIME_UNITS,
-    "input": FORCE_UNITS,
-    "output": FORCE_UNITS,
-    "actuator_force": FORCE_UNITS,
-    "input_position": LENGTH_UNITS,
-    "output_position": LENGTH_UNITS,
+_USUAL = {
+    key: Quantity(name=name, words=words, units=units, option=f"--{key.replace('_', '-')}-column")
+    for key, name, words, units in (
+        ("time", "time_s", TIME_WORDS, TIME_UNITS),
+        ("input", "input_tension_N", ("input_tension", "input_force", "input"), FORCE_UNITS),
+        ("output", "output_tension_N", ("output_tension", "output_force", "output"), FORCE_UNITS),
+        ("actuator_force", "actuator_force_N", ("actuator_force",), FORCE_UNITS),
+        ("input_position", "input_position_m", ("input_position",), LENGTH_UNITS),
+        ("output_position", "output_position_m", ("output_position",), LENGTH_UNITS),
+    )
 }
+"""What the columns are called unless the user says otherwise, and how else they may be."""
 
 LEAST_TARE_ROWS = 10
 
@@ -56,7 +68,7 @@ class DataIssue(StrEnum):
     SKIPPED = "rows left out at the start"
     ONSET = "load switched on at the start"
     OFFSET = "zero of the cells"
-    UNITS = "row of units"
+    UNITS = "units"
     DATES = "time stamps are dates"
 
 
@@ -150,7 +162,12 @@ def _columns(
     table = read_table(path, tuple(names.values()))
     started: float | None = None
     found: dict[str, Array] = {}
-    factors: dict[str, float] = {}
+    names, factors = _guessed(table, names, findings)
+    for name in names.values():
+        if name in table.repeated:
+            raise InputError(
+                f'{path.name}: column "{name}" appears more than once; keep one, or give each its own name'
+            )
     for key, name in names.items():
         if name not in table.columns:
             if key in ("time", "input") or (key == "output" and not _proximal(table, names)):
@@ -172,7 +189,7 @@ def _columns(
         else:
             found[key] = table.numbers(name)
         unit = table.units.get(name, "")
-        known = ANGLE_UNITS if key.startswith("joint") else UNITS[key]
+        known = ANGLE_UNITS if key.startswith("joint") else _USUAL[key].units
         factor = known.get(unit.strip(" []()"))
         if factor is not None:
             factors[key] = factor
@@ -183,6 +200,25 @@ def _columns(
     if table.long_rows:
         findings.append(issue_found(DataIssue.LONG, [], "rows left out", table.long_rows))
     return found, factors, tuple(name for name in table.columns if name not in names.values()), started
+
+
+def _guessed(
+    table: Table, names: Mapping[str, str], findings: list[Finding]
+) -> tuple[dict[str, str], dict[str, float]]:
+    """Columns for those that the file has by another name and with a unit, and what the units are in SI."""
+    dialect = table.dialect
+    taken, factors, texts = dict(names), dict[str, float](), []
+    for key, usual in _USUAL.items():
+        if (
+            names[key] == usual.name
+            and usual.name not in table.columns
+            and (other := guess(dialect, usual)) is not None
+        ):
+            taken[key], factors[key], text = other
+            texts.append(text)
+    if texts and not table.units:
+        findings.append(issue_found(DataIssue.UNITS, [], f"{', '.join(texts)} (--scale overrides)", 1))
+    return taken, factors
 
 
 def _proximal(table: Table, names: Mapping[str, str]) -> bool:

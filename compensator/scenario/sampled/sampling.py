@@ -135,7 +135,7 @@ def work_ahead(scenario: Scenario) -> str | None:
         return None
     return (
         f"{duration:g} s in steps of {step:g} s are {duration / step:.0f} steps, which takes long: is the length in "
-        "seconds? A larger step_s, a part of the reference  takes less"
+        "seconds? A larger step_s or a part of the reference takes less"
     )
 
 

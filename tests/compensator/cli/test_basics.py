@@ -3,6 +3,8 @@ from pathlib import Path
 import pytest
 
 from tendonff.compensator.cli import run
+from tendonff.compensator.cli.opening import opened
+from tendonff.compensator.files.text import InputError
 from tendonff.models.errors import ParameterError, TendonffError
 from tendonff.ocp.errors import SolveError
 
@@ -31,6 +33,19 @@ def test_a_bad_command_line_is_one_message_and_exit_2(capsys: Capture, arguments
     assert text.startswith("error: ")
     assert message in text
     assert len(text.splitlines()) == 1
+
+
+def test_design_takes_a_reference_out_of_reach_unless_it_is_strict(examples: Path, tmp_path: Path) -> None:
+    text = (examples / "finger.toml").read_text(encoding="utf-8").replace("force_max_N = 200.0", "force_max_N = 60.0")
+    (tmp_path / "weak.toml").write_text(text, encoding="utf-8")
+    with opened(tmp_path / "weak.toml", tmp_path / "out", strict=False) as (scenario, _):
+        assert scenario.transmission.actuator.force_max_N == 60
+    with (
+        pytest.raises(InputError, match="force_max_N = 60 delivers at most"),
+        opened(tmp_path / "weak.toml", tmp_path / "out2", strict=True),
+    ):
+        pass
+    assert not (tmp_path / "out2").exists()
 
 
 def test_no_command_shows_the_help(capsys: Capture) -> None:

@@ -1,3 +1,4 @@
+import re
 from pathlib import Path
 
 import pytest
@@ -31,11 +32,19 @@ def test_the_example_of_an_exosuit_is_what_new_writes(tmp_path: Path, examples: 
 
 
 @pytest.mark.parametrize("rig", ["finger", "bowden", "surgical", "exosuit"])
-def test_no_range_claims_a_source_that_cannot_be_looked_up(tmp_path: Path, rig: str) -> None:
+def test_every_range_names_its_source_or_says_that_it_is_an_estimate(tmp_path: Path, rig: str, examples: Path) -> None:
     assert run(["new", str(tmp_path / "mine.toml"), "--for", rig]) == 0
-    text = (tmp_path / "mine.toml").read_text(encoding="utf-8")
-    assert "orders of magnitude\n# without a source" in text
-    assert not any(word in text for word in ("handbook", "usual value", "literature", "typical"))
+    body = (tmp_path / "mine.toml").read_text(encoding="utf-8").partition("\nschema")[2]
+    comments = re.findall(r"^[^#\n]*# (.*(?:\n +# .*)*)", body, flags=re.MULTILINE)
+    guide = (examples.parent / "docs" / "guide" / "parameters.md").read_text(encoding="utf-8")
+    ranges = [" ".join(text.replace("#", " ").split()) for text in comments if re.search(r"\d to \d", text)]
+    assert len(ranges) > 5
+    for text in ranges:
+        names = re.findall(r"\(([^()]*[a-z][^()]*)\)", text)
+        assert "estimate" in text or "lumped masses" in text or names, text
+        for name in names:
+            if re.search(r"\.com|\.org|\.de|Strand Core|CTIA|DSM", name):
+                assert name.split(",")[0] in guide, name
 
 
 def test_a_scenario_that_exists_is_replaced_only_on_request(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

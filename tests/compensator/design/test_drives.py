@@ -19,6 +19,7 @@ from tendonff.compensator.scenario.reference import Hold, Quantity, Shape, Waypo
 from tendonff.compensator.scenario.run import Run
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.drive import Drive, Motor
+from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tests.independent_plant import respond
 
@@ -166,7 +167,7 @@ def test_a_cycle_repeats_on_the_plant_and_holds_a_least_tension(cable, drive):
     assert profile.force_N[0] == pytest.approx(profile.force_N[-1], abs=1e-6)
     found = verify(scenario.transmission, SimulatedPlant(level=Level.PRESLIDING), "inverse", profile, problem.reference)
     assert found.score.rmse_percent_of_range < 0.02
-    assert found.slack == ""
+    assert found.slack is None
 
 
 def test_a_cycle_is_reached_by_an_independent_plant_that_starts_at_rest(cable):
@@ -205,6 +206,11 @@ def test_a_kept_hold_is_named_with_its_cost_and_a_live_inverse_knows_none(cable)
     assert live.inversion.force_N[:690] == pytest.approx(exact.inversion.force_N[:690], abs=1e-6)
 
 
+def test_a_hold_is_not_kept_in_a_cycle():
+    with pytest.raises(ParameterError, match='hold = "keep" is for references that come to rest'):
+        replace(CYCLE, hold=Hold.KEEP)
+
+
 def test_the_motor_gets_force_times_radius_over_gear():
     motor = Motor(drum_radius_m=0.02, gear_ratio=4.0, inertia_kg_m2=1e-5, torque_max_N_m=1.0, speed_max_rad_per_s=100.0)
     use = DriveUse(
@@ -225,7 +231,10 @@ def test_a_cycle_that_fits_uncertain_friction_is_better_in_the_worst_case(cable)
     uncertain = replace(slow, robust=replace(slow.robust, mu=0.2, samples=3))
     problem = Problem.of(uncertain)
     assert len(problem.samples) == 3
-    forces = {name: compensator(name).profile(problem).force_N for name in ("inverse", "optimal")}
+    profiles = {name: compensator(name).profile(problem) for name in ("inverse", "optimal")}
+    forces = {name: profile.force_N for name, profile in profiles.items()}
+    assert all(departure.end_s <= 0.6 for departure in profiles["optimal"].tracking.departures)
+    assert profiles["optimal"].tracking.departures
     nominal = compensator("optimal").profile(Problem.of(slow)).force_N
     bands = robustness(problem, forces | {"nominal": nominal}).bands
     assert bands["optimal"].worst_rms_N < 0.8 * bands["inverse"].worst_rms_N
@@ -264,7 +273,15 @@ def test_a_joint_with_the_period_of_the_cycle_is_followed(exosuit, record_proper
 
 def test_the_motor_of_the_exosuit_is_sized(exosuit, tmp_path):
     assert run(["design", str(exosuit.source), "--out", str(tmp_path)]) == 0
-    drive = json.loads((tmp_path / "summary.json").read_text())["drive"]["inverse"]
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    slack = [text for text in summary["warnings"] if "slack" in text]
+    assert len(slack) == 2  # one for each cause
+    assert "slack at the actuator's end under none, capstan, smoothed: " in slack[0]
+    page = (tmp_path / "report.html").read_text()
+    assert "The drive suffices for these profiles; what comes closest to its limit is" in page
+    assert "Not judged, since not given: the torque-speed line" in page
+    assert "Inside the dead zone nothing need move" not in page  # the ankle moves
+    drive = summary["drive"]["inverse"]
     motor = exosuit.transmission.actuator.motor
     assert 0.5 * motor.torque_max_N_m < drive["peak_torque_N_m"] <= motor.torque_max_N_m
     assert drive["peak_speed_m_per_s"] < motor.speed_max_m_per_s

@@ -86,7 +86,7 @@ def test_columns_that_the_user_names_are_read_in_the_unit_that_they_state(tmp_pa
         ("time_s,force_N\nms,N\n0,1\n", (None, None), r'"time_s" has the unit ms below its name; rename it'),
         ("time_s,cell [V]\n0,1\n", (None, "cell [V]"), r'"cell \[V\]" has the unit V, which is none of N, kN'),
         ("time_s,force_N\n0,1\n", ("clock", None), r'column "clock" is missing'),
-        ("time_s,a\n0,1\n", (None, None), r'"force_N" is missing; known: time_s, a .another name: force_column = '),
+        ("time_s,a\n0,1\n", (None, None), r'"force_N" is missing; known: time_s, a .say which by force_column = '),
         ("time_s,force_N\n0,1\n", (None, "time_s"), r'column "time_s" stands for two quantities'),
         ("time_s;force_N\n0;1,5\n1;2.5\n", (None, None), r'row 3: force_N must be a number, got "2\.5"'),
     ],
