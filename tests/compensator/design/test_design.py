@@ -172,15 +172,24 @@ def test_a_compensator_that_is_worse_than_none_is_called_so(examples):
     assert worse == {"capstan", "inverse", "table"}
 
 
-def test_an_impossible_reference_ends_with_the_largest_reachable_tension_and_no_folder(examples, tmp_path, capsys):
+def test_a_reference_out_of_reach_gets_the_best_profile_and_is_refused_where_design_is_strict(
+    examples, tmp_path, capsys
+):
     text = (examples / "finger.toml").read_text().replace("force_max_N = 200.0", "force_max_N = 60.0")
     (tmp_path / "weak.toml").write_text(text)
-    assert run(["design", str(tmp_path / "weak.toml"), "--out", str(tmp_path / "out")]) == 2
+    command = ["design", str(tmp_path / "weak.toml"), "--out", str(tmp_path / "out")]
+    largest = f"{60 * math.exp(-0.2 * math.pi):.4g} N"
+    assert run([*command, "--strict"]) == 2
     message = capsys.readouterr().err
-    largest = 60 * math.exp(-0.2 * math.pi)
-    assert f"{largest:.4g} N" in message
+    assert largest in message
     assert message.count("\n") == 1
     assert not (tmp_path / "out").exists()
+    assert run(command) == 0
+    assert largest in capsys.readouterr().err
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["ocp"]["status"] == "best_achievable"
+    rmse = {name: levels["presliding"]["rmse_N"] for name, levels in summary["compensators"].items()}
+    assert rmse["optimal"] == min(rmse.values())
 
 
 def test_a_really_measured_trace_can_be_the_reference(examples, measured_data, tmp_path):
