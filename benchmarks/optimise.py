@@ -34,11 +34,11 @@ from tendonff.models.fidelity import Level
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.tracking.cost import Evaluation, evaluate
 from tendonff.ocp.tracking.diagnosis import law_of
-from tendonff.ocp.tracking.grids import coarse_spacing, even_knots, limited_rows, local_knots, nearest_profile
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
 from tendonff.ocp.tracking.result import TrackStatus
-from tendonff.ocp.tracking.sqp import Blocks, SqpSettings, solve_sqp
+from tendonff.ocp.tracking.search.grids import coarse_spacing, even_knots, limited_rows, local_knots, nearest_profile
+from tendonff.ocp.tracking.search.sqp import Blocks, SqpSettings, solve_sqp
 from tendonff.ocp.tracking.track import track
 
 HOPS = int(os.environ.get("TENDONFF_HOPS", "60"))

@@ -93,11 +93,7 @@ def opti(problem: Problem) -> None:
     """Direct collocation on Opti with IPOPT."""
     began = time.perf_counter()
     degree, h, n = 2, problem.step, len(problem.reference) - 1
-    equations = chain_equations(problem.chain)
-    force = ca.SX.sym("force")
-    rate = ca.substitute(equations.rate, equations.inputs, ca.vertcat(force, 0, 0, 0))
-    f = ca.Function("f", [equations.state, force], [rate, equations.tension_N[-1]])
-    size, states = scales(problem)
+    f, (size, states) = dynamics(problem), scales(problem)
     taus = ca.collocation_points(degree, "radau")
     c, _, _ = ca.collocation_coeff(taus)
     c = np.asarray(c)
@@ -136,6 +132,14 @@ def opti(problem: Problem) -> None:
     line("Opti, IPOPT, collocation", problem, built - began, done - built, iterations, np.asarray(values).ravel(), note)
 
 
+def dynamics(problem: Problem) -> ca.Function:
+    """Rate of the chain's state and its output tension [N], of state and force [N]."""
+    equations = chain_equations(problem.chain)
+    force = ca.SX.sym("force")
+    rate = ca.substitute(equations.rate, equations.inputs, ca.vertcat(force, 0, 0, 0))
+    return ca.Function("f", [equations.state, force], [rate, equations.tension_N[-1]])
+
+
 def rockit(problem: Problem) -> None:
     """The same through rockit."""
     try:
@@ -145,11 +149,7 @@ def rockit(problem: Problem) -> None:
         return
     began = time.perf_counter()
     n, h = len(problem.reference) - 1, problem.step
-    equations = chain_equations(problem.chain)
-    force = ca.SX.sym("force")
-    rate = ca.substitute(equations.rate, equations.inputs, ca.vertcat(force, 0, 0, 0))
-    f = ca.Function("f", [equations.state, force], [rate, equations.tension_N[-1]])
-    size, states = scales(problem)
+    f, (size, states) = dynamics(problem), scales(problem)
     ocp = rk.Ocp(t0=0, T=n * h)
     x, u, du = ca.vertcat(*(ocp.state() for _ in size)), ocp.state(), ocp.control()
     wanted = ocp.parameter(grid="control", include_last=True)
@@ -193,11 +193,7 @@ def do_mpc(problem: Problem) -> None:
         return
     began = time.perf_counter()
     n, h = len(problem.reference) - 1, problem.step
-    equations = chain_equations(problem.chain)
-    force = ca.SX.sym("force")
-    rate = ca.substitute(equations.rate, equations.inputs, ca.vertcat(force, 0, 0, 0))
-    f = ca.Function("f", [equations.state, force], [rate, equations.tension_N[-1]])
-    size, states = scales(problem)
+    f, (size, states) = dynamics(problem), scales(problem)
     model = Model("continuous", "SX")
     x, u = model.set_variable("_x", "x", (len(size), 1)), model.set_variable("_x", "u")
     du = model.set_variable("_u", "du")

@@ -106,7 +106,7 @@ def _dialect_of(lines: Sequence[str], expected: Sequence[str], file: str) -> Dia
     separator = _separator([lines[k] for k in written], expected)
     cells = {k: _split(lines[k], separator) for k in written}
     header = _header(cells, expected)
-    if all(_is_number(cell) for cell in cells[header]):
+    if all(is_number(cell) for cell in cells[header]):
         remark = _commented_header(lines, written[0], separator, len(cells[header]))
         if remark is None:
             first = cells[header][0]
@@ -160,7 +160,7 @@ def _header(cells: dict[int, list[str]], expected: Sequence[str]) -> int:
         return max(known, key=lambda k: (known[k], -k))
     order = sorted(cells)
     rows = len(order)  # where the rows of numbers begin that go on to the end
-    while rows > 0 and any(_is_number(cell.replace(",", ".")) for cell in cells[order[rows - 1]]):
+    while rows > 0 and any(is_number(cell.replace(",", ".")) for cell in cells[order[rows - 1]]):
         rows -= 1
     if 1 < rows < len(order) and _are_units(cells[order[rows - 1]], len(cells[order[rows - 2]])):
         rows -= 1
@@ -175,12 +175,12 @@ def _commented_header(lines: Sequence[str], first: int, separator: str, width: i
     if not above:
         return None
     names = _split(lines[above[-1]].lstrip(' "#%/'), separator)
-    return above[-1] if len(names) == width and not any(_is_number(name) for name in names) else None
+    return above[-1] if len(names) == width and not any(is_number(name) for name in names) else None
 
 
 def _are_units(row: Sequence[str], width: int) -> bool:
     """A line below the header that says units: short words and no number."""
-    if len(row) != width or any(_is_number(cell.replace(",", ".")) for cell in row):
+    if len(row) != width or any(is_number(cell.replace(",", ".")) for cell in row):
         return False
     return all(re.fullmatch(r"[\[(]?[^\W\d_]{0,4}[-%°µ/²^·*\w]{0,6}[\])]?", cell) for cell in row) and any(
         cell.strip("[]() ") in _UNIT_WORDS for cell in row
@@ -198,7 +198,8 @@ def _split(line: str, separator: str) -> list[str]:
     return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
 
 
-def _is_number(text: str) -> bool:
+def is_number(text: str) -> bool:
+    """Whether a cell reads as a number."""
     try:
         float(text)
     except ValueError:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.compensator.files.dialect import Dialect, find_dialect, is_comment
+from tendonff.compensator.files.dialect import Dialect, find_dialect, is_comment, is_number
 from tendonff.compensator.files.text import READABLE, InputError, user_text
 
 if TYPE_CHECKING:
@@ -194,7 +194,7 @@ def _packed(path: Path) -> Table:
     except Exception as error:  # noqa: BLE001 - these readers raise what they like on a damaged file
         raise InputError(f"{path.name} cannot be read ({error}); what can be read: {READABLE}") from None
     units = {}
-    if len(frame) and all(isinstance(cell, str) and not _is_number(cell) for cell in frame.iloc[0]):
+    if len(frame) and all(isinstance(cell, str) and not is_number(cell) for cell in frame.iloc[0]):
         units = {str(name).strip(): str(cell) for name, cell in frame.iloc[0].items()}
         frame = frame.iloc[1:]
     return _of_frame(frame, units)
@@ -227,11 +227,3 @@ def _matlab(path: Path) -> Table:
 def _of_frame(frame: "pd.DataFrame", units: Mapping[str, str]) -> Table:
     names: Sequence[str] = [str(name).strip() for name in frame.columns]
     return Table(columns={name: frame.iloc[:, k] for k, name in enumerate(names)}, units=units)
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

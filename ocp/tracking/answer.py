@@ -8,10 +8,10 @@ from tendonff.ocp.inverse import Inversion
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.cost import Evaluation, evaluate
 from tendonff.ocp.tracking.diagnosis import departures, law_of, reasons
-from tendonff.ocp.tracking.grids import GridRefinement
 from tendonff.ocp.tracking.limits import ForceLimits, Violation
 from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions, travel_N
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
+from tendonff.ocp.tracking.search.grids import GridRefinement
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,8 +13,8 @@ from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.diagnosis import departures
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
-from tendonff.ocp.tracking.receding_horizon import Progress
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
+from tendonff.ocp.tracking.search.receding_horizon import Progress
 from tendonff.ocp.tracking.track import solve_tracking
 
 _CYCLES = 3

@@ -17,8 +17,8 @@ from tendonff.ocp.simulate import Outcome, Simulation, simulate
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.problem import WORST_POWER, TrackingProblem, TrackOptions
-from tendonff.ocp.tracking.receding_horizon import Progress
 from tendonff.ocp.tracking.result import Tracking
+from tendonff.ocp.tracking.search.receding_horizon import Progress
 from tendonff.ocp.tracking.track import solve_tracking
 
 POWER = {Objective.WORST: WORST_POWER, Objective.MEAN: 1.0}

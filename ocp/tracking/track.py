@@ -15,15 +15,15 @@ from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.answer import Found, answer
 from tendonff.ocp.tracking.cost import Evaluation, evaluate
 from tendonff.ocp.tracking.diagnosis import law_of
-from tendonff.ocp.tracking.grids import GridRefinement
-from tendonff.ocp.tracking.led import led_force
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.motion import limit_motion
 from tendonff.ocp.tracking.problem import WORST_POWER, TrackingProblem, TrackOptions, travel_N
-from tendonff.ocp.tracking.programme import programme
 from tendonff.ocp.tracking.ratcheting import disagreement, stiffened
-from tendonff.ocp.tracking.receding_horizon import Progress, solve
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
+from tendonff.ocp.tracking.search.grids import GridRefinement
+from tendonff.ocp.tracking.search.led import led_force
+from tendonff.ocp.tracking.search.programme import programme
+from tendonff.ocp.tracking.search.receding_horizon import Progress, solve
 
 __all__ = ["TrackOptions", "TrackStatus", "Tracking", "solve_tracking", "track"]
 

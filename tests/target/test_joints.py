@@ -39,7 +39,7 @@ def inverse(toolbox, examples, tmp_path):
 
 
 FIRST_RELEASE = {"m4f": {6: 924, 12: 1644, 40: 5006}, "m7": {6: 845, 12: 1499, 40: 4471}}
-"""Instructions of the inverse of 0.1.0 on a path at rest."""
+"""Most instructions of a call of the inverse of 0.1.0 on a path at rest, measured with GCC 12.2."""
 
 
 @pytest.mark.parametrize("board", ["m4f", "m7"])

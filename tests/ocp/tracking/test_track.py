@@ -15,9 +15,9 @@ from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import simulate
 from tendonff.ocp.tracking.diagnosis import law_of
-from tendonff.ocp.tracking.grids import even_knots, nearest_profile
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
+from tendonff.ocp.tracking.search.grids import even_knots, nearest_profile
 from tendonff.ocp.tracking.track import TrackStatus, track
 
 Array = NDArray[np.float64]

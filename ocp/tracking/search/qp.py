@@ -11,8 +11,8 @@ import numpy as np
 
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.cost import GaussNewtonModel, Knots
-from tendonff.ocp.tracking.interior_point import KnotProgram, solve_knots
 from tendonff.ocp.tracking.problem import TrackingProblem
+from tendonff.ocp.tracking.search.interior_point import KnotProgram, solve_knots
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

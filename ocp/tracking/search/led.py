@@ -12,11 +12,11 @@ import numpy as np
 from tendonff.ocp.inverse import Inversion
 from tendonff.ocp.simulate import simulate
 from tendonff.ocp.step.protocol import Array
-from tendonff.ocp.tracking.grids import GridRefinement
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.motion import INSIDE
 from tendonff.ocp.tracking.problem import MotionBound, TrackingProblem, TrackOptions
-from tendonff.ocp.tracking.receding_horizon import solve
+from tendonff.ocp.tracking.search.grids import GridRefinement
+from tendonff.ocp.tracking.search.receding_horizon import solve
 
 _LEAD = 300.0  # stiffness of the leading spring over that of tendon and load in series
 _CORNER_S = 0.008  # half the time in which the end may change its speed at a limit

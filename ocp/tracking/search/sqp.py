@@ -17,7 +17,7 @@ from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.cost import Evaluation, GaussNewtonModel, Knots, evaluate, gauss_newton_model, knot_shape
 from tendonff.ocp.tracking.diagnosis import reversals
 from tendonff.ocp.tracking.problem import TrackingProblem
-from tendonff.ocp.tracking.qp import solve_qp, step_bounds
+from tendonff.ocp.tracking.search.qp import solve_qp, step_bounds
 
 
 class SqpStatus(StrEnum):

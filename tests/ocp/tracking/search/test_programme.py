@@ -11,8 +11,8 @@ from tendonff.ocp.inverse import invert
 from tendonff.ocp.tracking.diagnosis import law_of
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
-from tendonff.ocp.tracking.programme import programme
 from tendonff.ocp.tracking.robust import sample_transmissions
+from tendonff.ocp.tracking.search.programme import programme
 
 STEP = 4e-3
 TIME = np.arange(0, 2 + STEP / 2, STEP)

@@ -8,9 +8,9 @@ import numpy as np
 from tendonff.models.layout import ChainInputs
 from tendonff.ocp.simulate import Simulator
 from tendonff.ocp.step.protocol import Array
-from tendonff.ocp.tracking.grids import GridRefinement, coarse_spacing, refine
 from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
-from tendonff.ocp.tracking.sqp import SqpSettings
+from tendonff.ocp.tracking.search.grids import GridRefinement, coarse_spacing, refine
+from tendonff.ocp.tracking.search.sqp import SqpSettings
 
 Progress = Callable[[int, int], None]
 

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import LinearConstraint, minimize
 
-from tendonff.ocp.tracking.interior_point import KnotProgram, solve_knots
+from tendonff.ocp.tracking.search.interior_point import KnotProgram, solve_knots
 
 Array = NDArray[np.float64]
 

@@ -15,8 +15,8 @@ from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.cost import Evaluation, GaussNewtonModel, Knots, evaluate, knot_shape
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.problem import TrackingProblem, every
-from tendonff.ocp.tracking.qp import solve_qp, step_bounds
-from tendonff.ocp.tracking.sqp import Blocks, SqpResult, SqpSettings, SqpStatus, solve_sqp
+from tendonff.ocp.tracking.search.qp import solve_qp, step_bounds
+from tendonff.ocp.tracking.search.sqp import Blocks, SqpResult, SqpSettings, SqpStatus, solve_sqp
 
 KNOTS_PER_SWING = 12
 """Coarse knots between two reversals of the reference."""

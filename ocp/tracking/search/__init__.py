@@ -1,0 +1,1 @@
+"""How a profile is searched: quadratic programs, grids of knots, windows."""
