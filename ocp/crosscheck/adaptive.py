@@ -19,18 +19,10 @@ from tendonff.ocp.step.protocol import Array
 
 
 class Adaptive(StrEnum):
-    """Adaptive integrator of the SUNDIALS suite.
+    """Adaptive integrator of the SUNDIALS suite."""
 
-    Attributes
-    ----------
-    CVODES
-        Variable-order BDF for ordinary differential equations.
-    IDAS
-        The same for differential-algebraic equations.
-    """
-
-    CVODES = "cvodes"
-    IDAS = "idas"
+    CVODES = "cvodes"  # variable-order BDF for ordinary differential equations
+    IDAS = "idas"  # the same for differential-algebraic equations
 
 
 class AdaptiveIntegrator:
@@ -85,12 +77,7 @@ class AdaptiveIntegrator:
         grid = np.arange(rows + 1, dtype=np.float64) * step_s
         options = {"reltol": tolerance, "abstol": tolerance, "max_num_steps": 200_000}
         self._integrator = ca.integrator(
-            "adaptive",
-            solver.value,
-            {"t": t, "x": y, "u": piece, "ode": rate / self._scale},
-            0.0,
-            grid[1:],
-            options,
+            "adaptive", solver.value, {"t": t, "x": y, "u": piece, "ode": rate / self._scale}, 0.0, grid[1:], options
         )
         self._tension = ca.Function("tension", [y, t, piece], [tension], {"cse": True})
 
@@ -99,7 +86,6 @@ class AdaptiveIntegrator:
 
         Parameters
         ----------
-        state : ChainState
         force_N : ndarray, shape (rows + 1,)
 
         Returns
@@ -130,27 +116,16 @@ class AdaptiveIntegrator:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AdaptiveCheck:
-    """`simulate` against an adaptive integrator.
-
-    Parameters
-    ----------
-    solver : Adaptive
-    rms_N, peak_N : float
-        Output tension against the integrator at its tightest tolerance.
-    range_N : float
-        Largest minus smallest output tension there.
-    spread_N : float
-        Largest distance at any instant between the integrator's own tolerances: no comparison is finer than this.
-    reproducible : bool
-        The integrator agrees with itself within `SPREAD_LIMIT` of the range.
-    """
+    """`simulate` against an adaptive integrator."""
 
     solver: Adaptive
+    # rms_N, peak_N: output tension against the integrator at its tightest tolerance
     rms_N: float
     peak_N: float
-    range_N: float
+    range_N: float  # largest minus smallest output tension there
+    # largest distance at any instant between the integrator's own tolerances: no comparison is finer than this
     spread_N: float
-    reproducible: bool
+    reproducible: bool  # the integrator agrees with itself within `SPREAD_LIMIT` of the range
 
     @property
     def text(self) -> str:
@@ -179,14 +154,12 @@ def check_adaptive(
 
     Parameters
     ----------
-    chain : Chain
     force_N : ndarray, shape (n,)
         f_c1 at 0, h, 2 h ..., piecewise linear between [N].
     step_s : float
         h [s].
     initial_tension_N : float
         T0 of the start at rest [N].
-    solver : Adaptive, optional
     tolerances : sequence of float, optional
         At least two; the smallest is the reference.
 

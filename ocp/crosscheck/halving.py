@@ -25,32 +25,17 @@ _LEAST_GAIN = 0.7
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepCheck:
-    """What runs with h, h/2 and h/4, and one with a nudged force, say about the run with h.
+    """What runs with h, h/2 and h/4, and one with a nudged force, say about the run with h."""
 
-    Parameters
-    ----------
-    step_s : float
-        h [s].
-    range_N : float
-        Largest minus smallest output tension of the run with h.
-    rms_N, peak_N : float
-        Output tension with h against h/2.
-    order : float
-        Observed order, log2 of the ratio of two successive rms differences, between 0.5 and 2; NaN where they vanish.
-    error_N : float
-        Estimated rms error of the run with h, extrapolated with that order.
-    spread_N : float
-        Largest distance at any instant between runs that a reproducible trajectory would not tell apart.
-    reproducible : bool
-    """
-
-    step_s: float
-    range_N: float
+    step_s: float  # h [s]
+    range_N: float  # largest minus smallest output tension of the run with h
+    # rms_N, peak_N: output tension with h against h/2
     rms_N: float
     peak_N: float
+    # observed order, log2 of the ratio of two successive rms differences, between 0.5 and 2; NaN where they vanish
     order: float
-    error_N: float
-    spread_N: float
+    error_N: float  # estimated rms error of the run with h, extrapolated with that order
+    spread_N: float  # largest distance at any instant between runs that a reproducible trajectory would not tell apart
     reproducible: bool
 
     def percent(self, value_N: float) -> float:
@@ -179,14 +164,12 @@ def check_step(
 
     Parameters
     ----------
-    chain : Chain
     force_N : ndarray, shape (n,)
         f_c1 at 0, h, 2 h ..., piecewise linear between [N].
     step_s : float
         h [s].
     initial_tension_N : float
         T0 of the start at rest [N].
-    engine : Engine, optional
 
     Raises
     ------
