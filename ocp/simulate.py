@@ -1,7 +1,6 @@
 """Forward simulation of the chain by one fixed-step scheme, whatever the engine."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -246,9 +245,3 @@ def outcome_of(chain: Chain, rows: Rows, tension_N: Array, complete: bool, step_
             f"link {link} went slack at t = {row * step_s:.6g} s; some link is slack in {share:.2g} % of the rows",
         )
     return Outcome.DONE, f"{len(tension_N)} rows"
-
-
-def chunks(total: int, size: int) -> Iterator[slice]:
-    """Slices that cut `total` rows into pieces of at most `size`."""
-    for start in range(0, total, size):
-        yield slice(start, min(start + size, total))

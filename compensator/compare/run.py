@@ -30,7 +30,7 @@ from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
-from tendonff.ocp.crosscheck.halving import NUDGE
+from tendonff.ocp.crosscheck import NUDGE
 from tendonff.ocp.tracking.problem import TrackOptions
 from tendonff.ocp.tracking.robust import error_band
 

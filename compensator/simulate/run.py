@@ -30,7 +30,7 @@ from tendonff.models.chain import Chain
 from tendonff.models.drive import Drive
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
-from tendonff.ocp.crosscheck.halving import StepHalving
+from tendonff.ocp.crosscheck import StepHalving
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import Simulator, describe_failure, tensions_of
 

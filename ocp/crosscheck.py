@@ -1,4 +1,8 @@
-"""A simulation against itself: with half the step, and with a force that is changed in the last digits."""
+"""How far a simulation can be trusted: against itself with half the step, and with a force that differs in last digits.
+
+Where a stiff bristle meets friction that falls with speed, neighbouring trajectories part: the result then depends on
+the step, the tolerance and the last digit of the force, and no solver converges point by point.
+"""
 
 import math
 from collections.abc import Callable
@@ -8,9 +12,8 @@ import numpy as np
 
 from tendonff.models.chain import Chain
 from tendonff.models.layout import ChainInputs, ChainState
-from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.simulate import Simulator, describe_failure, simulate
+from tendonff.ocp.simulate import Simulator, describe_failure
 from tendonff.ocp.step.protocol import Array
 
 NUDGE = 1e-9
@@ -76,16 +79,13 @@ class StepHalving:
         Where it starts.
     force_N : float
         Force at the start [N].
-    engine : Engine, optional
     """
 
-    def __init__(
-        self, chain: Chain, step_s: float, state: ChainState, force_N: float, engine: Engine = Engine.AUTO
-    ) -> None:
+    def __init__(self, chain: Chain, step_s: float, state: ChainState, force_N: float) -> None:
         self._chain, self._step_s = chain, step_s
         start, nudged = (ChainInputs.of_force(np.array([force])) for force in (force_N, force_N * (1 + NUDGE)))
-        self._runs = {parts: Simulator(chain, step_s / parts, state, start, engine) for parts in (2, 4)}
-        self._nudged = Simulator(chain, step_s, state, nudged, engine)
+        self._runs = {parts: Simulator(chain, step_s / parts, state, start) for parts in (2, 4)}
+        self._nudged = Simulator(chain, step_s, state, nudged)
         self._rows = 0
         self._squares = {2: 0.0, 4: 0.0}
         self._peaks = {2: 0.0, 4: 0.0}
@@ -155,28 +155,3 @@ class StepHalving:
 
 def _peak(difference: Array) -> float:
     return float(np.abs(difference).max(initial=0.0))
-
-
-def check_step(
-    chain: Chain, force_N: Array, step_s: float, *, initial_tension_N: float, engine: Engine = Engine.AUTO
-) -> StepCheck:
-    """Estimate the error of `simulate` for a force, and whether its trajectory is reproducible.
-
-    Parameters
-    ----------
-    force_N : ndarray, shape (n,)
-        f_c1 at 0, h, 2 h ..., piecewise linear between [N].
-    step_s : float
-        h [s].
-    initial_tension_N : float
-        T0 of the start at rest [N].
-
-    Raises
-    ------
-    SolveError
-        If a run fails.
-    """
-    run = simulate(chain, force_N, step_s, initial_tension_N=initial_tension_N, engine=engine).require()
-    halving = StepHalving(chain, step_s, chain.rest_state(initial_tension_N), float(force_N[0]), engine)
-    halving.add(run.time_s[1:], run.output_tension_N[1:], lambda time_s: np.interp(time_s, run.time_s, run.force_N))
-    return halving.result()
