@@ -241,7 +241,6 @@ def open_csv(path: Path, names: Sequence[str]) -> Iterator[CsvStream]:
 
     Parameters
     ----------
-    path : Path
     names : sequence of str
         Header.
     """
@@ -254,7 +253,6 @@ def write_csv(path: Path, columns: Mapping[str, ArrayLike]) -> None:
 
     Parameters
     ----------
-    path : Path
     columns : mapping of str to array_like, shape (rows,)
     """
     table = np.column_stack([np.asarray(values, dtype=np.float64) for values in columns.values()])
