@@ -67,15 +67,13 @@ class OptimalSettings:
             require_whole("max_iterations", self.max_iterations, least=3, most=10000, hint="400 is a good start")
         if self.restarts is not None:
             require_whole("restarts", self.restarts, least=0, most=100, hint="5 is a good start")
-        if self.tolerance_N is not None:
-            require_number("tolerance_N", self.tolerance_N, above=0, hint="leave it out to follow the reference")
-        if self.preview_s is not None:
-            require_number("preview_s", self.preview_s, above=0, hint="leave it out where all is known ahead")
-            if self.least_time or self.tolerance_N is not None:
-                raise ParameterError(
-                    f"preview_s = {self.preview_s:g} does not go with least_time or tolerance_N: with preview the "
-                    "reference itself is followed; leave one of them out"
-                )
+        require_given("tolerance_N", self.tolerance_N, above=0, hint="leave it out to follow the reference")
+        require_given("preview_s", self.preview_s, above=0, hint="leave it out where all is known ahead")
+        if self.preview_s is not None and (self.least_time or self.tolerance_N is not None):
+            raise ParameterError(
+                f"preview_s = {self.preview_s:g} does not go with least_time or tolerance_N: with preview the "
+                "reference itself is followed; leave one of them out"
+            )
 
     @property
     def given(self) -> dict[str, float | int]:
