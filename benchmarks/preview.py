@@ -17,7 +17,7 @@ from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.ocp.tracking.goals.preview import track_preview
 from tendonff.ocp.tracking.track import track
 
-PREVIEWS_S = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)
+PREVIEWS_S = (0.05, 0.1, 0.2, 0.3, 0.5)
 
 
 def main() -> None:
