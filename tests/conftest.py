@@ -130,7 +130,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object:
 
     class ByFixture(LoadScopeScheduling):
         def _split_scope(self, nodeid: str) -> str:
-            file = config.rootpath / nodeid.split("::")[0]
+            file = config.rootpath / nodeid.split("::", maxsplit=1)[0]
             for shared in (file.parent / "conftest.py", file):
                 if shared != Path(__file__) and shared.is_file() and _SHARED.search(shared.read_text("utf-8")):
                     return str(shared)
