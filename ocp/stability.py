@@ -169,8 +169,13 @@ def _warnings(
             "lubricate (mu_static closer to mu_dynamic), or close a feedback loop"
         )
     else:
+        motion = (
+            f"an oscillation of {worst.frequency_Hz:.3g} Hz"
+            if worst.frequency_Hz
+            else "a motion that does not oscillate"
+        )
         text = (
-            f"oscillation: sliding friction, proportional to tension, feeds a mode of {worst.frequency_Hz:.3g} Hz "
+            f"unstable sliding: friction, proportional to tension, feeds {motion} "
             f"{when}; no force computed beforehand can hold it; {error}; add damping in the tendon or at the load, "
             "or let the reference change more gently"
         )
