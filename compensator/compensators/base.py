@@ -283,8 +283,6 @@ def limit_warnings(name: str, before_N: FloatArray, after_N: FloatArray) -> tupl
 
     Parameters
     ----------
-    name : str
-        Of the compensator.
     before_N, after_N : ndarray, shape (n,)
     """
     difference = np.abs(before_N - after_N)
