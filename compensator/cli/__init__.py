@@ -26,7 +26,7 @@ from tendonff.compensator.cli.commands.path import path
 from tendonff.compensator.cli.commands.simulate import simulate
 from tendonff.compensator.cli.commands.sweep import sweep
 from tendonff.compensator.cli.commands.table import table
-from tendonff.compensator.cli.progress import say
+from tendonff.compensator.cli.progress import leave, say
 from tendonff.models.errors import TendonffError
 
 EXIT_SOLVE, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130
@@ -132,4 +132,4 @@ def main() -> None:
         if not stopped:
             raise
         code = EXIT_INTERRUPTED
-    sys.exit(EXIT_INTERRUPTED if stopped else code)
+    leave(EXIT_INTERRUPTED if stopped else code)

@@ -13,6 +13,7 @@ from tendonff.compensator.identification.fitting.chain_law import (
     choose_law,
     fit_free,
 )
+from tendonff.compensator.identification.fitting.input_noise import with_input_estimated
 from tendonff.compensator.identification.fitting.per_file import FileEstimate, file_estimates, with_scatter
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece, fit_pieces, spans_of
 from tendonff.compensator.identification.fitting.static import FileError
@@ -20,7 +21,6 @@ from tendonff.compensator.identification.fitting.uncertainty import (
     expected_errors,
     slopes_over_all,
     with_floors,
-    with_input_noise,
     with_other_laws,
 )
 from tendonff.compensator.identification.measured.cleaning import Record
@@ -224,9 +224,12 @@ def fit_dynamic(
     every = (*task.free, *(n for n in D if n not in task.free))
     slopes = slopes_over_all(quick, every)
     files = () if slopes is None else file_estimates(quick, slopes, solution)
-    solution, concentration = with_other_laws(solution, slopes, every, quick)
-    solution = with_scatter(solution, files)
-    solution = with_floors(with_input_noise(quick, solution), mean_N)
+    other, concentration = with_other_laws(solution, slopes, every, quick)
+    doubt = np.clip(np.diag(other.covariance - solution.covariance), 0, None)
+    say("dynamic stage: noise on the input")
+    solution = with_input_estimated(task, solution)
+    solution = replace(solution, covariance=solution.covariance + np.diag(doubt))
+    solution = with_floors(with_scatter(solution, files), mean_N)
     return DynamicFit(
         model=replace(task.model, count=transmission.path.segments),
         values=task.complete(solution.values),

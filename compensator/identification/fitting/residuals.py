@@ -41,6 +41,8 @@ class FitPiece:
     cutoff_Hz: float
     step_s: float
     input_noise_N: float
+    explained_noise: float
+    elongation_noise_m: float
     with_elongation: bool
     explain: Explain
 
@@ -130,6 +132,8 @@ def fit_pieces(records: Sequence[Record], explain: Explain = Explain.OUTPUT) -> 
                     cutoff_Hz=record.cutoff_Hz,
                     step_s=record.step_s,
                     input_noise_N=record.input_noise_N,
+                    explained_noise=record.travel_noise_m if explain is Explain.POSITION else record.output_noise_N,
+                    elongation_noise_m=record.elongation_noise_m,
                     with_elongation=record.has_positions and explain is Explain.OUTPUT,
                     explain=explain,
                 )
