@@ -20,7 +20,7 @@ from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.chain import DynamicParameter
 from tendonff.ocp.fits.input_knots import input_windows
-from tendonff.ocp.fits.least_squares import Solution
+from tendonff.ocp.fits.least_squares import Blocks, Solution
 
 D = DynamicParameter
 
@@ -29,6 +29,9 @@ MASSES, STEP_S = 8, 5e-3
 
 KNOT_S, LEAST_KNOT_ROWS, KNOTS_A_WINDOW = 0.05, 4, 400
 """Distance of knots, at least so many samples; knots whose effect on each other is counted."""
+
+WIDEST = 30.0
+"""A correction where nothing was read, as behind a gap: usually so many times the noise."""
 
 ROUNDS = 3
 """Most steps: the first is nearly all of it."""
@@ -53,14 +56,17 @@ class _Rows:
     residuals: Array
     by_values: Array
     by_knots: Array
-    blocks: Array
+    blocks: Blocks
+    knot_blocks: Blocks
     price: Array
     """Of the knots, shape (k, k): what the cell's noise makes a correction cost."""
     asked: Array
     """Correction that the readings ask for, times its price, shape (k,)."""
 
 
-def with_input_estimated(task: ChainResiduals, solution: Solution) -> Solution:
+def with_input_estimated(
+    task: ChainResiduals, solution: Solution, *, rounds: int = ROUNDS, signed: bool = False
+) -> Solution:
     """Values with the input estimated besides, their covariance that of values and input together.
 
     Parameters
@@ -68,13 +74,17 @@ def with_input_estimated(task: ChainResiduals, solution: Solution) -> Solution:
     task : ChainResiduals
         On many masses, with the free parameters of `solution`.
     solution : Solution
+    rounds : int, optional
+        Most steps.
+    signed : bool, optional
+        What may vanish may fall below nothing: its scatter shows then.
     """
     if all(run.input_noise_N <= 0 for run in task.pieces):
         return solution
     moved = solution
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         try:
-            step, covariance = _step(task, moved)
+            step, covariance = _step(task, moved, signed=signed)
         except (SolveError, np.linalg.LinAlgError):
             return solution
         values = {name: moved.values[name] + float(by) for name, by in zip(moved.values, step, strict=True)}
@@ -84,7 +94,7 @@ def with_input_estimated(task: ChainResiduals, solution: Solution) -> Solution:
     return moved
 
 
-def _step(task: ChainResiduals, solution: Solution) -> tuple[Array, Array]:
+def _step(task: ChainResiduals, solution: Solution, *, signed: bool) -> tuple[Array, Array]:
     """Change of the values, and their covariance."""
     count = len(solution.values)
     normal, wanted = np.zeros((count, count)), np.zeros(count)
@@ -103,14 +113,16 @@ def _step(task: ChainResiduals, solution: Solution) -> tuple[Array, Array]:
         eliminated.append((rows, weight, solved))
     scale = np.sqrt(np.diag(normal))
     inverse = np.linalg.inv(normal / np.outer(scale, scale)) / np.outer(scale, scale)
-    step = _feasible(normal, wanted, inverse @ wanted, solution)
+    step = _feasible(normal, wanted, inverse @ wanted, _least(solution, signed=signed))
     for rows, weight, solved in eliminated:
-        left = rows.residuals + rows.by_values @ step + rows.by_knots @ (solved[:, -1] - solved[:, :-1] @ step)
+        knots = solved[:, -1] - solved[:, :-1] @ step
+        left = weight * (rows.residuals + rows.by_values @ step + rows.by_knots @ knots)
         for block in np.unique(rows.blocks):
-            at = rows.blocks == block
-            scores[block] = scores.get(block, 0.0) + rows.by_values[at].T @ (weight[at] * left[at])
-    every = np.array(list(scores.values()))
-    return step, _clustered(inverse, every)
+            at, near = rows.blocks == block, rows.knot_blocks == block
+            own = (rows.by_values[at] - rows.by_knots[at] @ solved[:, :-1]).T @ left[at]
+            own += solved[near, :-1].T @ (rows.asked - rows.price @ knots)[near]
+            scores[block] = scores.get(block, 0.0) + own
+    return step, _clustered(inverse, np.array(list(scores.values())))
 
 
 def _clustered(inverse: Array, scores: Array) -> Array:
@@ -121,19 +133,24 @@ def _clustered(inverse: Array, scores: Array) -> Array:
     return np.asarray(inverse * np.outer(excess, excess))
 
 
-def _feasible(normal: Array, wanted: Array, step: Array, solution: Solution) -> Array:
-    """The step, or the best one that leaves no value below its least."""
+def _least(solution: Solution, *, signed: bool) -> Array:
+    """Largest steps downwards."""
     values = np.array(list(solution.values.values()))
-    least = np.where([D(n) in MAY_VANISH for n in solution.values], 0.0, LEAST_SHARE * values)
-    least[[D(n) in SIGNED for n in solution.values]] = -np.inf
-    held = np.zeros(len(values), dtype=bool)
+    least = np.where([D(n) in MAY_VANISH for n in solution.values], -values, (LEAST_SHARE - 1) * values)
+    least[[D(n) in (*SIGNED, *(MAY_VANISH if signed else ())) for n in solution.values]] = -np.inf
+    return least
+
+
+def _feasible(normal: Array, wanted: Array, step: Array, least: Array) -> Array:
+    """The step, or the best one that goes no further down than the least."""
+    held = np.zeros(len(step), dtype=bool)
     step = step.copy()
-    for _ in values:
-        below = ~held & (values + step < least)
+    for _ in least:
+        below = ~held & (step < least)
         if not below.any():
             break
         held |= below
-        step[held] = least[held] - values[held]
+        step[held] = least[held]
         if (~held).any():
             rest = wanted[~held] - normal[np.ix_(~held, held)] @ step[held]
             step[~held] = np.linalg.solve(normal[np.ix_(~held, ~held)], rest)
@@ -161,7 +178,7 @@ def _windows_of(
     run: FitPiece,
     full: Mapping[DynamicParameter, float],
     left: list[Array],
-    blocks: Array,
+    blocks: Blocks,
     usual: tuple[float, float],
 ) -> Iterator[_Rows]:
     """Windows of one piece; `left` are the residuals of the explained channel, and those of the elongation."""
@@ -170,11 +187,12 @@ def _windows_of(
     drive = replace(run.drive, input_N=run.drive.input_N[::every], step_s=run.step_s * every)
     response = model.respond(full, drive, task.free)
     proximal = run.explain is Explain.POSITION
-    by_values = [response.near_slopes if proximal else response.output_slopes, response.elongation_slopes]
+    by_values: list[Array] = [response.near_slopes if proximal else response.output_slopes, response.elongation_slopes]
     units, noises = (task.output_unit, task.elongation_unit_m), (run.explained_noise, run.elongation_noise_m)
-    sizes = np.hypot(np.array(noises) / np.sqrt(run.thin), MISFIT_SHARE * np.array(usual))
+    sizes: Array = np.hypot(np.array(noises) / np.sqrt(run.thin), MISFIT_SHARE * np.array(usual))
     fitted = np.flatnonzero(run.good) * run.thin * run.step_s
     clock = np.arange(len(run.piece.read_N)) * run.step_s
+    grid_s: Array = np.arange(len(drive.input_N)) * drive.step_s
     off = run.piece.read_N - run.drive.input_N
     knot_s = max(KNOT_S, LEAST_KNOT_ROWS * run.step_s)
     for window in input_windows(model, full, drive, knot_s=knot_s, window_s=KNOTS_A_WINDOW * knot_s):
@@ -185,7 +203,7 @@ def _windows_of(
         by_knots = [window.near_slopes if proximal else window.output_slopes, window.elongation_slopes]
         channels = []
         for k, residuals in enumerate(left):
-            values = _sampled(by_values[k], np.arange(len(drive.input_N)) * drive.step_s, fitted[at], run.cutoff_Hz)
+            values = _sampled(by_values[k], grid_s, fitted[at], run.cutoff_Hz)
             knots = _sampled(by_knots[k], window.time_s, fitted[at], run.cutoff_Hz)
             # The zero of positions is arbitrary, in every window anew.
             zero = np.full((int(at.sum()), 1), float(k > 0 or proximal))
@@ -197,6 +215,9 @@ def _windows_of(
             by_values=values,
             by_knots=knots,
             blocks=np.concatenate([blocks[at]] * len(left)),
+            knot_blocks=blocks[at][
+                np.searchsorted(fitted[at], np.append(window.knots_s, np.inf)).clip(max=at.sum() - 1)
+            ],
             price=price,
             asked=asked,
         )
@@ -215,6 +236,7 @@ def _price(knots_s: Array, time_s: Array, off: Array, noise_N: float) -> tuple[A
         np.add.at(asked, before + left, x * off / noise_N)
         for right, y in ((0, 1 - share), (1, share)):
             np.add.at(price, (before + left, before + right), x * y / noise_N**2)
+    price[np.diag_indices(count)] += 1 / (WIDEST * noise_N) ** 2
     price[-1, -1] = 1e-12
     return price, asked
 

@@ -68,7 +68,7 @@ def with_other_laws(
     names: Sequence[DynamicParameter],
     task: ChainResiduals,
 ) -> tuple[Solution, float]:
-    """Average the covariance over laws with one more effect, each weighted by what the data say of it.
+    """Add to the covariance what laws with one more effect make doubtful, each weighted by what the data say of it.
 
     One Gauss-Newton step from the solution tells where the answer would go with the effect and how much the error would
     fall; Akaike's weights follow, with as many samples as there are independent ones. A path whose wrap angle is not
@@ -93,7 +93,8 @@ def with_other_laws(
     free = [names.index(D(n)) for n in solution.values]
     independent = task.independent_rows(found)
     own_step, own_size = _newton(found, free)
-    moves, spreads, evidence = [np.zeros(len(free))], [solution.covariance], [0.0]
+    own, _ = block_covariance(replace(found, slopes=found.slopes[:, free]), robust=True)
+    moves, spreads, evidence = [np.zeros(len(free))], [own], [0.0]
     others: list[tuple[DynamicParameter | None, Residuals, int]] = [
         (extra, found, names.index(extra)) for extra in ALTERNATIVES if names.index(extra) not in free
     ]
@@ -118,7 +119,8 @@ def with_other_laws(
     share = np.exp(np.array(evidence) - max(evidence))
     share /= share.sum()
     total = sum(s * (c + np.outer(m, m)) for s, c, m in zip(share, spreads, moves, strict=True))
-    return replace(solution, covariance=np.asarray(total)), concentration
+    doubt = np.clip(np.diag(total - own), 0, None)
+    return replace(solution, covariance=solution.covariance + np.diag(doubt)), concentration
 
 
 def _with_concentration(found: Residuals, task: ChainResiduals) -> Residuals | None:
