@@ -20,14 +20,14 @@ from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.chain import DynamicParameter
 from tendonff.ocp.fits.input_knots import input_windows
-from tendonff.ocp.fits.least_squares import Blocks, Solution
+from tendonff.ocp.fits.least_squares import Blocks, Residuals, Solution
 
 D = DynamicParameter
 
 MASSES, STEP_S = 8, 5e-3
 """Of the chain whose slopes are used."""
 
-KNOT_S, LEAST_KNOT_ROWS, KNOTS_A_WINDOW = 0.05, 4, 400
+KNOT_S, LEAST_KNOT_ROWS, KNOTS_A_WINDOW = 0.05, 4, 200
 """Distance of knots, at least so many samples; knots whose effect on each other is counted."""
 
 WIDEST = 30.0
@@ -88,10 +88,15 @@ def with_input_estimated(
         except (SolveError, np.linalg.LinAlgError):
             return solution
         values = {name: moved.values[name] + float(by) for name, by in zip(moved.values, step, strict=True)}
-        moved = replace(moved, values=values, covariance=covariance, residuals=task.evaluate(values))
+        moved = replace(moved, values=values, covariance=covariance, residuals=residuals_of(task, values))
         if np.all(np.abs(step) < np.sqrt(np.diag(covariance))):
             break
     return moved
+
+
+def residuals_of(task: ChainResiduals, values: Mapping[str, float]) -> Residuals:
+    """Residuals without slopes, which cost most."""
+    return replace(task, free=()).evaluate(values)
 
 
 def _step(task: ChainResiduals, solution: Solution, *, signed: bool) -> tuple[Array, Array]:
@@ -192,7 +197,7 @@ def _windows_of(
     sizes: Array = np.hypot(np.array(noises) / np.sqrt(run.thin), MISFIT_SHARE * np.array(usual))
     fitted = np.flatnonzero(run.good) * run.thin * run.step_s
     clock = np.arange(len(run.piece.read_N)) * run.step_s
-    grid_s: Array = np.arange(len(drive.input_N)) * drive.step_s
+    grid_s = np.asarray(np.arange(len(drive.input_N)) * drive.step_s, dtype=np.float64)
     off = run.piece.read_N - run.drive.input_N
     knot_s = max(KNOT_S, LEAST_KNOT_ROWS * run.step_s)
     for window in input_windows(model, full, drive, knot_s=knot_s, window_s=KNOTS_A_WINDOW * knot_s):

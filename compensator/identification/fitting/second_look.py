@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from tendonff.compensator.identification.fitting.chain_law import LAW_NAMES, ChainCandidate, ChosenLaw
-from tendonff.compensator.identification.fitting.input_noise import with_input_estimated
+from tendonff.compensator.identification.fitting.input_noise import residuals_of, with_input_estimated
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals
 from tendonff.compensator.identification.measured.reading import Array
 from tendonff.compensator.scenario.measurement import Explain
@@ -45,7 +45,9 @@ def look_again(
     free = (*task.free, *(name for name in offered if name not in task.free))
     wide = replace(task, model=replace(task.model, symmetric=False), free=free)
     at = {str(name): full[name] for name in free}
-    told = with_input_estimated(wide, replace(solution, values=at, residuals=wide.evaluate(at)), rounds=1, signed=True)
+    told = with_input_estimated(
+        wide, replace(solution, values=at, residuals=residuals_of(wide, at)), rounds=1, signed=True
+    )
     values, covariance, dropped = told.values, told.covariance, set[DynamicParameter]()
     for name, sure in ((D.OUTPUT_BIAS, SURE_OF_OFFSET), (D.ADHESION, SURE_OF_ADHESION)):
         if name in free and not _size(name, values[name]) > sure * _error(covariance, free, name):
@@ -62,7 +64,7 @@ def look_again(
         fixed={**full, **dict.fromkeys(dropped & {D.OUTPUT_BIAS, D.ADHESION}, 0.0)},
     )
     at = {str(name): float(values[name]) for name in kept}
-    found = with_input_estimated(chosen, replace(solution, values=at, residuals=chosen.evaluate(at)))
+    found = with_input_estimated(chosen, replace(solution, values=at, residuals=residuals_of(chosen, at)))
     return _renamed(law, chosen, found), chosen, found
 
 
