@@ -16,7 +16,8 @@ from tendonff.compensator.cli import main
 from tendonff.compensator.identification import run as identification
 
 def clean(*args, **kwargs):
-    threading.Thread(target=time.sleep, args=(600,), daemon=False).start()  # what Python would wait for when it takes itself down
+    # What Python would wait for when it takes itself down.
+    threading.Thread(target=time.sleep, args=(600,), daemon=False).start()
     print("in compiled code", flush=True)
     ctypes.CDLL(None).sleep(600)  # called as the compiled chains are
     raise AssertionError("it came back")
