@@ -175,6 +175,7 @@ def study(nominal: Scenario, seed: int, group: str) -> dict[str, Any]:
         "replay_percent": getattr(found, "replay_percent", None),
         "left_percent": left_percent(fitted, rig.plant, fitted.transmission),
         "left_nominal_percent": left_percent(nominal, rig.plant, nominal.transmission),
+        "left_true_percent": left_percent(nominal, rig.plant, rig.plant.transmission),
         "adhesion_bound_N": bound,
         "values": {name: _value(found, rig, name) for name in NAMES},
     }
@@ -215,6 +216,8 @@ def summary(rows: Sequence[dict[str, Any]]) -> Iterable[str]:
     yield f"{rows[0]['group']}: {len(rows)} rigs, median time {np.median([r['seconds'] for r in rows]):.0f} s"
     above = int((left > 0.6).sum())
     yield f"  design leaves {np.median(left):.2f} % (median), {left.max():.2f} % (worst), above 0.6 %: {above}"
+    known = np.array([row["left_true_percent"] for row in rows])
+    yield f"  with the true values it leaves {np.median(known):.2f} % (median), {known.max():.2f} % (worst)"
     every: list[bool] = []
     for name in NAMES:
         values = [row["values"][name] for row in rows if row["values"][name]["interval"] is not None]

@@ -18,7 +18,7 @@ from tendonff.ocp.fits.input_knots import input_windows
 D = DynamicParameter
 
 NAMES = (D.MU_PULL, D.MU_RELEASE, D.BRISTLE, D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME, D.ADHESION)
-MASSES, STEP_S, KNOT_S, WINDOW_S = 8, 5e-3, 0.04, 20.0
+MASSES, STEP_S, KNOT_S, WINDOW_S, BEFORE_S = 8, 5e-3, 0.04, 20.0, 5.0
 
 
 def bounds(truth: Transmission, noise: float, logs: Sequence[Array], sample_s: float) -> dict[str, float]:
@@ -40,8 +40,8 @@ def _information(truth: Transmission, noise: float, log: Array, sample_s: float)
     response = model.respond(values, drive, NAMES)
     moved = response.elongation_slopes - response.elongation_slopes.mean(axis=0)
     told = np.zeros((len(NAMES), len(NAMES)))
-    for window in input_windows(model, values, drive, knot_s=KNOT_S, window_s=WINDOW_S):
-        first = int(np.searchsorted(window.time_s, 0.0))
+    for window in input_windows(model, values, drive, knot_s=KNOT_S, window_s=WINDOW_S, before_s=BEFORE_S):
+        first = int(np.searchsorted(window.time_s, max(window.first_s, 0.0)))
         rows = np.rint(window.time_s[first:] / STEP_S).astype(int).clip(max=len(drive.input_N) - 1)
         own = np.vstack([response.output_slopes[rows] / output_noise, moved[rows] / np.hypot(near, far)])
         elongation = window.elongation_slopes[first:]

@@ -27,8 +27,8 @@ D = DynamicParameter
 MASSES, STEP_S = 8, 5e-3
 """Of the chain whose slopes are used."""
 
-KNOT_S, LEAST_KNOT_ROWS, KNOTS_A_WINDOW = 0.05, 4, 200
-"""Distance of knots, at least so many samples; knots whose effect on each other is counted."""
+KNOT_S, LEAST_KNOT_ROWS, KNOTS_A_WINDOW, KNOTS_BEFORE = 0.05, 4, 200, 100
+"""Distance of knots, at least so many samples; knots in a window, and before it, where their effect goes on."""
 
 WIDEST = 30.0
 """A correction where nothing was read, as behind a gap: usually so many times the noise."""
@@ -200,8 +200,9 @@ def _windows_of(
     grid_s = np.asarray(np.arange(len(drive.input_N)) * drive.step_s, dtype=np.float64)
     off = run.piece.read_N - run.drive.input_N
     knot_s = max(KNOT_S, LEAST_KNOT_ROWS * run.step_s)
-    for window in input_windows(model, full, drive, knot_s=knot_s, window_s=KNOTS_A_WINDOW * knot_s):
-        at = (fitted >= window.time_s[0]) & (fitted < window.time_s[-1])
+    window_s, before_s = KNOTS_A_WINDOW * knot_s, KNOTS_BEFORE * knot_s
+    for window in input_windows(model, full, drive, knot_s=knot_s, window_s=window_s, before_s=before_s):
+        at = (fitted >= window.first_s) & (fitted < window.time_s[-1])
         heard = (clock >= window.time_s[0]) & (clock < window.time_s[-1]) & run.piece.good
         if not at.any():
             continue

@@ -14,17 +14,17 @@ from tendonff.ocp.fits.least_squares import Residuals, Solution, block_covarianc
 D = DynamicParameter
 
 FLOORS = {
-    D.MU_PULL: 0.005,
-    D.MU_RELEASE: 0.005,
-    D.BRISTLE: 0.03,
-    D.STIFFNESS: 0.003,
-    D.RELAXING: 0.01,
+    D.MU_PULL: 0.002,
+    D.MU_RELEASE: 0.003,
+    D.BRISTLE: 0.02,
+    D.STIFFNESS: 0.002,
+    D.RELAXING: 0.005,
     D.RELAXATION_TIME: 0.01,
 }
 """Standard error of the method itself as a share of the value, seen on simulated rigs: masses and steps are finite, and
-low-passes round what friction remembers."""
+no device has exactly these laws."""
 
-ADHESION_FLOOR = 0.002
+ADHESION_FLOOR = 0.0008
 """The same for adhesion and offsets, as a share of the mean output tension."""
 
 ALTERNATIVES = (D.ADHESION, D.STATIC_EXCESS, D.OUTPUT_BIAS)
