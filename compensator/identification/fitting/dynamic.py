@@ -13,9 +13,9 @@ from tendonff.compensator.identification.fitting.chain_law import (
     choose_law,
     fit_free,
 )
+from tendonff.compensator.identification.fitting.noisy_input.second_look import look_again
 from tendonff.compensator.identification.fitting.per_file import FileEstimate, file_estimates, with_scatter
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece, fit_pieces, spans_of
-from tendonff.compensator.identification.fitting.second_look import look_again
 from tendonff.compensator.identification.fitting.static import FileError
 from tendonff.compensator.identification.fitting.uncertainty import (
     expected_errors,

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from tendonff.compensator.identification.fitting.chain_law import LAW_NAMES, ChainCandidate, ChosenLaw
-from tendonff.compensator.identification.fitting.input_noise import residuals_of, with_input_estimated
+from tendonff.compensator.identification.fitting.noisy_input.estimation import residuals_of, with_input_estimated
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals
 from tendonff.compensator.identification.measured.reading import Array
 from tendonff.compensator.scenario.measurement import Explain
