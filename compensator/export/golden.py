@@ -15,6 +15,7 @@ from tendonff.compensator.compensators.stream.run import quantised
 from tendonff.compensator.compensators.table import CompensationTable
 from tendonff.compensator.export.modules import exportable
 from tendonff.compensator.export.text.table_index import rounded
+from tendonff.models.capstan import CapstanLaw
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.ocp.codegen.precision import Precision
@@ -175,15 +176,16 @@ def _other(problem: Problem, course: Course, precision: Precision) -> Other | No
     reference, friction = course.reference_N[-_OTHER_ROWS:], problem.transmission.friction
     start, time = float(reference[0]), problem.reference.step_s * np.arange(len(reference), dtype=np.float64)
     more = min(_OTHER_ADHESION * start, _MOST_ADHESION_N)
+    less = _OTHER_RELEASE if CapstanLaw.of(problem.transmission).plays is None else 1.0  # plays keep their wrap angles
     adhesion, release = (
         float(rounded(np.array([value]), precision)[0])
-        for value in (friction.adhesion_N + more, _OTHER_RELEASE * friction.release_dynamic)
+        for value in (friction.adhesion_N + more, less * friction.release_dynamic)
     )
     changed = replace(
         friction,
         adhesion_N=adhesion,
         mu_dynamic_release=release,
-        mu_static_release=max(release, _OTHER_RELEASE * friction.release_static),
+        mu_static_release=max(release, less * friction.release_static),
     )
     followed = replace(
         problem,
