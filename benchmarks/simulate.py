@@ -54,6 +54,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from benchmarks.adaptive import Adaptive, AdaptiveIntegrator
 from tendonff.compensator.scenario.sampled.sampling import initial_tension, sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.chain import Chain, chain_equations
@@ -61,7 +62,6 @@ from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.codegen.engine import Engine
-from tendonff.ocp.crosscheck.adaptive import Adaptive, AdaptiveIntegrator
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import Simulator, simulate

@@ -21,39 +21,21 @@ NORMAL_FORCE_FLOOR_N = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Piece:
-    """A mass on the path, apart from its friction; numbers or CasADi scalars.
+    """A mass on the path, apart from its friction; numbers or CasADi scalars."""
 
-    Parameters
-    ----------
-    mass_kg : float or ca.SX
-        m/N [kg].
-    adhesion_N : float or ca.SX
-        Load-independent tension p [N].
-    """
-
-    mass_kg: ca.SX
-    adhesion_N: ca.SX
+    mass_kg: ca.SX  # m/N [kg]
+    adhesion_N: ca.SX  # load-independent tension p [N]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class End:
-    """One end of the chain: a mass with a damper, what drives it and what it leans on.
-
-    Parameters
-    ----------
-    mass_kg : float
-        Moving mass [kg], > 0.
-    damping_N_s_per_m : float
-        Viscous damping [N s/m].
-    stiffness_N_per_m : float
-        k_c [N/m]; 0 for an actuator.
-    """
+    """One end of the chain: a mass with a damper, what drives it and what it leans on."""
 
     states: ClassVar[tuple[str, ...]] = ()
 
-    mass_kg: float
-    damping_N_s_per_m: float
-    stiffness_N_per_m: float
+    mass_kg: float  # moving mass [kg], > 0
+    damping_N_s_per_m: float  # viscous damping [N s/m]
+    stiffness_N_per_m: float  # k_c [N/m]; 0 for an actuator
 
     def rate(self, v: ca.SX, states: tuple[ca.SX, ...]) -> tuple[ca.SX, ...]:  # noqa: ARG002
         """Time derivatives of its own states; none here."""
@@ -122,6 +104,5 @@ def rest_damper_force(x_c_rate: ca.SX, pull: ca.SX, end: End) -> ca.SX:
         dx_c/dt [m/s].
     pull : float or ca.SX
         As in `end_force`.
-    end : End
     """
     return -pull * end.damping_N_s_per_m * x_c_rate

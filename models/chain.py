@@ -226,39 +226,18 @@ def _actuator_end(transmission: Transmission, level: Level) -> End:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChainEquations:
-    """The continuous-time chain as CasADi expressions.
+    """The continuous-time chain as CasADi expressions."""
 
-    Parameters
-    ----------
-    state : ca.SX, shape (size, 1)
-        In the order of `StateLayout`.
-    inputs : ca.SX, shape (4, 1)
-        In the order of `INPUT_NAMES`.
-    place : ca.SX, shape (3 N + 3, 1)
-        A row of `PathRows.table`.
-    place_rate : ca.SX, shape (3 N + 3, 1)
-        Its time derivative.
-    rate : ca.SX, shape (size, 1)
-        Time derivative of `state`.
-    tension_N : ca.SX, shape (N + 1, 1)
-        f_1 .. f_{N+1}.
-    """
-
-    state: ca.SX
-    inputs: ca.SX
-    place: ca.SX
-    place_rate: ca.SX
-    rate: ca.SX
-    tension_N: ca.SX
+    state: ca.SX  # shape (size, 1); in the order of `StateLayout`
+    inputs: ca.SX  # shape (4, 1); in the order of `INPUT_NAMES`
+    place: ca.SX  # shape (3 N + 3, 1); a row of `PathRows.table`
+    place_rate: ca.SX  # shape (3 N + 3, 1); its time derivative
+    rate: ca.SX  # shape (size, 1); time derivative of `state`
+    tension_N: ca.SX  # shape (N + 1, 1); f_1 .. f_{N+1}
 
 
 def chain_equations(chain: Chain) -> ChainEquations:
-    """Write the chain of Fig. 2 with laws (4) to (7) as one system of differential equations.
-
-    Returns
-    -------
-    ChainEquations
-    """
+    """Write the chain of Fig. 2 with laws (4) to (7) as one system of differential equations."""
     n, layout, piece = chain.count, chain.layout, chain.elements.piece
     state = ca.SX.sym("x", layout.size)
     inputs = ca.SX.sym("u", len(INPUT_NAMES))
@@ -303,7 +282,6 @@ def laws_at(chain: Chain, place: ca.SX) -> tuple[FrictionLaw, LinkLaw]:
 
     Parameters
     ----------
-    chain : Chain
     place : ca.SX, shape (3 N + 3, 1)
         A row of `PathRows.table`; without use where nothing moves.
 

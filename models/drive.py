@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
-from tendonff.models.errors import ParameterError, require
+from tendonff.models.errors import ParameterError, require_given
 
 
 class Drive(StrEnum):
@@ -69,8 +69,7 @@ class Motor:
             ("stall_torque_N_m", "leave it out if it is not known"),
             ("no_load_speed_rad_per_s", "leave it out if it is not known"),
         ):
-            if (value := getattr(self, name)) is not None:
-                require(name, value, above=0, hint=hint)
+            require_given(name, getattr(self, name), above=0, hint=hint)
         if (self.stall_torque_N_m is None) != (self.no_load_speed_rad_per_s is None):
             raise ParameterError(
                 "stall_torque_N_m and no_load_speed_rad_per_s make the torque-speed line together; give both or none"
@@ -142,8 +141,7 @@ class Rope:
             ("diameter_m", "1 mm is 1e-3 m"),
             ("density_kg_per_m3", "steel 7900, tungsten 19300, UHMWPE 970"),
         ):
-            if (value := getattr(self, name)) is not None:
-                require(name, value, above=0, hint=hint)
+            require_given(name, getattr(self, name), above=0, hint=hint)
         if (self.cross_section_m2 is None) == (self.diameter_m is None):
             raise ParameterError(
                 "elastic_modulus_Pa needs cross_section_m2 or diameter_m, one of them: EA/L is the stiffness"

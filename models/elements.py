@@ -23,30 +23,15 @@ from tendonff.models.section import Section
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Elements:
-    """The transmission divided among N masses and N + 1 links; SI units.
+    """The transmission divided among N masses and N + 1 links; SI units."""
 
-    Parameters
-    ----------
-    path : CutPath
-        Who gets which angle and which length.
-    piece : Piece
-        Mass of one mass on the path, or of each, shape (N,); and p.
-    contact : FrictionLaw
-        Law of the whole, or for each mass that of its section: fields are numbers, or arrays of shape (N,).
-    friction : FrictionLaw
-        Of one mass at joint angle zero, or of each.
-    link : LinkLaw
-        Of the whole; a link is `link.shortened(ratio)`.
-    ratio : ndarray, shape (N + 1,)
-        Length of the whole over that of each link at joint angle zero [-].
-    """
-
-    path: CutPath
-    piece: Piece
+    path: CutPath  # who gets which angle and which length
+    piece: Piece  # mass of one mass on the path, or of each, shape (N,); and p
+    # law of the whole, or for each mass that of its section: fields are numbers, or arrays of shape (N,)
     contact: FrictionLaw
-    friction: FrictionLaw
-    link: LinkLaw
-    ratio: Array
+    friction: FrictionLaw  # of one mass at joint angle zero, or of each
+    link: LinkLaw  # of the whole; a link is `link.shortened(ratio)`
+    ratio: Array  # shape (N + 1,); length of the whole over that of each link at joint angle zero [-]
 
     @property
     def count(self) -> int:
@@ -72,27 +57,13 @@ class Elements:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Whole:
-    """The undivided tendon at one fidelity level, defaults resolved; numbers or CasADi scalars.
+    """The undivided tendon at one fidelity level, defaults resolved; numbers or CasADi scalars."""
 
-    Parameters
-    ----------
-    sections : tuple of Section
-        The path, one section or several.
-    radius_m : float or None
-        Gives lengths to sections that have none.
-    piece : Piece
-        m, p.
-    friction : FrictionLaw
-        With the level's bristle.
-    link : LinkLaw
-        With k2 = 0 where the level's link does not relax.
-    """
-
-    sections: tuple[Section, ...]
-    radius_m: float | None
-    piece: Piece
-    friction: FrictionLaw
-    link: LinkLaw
+    sections: tuple[Section, ...]  # the path, one section or several
+    radius_m: float | None  # gives lengths to sections that have none
+    piece: Piece  # m, p
+    friction: FrictionLaw  # with the level's bristle
+    link: LinkLaw  # with k2 = 0 where the level's link does not relax
 
     def value(self, name: str) -> float:
         """One of the numbers, by the name of its field, in whichever record it stands."""
@@ -188,7 +159,6 @@ def link_of(tendon: Tendon, *, relaxes: bool = True) -> ZenerLink:
 
     Parameters
     ----------
-    tendon : Tendon
     relaxes : bool, optional
         Whether the level's link has relaxing branches; without, k2 = 0.
     """
@@ -209,7 +179,6 @@ def elements_of(transmission: Transmission, level: Level, segments: int | None =
 
     Parameters
     ----------
-    transmission : Transmission
     level : Level
         Fidelity level.
     segments : int, optional

@@ -22,16 +22,28 @@ def require(name: str, value: float, *, above: float | None = None, least: float
     ----------
     name : str
         Key in the scenario file.
-    value : float
-        What was given.
     above, least : float, optional
         Exclusive, and inclusive, lower bound.
     hint : str
         The way out, for the message.
     """
-    if above is not None and not (above < value < math.inf):
-        raise ParameterError(f"{name} must be a finite number > {above:g}, got {value}; {hint}")
-    if least is not None and not (least <= value < math.inf):
-        raise ParameterError(f"{name} must be a finite number >= {least:g}, got {value}; {hint}")
+    within = (above is None or value > above) and (least is None or value >= least)
+    if not (within and math.isfinite(value)):
+        bound = f" > {above:g}" if above is not None else f" >= {least:g}" if least is not None else ""
+        raise ParameterError(f"{name} must be a finite number{bound}, got {value}; {hint}")
     if value > LARGEST:
         raise ParameterError(f"{name} must be at most {LARGEST:g}, got {value:g}; check its unit")
+
+
+def require_given(
+    name: str, value: float | None, *, above: float | None = None, least: float | None = None, hint: str
+) -> None:
+    """The same for a key that may be left out."""
+    if value is not None:
+        require(name, value, above=above, least=least, hint=hint)
+
+
+def require_whole(name: str, value: int, *, least: int, most: int, hint: str) -> None:
+    """Refuse `value` unless it is a whole number from `least` to `most`."""
+    if not (isinstance(value, int) and least <= value <= most):
+        raise ParameterError(f"{name} must be a whole number from {least} to {most}, got {value}; {hint}")

@@ -29,18 +29,10 @@ class Level(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelFeatures:
-    """What distinguishes one level from another.
+    """What distinguishes one level from another."""
 
-    Parameters
-    ----------
-    link_relaxes : bool
-        The link has the relaxing branch k2, tau of eq. (7).
-    soft_bristle : bool
-        The bristle has the soft stiffness instead of the stiff one.
-    """
-
-    link_relaxes: bool
-    soft_bristle: bool
+    link_relaxes: bool  # the link has the relaxing branch k2, tau of eq. (7)
+    soft_bristle: bool  # the bristle has the soft stiffness instead of the stiff one
 
 
 _FEATURES = {

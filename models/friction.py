@@ -105,7 +105,6 @@ def from_far_side(law: FrictionLaw, v: ca.SX, base: States, step_s: ca.SX, far_s
 
     Parameters
     ----------
-    law : FrictionLaw
     v : ca.SX
         Velocity at the end of the step [m/s].
     base : tuple of ca.SX
@@ -152,20 +151,12 @@ def _affine(rate: Callable[[ca.SX], ca.SX], base: ca.SX, step_s: ca.SX) -> tuple
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RubbingEnd(End):
-    """An end with dry friction of its own: an element without wrap, whose normal force does not change.
-
-    Parameters
-    ----------
-    coulomb_N : float or ca.SX
-        Friction of steady slip [N], > 0.
-    bristle_stiffness_N_per_m : float or ca.SX
-        sigma0 [N/m].
-    """
+    """An end with dry friction of its own: an element without wrap, whose normal force does not change."""
 
     states: ClassVar[tuple[str, ...]] = ("f_d",)
 
-    coulomb_N: float
-    bristle_stiffness_N_per_m: float
+    coulomb_N: float  # friction of steady slip [N], > 0
+    bristle_stiffness_N_per_m: float  # sigma0 [N/m]
 
     def rate(self, v: ca.SX, states: States) -> States:
         """df_d/dt [N/s], eq. (5a) with a constant slip friction."""
@@ -180,29 +171,19 @@ class RubbingEnd(End):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LuGreBristle:
-    """Eqs. (5a) to (5c): a LuGre bristle without damping of its own, which is Dahl's law where mu does not fall.
-
-    Parameters
-    ----------
-    bristle_stiffness_N_per_m : float or ca.SX
-        sigma0 [N/m].
-    mu_dynamic_pull, mu_static_pull, mu_dynamic_release, mu_static_release : float or ca.SX
-        Coefficients of tendon on path; on a piece the equivalent ones, eqs. (8), (9) [-].
-    stribeck_velocity_m_per_s : float or ca.SX
-        omega [m/s].
-    viscous_N_s_per_m : float or ca.SX
-        b [N s/m].
-    """
+    """Eqs. (5a) to (5c): a LuGre bristle without damping of its own, which is Dahl's law where mu does not fall."""
 
     states: ClassVar[tuple[str, ...]] = ("f_s",)
 
-    bristle_stiffness_N_per_m: ca.SX
+    bristle_stiffness_N_per_m: ca.SX  # sigma0 [N/m]
+    # mu_dynamic_pull, mu_static_pull, mu_dynamic_release, mu_static_release: coefficients of tendon on path; on a piece
+    # the equivalent ones, eqs. (8), (9) [-]
     mu_dynamic_pull: ca.SX
     mu_static_pull: ca.SX
     mu_dynamic_release: ca.SX
     mu_static_release: ca.SX
-    stribeck_velocity_m_per_s: ca.SX
-    viscous_N_s_per_m: ca.SX
+    stribeck_velocity_m_per_s: ca.SX  # omega [m/s]
+    viscous_N_s_per_m: ca.SX  # b [N s/m]
 
     @property
     def slip_coefficients(self) -> tuple[Any, Any]:

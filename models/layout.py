@@ -14,22 +14,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StateLayout:
-    """Order of the states: v, the near end's own, e, the links' own, the friction's own, q_a, q_l.
+    """Order of the states: v, the near end's own, e, the links' own, the friction's own, q_a, q_l."""
 
-    Parameters
-    ----------
-    count : int
-        Number N of masses on the path.
-    link_states, friction_states : tuple of str
-        Names of the states that each link and each mass brings along, such as ("z",) and ("f_s",).
-    end_states : tuple of str, optional
-        Names of those that the near end brings along, such as ("f_d",).
-    """
-
-    count: int
+    count: int  # number N of masses on the path
+    # link_states, friction_states: names of the states that each link and each mass brings along, such as ("z",) and
+    # ("f_s",)
     link_states: tuple[str, ...]
     friction_states: tuple[str, ...]
-    end_states: tuple[str, ...] = ()
+    end_states: tuple[str, ...] = ()  # names of those that the near end brings along, such as ("f_d",)
 
     @property
     def blocks(self) -> tuple[tuple[str, int, int], ...]:
@@ -84,33 +76,18 @@ class StateLayout:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChainState:
-    """State of the chain at one instant.
+    """State of the chain at one instant."""
 
-    Parameters
-    ----------
-    velocity_m_per_s : ndarray, shape (N + 2,)
-        v_a, v_1 .. v_N, v_l: sliding speeds.
-    elongation_m : ndarray, shape (N + 1,)
-        e of each link.
-    link : ndarray, shape (states, N + 1)
-        The links' own states; the relaxed elongation z [m] with the paper's law.
-    friction : ndarray, shape (states, N)
-        The friction's own states; the bristle force f_s [N] with the paper's law.
-    near_position_m, far_position_m : float
-        q_a, q_l. The positions between them follow from the elongations, whose differences keep full precision.
-    time_s : float, optional
-        When: the joints of a moving path stand where they are then.
-    near : ndarray, shape (states,), optional
-        The near end's own states; f_d [N] where the drive has dry friction.
-    """
-
-    velocity_m_per_s: Array
-    elongation_m: Array
-    link: Array
-    friction: Array
+    velocity_m_per_s: Array  # shape (N + 2,); v_a, v_1 .. v_N, v_l: sliding speeds
+    elongation_m: Array  # shape (N + 1,); e of each link
+    link: Array  # shape (states, N + 1); the links' own states; the relaxed elongation z [m] with the paper's law
+    friction: Array  # shape (states, N); the friction's own states; the bristle force f_s [N] with the paper's law
+    # near_position_m, far_position_m: q_a, q_l. The positions between them follow from the elongations, whose
+    # differences keep full precision
     near_position_m: float
     far_position_m: float
-    time_s: float = 0.0
+    time_s: float = 0.0  # when: the joints of a moving path stand where they are then
+    # shape (states,); the near end's own states; f_d [N] where the drive has dry friction
     near: Array = field(default_factory=lambda: np.empty(0))
 
     @property
@@ -133,8 +110,6 @@ class ChainState:
         Parameters
         ----------
         x : ndarray, shape (size,)
-        layout : StateLayout
-        time_s : float, optional
         """
         n, x = layout.count, np.array(x, dtype=np.float64)
         middle = x[layout.part("e").stop : -2]
@@ -221,7 +196,6 @@ def fields_of(record: Any, prefix: str = "") -> dict[str, Any]:
 
     Parameters
     ----------
-    record : dataclass instance
     prefix : str, optional
         Such as "link_".
     """

@@ -14,21 +14,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinearChain:
-    """Small deviations: dx/dt = A x + B u, y = C x + D u.
+    """Small deviations: dx/dt = A x + B u, y = C x + D u."""
 
-    Parameters
-    ----------
-    a, b, c, d : ndarray
-        One input, the actuator's force; outputs f_1 .. f_{N+1}, q_a, q_l.
-    states : tuple of str
-        Names of those that were kept, as in `StateLayout.names`.
-    """
-
+    # a, b, c, d: one input, the actuator's force; outputs f_1 .. f_{N+1}, q_a, q_l
     a: Array
     b: Array
     c: Array
     d: Array
-    states: tuple[str, ...]
+    states: tuple[str, ...]  # names of those that were kept, as in `StateLayout.names`
 
     @property
     def poles(self) -> NDArray[np.complex128]:

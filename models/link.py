@@ -57,24 +57,15 @@ def tendon_force(unclipped_N: ca.SX) -> ca.SX:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ZenerLink:
-    """Eqs. (6), (7): a Zener element (standard linear solid) with a damper beside it.
-
-    Parameters
-    ----------
-    stiffness_N_per_m, relaxing_stiffness_N_per_m : float or ca.SX
-        k1, k2 [N/m]; k2 = 0 is the elastic link (6).
-    relaxation_time_s : float or ca.SX
-        tau = b_k/k2 [s].
-    damping_N_s_per_m : float or ca.SX
-        c [N s/m].
-    """
+    """Eqs. (6), (7): a Zener element (standard linear solid) with a damper beside it."""
 
     states: ClassVar[tuple[str, ...]] = ("z",)
 
+    # stiffness_N_per_m, relaxing_stiffness_N_per_m: k1, k2 [N/m]; k2 = 0 is the elastic link (6)
     stiffness_N_per_m: ca.SX
     relaxing_stiffness_N_per_m: ca.SX
-    relaxation_time_s: ca.SX
-    damping_N_s_per_m: ca.SX
+    relaxation_time_s: ca.SX  # tau = b_k/k2 [s]
+    damping_N_s_per_m: ca.SX  # c [N s/m]
 
     @property
     def branches(self) -> tuple[tuple[ca.SX, ca.SX], ...]:
@@ -137,19 +128,12 @@ class TwoTimesLink(ZenerLink):
     """Eq. (7) with a second relaxing branch, for tendons that relax on two time scales.
 
     Stretched to e at once and held, it carries k1 e + k2 e exp(-t/tau) + k3 e exp(-t/tau3).
-
-    Parameters
-    ----------
-    second_relaxing_stiffness_N_per_m : float or ca.SX
-        k3 [N/m].
-    second_relaxation_time_s : float or ca.SX
-        tau3 [s].
     """
 
     states: ClassVar[tuple[str, ...]] = ("z", "z_second")
 
-    second_relaxing_stiffness_N_per_m: ca.SX
-    second_relaxation_time_s: ca.SX
+    second_relaxing_stiffness_N_per_m: ca.SX  # k3 [N/m]
+    second_relaxation_time_s: ca.SX  # tau3 [s]
 
     @property
     def branches(self) -> tuple[tuple[ca.SX, ca.SX], ...]:

@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from tendonff.models.drive import Drive, Motor
-from tendonff.models.errors import LARGEST, ParameterError
-from tendonff.models.errors import require as _require
+from tendonff.models.errors import LARGEST, ParameterError, require, require_given, require_whole
 from tendonff.models.section import Section
 
 if TYPE_CHECKING:  # arrays: a scenario that is refused needs none
@@ -35,11 +34,9 @@ class Path:
     sections: tuple[Section, ...] = ()
 
     def __post_init__(self) -> None:
-        _require("total_angle_rad", self.total_angle_rad, least=0, hint="add up the absolute bending angles")
-        if not (isinstance(self.segments, int) and 1 <= self.segments <= 10_000):
-            raise ParameterError(f"segments must be a whole number from 1 to 10000, got {self.segments}; try 6")
-        if self.radius_m is not None:
-            _require("radius_m", self.radius_m, above=0, hint="give the bending radius in metres")
+        require("total_angle_rad", self.total_angle_rad, least=0, hint="add up the absolute bending angles")
+        require_whole("segments", self.segments, least=1, most=10_000, hint="try 6")
+        require_given("radius_m", self.radius_m, above=0, hint="give the bending radius in metres")
         total = math.fsum(section.angle_rad for section in self.sections)
         if self.sections and abs(total - self.total_angle_rad) > 1e-9 * max(total, 1.0):
             raise ParameterError(
@@ -82,11 +79,11 @@ class Tendon:
     second_relaxation_time_s: float | None = None
 
     def __post_init__(self) -> None:
-        _require("mass_kg", self.mass_kg, above=0, hint="weigh the tendon; a light one is fine")
-        _require("stiffness_N_per_m", self.stiffness_N_per_m, above=0, hint="EA/L of the whole tendon")
-        _require("relaxing_stiffness_N_per_m", self.relaxing_stiffness_N_per_m, least=0, hint="use 0 for no relaxation")
-        _require("relaxation_time_s", self.relaxation_time_s, above=0, hint="time in which a held force settles")
-        _require("damping_N_s_per_m", self.damping_N_s_per_m, least=0, hint="use 0 for none")
+        require("mass_kg", self.mass_kg, above=0, hint="weigh the tendon; a light one is fine")
+        require("stiffness_N_per_m", self.stiffness_N_per_m, above=0, hint="EA/L of the whole tendon")
+        require("relaxing_stiffness_N_per_m", self.relaxing_stiffness_N_per_m, least=0, hint="use 0 for no relaxation")
+        require("relaxation_time_s", self.relaxation_time_s, above=0, hint="time in which a held force settles")
+        require("damping_N_s_per_m", self.damping_N_s_per_m, least=0, hint="use 0 for none")
         stiffness, time = self.second_relaxing_stiffness_N_per_m, self.second_relaxation_time_s
         if (stiffness is None) != (time is None):
             raise ParameterError(
@@ -94,8 +91,8 @@ class Tendon:
                 f"got {stiffness} and {time}; give both, or leave both out for one relaxation time"
             )
         if stiffness is not None and time is not None:
-            _require("second_relaxing_stiffness_N_per_m", stiffness, least=0, hint="leave both keys out for none")
-            _require("second_relaxation_time_s", time, above=0, hint="ten times relaxation_time_s is a start")
+            require("second_relaxing_stiffness_N_per_m", stiffness, least=0, hint="leave both keys out for none")
+            require("second_relaxation_time_s", time, above=0, hint="ten times relaxation_time_s is a start")
 
     @property
     def quick_stiffness_N_per_m(self) -> float:
@@ -151,32 +148,31 @@ class Friction:
     release_spread: float | None = None
 
     def __post_init__(self) -> None:
-        _require("mu_dynamic", self.mu_dynamic, least=0, hint="use 0 for a frictionless path")
-        _require("mu_static", self.mu_static, least=0, hint="use mu_dynamic for no Stribeck effect")
+        require("mu_dynamic", self.mu_dynamic, least=0, hint="use 0 for a frictionless path")
+        require("mu_static", self.mu_static, least=0, hint="use mu_dynamic for no Stribeck effect")
         if self.mu_static < self.mu_dynamic:
             raise ParameterError(
                 f"mu_static must be >= mu_dynamic = {self.mu_dynamic:g}, got {self.mu_static}; "
                 "set both equal for no Stribeck effect"
             )
-        _require("stribeck_velocity_m_per_s", self.stribeck_velocity_m_per_s, above=0, hint="0.001 to 0.05 is usual")
-        _require("viscous_N_s_per_m", self.viscous_N_s_per_m, least=0, hint="use 0 for none")
-        _require("bristle_stiffness_N_per_m", self.bristle_stiffness_N_per_m, above=0, hint="1e5 to 1e7 is stiff")
+        require("stribeck_velocity_m_per_s", self.stribeck_velocity_m_per_s, above=0, hint="0.001 to 0.05 is usual")
+        require("viscous_N_s_per_m", self.viscous_N_s_per_m, least=0, hint="use 0 for none")
+        require("bristle_stiffness_N_per_m", self.bristle_stiffness_N_per_m, above=0, hint="1e5 to 1e7 is stiff")
         soft = self.soft_bristle_stiffness_N_per_m
-        _require("soft_bristle_stiffness_N_per_m", soft, above=0, hint="1e3 to 1e5 is soft")
-        if self.mu_dynamic_release is not None:
-            _require("mu_dynamic_release", self.mu_dynamic_release, least=0, hint="leave it out to use mu_dynamic")
+        require("soft_bristle_stiffness_N_per_m", soft, above=0, hint="1e3 to 1e5 is soft")
+        require_given("mu_dynamic_release", self.mu_dynamic_release, least=0, hint="leave it out to use mu_dynamic")
         if self.mu_static_release is not None:
-            _require("mu_static_release", self.mu_static_release, least=0, hint="leave it out to scale mu_static")
+            require("mu_static_release", self.mu_static_release, least=0, hint="leave it out to scale mu_static")
             if self.mu_static_release < self.release_dynamic:
                 raise ParameterError(
                     f"mu_static_release must be >= mu_dynamic_release = {self.release_dynamic:g}, "
                     f"got {self.mu_static_release}; set both equal for no Stribeck effect"
                 )
-        _require("adhesion_N", self.adhesion_N, least=0, hint="use 0 for friction that is proportional to tension")
+        require("adhesion_N", self.adhesion_N, least=0, hint="use 0 for friction that is proportional to tension")
         for name in ("pull_spread", "release_spread"):
             spread = getattr(self, name)
             if spread is not None:
-                _require(name, spread, least=0, hint="leave it out for one dead band")
+                require(name, spread, least=0, hint="leave it out for one dead band")
                 if spread > 1:
                     raise ParameterError(f"{name} must be <= 1, got {spread}: no dead band is less than none")
 
@@ -238,17 +234,15 @@ class Actuator:
     motor: Motor | None = None
 
     def __post_init__(self) -> None:
-        _require("mass_kg", self.mass_kg, above=0, hint="include the rotor's inertia over the drum radius squared")
-        _require("damping_N_s_per_m", self.damping_N_s_per_m, least=0, hint="use 0 for none")
-        _require("force_min_N", self.force_min_N, least=0, hint="a tendon cannot push")
-        _require("force_max_N", self.force_max_N, above=0, hint="give the motor's peak force")
+        require("mass_kg", self.mass_kg, above=0, hint="include the rotor's inertia over the drum radius squared")
+        require("damping_N_s_per_m", self.damping_N_s_per_m, least=0, hint="use 0 for none")
+        require("force_min_N", self.force_min_N, least=0, hint="a tendon cannot push")
+        require("force_max_N", self.force_max_N, above=0, hint="give the motor's peak force")
         if self.force_max_N <= self.force_min_N:
             raise ParameterError(f"force_max_N must be > force_min_N = {self.force_min_N:g}, got {self.force_max_N}")
-        _require("force_rate_max_N_per_s", self.force_rate_max_N_per_s, above=0, hint="use 1e9 for none")
-        if self.coulomb_N is not None:
-            _require("coulomb_N", self.coulomb_N, least=0, hint="use 0 for none")
-        if self.speed_max_m_per_s is not None:
-            _require("speed_max_m_per_s", self.speed_max_m_per_s, above=0, hint="leave it out for none")
+        require("force_rate_max_N_per_s", self.force_rate_max_N_per_s, above=0, hint="use 1e9 for none")
+        require_given("coulomb_N", self.coulomb_N, least=0, hint="use 0 for none")
+        require_given("speed_max_m_per_s", self.speed_max_m_per_s, above=0, hint="leave it out for none")
         for name, side in (("travel_min_m", -1), ("travel_max_m", 1)):
             value = getattr(self, name)
             if value is not None and not (side * value >= 0 and abs(value) < LARGEST):
@@ -263,7 +257,7 @@ class Actuator:
         if self.servo_stiffness_N_per_m is not None:
             if self.drive is not Drive.POSITION:
                 raise ParameterError('servo_stiffness_N_per_m is for drive = "position"; add it, or leave this out')
-            _require("servo_stiffness_N_per_m", self.servo_stiffness_N_per_m, above=0, hint="from its data sheet")
+            require("servo_stiffness_N_per_m", self.servo_stiffness_N_per_m, above=0, hint="from its data sheet")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -296,9 +290,9 @@ class Load:
             raise ParameterError(f"moment_arm_m must be finite and not 0 where a joint moves the far end, got {arm}")
         if self.joint is None and arm is not None:
             raise ParameterError(f"moment_arm_m must be left out without a joint, got {arm}; name it with joint = ...")
-        _require("mass_kg", self.mass_kg, above=0, hint="use the mass of the finger, tool or force cell")
-        _require("stiffness_N_per_m", self.stiffness_N_per_m, above=0, hint="it carries the tension at rest")
-        _require("damping_N_s_per_m", self.damping_N_s_per_m, least=0, hint="use 0 for none")
+        require("mass_kg", self.mass_kg, above=0, hint="use the mass of the finger, tool or force cell")
+        require("stiffness_N_per_m", self.stiffness_N_per_m, above=0, hint="it carries the tension at rest")
+        require("damping_N_s_per_m", self.damping_N_s_per_m, least=0, hint="use 0 for none")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -28,22 +28,12 @@ ANGLE_FLOOR_RAD = 1e-12
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JointMotion:
-    """Joint angles over time, linear between instants and held beyond them, or repeated.
-
-    Parameters
-    ----------
-    names : tuple of str
-    time_s : ndarray, shape (rows,)
-        Strictly increasing.
-    angle_rad : ndarray, shape (rows, joints)
-    period_s : float, optional
-        They repeat after so long; default: they are held.
-    """
+    """Joint angles over time, linear between instants and held beyond them, or repeated."""
 
     names: tuple[str, ...]
-    time_s: Array
-    angle_rad: Array
-    period_s: float | None = None
+    time_s: Array  # shape (rows,); strictly increasing
+    angle_rad: Array  # shape (rows, joints)
+    period_s: float | None = None  # they repeat after so long; default: they are held
 
     def at(self, time_s: Array) -> Array:
         """Joint angles at instants, shape (len(time_s), joints) [rad]."""
@@ -67,23 +57,14 @@ class JointMotion:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PathRows:
-    """The path at successive instants.
+    """The path at successive instants."""
 
-    Parameters
-    ----------
-    angle_rad : ndarray, shape (rows, N)
-        phi_i: wrap angle of each mass's piece.
-    ratio : ndarray, shape (rows, N + 1)
-        Length of the whole tendon at joint angle zero over that of each link [-].
-    gained_m : ndarray, shape (rows, N + 1)
-        What the path gained between the two ends of each link since joint angle zero [m].
-    far_m : ndarray, shape (rows,)
-        What a joint does to the far end's position since joint angle zero [m]; 0 where it hangs on its spring.
-    """
-
-    angle_rad: Array
-    ratio: Array
+    angle_rad: Array  # shape (rows, N); phi_i: wrap angle of each mass's piece
+    ratio: Array  # shape (rows, N + 1); length of the whole tendon at joint angle zero over that of each link [-]
+    # shape (rows, N + 1); what the path gained between the two ends of each link since joint angle zero [m]
     gained_m: Array
+    # shape (rows,); what a joint does to the far end's position since joint angle zero [m]; 0 where it hangs on its
+    # spring
     far_m: Array
 
     def table(self) -> Array:
@@ -93,26 +74,13 @@ class PathRows:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CutPath:
-    """A path cut into N pieces and N + 1 links.
-
-    Parameters
-    ----------
-    sections : tuple of Section
-    lengths : ndarray, shape (sections,)
-        Of the sections at joint angle zero, as shares of the whole [-].
-    length_m : float or None
-        Of the whole; None where no length is given: then only angles and gained lengths move.
-    section_of : ndarray of int, shape (N,)
-        Section of each mass.
-    parts : ndarray, shape (N + 1, sections)
-        Share of each section's length that belongs to each link.
-    """
+    """A path cut into N pieces and N + 1 links."""
 
     sections: tuple[Section, ...]
-    lengths: Array
-    length_m: float | None
-    section_of: NDArray[np.int_]
-    parts: Array
+    lengths: Array  # shape (sections,); of the sections at joint angle zero, as shares of the whole [-]
+    length_m: float | None  # of the whole; None where no length is given: then only angles and gained lengths move
+    section_of: NDArray[np.int_]  # shape (N,); section of each mass
+    parts: Array  # shape (N + 1, sections); share of each section's length that belongs to each link
 
     @property
     def count(self) -> int:
@@ -167,10 +135,8 @@ def check_motion(sections: tuple[Section, ...], length_m: float | None, motion: 
 
     Parameters
     ----------
-    sections : tuple of Section
     length_m : float or None
         Length of the whole where lengths are given.
-    motion : JointMotion
 
     Raises
     ------
@@ -213,7 +179,6 @@ def cut_path(
         N.
     radius_m : float, optional
         Gives lengths to sections that have none.
-    motion : JointMotion, optional
 
     Raises
     ------

@@ -57,14 +57,9 @@ def play_exponents(exponent: float, spread: float) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpreadPlays:
-    """The plays of one law.
+    """The plays of one law."""
 
-    Parameters
-    ----------
-    low, high : ndarray, shape (PLAYS,)
-        Bounds of the plays as multiples of T_in + p; falling and rising.
-    """
-
+    # low, high: shape (PLAYS,); bounds of the plays as multiples of T_in + p; falling and rising
     low: Array
     high: Array
 

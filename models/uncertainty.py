@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
-from tendonff.models.errors import ParameterError
+from tendonff.models.errors import ParameterError, require_whole
 
 
 class Objective(StrEnum):
@@ -53,13 +53,8 @@ class Uncertainty:
                 raise ParameterError(
                     f"{name} must be a finite number >= 0 and < 1, got {value}; 0.2 means within 20 % either way"
                 )
-        for name, least, most, hint in (
-            ("samples", 1, 1000, "8 is a good start"),
-            ("seed", 0, 2**32 - 1, "any number will do"),
-        ):
-            value = getattr(self, name)
-            if not least <= value <= most:
-                raise ParameterError(f"{name} must be a whole number from {least} to {most}, got {value}; {hint}")
+        require_whole("samples", self.samples, least=1, most=1000, hint="8 is a good start")
+        require_whole("seed", self.seed, least=0, most=2**32 - 1, hint="any number will do")
 
     @property
     def is_certain(self) -> bool:

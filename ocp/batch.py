@@ -23,21 +23,11 @@ R = TypeVar("R")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Done(Generic[R]):
-    """What became of one job.
+    """What became of one job."""
 
-    Parameters
-    ----------
-    index : int
-        Its place in the list of jobs.
-    value : object or None
-        Its result; None where it failed.
-    error : Exception or None
-        Why it failed.
-    """
-
-    index: int
-    value: R | None
-    error: Exception | None
+    index: int  # its place in the list of jobs
+    value: R | None  # its result; None where it failed
+    error: Exception | None  # why it failed
 
     def require(self) -> R:
         """Return the result, or raise `SolveError` that names the job."""
@@ -59,7 +49,6 @@ def run_jobs(
     ----------
     function : callable
         For other processes or machines: importable there, and jobs and results can be pickled.
-    jobs : sequence
     executor : concurrent.futures.Executor, optional
         Where they run; it stays open. Default: one thread per core, for compiled steps leave the interpreter free.
     progress : callable, optional

@@ -23,43 +23,24 @@ from tendonff.ocp.step.protocol import Array, Inverse
 
 
 class InverseStatus(StrEnum):
-    """Whether the inverse's force really exists.
+    """Whether the inverse's force really exists."""
 
-    Attributes
-    ----------
-    EXACT
-        Every link stays taut: the chain follows the reference.
-    WOULD_PUSH
-        Somewhere the reference falls faster than the tendon can follow without being pushed.
-    """
-
-    EXACT = "exact"
-    WOULD_PUSH = "would_push"
+    EXACT = "exact"  # every link stays taut: the chain follows the reference
+    WOULD_PUSH = "would_push"  # somewhere the reference falls faster than the tendon can follow without being pushed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inversion:
-    """Force that makes the output tension follow a reference, before actuator limits.
-
-    Parameters
-    ----------
-    status : InverseStatus
-    message : str
-        Why, for the user.
-    time_s, force_N : ndarray, shape (n,)
-        Rows at 0, h, 2 h ...; the force of row 0 holds the state of the start: at rest, its tension.
-    least_tension_N : ndarray, shape (n,)
-        Smallest tension along the path at each row.
-    states : ndarray, shape (n, size), or None
-        In the order of `StateLayout`, recorded on request.
-    """
+    """Force that makes the output tension follow a reference, before actuator limits."""
 
     status: InverseStatus
-    message: str
+    message: str  # why, for the user
+    # time_s, force_N: shape (n,); rows at 0, h, 2 h ...; the force of row 0 holds the state of the start: at rest, its
+    # tension
     time_s: Array
     force_N: Array
-    least_tension_N: Array
-    states: Array | None
+    least_tension_N: Array  # shape (n,); smallest tension along the path at each row
+    states: Array | None  # shape (n, size); in the order of `StateLayout`, recorded on request
 
 
 def invert(

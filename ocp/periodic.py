@@ -27,21 +27,11 @@ _DEPTH = 4  # cycles that an acceleration looks back on
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Steadiness:
-    """How a search for a steady cycle ended.
+    """How a search for a steady cycle ended."""
 
-    Parameters
-    ----------
-    cycles : int
-        Cycles that were run.
-    change_N : float
-        Largest difference between the last cycle and the one before [N].
-    converged : bool
-        The difference is below the tolerance.
-    """
-
-    cycles: int
-    change_N: float
-    converged: bool
+    cycles: int  # cycles that were run
+    change_N: float  # largest difference between the last cycle and the one before [N]
+    converged: bool  # the difference is below the tolerance
 
     def __str__(self) -> str:
         """In words."""
@@ -98,10 +88,8 @@ def steady_response(
 
     Parameters
     ----------
-    chain : Chain
     cycle_N : ndarray, shape (n,)
         One period of the force, its last row the first of the next [N].
-    step_s : float
     initial_tension_N : float
         Uniform tension of the rest that the search starts from [N].
 

@@ -27,18 +27,10 @@ from tendonff.ocp.step.protocol import Array, Rows
 
 
 class Links(StrEnum):
-    """Which tensions a sensitivity reports.
+    """Which tensions a sensitivity reports."""
 
-    Attributes
-    ----------
-    OUTPUT
-        f_{N+1} only.
-    ALL
-        f_1 .. f_{N+1}.
-    """
-
-    OUTPUT = "output"
-    ALL = "all"
+    OUTPUT = "output"  # f_{N+1} only
+    ALL = "all"  # f_1 .. f_{N+1}
 
 
 class Parameter(StrEnum):
@@ -66,27 +58,13 @@ _OF_DRIVE = (Parameter.COULOMB, Parameter.BRISTLE_STIFFNESS)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensitivity:
-    """A run and its derivatives, rows at 0, h, 2 h ...
+    """A run and its derivatives, rows at 0, h, 2 h ..."""
 
-    Parameters
-    ----------
-    tension_N : ndarray, shape (n, N + 1)
-        As `simulate` gives.
-    ends_m : ndarray, shape (n, 2)
-        q_a, q_l.
-    tension_slopes : ndarray, shape (n, links, directions)
-        d tension/d direction; links is 1 (the output) or N + 1.
-    ends_slopes : ndarray, shape (n, 2, directions), or None
-        d (q_a, q_l)/d direction.
-    watched_slopes : ndarray, shape (w, N + 1, directions)
-        Of all links, in the rows that were asked for.
-    """
-
-    tension_N: Array
-    ends_m: Array
-    tension_slopes: Array
-    ends_slopes: Array | None
-    watched_slopes: Array
+    tension_N: Array  # shape (n, N + 1); as `simulate` gives
+    ends_m: Array  # shape (n, 2); q_a, q_l
+    tension_slopes: Array  # shape (n, links, directions); d tension/d direction; links is 1 (the output) or N + 1
+    ends_slopes: Array | None  # shape (n, 2, directions); d (q_a, q_l)/d direction
+    watched_slopes: Array  # shape (w, N + 1, directions); of all links, in the rows that were asked for
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,7 +121,6 @@ def force_sensitivity(
 
     Parameters
     ----------
-    chain : Chain
     force_N : ndarray, shape (n,)
         f_c1 at 0, h, 2 h ... [N].
     step_s : float
@@ -152,14 +129,12 @@ def force_sensitivity(
         Rows of the knots: strictly increasing from 0 to n - 1.
     state : ChainState
         Start.
-    links : Links, optional
     ends : bool, optional
         Report the positions of the ends too.
     wiped_rows : ndarray of int, shape (k,), optional
         Never falling: from this row on a knot's influence is forgotten; default: it is followed to the end.
     watched_rows : ndarray of int, shape (w,), optional
         Different rows > 0 in which all links are reported, whatever `links` says.
-    engine : Engine, optional
 
     Returns
     -------
@@ -206,16 +181,12 @@ def parameter_sensitivity(
     ----------
     whole : Whole
         The parameters, of which `chain` is made.
-    chain : Chain
     force_N : ndarray, shape (n,)
         f_c1 at 0, h, 2 h ... [N].
     step_s : float
         h [s].
-    parameters : tuple of Parameter
     initial_tension_N : float
         T0 of the start at rest [N].
-    links : Links, optional
-    engine : Engine, optional
 
     Returns
     -------

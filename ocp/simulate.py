@@ -1,7 +1,6 @@
 """Forward simulation of the chain by one fixed-step scheme, whatever the engine."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -19,56 +18,28 @@ from tendonff.ocp.step.protocol import Array, Rows, Stepper, StepperMemory
 
 
 class Outcome(StrEnum):
-    """How a simulation ended.
+    """How a simulation ended."""
 
-    Attributes
-    ----------
-    DONE
-        All rows computed, every link in tension.
-    SLACK
-        All rows computed; some link went slack on the way.
-    FAILED
-        A step could not be solved; the rows before it are good.
-    """
-
-    DONE = "done"
-    SLACK = "slack"
-    FAILED = "failed"
+    DONE = "done"  # all rows computed, every link in tension
+    SLACK = "slack"  # all rows computed; some link went slack on the way
+    FAILED = "failed"  # a step could not be solved; the rows before it are good
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Simulation:
-    """Response of the chain, rows at 0, h, 2 h ...
-
-    Parameters
-    ----------
-    outcome : Outcome
-    message : str
-        What happened, for the user.
-    time_s : ndarray, shape (n,)
-    force_N : ndarray, shape (n,)
-        f_c1, the actuator's force.
-    tension_N : ndarray, shape (n, N + 1)
-        f_1 .. f_{N+1}; the last column is the output tension.
-    near_position_m, far_position_m : ndarray, shape (n,)
-        q_a, q_l.
-    states : ndarray, shape (n, size), or None
-        Every state in the order of `StateLayout`, recorded on request.
-    final : ChainState
-        State after the last good row.
-    iterations, splits : int
-        Linear solves, and steps that had to be split.
-    """
+    """Response of the chain, rows at 0, h, 2 h ..."""
 
     outcome: Outcome
-    message: str
-    time_s: Array
-    force_N: Array
-    tension_N: Array
+    message: str  # what happened, for the user
+    time_s: Array  # shape (n,)
+    force_N: Array  # shape (n,); f_c1, the actuator's force
+    tension_N: Array  # shape (n, N + 1); f_1 .. f_{N+1}; the last column is the output tension
+    # near_position_m, far_position_m: shape (n,); q_a, q_l
     near_position_m: Array
     far_position_m: Array
-    states: Array | None
-    final: ChainState
+    states: Array | None  # shape (n, size); every state in the order of `StateLayout`, recorded on request
+    final: ChainState  # state after the last good row
+    # iterations, splits: linear solves, and steps that had to be split
     iterations: int
     splits: int
 
@@ -135,7 +106,6 @@ class Simulator:
 
         Parameters
         ----------
-        inputs : ChainInputs
         record : bool, optional
             Keep every state.
 
@@ -152,7 +122,6 @@ def tensions_of(chain: Chain, states: Array, time_s: Array | float = 0.0) -> Arr
 
     Parameters
     ----------
-    chain : Chain
     states : ndarray, shape (rows, size)
     time_s : float or ndarray of shape (rows,), optional
         When: it matters where the path moves. The rate of that motion, which acts by the damping alone, is left out.
@@ -169,11 +138,8 @@ def describe_failure(chain: Chain, rows: Rows, time_s: float, step_s: float) -> 
 
     Parameters
     ----------
-    chain : Chain
-    rows : Rows
     time_s : float
         End of the failed step [s].
-    step_s : float
     """
     masses = {0: "the actuator", chain.count + 1: "the load"}
     where = masses.get(rows.worst_mass, f"mass {rows.worst_mass} of {chain.count}")
@@ -260,14 +226,12 @@ def outcome_of(chain: Chain, rows: Rows, tension_N: Array, complete: bool, step_
 
     Parameters
     ----------
-    chain : Chain
     rows : Rows
         The last chunk.
     tension_N : ndarray, shape (n, N + 1)
         From t = 0.
     complete : bool
         Every row was reached.
-    step_s : float
     """
     if not complete:
         return Outcome.FAILED, describe_failure(chain, rows, len(tension_N) * step_s, step_s)
@@ -281,9 +245,3 @@ def outcome_of(chain: Chain, rows: Rows, tension_N: Array, complete: bool, step_
             f"link {link} went slack at t = {row * step_s:.6g} s; some link is slack in {share:.2g} % of the rows",
         )
     return Outcome.DONE, f"{len(tension_N)} rows"
-
-
-def chunks(total: int, size: int) -> Iterator[slice]:
-    """Slices that cut `total` rows into pieces of at most `size`."""
-    for start in range(0, total, size):
-        yield slice(start, min(start + size, total))

@@ -29,51 +29,28 @@ _REPLAY_STEPS = 4  # the replay's step is this much finer
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnstableStretch:
-    """A stretch of time in which some mode grows.
+    """A stretch of time in which some mode grows."""
 
-    Parameters
-    ----------
-    start_s, end_s : float
-        When [s].
-    growth_per_s : float
-        Largest real part of a pole there [1/s].
-    frequency_Hz : float
-        Frequency of that mode [Hz]; 0 where it grows without oscillating.
-    growth_exponent : float
-        Integral of the largest real part over the stretch [-].
-    """
-
+    # start_s, end_s: when [s]
     start_s: float
     end_s: float
-    growth_per_s: float
-    frequency_Hz: float
-    growth_exponent: float
+    growth_per_s: float  # largest real part of a pole there [1/s]
+    frequency_Hz: float  # frequency of that mode [Hz]; 0 where it grows without oscillating
+    growth_exponent: float  # integral of the largest real part over the stretch [-]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Foresight:
-    """What to expect of any feedforward along a reference.
+    """What to expect of any feedforward along a reference."""
 
-    Parameters
-    ----------
-    stretches : tuple of UnstableStretch
-        Those whose growth matters, in order of time.
-    unstable_share : float
-        Share of the time they cover [-].
-    largest_growth_per_s : float
-        Largest real part of any pole along the reference, also where it does not matter [1/s]; may be negative.
-    expected_error_N : float
-        Root mean square error of the given force on the same chain with a quarter of the step [N]: what becomes of it
-        when nothing but the grid changes. NaN where no force was given or it fails.
-    warnings : tuple of str
-        For the user; empty where nothing is to be feared.
-    """
-
-    stretches: tuple[UnstableStretch, ...]
-    unstable_share: float
+    stretches: tuple[UnstableStretch, ...]  # those whose growth matters, in order of time
+    unstable_share: float  # share of the time they cover [-]
+    # largest real part of any pole along the reference, also where it does not matter [1/s]; may be negative
     largest_growth_per_s: float
+    # root mean square error of the given force on the same chain with a quarter of the step [N]: what becomes of it
+    # when nothing but the grid changes. NaN where no force was given or it fails
     expected_error_N: float
-    warnings: tuple[str, ...]
+    warnings: tuple[str, ...]  # for the user; empty where nothing is to be feared
 
 
 def foresee(
@@ -89,7 +66,6 @@ def foresee(
 
     Parameters
     ----------
-    chain : Chain
     reference_N : ndarray, shape (n,)
         Wanted output tension [N], > 0.
     step_s : float
@@ -100,10 +76,6 @@ def foresee(
         Default: the first reference.
     inversion : Inversion, optional
         The exact inverse of the same problem with its states, where it is known already.
-
-    Returns
-    -------
-    Foresight
     """
     reference = np.asarray(reference_N, dtype=np.float64)
     if inversion is None or inversion.states is None:
@@ -138,10 +110,7 @@ def expected_error_N(
 
     Parameters
     ----------
-    chain : Chain
     force_N, reference_N : ndarray, shape (n,)
-    step_s : float
-    initial_tension_N : float
     """
     coarse = np.arange(len(force_N)) * step_s
     fine = np.arange((len(force_N) - 1) * _REPLAY_STEPS + 1) * (step_s / _REPLAY_STEPS)
@@ -202,8 +171,13 @@ def _warnings(
             "lubricate (mu_static closer to mu_dynamic), or close a feedback loop"
         )
     else:
+        motion = (
+            f"an oscillation of {worst.frequency_Hz:.3g} Hz"
+            if worst.frequency_Hz
+            else "a motion that does not oscillate"
+        )
         text = (
-            f"oscillation: sliding friction, proportional to tension, feeds a mode of {worst.frequency_Hz:.3g} Hz "
+            f"unstable sliding: friction, proportional to tension, feeds {motion} "
             f"{when}; no force computed beforehand can hold it; {error}; add damping in the tendon or at the load, "
             "or let the reference change more gently"
         )

@@ -3,11 +3,9 @@
 Exit codes: 0 success; 1 a solve failed, with its diagnosis; 2 bad input, with one message; 130 interrupted.
 """
 
-import signal
 import sys
 from collections.abc import Sequence
-from types import FrameType
-from typing import Annotated, NoReturn, cast
+from typing import Annotated, cast
 
 import typer
 
@@ -27,6 +25,7 @@ from tendonff.compensator.cli.commands.simulate import simulate
 from tendonff.compensator.cli.commands.sweep import sweep
 from tendonff.compensator.cli.commands.table import table
 from tendonff.compensator.cli.progress import say
+from tendonff.compensator.files import interrupts
 from tendonff.models.errors import TendonffError
 
 EXIT_SOLVE, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130
@@ -118,18 +117,12 @@ def run(arguments: Sequence[str]) -> int:
 
 def main() -> None:
     """Entry point of the program."""
-    stopped: list[int] = []
-
-    def stop(number: int, _frame: FrameType | None) -> NoReturn:
-        stopped.append(number)
-        raise KeyboardInterrupt
-
-    for number in (signal.SIGINT, signal.SIGTERM):  # an ended job removes its temporary files too
-        signal.signal(number, stop)
+    interrupts.install()
     try:
         code = run(sys.argv[1:])
     except Exception:  # what is interrupted while a compiled module is loaded may fail in any way
-        if not stopped:
+        if not interrupts.stopped():
             raise
+        say("interrupted; nothing was written")
         code = EXIT_INTERRUPTED
-    sys.exit(EXIT_INTERRUPTED if stopped else code)
+    sys.exit(EXIT_INTERRUPTED if interrupts.stopped() else code)

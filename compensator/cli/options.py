@@ -13,6 +13,5 @@ LevelOption = Annotated[
     typer.Option("--level", help="Fidelity level of the chain; default: the scenario's own.", show_default=False),
 ]
 OutFolderOption = Annotated[
-    Path,
-    typer.Option("--out", metavar="DIR", help="Folder for the results.", show_default=False),
+    Path, typer.Option("--out", metavar="DIR", help="Folder for the results.", show_default=False)
 ]

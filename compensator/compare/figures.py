@@ -124,11 +124,7 @@ def levels_figure(result: ComparisonData) -> Figure:
         hold.plot(traits.hold_time_s[rows], 100 * traits.hold_input_N[rows] / traits.hold_input_N[0], **style)
     loop.set(xlabel="actuator force [N]", ylabel="output tension [N]", title="Hysteresis loop")
     loop.set_aspect("equal", adjustable="datalim")
-    hold.set(
-        xlabel="time held [s]",
-        ylabel="tension at the actuator [%]",
-        title="Relaxation in a hold",
-    )
+    hold.set(xlabel="time held [s]", ylabel="tension at the actuator [%]", title="Relaxation in a hold")
     legend_below(figure, loop, columns=4)
     return figure
 

@@ -29,59 +29,32 @@ _STIFF = 10.0  # holding motor against tendon
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelTraits:
-    """Answers to the probes.
+    """Answers to the probes."""
 
-    Parameters
-    ----------
-    force_N, output_N : ndarray, shape (n,)
-        The closed loop: output tension over force.
-    loop_area_percent : float
-        Area of the loop, of the rectangle around it [%].
-    dead_zone_N : float
-        Fall of the force, after pulling, before the output follows [N].
-    reversal_width_N : float
-        Further fall of the force until the output follows at its full rate [N]: 0 is a corner.
-    relaxation_percent : float
-        Stress relaxation: fall of the tension at the actuator's end while its position is held, of its start [%].
-    hold_time_s, hold_input_N : ndarray, shape (m,)
-        Course of that tension.
-    """
-
+    # force_N, output_N: shape (n,); the closed loop: output tension over force
     force_N: FloatArray
     output_N: FloatArray
-    loop_area_percent: float
-    dead_zone_N: float
-    reversal_width_N: float
+    loop_area_percent: float  # area of the loop, of the rectangle around it [%]
+    dead_zone_N: float  # fall of the force, after pulling, before the output follows [N]
+    reversal_width_N: float  # further fall of the force until the output follows at its full rate [N]: 0 is a corner
+    # stress relaxation: fall of the tension at the actuator's end while its position is held, of its start [%]
     relaxation_percent: float
+    # hold_time_s, hold_input_N: shape (m,); course of that tension
     hold_time_s: FloatArray
     hold_input_N: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelCost:
-    """What a level costs.
+    """What a level costs."""
 
-    Parameters
-    ----------
-    time_per_simulated_second_s : float
-        On this machine, at the scenario's step.
-    states : int
-    parameters : tuple of str
-        To be identified, as they are named in a scenario.
-    """
-
-    time_per_simulated_second_s: float
+    time_per_simulated_second_s: float  # on this machine, at the scenario's step
     states: int
-    parameters: tuple[str, ...]
+    parameters: tuple[str, ...]  # to be identified, as they are named in a scenario
 
 
 def parameters_of(level: Level | None) -> tuple[str, ...]:
-    """Parameters that a level needs, beyond masses and geometry; None is the static law.
-
-    Parameters
-    ----------
-    level : Level or None
-    """
+    """Parameters that a level needs, beyond masses and geometry; None is the static law."""
     if level is None:
         return ("mu_dynamic",)
     relaxing = ("relaxing_stiffness_N_per_m", "relaxation_time_s") if level.features.link_relaxes else ()
@@ -103,8 +76,6 @@ def level_cost(transmission: Transmission, level: Level | None, reference: Refer
 
     Parameters
     ----------
-    transmission : Transmission
-    level : Level or None
     reference : Reference
         Played as a force.
     """
@@ -131,8 +102,6 @@ def level_traits(transmission: Transmission, level: Level | None, reference: Ref
 
     Parameters
     ----------
-    transmission : Transmission
-    level : Level or None
     reference : Reference
         Its extremes set the size of the probes.
     """

@@ -22,7 +22,6 @@ def recommend(
 
     Parameters
     ----------
-    entries : sequence of Entry
     compensators : sequence of Compensator, optional
         That the entries are of, "none" and "capstan" among them.
     worst_percent : mapping of (str, Level) to float, optional

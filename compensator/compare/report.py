@@ -4,15 +4,7 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.compare.figures import cell_text, matrix_rows
 from tendonff.compensator.compare.result import ComparisonData, plants
-from tendonff.compensator.reporting.page import (
-    FileNote,
-    Report,
-    Section,
-    Table,
-    Text,
-    pictures_of,
-    provenance_of,
-)
+from tendonff.compensator.reporting.page import FileNote, Report, Section, Table, Text, pictures_of, provenance_of
 from tendonff.models.fidelity import Level
 
 _CAPTIONS = {
@@ -57,7 +49,6 @@ def compare_report(result: ComparisonData, figures: dict[str, Figure]) -> Report
 
     Parameters
     ----------
-    result : ComparisonData
     figures : dict of str to Figure
         From `compare_figures`.
     """

@@ -20,31 +20,17 @@ ENOUGH_PERCENT = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """One compensator, designed on one level, simulated on one plant.
+    """One compensator, designed on one level, simulated on one plant."""
 
-    Parameters
-    ----------
-    compensator : str
-        Its name.
-    design_level : Level
-        Repeats for a compensator that does not depend on it.
-    plant_level : str
-        A `Level`, or "capstan" for the static law.
-    rmse_percent_of_range, peak_error_N : float
-        Of a simulation with a quarter of the step.
-    lag_s : float
-        Delay of the output against the reference [s]; negative when it leads.
-    spread_percent_of_range : float
-        Largest RMS difference to simulations with half the step, the whole step, and a force that differs in the ninth
-        digit, which stands for a solver's tolerance [% of range]. Errors that differ by less are equal.
-    """
-
-    compensator: str
-    design_level: Level
-    plant_level: str
+    compensator: str  # its name
+    design_level: Level  # repeats for a compensator that does not depend on it
+    plant_level: str  # a `Level`, or "capstan" for the static law
+    # rmse_percent_of_range, peak_error_N: of a simulation with a quarter of the step
     rmse_percent_of_range: float
     peak_error_N: float
-    lag_s: float
+    lag_s: float  # delay of the output against the reference [s]; negative when it leads
+    # largest RMS difference to simulations with half the step, the whole step, and a force that differs in the ninth
+    # digit, which stands for a solver's tolerance [% of range]. Errors that differ by less are equal
     spread_percent_of_range: float
 
 

@@ -30,7 +30,7 @@ from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
-from tendonff.ocp.crosscheck.halving import NUDGE
+from tendonff.ocp.crosscheck import NUDGE
 from tendonff.ocp.tracking.problem import TrackOptions
 from tendonff.ocp.tracking.robust import error_band
 
@@ -129,10 +129,8 @@ def worst_percent(
 
     Parameters
     ----------
-    real : Doubt
     forces_N : mapping of (str, Level) to ndarray, shape (n,)
         By name of the compensator and design level.
-    reference : Reference
     """
     seen: dict[bytes, float] = {}
     for force in forces_N.values():
@@ -216,7 +214,6 @@ def lag(reference_N: FloatArray, output_N: FloatArray, step_s: float) -> float:
     ----------
     reference_N, output_N : ndarray, shape (n,)
         Rows at the same times [N].
-    step_s : float
     """
     stride = max(1, len(reference_N) // _LAG_ROWS)
     wanted, got = reference_N[::stride], output_N[::stride]

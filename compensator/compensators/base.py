@@ -172,21 +172,11 @@ class Problem:
 
 
 class ProfileStatus(StrEnum):
-    """What a profile is worth.
+    """What a profile is worth."""
 
-    Attributes
-    ----------
-    GOOD
-        What the compensator is meant to give.
-    DOUBTFUL
-        Usable, but the message says what is missing.
-    FAILED
-        Not to be sent to an actuator; the message says why.
-    """
-
-    GOOD = "good"
-    DOUBTFUL = "doubtful"
-    FAILED = "failed"
+    GOOD = "good"  # what the compensator is meant to give
+    DOUBTFUL = "doubtful"  # usable, but the message says what is missing
+    FAILED = "failed"  # not to be sent to an actuator; the message says why
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -227,42 +217,21 @@ class Profile:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Style:
-    """How a compensator is drawn everywhere.
-
-    Parameters
-    ----------
-    color : str
-    linestyle : str
-        "-", "--", "-." or ":".
-    """
+    """How a compensator is drawn everywhere."""
 
     color: str
-    linestyle: str
+    linestyle: str  # "-", "--", "-." or ":"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CModule:
-    """What `export-c` makes of a compensator.
+    """What `export-c` makes of a compensator."""
 
-    Parameters
-    ----------
-    name : str
-        Of the template, and of the C module after the prefix.
-    content : str
-        What it is, in words.
-    headers : tuple of str, optional
-        Further templates of headers.
-    plays_back : bool, optional
-        The module plays the profile that was computed beforehand, and takes no reference.
-    knows_joints : bool, optional
-        It has a meaning on a path that joints move.
-    """
-
-    name: str
-    content: str
-    headers: tuple[str, ...] = ()
-    plays_back: bool = False
-    knows_joints: bool = True
+    name: str  # of the template, and of the C module after the prefix
+    content: str  # what it is, in words
+    headers: tuple[str, ...] = ()  # further templates of headers
+    plays_back: bool = False  # the module plays the profile that was computed beforehand, and takes no reference
+    knows_joints: bool = True  # it has a meaning on a path that joints move
 
 
 class Compensator(ABC):

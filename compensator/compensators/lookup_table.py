@@ -30,18 +30,11 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BranchTable:
-    """Forces of one branch.
+    """Forces of one branch."""
 
-    Parameters
-    ----------
-    share : ndarray, shape (m,)
-        Nodes of (tension since the reversal)/(T + p) [-], from 0 up; beyond the last the transition is over.
-    force_N : ndarray, shape (k, m)
-        Force at each reference node and share [N].
-    """
-
+    # shape (m,); nodes of (tension since the reversal)/(T + p) [-], from 0 up; beyond the last the transition is over
     share: FloatArray
-    force_N: FloatArray
+    force_N: FloatArray  # shape (k, m); force at each reference node and share [N]
 
     def __post_init__(self) -> None:
         if not (self.share.size >= 2 and self.share[0] == 0 and np.all(np.diff(self.share) > 0)):
@@ -52,19 +45,10 @@ class BranchTable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LookupTable:
-    """Feedforward force over reference, branch and share of the transition.
+    """Feedforward force over reference, branch and share of the transition."""
 
-    Parameters
-    ----------
-    reference_N : ndarray, shape (k,)
-        Nodes of the reference tension T [N], rising in equal steps.
-    adhesion_N : float
-        p [N].
-    pull, release : BranchTable
-    """
-
-    reference_N: FloatArray
-    adhesion_N: float
+    reference_N: FloatArray  # shape (k,); nodes of the reference tension T [N], rising in equal steps
+    adhesion_N: float  # p [N]
     pull: BranchTable
     release: BranchTable
 
@@ -106,7 +90,6 @@ class LookupTable:
         ----------
         reference_N, share : ndarray, shape (n,)
             Inside the table's range; a share beyond the last node means that the transition is over.
-        branch : Branch
         """
         table = self.branch(branch)
         row, a = _locate(self.reference_N, reference_N)
@@ -225,7 +208,6 @@ def table_force(table: LookupTable, reference_N: FloatArray, initial_tension_N: 
 
     Parameters
     ----------
-    table : LookupTable
     reference_N : ndarray, shape (n,)
         Wanted tension at successive samples [N].
     initial_tension_N : float, optional

@@ -19,10 +19,8 @@ def with_motion(problem: Problem, name: str, profile: Profile) -> Profile:
 
     Parameters
     ----------
-    problem : Problem
     name : str
         Of the compensator. "none" knows of no friction: its command is that of springs in series.
-    profile : Profile
     """
     reference, actuator = problem.reference, problem.transmission.actuator
     start = reference.initial_tension_N
@@ -48,7 +46,6 @@ def servo(
 
     Parameters
     ----------
-    chain : Chain
     actuator : Actuator
         With a position drive.
     initial_tension_N : float

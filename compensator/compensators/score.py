@@ -19,21 +19,11 @@ from tendonff.ocp.simulate import Outcome, Simulation, simulate
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """How far the delivered tension is from the wanted one.
+    """How far the delivered tension is from the wanted one."""
 
-    Parameters
-    ----------
-    rmse_N : float
-        Root mean square error [N].
-    rmse_percent_of_range : float
-        The same over the range of the reference [%].
-    peak_error_N : float
-        Largest absolute error [N].
-    """
-
-    rmse_N: float
-    rmse_percent_of_range: float
-    peak_error_N: float
+    rmse_N: float  # root mean square error [N]
+    rmse_percent_of_range: float  # the same over the range of the reference [%]
+    peak_error_N: float  # largest absolute error [N]
 
     @property
     def percent(self) -> str:
@@ -64,9 +54,7 @@ def score(reference_N: FloatArray, output_N: FloatArray) -> Score:
     error = output_N - reference_N
     rmse = float(np.sqrt(np.mean(error**2)))
     return Score(
-        rmse_N=rmse,
-        rmse_percent_of_range=100 * rmse / scale_N(reference_N),
-        peak_error_N=float(np.max(np.abs(error))),
+        rmse_N=rmse, rmse_percent_of_range=100 * rmse / scale_N(reference_N), peak_error_N=float(np.max(np.abs(error)))
     )
 
 
@@ -85,20 +73,11 @@ def is_worse(score: Score, uncompensated: Score, reference_N: FloatArray) -> boo
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedPlant:
-    """The chain that a force is tried on.
-
-    Parameters
-    ----------
-    level : Level
-    segments : int, optional
-        Masses; default: the path's own.
-    refinement : int, optional
-        Steps per row of the profile; the force is linear in between.
-    """
+    """The chain that a force is tried on."""
 
     level: Level
-    segments: int | None = None
-    refinement: int = 1
+    segments: int | None = None  # masses; default: the path's own
+    refinement: int = 1  # steps per row of the profile; the force is linear in between
 
 
 def simulate_profile(
@@ -108,11 +87,8 @@ def simulate_profile(
 
     Parameters
     ----------
-    transmission : Transmission
-    plant : SimulatedPlant
     profile : Profile
         Rows of the reference's grid: its command where it has one, else its force.
-    reference : Reference
 
     Returns
     -------
@@ -134,18 +110,10 @@ def simulate_profile(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slack:
-    """Where a tendon went slack.
+    """Where a tendon went slack."""
 
-    Parameters
-    ----------
-    end : str
-        The nearest end, "actuator" or "load", of the link that went slack first.
-    message : str
-        What the simulation says.
-    """
-
-    end: str
-    message: str
+    end: str  # the nearest end, "actuator" or "load", of the link that went slack first
+    message: str  # what the simulation says
 
     @classmethod
     def of(cls, run: Simulation) -> "Slack | None":
@@ -159,32 +127,18 @@ class Slack:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verified:
-    """One compensator's profile on one plant.
+    """One compensator's profile on one plant."""
 
-    Parameters
-    ----------
-    compensator : str
-        Name of the compensator.
-    plant : SimulatedPlant
-    output_N : ndarray, shape (n,)
-        Delivered tension at the rows of the reference [N].
-    travel_m, load_m : ndarray, shape (n,)
-        Positions of the actuator's end and of the load relative to the start [m].
-    score : Score
-    position_error_m : tuple of 2 float, or None
-        Root mean square and largest error of the load's position [m], where that is wanted.
-    slack : Slack or None
-        Where the tendon went slack; None where it stayed taut.
-    """
-
-    compensator: str
+    compensator: str  # name of the compensator
     plant: SimulatedPlant
-    output_N: FloatArray
+    output_N: FloatArray  # shape (n,); delivered tension at the rows of the reference [N]
+    # travel_m, load_m: shape (n,); positions of the actuator's end and of the load relative to the start [m]
     travel_m: FloatArray
     load_m: FloatArray
     score: Score
+    # root mean square and largest error of the load's position [m], where that is wanted
     position_error_m: tuple[float, float] | None
-    slack: Slack | None
+    slack: Slack | None  # where the tendon went slack; None where it stayed taut
 
 
 def verify(
@@ -194,12 +148,8 @@ def verify(
 
     Parameters
     ----------
-    transmission : Transmission
-    plant : SimulatedPlant
     compensator : str
         Name for the result.
-    profile : Profile
-    reference : Reference
 
     Raises
     ------
@@ -257,16 +207,11 @@ def _position_error(error_m: FloatArray) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IgnoredMotion:
-    """What it costs to design for the mean pose of joints that move.
-
-    Parameters
-    ----------
-    motion : JointMotion
-    known, ignored : Score
-        Of the exact inverse that knows the motion, and of the one for the mean pose, both on the moving path.
-    """
+    """What it costs to design for the mean pose of joints that move."""
 
     motion: JointMotion
+    # known, ignored: of the exact inverse that knows the motion, and of the one for the mean pose, both on the moving
+    # path
     known: Score
     ignored: Score
 

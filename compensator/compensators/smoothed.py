@@ -4,8 +4,6 @@ The baseline that a model has to beat. The jumps of the inverted law are what a 
 not; smoothed, the same law does much better.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
@@ -17,7 +15,6 @@ from tendonff.models.capstan import CapstanLaw
 from tendonff.ocp.simulate import Outcome, simulate
 
 _TIMES = 12  # tried between a step and a quarter of the duration, in equal ratios
-Smoother = Callable[[FloatArray, float], FloatArray]
 
 
 def lagged(exponent: FloatArray, steps: float) -> FloatArray:

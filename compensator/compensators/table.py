@@ -17,13 +17,7 @@ BOUND_SHARE = 0.005
 
 @dataclass(frozen=True)  # without slots: the class holds what all tables share
 class CompensationTable(Compensator):
-    """The compensation table.
-
-    Parameters
-    ----------
-    table : LookupTable, optional
-        One that exists already; default: made for the problem.
-    """
+    """The compensation table."""
 
     name = "table"
     label = "compensation table"
@@ -31,7 +25,7 @@ class CompensationTable(Compensator):
     is_fast = False
     c_module = CModule(name="table", content="compensation table", headers=("table_data",), knows_joints=False)
 
-    table: LookupTable | None = None
+    table: LookupTable | None = None  # one that exists already; default: made for the problem
 
     def profile(self, problem: Problem, *, progress: Progress = silent) -> Profile:  # noqa: ARG002
         """Answer by looking up; see `Compensator.profile`."""
@@ -62,7 +56,6 @@ def table_of(
 
     Parameters
     ----------
-    problem : Problem
     bound_N : float, optional
         Largest interpolation error [N]; default: 0.5 % of the reference's range.
     rate_N_per_s : float, optional

@@ -33,29 +33,15 @@ _CHECKED_SHARES = 500
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BuiltTable:
-    """A table and how good it is.
-
-    Parameters
-    ----------
-    table : LookupTable
-    bound_N : float
-        Largest interpolation error that was allowed [N].
-    error_N : float
-        Largest interpolation error found on the swept points [N].
-    resolution_N : float
-        Tension travel within which a point counts as met [N]: steep steps need be no sharper than the samples.
-    rate_N_per_s : float
-        Rate of the reference in the sweeps [N/s].
-    checked : int
-        Points that the error was found on.
-    """
+    """A table and how good it is."""
 
     table: LookupTable
-    bound_N: float
-    error_N: float
+    bound_N: float  # largest interpolation error that was allowed [N]
+    error_N: float  # largest interpolation error found on the swept points [N]
+    # tension travel within which a point counts as met [N]: steep steps need be no sharper than the samples
     resolution_N: float
-    rate_N_per_s: float
-    checked: int
+    rate_N_per_s: float  # rate of the reference in the sweeps [N/s]
+    checked: int  # points that the error was found on
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +69,6 @@ def usual_rate(reference_N: FloatArray, step_s: float) -> float:
     Parameters
     ----------
     reference_N : ndarray, shape (n,)
-    step_s : float
     """
     rates = np.abs(np.diff(reference_N)) / step_s
     moving = rates[rates > 1e-6 * max(float(rates.max(initial=0.0)), 1e-12)]
@@ -98,7 +83,6 @@ def build_table(
 
     Parameters
     ----------
-    chain : Chain
     range_N : tuple of float
         Least and largest reference tension [N], 0 < least < largest.
     bound_N : float
@@ -154,12 +138,10 @@ def sweep(
 
     Parameters
     ----------
-    chain : Chain
     branch : Branch
         The branch that begins at the reversal.
     turn_N, end_N : float
         Reference tension at the reversal and at the end of the sweep [N].
-    rate_N_per_s : float
     """
     p = chain.elements.piece.adhesion_N
     # Long enough a way to the reversal: four fifths of the lifted tension below it, or as much above.

@@ -12,21 +12,11 @@ ASSUMED = Uncertainty(mu=0.1, samples=3)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Doubt:
-    """Transmissions that may be the real one.
+    """Transmissions that may be the real one."""
 
-    Parameters
-    ----------
-    samples : tuple of Sample
-        The first is the nominal one.
-    is_assumed : bool
-        The scenario states no uncertainty.
-    widths : str
-        In words: "mu ±10 %".
-    """
-
-    samples: tuple[Sample, ...]
-    is_assumed: bool
-    widths: str
+    samples: tuple[Sample, ...]  # the first is the nominal one
+    is_assumed: bool  # the scenario states no uncertainty
+    widths: str  # in words: "mu ±10 %"
 
     def __str__(self) -> str:
         source = "an assumption: [robust] states nothing" if self.is_assumed else "as [robust] states"
@@ -38,17 +28,12 @@ def doubt(transmission: Transmission, uncertainty: Uncertainty) -> Doubt:
 
     Parameters
     ----------
-    transmission : Transmission
     uncertainty : Uncertainty
         The scenario's; where it says that all is certain, or takes a single sample, `ASSUMED` instead.
     """
     is_assumed = uncertainty.is_certain or uncertainty.samples == 1
     stated = ASSUMED if is_assumed else uncertainty
-    widths = (
-        ("mu", stated.mu),
-        ("stiffness", stated.stiffness),
-        ("bristle stiffness", stated.bristle_stiffness),
-    )
+    widths = (("mu", stated.mu), ("stiffness", stated.stiffness), ("bristle stiffness", stated.bristle_stiffness))
     return Doubt(
         samples=sample_transmissions(transmission, stated),
         is_assumed=is_assumed,

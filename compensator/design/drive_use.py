@@ -14,17 +14,11 @@ SHOWN = ("inverse", "optimal")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveUse:
-    """A profile as the drive sees it, on the design level.
+    """A profile as the drive sees it, on the design level."""
 
-    Parameters
-    ----------
-    name : str
-        Of the compensator.
-    travel_m, speed_m_per_s, force_N : ndarray, shape (n,)
-        Of the actuator's end; the speed is the mean of the step that ends at a row.
-    """
-
-    name: str
+    name: str  # of the compensator
+    # travel_m, speed_m_per_s, force_N: shape (n,); of the actuator's end; the speed is the mean of the step that ends
+    # at a row
     travel_m: FloatArray
     speed_m_per_s: FloatArray
     force_N: FloatArray

@@ -19,23 +19,14 @@ _TIE = 1.02  # worst errors that differ by less are equal: then the error with t
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Expectation:
-    """Errors over the samples of the parameters, and the profile that does best there.
+    """Errors over the samples of the parameters, and the profile that does best there."""
 
-    Parameters
-    ----------
-    doubt : Doubt
-        What may be the real transmission.
-    worst_percent : dict of str to float
-        Largest RMS error over the samples, by name of the compensator [% of the reference's range].
-    recommended : str
-        Name of the compensator whose worst error is least, and of equal ones the best with the nominal parameters.
-    low_N, high_N : ndarray, shape (n,)
-        Least and largest output tension over the samples under the recommended profile [N].
-    """
-
-    doubt: Doubt
+    doubt: Doubt  # what may be the real transmission
+    # largest RMS error over the samples, by name of the compensator [% of the reference's range]
     worst_percent: dict[str, float]
+    # name of the compensator whose worst error is least, and of equal ones the best with the nominal parameters
     recommended: str
+    # low_N, high_N: shape (n,); least and largest output tension over the samples under the recommended profile [N]
     low_N: FloatArray
     high_N: FloatArray
 
@@ -47,7 +38,6 @@ def expect(
 
     Parameters
     ----------
-    problem : Problem
     uncertainty : Uncertainty
         The scenario's.
     forces_N : mapping of str to ndarray, shape (n,)

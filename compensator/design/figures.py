@@ -207,10 +207,7 @@ def error_figure(result: DesignData) -> Figure:
 
 
 def _draw(
-    panel: Axes,
-    result: DesignData,
-    curves: dict[str, FloatArray],
-    label: Callable[[Compensator], str] | None = None,
+    panel: Axes, result: DesignData, curves: dict[str, FloatArray], label: Callable[[Compensator], str] | None = None
 ) -> None:
     """Draw a curve of each compensator; one that hides another is told from it by width and in the legend."""
     rows = thinned(len(result.reference.time_s))

@@ -93,7 +93,6 @@ def design_report(result: DesignData, figures: dict[str, Figure], view: Interact
 
     Parameters
     ----------
-    result : DesignData
     figures : dict of str to Figure
         From `design_figures`.
     view : Interactive, optional

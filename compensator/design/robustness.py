@@ -13,21 +13,11 @@ _OVERCOMPENSATION = 0.02
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Robustness:
-    """Error bands of the compensators over parameter samples.
+    """Error bands of the compensators over parameter samples."""
 
-    Parameters
-    ----------
-    samples : tuple of Sample
-        The first is the nominal one.
-    objective : Objective
-        What the optimal profile was made for.
-    bands : dict of str to ErrorBand
-        By name of the compensator.
-    """
-
-    samples: tuple[Sample, ...]
-    objective: Objective
-    bands: dict[str, ErrorBand]
+    samples: tuple[Sample, ...]  # the first is the nominal one
+    objective: Objective  # what the optimal profile was made for
+    bands: dict[str, ErrorBand]  # by name of the compensator
 
 
 def robustness(problem: Problem, forces_N: Mapping[str, FloatArray]) -> Robustness:
@@ -35,7 +25,6 @@ def robustness(problem: Problem, forces_N: Mapping[str, FloatArray]) -> Robustne
 
     Parameters
     ----------
-    problem : Problem
     forces_N : mapping of str to ndarray, shape (n,)
         By name of the compensator.
     """

@@ -15,7 +15,6 @@ def print_scores(result: DesignData, folder: Path) -> None:
 
     Parameters
     ----------
-    result : DesignData
     folder : Path
         Where the design was written.
     """

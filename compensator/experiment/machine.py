@@ -51,63 +51,35 @@ _PATIENCE = 3.0  # a ramp's longest time over its planned time
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """The test of one scenario: rig, states and how commands blend.
-
-    Parameters
-    ----------
-    rig : RigSpec
-    states : tuple of ExperimentState
-    blend_s, rest_s : float
-        Time in which a command takes up and gives up its rate, and rest after that [s].
-    high_tension_N : float
-        Top of the default ramps [N].
-    """
+    """The test of one scenario: rig, states and how commands blend."""
 
     rig: RigSpec
     states: tuple[ExperimentState, ...]
+    # blend_s, rest_s: time in which a command takes up and gives up its rate, and rest after that [s]
     blend_s: float
     rest_s: float
-    high_tension_N: float
+    high_tension_N: float  # top of the default ramps [N]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StatePass:
-    """How the machine went through one state.
-
-    Parameters
-    ----------
-    state : ExperimentState
-    first_row, last_row : int
-        Rows of the run in it; row 0 is the start of the test.
-    stop_row : int
-        Row at which its condition or its longest time was reached and the commands began to stop.
-    met : bool
-        Its condition ended it; False: its longest time did.
-    end_forces_N : tuple of 2 (float or None)
-        Force commands at its end [N], for motors that act.
-    """
+    """How the machine went through one state."""
 
     state: ExperimentState
+    # first_row, last_row: rows of the run in it; row 0 is the start of the test
     first_row: int
     last_row: int
-    stop_row: int
-    met: bool
-    end_forces_N: tuple[float | None, float | None]
+    stop_row: int  # row at which its condition or its longest time was reached and the commands began to stop
+    met: bool  # its condition ended it; False: its longest time did
+    end_forces_N: tuple[float | None, float | None]  # force commands at its end [N], for motors that act
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Schedule:
-    """What the machine did, to be played again on other models.
-
-    Parameters
-    ----------
-    passes : tuple of StatePass
-    rates : ndarray, shape (n, 2)
-        Rates of both commands in each step, N/s or m/s.
-    """
+    """What the machine did, to be played again on other models."""
 
     passes: tuple[StatePass, ...]
-    rates: FloatArray
+    rates: FloatArray  # shape (n, 2); rates of both commands in each step, N/s or m/s
 
 
 def plan_experiment(scenario: Scenario) -> Plan:

@@ -14,17 +14,10 @@ COLUMNS = tuple(f"tension_{k + 1}_N" for k in range(SECTIONS))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Deviation:
-    """Measured against simulated, over the time that both have.
+    """Measured against simulated, over the time that both have."""
 
-    Parameters
-    ----------
-    sensor : int
-        Place along the path, 1 at motor 1 to 7 at motor 2.
-    measured_rms_percent_of_range, measured_max_percent_of_range : float
-        Of the range of the simulated run.
-    """
-
-    sensor: int
+    sensor: int  # place along the path, 1 at motor 1 to 7 at motor 2
+    # measured_rms_percent_of_range, measured_max_percent_of_range: of the range of the simulated run
     measured_rms_percent_of_range: float
     measured_max_percent_of_range: float
 

@@ -37,83 +37,46 @@ _LEAST_CHANGE = 0.01  # of range: an output that changes less has no transient t
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Relaxation:
-    """What changes at the held end during a hold: the tension of a held position, the travel of a held force.
+    """What changes at the held end during a hold: the tension of a held position, the travel of a held force."""
 
-    Parameters
-    ----------
-    change_N, change_percent_of_range : float
-        Tension at the end of the hold minus tension at its start.
-    travel_m : float
-        How far the motor moves away from the tendon meanwhile: creep.
-    """
-
+    # change_N, change_percent_of_range: tension at the end of the hold minus tension at its start
     change_N: float
     change_percent_of_range: float
-    travel_m: float
+    travel_m: float  # how far the motor moves away from the tendon meanwhile: creep
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Transient:
-    """How the far motor's end follows when the tendon reverses.
+    """How the far motor's end follows when the tendon reverses."""
 
-    Parameters
-    ----------
-    change_N : float
-        Change of the output tension over the state: of the end whose motor loads.
-    width_s : float
-        Time from 5 % to 50 % of that change: how gradually the output breaks away; the rest is slip on all levels.
-    max_slope_N_per_s : float
-        Largest rate of the output tension.
-    """
-
-    change_N: float
+    change_N: float  # change of the output tension over the state: of the end whose motor loads
+    # time from 5 % to 50 % of that change: how gradually the output breaks away; the rest is slip on all levels
     width_s: float
-    max_slope_N_per_s: float
+    max_slope_N_per_s: float  # largest rate of the output tension
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Switch:
-    """How smoothly a motor changed its mode.
+    """How smoothly a motor changed its mode."""
 
-    Parameters
-    ----------
-    into : str
-        The state that began.
-    tension_step_percent_of_range : float
-        Departure of any tension, one step after the switch, from the straight line through the two rows before.
-    force_step_percent_of_range : float
-        Jump of a motor's pull at the switch.
-    """
-
-    into: str
+    into: str  # the state that began
+    # departure of any tension, one step after the switch, from the straight line through the two rows before
     tension_step_percent_of_range: float
-    force_step_percent_of_range: float
+    force_step_percent_of_range: float  # jump of a motor's pull at the switch
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlipProfile:
-    """The profile along the path in one-way slip, when a ramp ends, against e^{mu theta}.
+    """The profile along the path in one-way slip, when a ramp ends, against e^{mu theta}."""
 
-    Parameters
-    ----------
-    exponent_over_law : float
-        ln of the ratio of the end tensions (plus adhesion) over mu theta; 1 is the static law.
-    profile_deviation_percent : float
-        Largest departure of ln T along the path from a line of the law's slope, in % of mu theta.
-    """
-
-    exponent_over_law: float
+    exponent_over_law: float  # ln of the ratio of the end tensions (plus adhesion) over mu theta; 1 is the static law
+    # largest departure of ln T along the path from a line of the law's slope, in % of mu theta
     profile_deviation_percent: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawDeviation:
-    """Difference of the tensions along the path from the two-ended static law, over all links and rows.
-
-    Parameters
-    ----------
-    rms_percent_of_range, max_percent_of_range : float
-    """
+    """Difference of the tensions along the path from the two-ended static law, over all links and rows."""
 
     rms_percent_of_range: float
     max_percent_of_range: float
@@ -121,13 +84,7 @@ class LawDeviation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refinement:
-    """Difference between the path's own number of masses and a larger one, over seven tensions and all rows.
-
-    Parameters
-    ----------
-    segments, fine_segments : int
-    rms_percent_of_range, max_percent_of_range : float
-    """
+    """Difference between the path's own number of masses and a larger one, over seven tensions and all rows."""
 
     segments: int
     fine_segments: int

@@ -45,7 +45,6 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
 
     Parameters
     ----------
-    result : ExperimentData
     figures : dict of str to Figure
         From `experiment_figures`.
     """

@@ -16,35 +16,18 @@ SECTIONS = 7
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExperimentRun:
-    """The test on one model, rows at 0, h, 2 h ...
-
-    Parameters
-    ----------
-    level : Level
-    transmission : Transmission
-        What it ran on.
-    passes : tuple of StatePass
-        States and their rows; a state starts with the row in which the one before it ended.
-    time_s : ndarray, shape (n,)
-    link_tension_N : ndarray, shape (n, N + 1)
-        f_1 .. f_{N+1} of the chain.
-    position_m, force_N : ndarray, shape (n, 2)
-        Of motors 1 and 2; forces are each motor's pull on its end of the tendon.
-    velocity_m_per_s : ndarray, shape (n, N + 2)
-        v_a, v_1 .. v_N, v_l.
-    force_jump_N : ndarray, shape (number of states, 2)
-        Jump of each motor's pull as a state begins.
-    """
+    """The test on one model, rows at 0, h, 2 h ..."""
 
     level: Level
-    transmission: Transmission
-    passes: tuple[StatePass, ...]
-    time_s: FloatArray
-    link_tension_N: FloatArray
+    transmission: Transmission  # what it ran on
+    passes: tuple[StatePass, ...]  # states and their rows; a state starts with the row in which the one before it ended
+    time_s: FloatArray  # shape (n,)
+    link_tension_N: FloatArray  # shape (n, N + 1); f_1 .. f_{N+1} of the chain
+    # position_m, force_N: shape (n, 2); of motors 1 and 2; forces are each motor's pull on its end of the tendon
     position_m: FloatArray
     force_N: FloatArray
-    velocity_m_per_s: FloatArray
-    force_jump_N: FloatArray
+    velocity_m_per_s: FloatArray  # shape (n, N + 2); v_a, v_1 .. v_N, v_l
+    force_jump_N: FloatArray  # shape (number of states, 2); jump of each motor's pull as a state begins
 
     @property
     def tension_N(self) -> FloatArray:
@@ -84,21 +67,11 @@ class ExperimentRun:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredTensions:
-    """Tensions measured on a rig during the same test.
+    """Tensions measured on a rig during the same test."""
 
-    Parameters
-    ----------
-    name : str
-        Of the file.
-    time_s : ndarray, shape (n,)
-        From the start of the test.
-    tension_N : dict of int to ndarray, shape (n,)
-        By place among the seven sections, from 0.
-    """
-
-    name: str
-    time_s: FloatArray
-    tension_N: dict[int, FloatArray]
+    name: str  # of the file
+    time_s: FloatArray  # shape (n,); from the start of the test
+    tension_N: dict[int, FloatArray]  # shape (n,); by place among the seven sections, from 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -36,27 +36,16 @@ _OUTWARD = (1.0, -1.0)  # direction in which a motor's position moves away from 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigSpec:
-    """What the rig is made of.
+    """What the rig is made of."""
 
-    Parameters
-    ----------
-    transmission : Transmission
-        Path, tendon and friction; both motors have the mass and damping of its actuator.
-    step_s : float
-        Time step [s].
-    start_tension_N : float
-        Uniform tension at rest before the test [N].
-    load_stiffness_N_per_m, hold_stiffness_N_per_m : float
-        Springs of the modes L and A_h [N/m].
-    act_damping_N_s_per_m, load_damping_N_s_per_m, hold_damping_N_s_per_m : float
-        Dampers of the modes A and A_f, L, A_h [N s/m].
-    """
-
-    transmission: Transmission
-    step_s: float
-    start_tension_N: float
+    transmission: Transmission  # path, tendon and friction; both motors have the mass and damping of its actuator
+    step_s: float  # time step [s]
+    start_tension_N: float  # uniform tension at rest before the test [N]
+    # load_stiffness_N_per_m, hold_stiffness_N_per_m: springs of the modes L and A_h [N/m]
     load_stiffness_N_per_m: float
     hold_stiffness_N_per_m: float
+    # act_damping_N_s_per_m, load_damping_N_s_per_m, hold_damping_N_s_per_m: dampers of the modes A and A_f, L, A_h [N
+    # s/m]
     act_damping_N_s_per_m: float
     load_damping_N_s_per_m: float
     hold_damping_N_s_per_m: float
@@ -76,23 +65,13 @@ class RigSpec:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigRows:
-    """What the rig did over some steps.
+    """What the rig did over some steps."""
 
-    Parameters
-    ----------
-    tension_N : ndarray, shape (n, N + 1)
-    position_m : ndarray, shape (n, 2)
-        Of motors 1 and 2, positive towards motor 1's side.
-    force_N : ndarray, shape (n, 2)
-        Each motor's pull on its end of the tendon: f_c, or its spring's force without the damper's.
-    velocity_m_per_s : ndarray, shape (n, N + 2)
-        v_a, v_1 .. v_N, v_l.
-    """
-
-    tension_N: FloatArray
-    position_m: FloatArray
+    tension_N: FloatArray  # shape (n, N + 1)
+    position_m: FloatArray  # shape (n, 2); of motors 1 and 2, positive towards motor 1's side
+    # shape (n, 2); each motor's pull on its end of the tendon: f_c, or its spring's force without the damper's
     force_N: FloatArray
-    velocity_m_per_s: FloatArray
+    velocity_m_per_s: FloatArray  # shape (n, N + 2); v_a, v_1 .. v_N, v_l
 
 
 class Rig:

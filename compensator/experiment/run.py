@@ -68,9 +68,6 @@ def follow_schedule(plan: Plan, schedule: Schedule, level: Level, segments: int 
 
     Parameters
     ----------
-    plan : Plan
-    schedule : Schedule
-    level : Level
     segments : int, optional
         Number of masses on the path; default: the path's own.
     """

@@ -265,7 +265,6 @@ def make_server(scenario: Scenario, port: int) -> Server:
 
     Parameters
     ----------
-    scenario : Scenario
     port : int
         0 for any that is free.
 

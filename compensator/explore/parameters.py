@@ -16,28 +16,16 @@ _SECTION_MU = ("mu_dynamic", "mu_static", "mu_dynamic_release", "mu_static_relea
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExploreParameters:
-    """Values of the sliders.
+    """Values of the sliders."""
 
-    Parameters
-    ----------
-    mu : float
-        Dynamic coefficient when pulling [-]; all others, those of sections too, keep their ratio to it.
-    total_angle_deg : float
-        Wrap angle [deg]; sections keep their shares.
-    bristle_stiffness_N_per_m : float
-        Of the level that is shown.
-    relaxation_time_s, force_rate_max_N_per_s, load_stiffness_N_per_m, load_mass_kg : float
-    pose_deg : mapping of str to float
-        What is added to the angle of each joint [deg]; joints whose motion was measured stay out.
-    """
-
-    mu: float
-    total_angle_deg: float
-    bristle_stiffness_N_per_m: float
+    mu: float  # dynamic coefficient when pulling [-]; all others, those of sections too, keep their ratio to it
+    total_angle_deg: float  # wrap angle [deg]; sections keep their shares
+    bristle_stiffness_N_per_m: float  # of the level that is shown
     relaxation_time_s: float
     force_rate_max_N_per_s: float
     load_stiffness_N_per_m: float
     load_mass_kg: float
+    # what is added to the angle of each joint [deg]; joints whose motion was measured stay out
     pose_deg: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod

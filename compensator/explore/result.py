@@ -10,35 +10,20 @@ from tendonff.compensator.scenario.sampled.sampling import Reference
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Course:
-    """One compensator over time, thinned for the screen.
+    """One compensator over time, thinned for the screen."""
 
-    Parameters
-    ----------
-    time_s, force_N, output_N, error_N : ndarray, shape (n,)
-    score : Score
-        Of all rows.
-    """
-
+    # time_s, force_N, output_N, error_N: shape (n,)
     time_s: FloatArray
     force_N: FloatArray
     output_N: FloatArray
     error_N: FloatArray
-    score: Score
+    score: Score  # of all rows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exploration:
-    """One scenario with a few parameters changed.
-
-    Parameters
-    ----------
-    reference : Reference
-    courses : mapping of str to Course
-        By name of the compensator.
-    notes : tuple of str
-        What the reader should know, such as a slack tendon.
-    """
+    """One scenario with a few parameters changed."""
 
     reference: Reference
-    courses: Mapping[str, Course]
-    notes: tuple[str, ...]
+    courses: Mapping[str, Course]  # by name of the compensator
+    notes: tuple[str, ...]  # what the reader should know, such as a slack tendon

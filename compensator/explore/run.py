@@ -30,32 +30,19 @@ _MOST_POINTS = 1500
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Curve:
-    """What the page can show: a compensator, or the one that tunes itself.
-
-    Parameters
-    ----------
-    name, label : str
-    style : Style
-    compensator : Compensator or None
-        None tunes itself to a measurement.
-    """
+    """What the page can show: a compensator, or the one that tunes itself."""
 
     name: str
     label: str
     style: Style
-    compensator: Compensator | None
+    compensator: Compensator | None  # None tunes itself to a measurement
 
 
 FAST = tuple(Curve(name=c.name, label=c.label, style=c.style, compensator=c) for c in COMPENSATORS if c.is_fast)
 """Fast enough to follow a slider."""
 SLOW = (
     *(Curve(name=c.name, label=c.label, style=c.style, compensator=c) for c in COMPENSATORS if isinstance(c, Optimal)),
-    Curve(
-        name="self_tuning",
-        label="self-tuning inverse",
-        style=Style(color=PURPLE, linestyle="-"),
-        compensator=None,
-    ),
+    Curve(name="self_tuning", label="self-tuning inverse", style=Style(color=PURPLE, linestyle="-"), compensator=None),
 )
 """These take a second or more, and come when they are asked for."""
 
@@ -83,11 +70,9 @@ class Explorer:
 
         Parameters
         ----------
-        parameters : ExploreParameters
         design_knows : bool, optional
             The design is made for the changed transmission; else it is made for the scenario's own and tried on the
             changed one, with the changed actuator.
-        curves : sequence of Curve, optional
 
         Raises
         ------

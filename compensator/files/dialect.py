@@ -24,32 +24,16 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dialect:
-    """How a table is written.
+    """How a table is written."""
 
-    Parameters
-    ----------
-    separator : str
-        Character between cells; a space stands for any number of them.
-    decimal : str
-        Decimal mark, "." or ",".
-    names : tuple of str
-        Columns of the header, without blanks around them.
-    units : tuple of str
-        What a line of units below the header says, one text a column; all empty where there is none.
-    skipped : int
-        Lines before the first row of numbers.
-    first : tuple of str
-        Cells of the first row below the header and the units; empty where there is none.
-    notes : tuple of str
-        In what the file differs from the plain form: header in the first line, commas, decimal points.
-    """
-
-    separator: str = ","
-    decimal: str = "."
-    names: tuple[str, ...]
+    separator: str = ","  # character between cells; a space stands for any number of them
+    decimal: str = "."  # decimal mark, "." or ","
+    names: tuple[str, ...]  # columns of the header, without blanks around them
+    # what a line of units below the header says, one text a column; all empty where there is none
     units: tuple[str, ...]
-    skipped: int
-    first: tuple[str, ...] = ()
+    skipped: int  # lines before the first row of numbers
+    first: tuple[str, ...] = ()  # cells of the first row below the header and the units; empty where there is none
+    # in what the file differs from the plain form: header in the first line, commas, decimal points
     notes: tuple[str, ...] = ()
 
     def is_dated(self, name: str) -> bool:
@@ -78,7 +62,6 @@ def find_dialect(path: Path, expected: Sequence[str] = ()) -> Dialect:
 
     Parameters
     ----------
-    path : Path
     expected : sequence of str
         Names of columns that the header may have; they tell it from a heading.
 
@@ -187,9 +170,7 @@ def _are_units(row: Sequence[str], width: int) -> bool:
     )
 
 
-_UNIT_WORDS = frozenset(
-    re.split(" ", "s sec ms us µs min h N mN kN lbf m mm cm um µm rad deg ° Nm mNm V mV A mA -"),
-)
+_UNIT_WORDS = frozenset(re.split(" ", "s sec ms us µs min h N mN kN lbf m mm cm um µm rad deg ° Nm mNm V mV A mA -"))
 
 
 def _split(line: str, separator: str) -> list[str]:

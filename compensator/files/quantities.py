@@ -16,27 +16,13 @@ from tendonff.compensator.files.text import InputError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quantity:
-    """A quantity that a file must hold.
+    """A quantity that a file must hold."""
 
-    Parameters
-    ----------
-    name : str
-        Name of its column in the plain form, which ends in the SI unit: "time_s".
-    words : tuple of str
-        What its column may be called instead, small letters, when a unit is given as well.
-    units : mapping of str to float
-        Known units and what one of each is in SI.
-    option : str
-        How a user names a column of his own: `time_column = "{}" in [reference]`.
-    column : str, optional
-        The column that the user named.
-    """
-
-    name: str
-    words: tuple[str, ...]
-    units: Mapping[str, float]
-    option: str
-    column: str | None = None
+    name: str  # name of its column in the plain form, which ends in the SI unit: "time_s"
+    words: tuple[str, ...]  # what its column may be called instead, small letters, when a unit is given as well
+    units: Mapping[str, float]  # known units and what one of each is in SI
+    option: str  # how a user names a column of his own: `time_column = "{}" in [reference]`
+    column: str | None = None  # the column that the user named
 
     @property
     def si(self) -> str:
@@ -46,18 +32,10 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quantities:
-    """What was read of a file.
+    """What was read of a file."""
 
-    Parameters
-    ----------
-    values : dict of str to ndarray, shape (rows,)
-        In SI units, by `Quantity.name`.
-    notes : tuple of str
-        What was taken for granted; empty for a file in the plain form.
-    """
-
-    values: dict[str, FloatArray]
-    notes: tuple[str, ...]
+    values: dict[str, FloatArray]  # shape (rows,); in SI units, by `Quantity.name`
+    notes: tuple[str, ...]  # what was taken for granted; empty for a file in the plain form
 
 
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0, "sec": 1.0}
@@ -72,8 +50,6 @@ def read_quantities(path: Path, wanted: Sequence[Quantity], *, starts_at_zero: b
 
     Parameters
     ----------
-    path : Path
-    wanted : sequence of Quantity
     starts_at_zero : bool
         The first quantity must start at 0.
 
@@ -113,13 +89,7 @@ def _dated(path: Path, dialect: Dialect, column: str) -> FloatArray | None:
 
 
 def guess(dialect: Dialect, quantity: Quantity) -> tuple[str, float, str] | None:
-    """The one column whose name tells quantity and unit, what its unit is in SI, and what to say; None for none.
-
-    Parameters
-    ----------
-    dialect : Dialect
-    quantity : Quantity
-    """
+    """The one column whose name tells quantity and unit, what its unit is in SI, and what to say; None for none."""
     meant = [(name, unit) for name, unit in _meant(dialect, quantity) if unit in quantity.units]
     if quantity.si == "s":
         meant += [(name, "s") for name, unit in _meant(dialect, quantity) if not unit and dialect.is_dated(name)]

@@ -22,27 +22,13 @@ PACKED = {".xlsx": "openpyxl", ".xls": "xlrd", ".parquet": "pyarrow"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Table:
-    """Columns of a file, before any judgement.
+    """Columns of a file, before any judgement."""
 
-    Parameters
-    ----------
-    columns : mapping of str to pandas.Series
-        By name, in the file's order.
-    units : mapping of str to str
-        By name, from a row of units below the header; empty where there is none.
-    long_rows : int
-        Rows that had more cells than the header and were left out.
-    repeated : tuple of str
-        Names that stand more than once in the header; `columns` has the last of each.
-    notes : tuple of str
-        What was taken for granted.
-    """
-
-    columns: "Mapping[str, pd.Series[Any]]"
-    units: Mapping[str, str]
-    long_rows: int = 0
-    repeated: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    columns: "Mapping[str, pd.Series[Any]]"  # by name, in the file's order
+    units: Mapping[str, str]  # by name, from a row of units below the header; empty where there is none
+    long_rows: int = 0  # rows that had more cells than the header and were left out
+    repeated: tuple[str, ...] = ()  # names that stand more than once in the header; `columns` has the last of each
+    notes: tuple[str, ...] = ()  # what was taken for granted
 
     @property
     def dialect(self) -> Dialect:
@@ -99,7 +85,6 @@ def read_table(path: Path, expected: Sequence[str] = ()) -> Table:
 
     Parameters
     ----------
-    path : Path
     expected : sequence of str, optional
         Names of columns that the header may have; they tell it from a heading.
 

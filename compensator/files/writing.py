@@ -19,6 +19,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tendonff.compensator.files.interrupts import raise_if_stopped
 from tendonff.compensator.files.number_text import BYTES_MORE, BYTES_PER_NUMBER, compiled_writer
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.ocp.codegen.leftovers import remove_leftovers, temporary_name
@@ -30,6 +31,7 @@ _BLOCK_VALUES = 20_000  # numbers per written block: what stays in the processor
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
     """Hold back Ctrl-C for the moment in which finished files take their names."""
+    raise_if_stopped()
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -239,7 +241,6 @@ def open_csv(path: Path, names: Sequence[str]) -> Iterator[CsvStream]:
 
     Parameters
     ----------
-    path : Path
     names : sequence of str
         Header.
     """
@@ -252,7 +253,6 @@ def write_csv(path: Path, columns: Mapping[str, ArrayLike]) -> None:
 
     Parameters
     ----------
-    path : Path
     columns : mapping of str to array_like, shape (rows,)
     """
     table = np.column_stack([np.asarray(values, dtype=np.float64) for values in columns.values()])

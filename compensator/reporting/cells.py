@@ -29,7 +29,6 @@ def column_decimals(cells: Sequence[Cell], digits: int = 3, least: float = 0.0) 
 
     Parameters
     ----------
-    cells : sequence of Cell
     digits : int, optional
         Significant digits of a float that stands alone.
     least : float, optional
@@ -49,7 +48,6 @@ def format_cell(cell: Cell, digits: int = 3, decimals: int | None = None) -> str
 
     Parameters
     ----------
-    cell : Cell
     digits : int, optional
         Significant digits of a float.
     decimals : int, optional

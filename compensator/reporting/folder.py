@@ -27,11 +27,8 @@ def write_pages(folder: Path, summary: Mapping[str, object], figures: Mapping[st
 
     Parameters
     ----------
-    folder : Path
-    summary : mapping
     figures : mapping of str to Figure
         By file name, without a suffix.
-    report : Report
     """
     write_json(folder / "summary.json", summary)
     for name, figure in figures.items():

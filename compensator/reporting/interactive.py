@@ -67,7 +67,8 @@ def interactive_view(time_s: FloatArray, panels: Mapping[str, Curves]) -> str:
             panel.add_tools(HoverTool(renderers=[line], tooltips=tips, visible=len(panel.renderers) == 1))
         panel.add_layout(panel.legend[0], "below")
         panel.legend.update(click_policy="hide", label_text_font_size="8pt", ncols=2, border_line_alpha=0.0)
-        panel.legend.update(location="top_left", spacing=0, margin=0, label_width=140)
+        panel.legend.update(location="top_left", spacing=0, margin=0, padding=0)
+        panel.legend.update(label_width=118, label_standoff=3, glyph_width=12)  # fits beside the axis on a phone
         drawn.append(panel)
     script, place = components(column(*drawn, sizing_mode="stretch_width"))
     own = Resources(mode="inline", components=["bokeh"])  # no widgets, no WebGL

@@ -56,40 +56,21 @@ _PACKAGES = ("casadi", "numpy", "scipy", "matplotlib", "control", "pandas", "pyd
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """A paragraph.
+    """A paragraph."""
 
-    Parameters
-    ----------
-    text : str
-        Plain text; no markup is understood.
-    """
-
-    text: str
+    text: str  # plain text; no markup is understood
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Table:
-    """Rows under named columns; the first column names the row.
+    """Rows under named columns; the first column names the row."""
 
-    Parameters
-    ----------
-    caption : str
-        What it shows, with the unit where all columns share one.
-    columns : sequence of str
-        Headers, with units.
-    rows : sequence of sequence of Cell
-        Numbers are aligned to the right, those of one column with the same number of decimals; None is a dash.
-    digits : int, optional
-        Significant digits of a float. Default 3.
-    least : float, optional
-        Smaller floats are shown as less than it, and set no decimals. Default 0: all are told apart.
-    """
-
-    caption: str
-    columns: Sequence[str]
+    caption: str  # what it shows, with the unit where all columns share one
+    columns: Sequence[str]  # headers, with units
+    # numbers are aligned to the right, those of one column with the same number of decimals; None is a dash
     rows: Sequence[Sequence[Cell]]
-    digits: int = 3
-    least: float = 0.0
+    digits: int = 3  # significant digits of a float
+    least: float = 0.0  # smaller floats are shown as less than it, and set no decimals. Default 0: all are told apart
 
     def __post_init__(self) -> None:
         for k, row in enumerate(self.rows):
@@ -99,48 +80,25 @@ class Table:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture:
-    """A figure.
+    """A figure."""
 
-    Parameters
-    ----------
-    figure : Figure
-        From `plots.new_figure`.
-    caption : str
-        What to see in it, in words; also read out to those who cannot see it.
-    """
-
-    figure: Figure
-    caption: str
+    figure: Figure  # from `plots.new_figure`
+    caption: str  # what to see in it, in words; also read out to those who cannot see it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PictureFile:
-    """A figure that was written already; its content is taken into the page.
+    """A figure that was written already; its content is taken into the page."""
 
-    Parameters
-    ----------
-    path : Path
-        PNG file.
-    caption : str
-        What to see in it, in words.
-    """
-
-    path: Path
-    caption: str
+    path: Path  # PNG file
+    caption: str  # what to see in it, in words
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Interactive:
-    """Panels that can be zoomed; the only block with a script.
+    """Panels that can be zoomed; the only block with a script."""
 
-    Parameters
-    ----------
-    html : str
-        From `interactive.interactive_view`.
-    caption : str
-    """
-
-    html: str
+    html: str  # from `interactive.interactive_view`
     caption: str
 
 
@@ -149,13 +107,7 @@ Block = Text | Table | Picture | PictureFile | Interactive
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Section:
-    """A heading and what stands under it.
-
-    Parameters
-    ----------
-    title : str
-    blocks : sequence of Block
-    """
+    """A heading and what stands under it."""
 
     title: str
     blocks: Sequence[Block]
@@ -163,65 +115,33 @@ class Section:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileNote:
-    """A file that lies beside the report.
+    """A file that lies beside the report."""
 
-    Parameters
-    ----------
-    name : str
-        Relative to the report.
-    content : str
-        What it holds, in words.
-    """
-
-    name: str
-    content: str
+    name: str  # relative to the report
+    content: str  # what it holds, in words
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Provenance:
-    """What it takes to make the result again.
+    """What it takes to make the result again."""
 
-    Parameters
-    ----------
-    scenario : Scenario
-        Shown whole, with its hash.
-    command : str, optional
-        Command line, without the folders of this machine: "tendonff design finger.toml --out DIR".
-    inputs : sequence of Path, optional
-        Further files that went in (force, measured data); named with the first digits of their SHA-256.
-    """
-
-    scenario: Scenario
-    command: str = ""
+    scenario: Scenario  # shown whole, with its hash
+    command: str = ""  # command line, without the folders of this machine: "tendonff design finger.toml --out DIR"
+    # further files that went in (force, measured data); named with the first digits of their SHA-256
     inputs: Sequence[Path] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
-    """One page for one result.
-
-    Parameters
-    ----------
-    title : str
-    summary : str
-        The answer in one or two sentences: it stands on top.
-    sections : sequence of Section
-    provenance : Provenance
-    warnings : sequence of str, optional
-        What the reader must know before trusting the result; shown under the summary.
-    files : sequence of FileNote, optional
-        Files beside the report.
-    fine_print : str, optional
-        What qualifies the summary, in small print under it.
-    """
+    """One page for one result."""
 
     title: str
-    summary: str
+    summary: str  # the answer in one or two sentences: it stands on top
     sections: Sequence[Section]
     provenance: Provenance
-    warnings: Sequence[str] = ()
-    files: Sequence[FileNote] = ()
-    fine_print: str = ""
+    warnings: Sequence[str] = ()  # what the reader must know before trusting the result; shown under the summary
+    files: Sequence[FileNote] = ()  # files beside the report
+    fine_print: str = ""  # what qualifies the summary, in small print under it
 
 
 def pictures_of(figures: Mapping[str, Figure], captions: Mapping[str, str]) -> dict[str, Picture]:
@@ -234,7 +154,6 @@ def provenance_of(scenario: Scenario, command: str, options: str = "") -> Proven
 
     Parameters
     ----------
-    scenario : Scenario
     command : str
         Its name.
     options : str, optional
@@ -252,7 +171,6 @@ def write_report(path: Path, report: Report) -> None:
     ----------
     path : Path
         Usually `DIR/report.html`.
-    report : Report
     """
     write_text(path, render_report(report))
 

@@ -177,15 +177,10 @@ def save_figure(figure: Figure, path: Path, formats: Sequence[str] = ("png", "pd
 
     Parameters
     ----------
-    figure : Figure
     path : Path
         Without a suffix: `DIR/name` becomes `DIR/name.png` and `DIR/name.pdf`.
     formats : sequence of str, optional
         "png", "pdf" or "svg".
-
-    Returns
-    -------
-    list of Path
     """
     undated = {"png": {"Software": None}, "pdf": {"CreationDate": None, "ModDate": None}, "svg": {"Date": None}}
     written = []

@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass
 
-from tendonff.compensator.scenario.checks import require_number, require_whole
-from tendonff.models.errors import ParameterError
+from tendonff.models.errors import ParameterError, require, require_whole
 from tendonff.ocp.adaptation.tuning import MAX_DELAY, Sensor, Tunable, check_parameters
 
 
@@ -35,14 +34,14 @@ class Adaptation:
     integral_gain_per_s: float = 0.0
 
     def __post_init__(self) -> None:
-        require_number("noise", self.noise, least=0, hint="the standard deviation of the sensor in N or m")
+        require("noise", self.noise, least=0, hint="the standard deviation of the sensor in N or m")
         require_whole("delay_samples", self.delay_samples, least=0, most=MAX_DELAY - 1, hint="the delay over step_s")
         check_parameters(self.parameters)
         if len(self.range) != 2 or not 0 < self.range[0] < 1 < self.range[1] <= 10:
             raise ParameterError(
                 f"range must be two numbers around 1, > 0 and <= 10, got {list(self.range)}; try [0.5, 2.0]"
             )
-        require_number("integral_gain_per_s", self.integral_gain_per_s, least=0, hint="use 0 for none")
+        require("integral_gain_per_s", self.integral_gain_per_s, least=0, hint="use 0 for none")
         if self.integral_gain_per_s > 0 and self.sensor is Sensor.ACTUATOR_POSITION:
             raise ParameterError(
                 f"integral_gain_per_s must be 0 for actuator_position, got {self.integral_gain_per_s}; "

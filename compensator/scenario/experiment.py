@@ -17,8 +17,7 @@ import re
 from dataclasses import dataclass
 from enum import StrEnum
 
-from tendonff.compensator.scenario.checks import require_number, require_whole
-from tendonff.models.errors import ParameterError
+from tendonff.models.errors import ParameterError, require, require_given, require_whole
 
 
 class MotorMode(StrEnum):
@@ -187,13 +186,10 @@ class Experiment:
             ("hold_stiffness_N_per_m", "leave it out for ten times the tendon's"),
             ("blend_s", "0.05 is a good start, or leave it out"),
         ):
-            value = getattr(self, name)
-            if value is not None:
-                require_number(name, value, above=0, hint=hint)
+            require_given(name, getattr(self, name), above=0, hint=hint)
         for name in ("act_damping_N_s_per_m", "load_damping_N_s_per_m", "hold_damping_N_s_per_m"):
-            if (value := getattr(self, name)) is not None:
-                require_number(name, value, least=0, hint="leave it out for the actuator's")
-        require_number("rest_s", self.rest_s, least=0, hint="0.1 is a good start")
+            require_given(name, getattr(self, name), least=0, hint="leave it out for the actuator's")
+        require("rest_s", self.rest_s, least=0, hint="0.1 is a good start")
         low, high = self.low_tension_N, self.high_tension_N
         if low is not None and high is not None and not low < high:
             raise ParameterError(f"high_tension_N must be > low_tension_N = {low:g}, got {high}")
@@ -234,14 +230,14 @@ class Experiment:
         modes = _mode(columns, 1, k), _mode(columns, 2, k)
         rates = tuple(float(str(columns[f"motor_{motor}_rate"][k])) for motor in (1, 2))
         for motor, rate in enumerate(rates, start=1):
-            require_number(f"motor_{motor}_rate[{k}]", rate, hint="use 0 for a command that stays")
+            require(f"motor_{motor}_rate[{k}]", rate, hint="use 0 for a command that stays")
             if rate and modes[motor - 1] is MotorMode.HOLD_FORCE:
                 raise ParameterError(
                     f"motor_{motor}_rate[{k}] must be 0 where motor_{motor} holds its force (A_f), got {rate}; "
                     'use "A" for a force that moves'
                 )
         longest = float(str(columns["at_most_s"][k]))
-        require_number(f"at_most_s[{k}]", longest, above=0, hint="every state ends after some time")
+        require(f"at_most_s[{k}]", longest, above=0, hint="every state ends after some time")
         return ExperimentState(
             name=name,
             modes=modes,

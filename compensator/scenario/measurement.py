@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
-from tendonff.compensator.scenario.checks import require_number
-from tendonff.models.errors import ParameterError
+from tendonff.models.errors import ParameterError, require, require_given
 
 
 class Explain(StrEnum):
@@ -91,27 +90,23 @@ class Measurement:
     bristle_spread: float | None = None
 
     def __post_init__(self) -> None:
-        require_number("time_scale", self.time_scale, above=0, hint="0.001 turns milliseconds into seconds")
+        require("time_scale", self.time_scale, above=0, hint="0.001 turns milliseconds into seconds")
         scales = ("input_scale", "output_scale", "input_position_scale", "output_position_scale")
         for name in (*scales, *(("actuator_force_scale",) if self.actuator_force_scale is not None else ())):
-            require_number(name, getattr(self, name), hint="9.81 turns kg into N")
+            require(name, getattr(self, name), hint="9.81 turns kg into N")
             if getattr(self, name) == 0:
                 raise ParameterError(f"{name} must not be 0, which would erase the channel; leave it out for no factor")
         for name in ("input_offset_N", "output_offset_N"):
-            if getattr(self, name) is not None:
-                require_number(name, getattr(self, name), hint="leave it out to have it found from slack samples")
+            require_given(name, getattr(self, name), hint="leave it out to have it found from slack samples")
         for name in ("guide_stiffness_N_per_m", "guide_zero_m", "bristle_spread"):
-            if getattr(self, name) is not None:
-                require_number(name, getattr(self, name), hint="leave it out for none")
+            require_given(name, getattr(self, name), hint="leave it out for none")
         self._check_cells()
         if self.tare_s is not None and not 0 <= self.tare_s[0] < self.tare_s[1]:
             raise ParameterError(
                 f"tare_s must be from and to, 0 <= from < to, got {list(self.tare_s)}; give when the tendon is slack"
             )
-        if self.skip_s is not None:
-            require_number("skip_s", self.skip_s, least=0, hint="use 0 to keep every row")
-        if self.cutoff_Hz is not None:
-            require_number("cutoff_Hz", self.cutoff_Hz, above=0, hint="leave it out to have it found from the noise")
+        require_given("skip_s", self.skip_s, least=0, hint="use 0 to keep every row")
+        require_given("cutoff_Hz", self.cutoff_Hz, above=0, hint="leave it out to have it found from the noise")
 
     def _check_cells(self) -> None:
         """Every cell between the ends has a place of its own."""
@@ -122,4 +117,4 @@ class Measurement:
                 f"{list(columns)}"
             )
         for angle in angles:
-            require_number("tension_angles_rad", angle, above=0, hint="the wrap angle from the actuator to the cell")
+            require("tension_angles_rad", angle, above=0, hint="the wrap angle from the actuator to the cell")

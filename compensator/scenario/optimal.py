@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass, fields
 
-from tendonff.compensator.scenario.checks import require_number, require_whole
-from tendonff.models.errors import ParameterError
+from tendonff.models.errors import ParameterError, require, require_given, require_whole
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,10 +40,9 @@ class OptimalSettings:
 
     def __post_init__(self) -> None:
         for name in ("minimum_tension_N", "effort_weight", "travel_weight", "static_weight"):
-            if (value := getattr(self, name)) is not None:
-                require_number(name, value, least=0, hint="leave it out for the default")
+            require_given(name, getattr(self, name), least=0, hint="leave it out for the default")
         if self.maximum_tension_N is not None:
-            require_number("maximum_tension_N", self.maximum_tension_N, above=0, hint="leave it out for none")
+            require("maximum_tension_N", self.maximum_tension_N, above=0, hint="leave it out for none")
             if self.maximum_tension_N <= (self.minimum_tension_N or 0.0):
                 raise ParameterError(
                     f"maximum_tension_N must be above minimum_tension_N = {self.minimum_tension_N:g}, "

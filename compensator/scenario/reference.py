@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise
 
-from tendonff.compensator.scenario.checks import require_number
-from tendonff.models.errors import ParameterError
+from tendonff.models.errors import ParameterError, require, require_given
 
 
 class Shape(StrEnum):
@@ -25,7 +24,7 @@ class Shape(StrEnum):
 
 
 def _require_tension(name: str, value: float) -> None:
-    require_number(name, value, least=0, hint="a tendon cannot push, so the wanted tension cannot lie below 0")
+    require(name, value, least=0, hint="a tendon cannot push, so the wanted tension cannot lie below 0")
 
 
 class Hold(StrEnum):
@@ -80,8 +79,7 @@ class Wish:
     least_tension_N: float | None = None
 
     def _check_quantity(self) -> None:
-        if self.least_tension_N is not None:
-            require_number("least_tension_N", self.least_tension_N, above=0, hint="a tendon cannot push")
+        require_given("least_tension_N", self.least_tension_N, above=0, hint="a tendon cannot push")
         if self.periodic and self.hold is Hold.KEEP:
             raise ParameterError('hold = "keep" is for references that come to rest; leave it out with periodic = true')
 
@@ -145,9 +143,9 @@ class SineReference(Wish):
             if not math.isfinite(amplitude):
                 raise ParameterError(f"{name}[{k}] must be a finite number, got {amplitude}; use 0 for none")
         for k, frequency in enumerate(self.frequencies_Hz):
-            require_number(f"frequencies_Hz[{k}]", frequency, above=0, hint="leave the sine out if it is not needed")
-        require_number("duration_s", self.duration_s, above=0, hint="a few periods of the slowest sine")
-        require_number("fade_in_s", self.fade_in_s, least=0, hint="use 0 for none")
+            require(f"frequencies_Hz[{k}]", frequency, above=0, hint="leave the sine out if it is not needed")
+        require("duration_s", self.duration_s, above=0, hint="a few periods of the slowest sine")
+        require("fade_in_s", self.fade_in_s, least=0, hint="use 0 for none")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,7 +185,7 @@ class WaypointReference(Wish):
                 f"{len(self.values)}; give one value for each time"
             )
         for k, time in enumerate(self.times_s):
-            require_number(f"times_s[{k}]", time, least=0, hint="waypoints are counted from the start of the run")
+            require(f"times_s[{k}]", time, least=0, hint="waypoints are counted from the start of the run")
         if self.times_s[0] != 0:
             raise ParameterError(f"times_s must start at 0, got {self.times_s[0]}; the run starts at time 0")
         for earlier, later in pairwise(self.times_s):
@@ -195,7 +193,7 @@ class WaypointReference(Wish):
                 raise ParameterError(f"times_s must increase, got {later} after {earlier}; sort the waypoints")
         for k, value in enumerate(self.values):
             if self.wants_position:
-                require_number(f"positions_m[{k}]", value, hint="it counts from the start at rest")
+                require(f"positions_m[{k}]", value, hint="it counts from the start at rest")
             else:
                 _require_tension(f"tensions_N[{k}]", value)
         if self.initial_tension_N is not None:
@@ -251,8 +249,7 @@ class CsvReference(Wish):
             )
         if not self.file.strip() or "\0" in self.file:
             raise ParameterError(f"file must name a CSV file, got {self.file!r}; it is relative to the scenario file")
-        if self.cutoff_Hz is not None:
-            require_number("cutoff_Hz", self.cutoff_Hz, above=0, hint="leave it out to take the samples as they are")
+        require_given("cutoff_Hz", self.cutoff_Hz, above=0, hint="leave it out to take the samples as they are")
         if self.initial_tension_N is not None:
             _require_tension("initial_tension_N", self.initial_tension_N)
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from tendonff.compensator.scenario.checks import require_number
+from tendonff.models.errors import require
 from tendonff.models.fidelity import Level
 
 
@@ -22,4 +22,4 @@ class Run:
     level: Level
 
     def __post_init__(self) -> None:
-        require_number("step_s", self.step_s, above=0, hint="0.001 is a good start")
+        require("step_s", self.step_s, above=0, hint="0.001 is a good start")

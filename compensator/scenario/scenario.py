@@ -23,22 +23,9 @@ from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec,
 from tendonff.compensator.scenario.run import Run
 from tendonff.compensator.scenario.shorthand import expand, further_keys
 from tendonff.compensator.scenario.stream import Stream
-from tendonff.compensator.scenario.tables import (
-    check_names,
-    missing_keys,
-    read_table,
-    show,
-    toml_table,
-    toml_value,
-)
+from tendonff.compensator.scenario.tables import check_names, missing_keys, read_table, show, toml_table, toml_value
 from tendonff.models.errors import ParameterError
-from tendonff.models.parameters import (
-    Actuator,
-    Friction,
-    Load,
-    Tendon,
-    Transmission,
-)
+from tendonff.models.parameters import Actuator, Friction, Load, Tendon, Transmission
 from tendonff.models.parameters import Path as TendonPath
 from tendonff.models.section import Section
 from tendonff.models.uncertainty import Uncertainty

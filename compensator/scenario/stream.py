@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from tendonff.compensator.scenario.checks import require_number
+from tendonff.models.errors import require
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,6 +24,6 @@ class Stream:
     resolution_N: float = 0.0
 
     def __post_init__(self) -> None:
-        require_number("lag_max_s", self.lag_max_s, least=0, hint="0.015 is a good start; 0 for no filter")
-        require_number("preview_s", self.preview_s, least=0, hint="0 where nothing is known ahead")
-        require_number("resolution_N", self.resolution_N, least=0, hint="0 where the reference is exact")
+        require("lag_max_s", self.lag_max_s, least=0, hint="0.015 is a good start; 0 for no filter")
+        require("preview_s", self.preview_s, least=0, hint="0 where nothing is known ahead")
+        require("resolution_N", self.resolution_N, least=0, hint="0 where the reference is exact")

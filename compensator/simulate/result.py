@@ -5,18 +5,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedForce:
-    """A force file that was simulated; its rows are in the file that was named.
+    """A force file that was simulated; its rows are in the file that was named."""
 
-    Parameters
-    ----------
-    rows : int
-        Rows written.
-    warnings : tuple of str
-        What the user should know.
-    check : str or None
-        Estimate of the discretisation error, and whether the run is reproducible, in words, when it was asked for.
-    """
-
-    rows: int
-    warnings: tuple[str, ...]
+    rows: int  # rows written
+    warnings: tuple[str, ...]  # what the user should know
+    # estimate of the discretisation error, and whether the run is reproducible, in words, when it was asked for
     check: str | None

@@ -30,7 +30,7 @@ from tendonff.models.chain import Chain
 from tendonff.models.drive import Drive
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
-from tendonff.ocp.crosscheck.halving import StepHalving
+from tendonff.ocp.crosscheck import StepHalving
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import Simulator, describe_failure, tensions_of
 
@@ -39,25 +39,14 @@ _CHUNK_VALUES = 200_000  # numbers in memory at a time
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForceProfile:
-    """A force file.
+    """A force file."""
 
-    Parameters
-    ----------
-    time_s, force_N : ndarray, shape (rows,)
-        Piecewise linear force of the actuator; time rises from 0.
-    name : str
-        File name, for messages.
-    notes : tuple of str
-        What was taken for granted when it was read.
-    is_command : bool
-        It holds the command of a position drive relative to the start [m] instead of a force.
-    """
-
+    # time_s, force_N: shape (rows,); piecewise linear force of the actuator; time rises from 0
     time_s: FloatArray
     force_N: FloatArray
-    name: str
-    notes: tuple[str, ...] = ()
-    is_command: bool = False
+    name: str  # file name, for messages
+    notes: tuple[str, ...] = ()  # what was taken for granted when it was read
+    is_command: bool = False  # it holds the command of a position drive relative to the start [m] instead of a force
 
     def steps(self, step_s: float) -> int:
         """Number of whole steps until the last row."""
@@ -74,7 +63,6 @@ def read_force(path: Path, column: str | None = None, drive: Drive = Drive.FORCE
 
     Parameters
     ----------
-    path : Path
     column : str, optional
         Column of the force or command. Default: force_N or command_m, and of a `profile.csv` the optimal one.
     drive : Drive, optional
@@ -127,9 +115,6 @@ def simulate_force(
 
     Parameters
     ----------
-    scenario : Scenario
-    level : Level
-    profile : ForceProfile
     out : Path
         File to write: `time_s,force_N,tension_1_N,...,actuator_position_m,load_position_m`.
     check : bool

@@ -12,7 +12,6 @@ def table_report(result: TablesData, picture: Path) -> Report:
 
     Parameters
     ----------
-    result : TablesData
     picture : Path
         Its figure, written already.
     """

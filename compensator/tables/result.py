@@ -20,17 +20,10 @@ FORMULA = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AngleTable:
-    """A table for one wrap angle and rate.
-
-    Parameters
-    ----------
-    built : BuiltTable
-    total_angle_rad : float
-        Wrap angle [rad].
-    """
+    """A table for one wrap angle and rate."""
 
     built: BuiltTable
-    total_angle_rad: float
+    total_angle_rad: float  # wrap angle [rad]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -87,7 +87,6 @@ def run_compiler(compiler: tuple[str, ...], arguments: Sequence[str], folder: Pa
     ----------
     compiler : tuple of str
         From `find_compiler`.
-    arguments : sequence of str
     folder : Path, optional
         Where it runs.
     """

@@ -12,18 +12,10 @@ from tendonff.ocp.errors import CodeError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """A system that libraries can be made for.
+    """A system that libraries can be made for."""
 
-    Parameters
-    ----------
-    triple : str
-        As clang names it.
-    suffix : str
-        Of its shared libraries, with the dot.
-    """
-
-    triple: str
-    suffix: str
+    triple: str  # as clang names it
+    suffix: str  # of its shared libraries, with the dot
 
 
 def has_cross_compiler() -> bool:
@@ -36,7 +28,6 @@ def cross_compile(target: Target, sources: Sequence[str], folder: Path) -> bytes
 
     Parameters
     ----------
-    target : Target
     sources : sequence of str
         File names.
     folder : Path

@@ -12,20 +12,12 @@ class Engine(StrEnum):
     """What advances the chain; all give the same results to 1e-9 N on ordinary runs.
 
     Where the tendon sticks and slips on stiff bristles, or a step must be split, they may part ways.
-
-    Attributes
-    ----------
-    AUTO
-        Compiled C where a C compiler works, CasADi elsewhere. The environment variable TENDONFF_ENGINE decides first.
-    COMPILED
-        Generated C, compiled once and cached.
-    CASADI
-        CasADi's own evaluation, no compiler needed.
     """
 
+    # compiled C where a C compiler works, CasADi elsewhere. The environment variable TENDONFF_ENGINE decides first
     AUTO = "auto"
-    COMPILED = "compiled"
-    CASADI = "casadi"
+    COMPILED = "compiled"  # generated C, compiled once and cached
+    CASADI = "casadi"  # CasADi's own evaluation, no compiler needed
 
 
 def resolve_engine(engine: Engine) -> Engine:

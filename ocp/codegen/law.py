@@ -7,22 +7,13 @@ import casadi as ca
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Law:
-    """One law: named scalar inputs, named scalar outputs.
+    """One law: named scalar inputs, named scalar outputs."""
 
-    Parameters
-    ----------
-    name, comment : str
-        Identifier, and what it computes with source.
-    inputs : tuple of ca.SX
-        Scalar symbols.
-    outputs : dict of str to ca.SX
-        Expressions.
-    """
-
+    # name, comment: identifier, and what it computes with source
     name: str
     comment: str
-    inputs: tuple[ca.SX, ...]
-    outputs: dict[str, ca.SX]
+    inputs: tuple[ca.SX, ...]  # scalar symbols
+    outputs: dict[str, ca.SX]  # expressions
 
     def function(self) -> ca.Function:
         """The law as a CasADi function."""

@@ -27,7 +27,6 @@ def remove_leftovers(folder: Path, stem: str = "") -> None:
 
     Parameters
     ----------
-    folder : Path
     stem : str, optional
         Only leftovers of this name; default: of all.
     """

@@ -39,56 +39,28 @@ class _Node:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpecialisedLaw:
-    """A law with its parameters folded in, as a static C function.
+    """A law with its parameters folded in, as a static C function."""
 
-    Parameters
-    ----------
-    name : str
-        C identifier without the prefix of the file.
-    inputs : tuple of str
-        Arguments that remain, in the law's order.
-    outputs : tuple of str
-        Results, through pointers.
-    weighted : bool
-        Whether it reads the coefficient record.
-    code : str
-        The whole definition.
-    """
-
-    name: str
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    weighted: bool
-    code: str
+    name: str  # C identifier without the prefix of the file
+    inputs: tuple[str, ...]  # arguments that remain, in the law's order
+    outputs: tuple[str, ...]  # results, through pointers
+    weighted: bool  # whether it reads the coefficient record
+    code: str  # the whole definition
 
 
 @dataclass(slots=True, kw_only=True)
 class Specialiser:
-    """Folds the laws of one file and gathers the coefficients that differ between weights.
+    """Folds the laws of one file and gathers the coefficients that differ between weights."""
 
-    Parameters
-    ----------
-    prefix : str
-        Prefix of every C name.
-    precision : Precision
-    parameters : mapping of str to tuple of float
-        Value of each known argument for each weight H.
-    reorder : bool, optional
-        Fewer operations at the price of other roundings.
-    functions : mapping of int to str, optional
-        Names, after the prefix, of functions to call for operations of a CasADi tape instead of those of the library.
-    floors : mapping of str to float, optional
-        Lower bounds that the caller keeps, by name of the argument: maxima with what is not above them go.
-    steady : sequence of str, optional
-        Arguments that are the same in many calls: with `reorder`, constants are gathered with them.
-    """
-
-    prefix: str
+    prefix: str  # prefix of every C name
     precision: Precision
-    parameters: Mapping[str, Values]
-    reorder: bool = False
+    parameters: Mapping[str, Values]  # value of each known argument for each weight H
+    reorder: bool = False  # fewer operations at the price of other roundings
+    # names, after the prefix, of functions to call for operations of a CasADi tape instead of those of the library
     functions: Mapping[int, str] = field(default_factory=dict)
+    # lower bounds that the caller keeps, by name of the argument: maxima with what is not above them go
     floors: Mapping[str, float] = field(default_factory=dict)
+    # arguments that are the same in many calls: with `reorder`, constants are gathered with them
     steady: Sequence[str] = ()
     coefficients: dict[str, Values] = field(default_factory=dict)
 
@@ -106,7 +78,6 @@ class Specialiser:
 
         Parameters
         ----------
-        law : Law
         name : str, optional
             C identifier without prefix; default: the law's own.
         fixed : mapping of str to float, optional

@@ -17,27 +17,13 @@ from tendonff.ocp.errors import CodeError
 
 @dataclass(frozen=True, slots=True)
 class Operator:
-    """One operation of a CasADi tape.
+    """One operation of a CasADi tape."""
 
-    Parameters
-    ----------
-    text : str
-        C, with {0} and {1} for operands, {f} for the suffix of maths functions, {zero} and {one} for literals.
-    evaluate : callable
-        What it gives for numbers.
-    operands : int, optional
-        1 or 2.
-    condition : bool, optional
-        The text is a condition: true or false, which C code uses where it stands.
-    of_conditions : bool, optional
-        The operands are conditions too.
-    """
-
-    text: str
-    evaluate: Callable[..., float]
-    operands: int = 2
-    condition: bool = False
-    of_conditions: bool = False
+    text: str  # C, with {0} and {1} for operands, {f} for the suffix of maths functions, {zero} and {one} for literals
+    evaluate: Callable[..., float]  # what it gives for numbers
+    operands: int = 2  # 1 or 2
+    condition: bool = False  # the text is a condition: true or false, which C code uses where it stands
+    of_conditions: bool = False  # the operands are conditions too
 
 
 def _truth(text: str, evaluate: Callable[..., bool], *, operands: int = 2, of_conditions: bool = False) -> Operator:
@@ -86,7 +72,6 @@ def operator(op: int, law: str) -> Operator:
 
     Parameters
     ----------
-    op : int
     law : str
         For the message.
 
@@ -107,7 +92,6 @@ def literal(value: float, precision: Precision) -> str:
     ----------
     value : float
         Finite.
-    precision : Precision
     """
     digits, suffix = ("9", "f") if precision is Precision.FLOAT else ("17", "")
     text = format(value, f".{digits}g")

@@ -36,33 +36,23 @@ _DIFFERENCE = 1e-4  # of a parameter
 
 
 class DynamicParameter(StrEnum):
-    """What the dynamic fit may look for; values are names of estimates.
+    """What the dynamic fit may look for; values are names of estimates."""
 
-    Attributes
-    ----------
-    MU_PULL, MU_RELEASE
-        mu_dynamic in either direction [-]; the static coefficients keep their ratio.
-    STATIC_EXCESS
-        mu_static/mu_dynamic - 1 in both directions [-], >= 0.
-    STRIBECK_VELOCITY, VISCOUS, BRISTLE, ADHESION
-        omega [m/s], b [N s/m], sigma0 [N/m], p [N].
-    STIFFNESS, RELAXING, RELAXATION_TIME, DAMPING
-        k1, k2 [N/m], tau [s], c [N s/m].
-    INPUT_BIAS, OUTPUT_BIAS
-        What the cells read at zero tension [N].
-    """
-
+    # MU_PULL, MU_RELEASE: mu_dynamic in either direction [-]; the static coefficients keep their ratio
     MU_PULL = "mu_dynamic"
     MU_RELEASE = "mu_dynamic_release"
-    STATIC_EXCESS = "static_excess"
+    STATIC_EXCESS = "static_excess"  # mu_static/mu_dynamic - 1 in both directions [-], >= 0
+    # STRIBECK_VELOCITY, VISCOUS, BRISTLE, ADHESION: omega [m/s], b [N s/m], sigma0 [N/m], p [N]
     STRIBECK_VELOCITY = "stribeck_velocity_m_per_s"
     VISCOUS = "viscous_N_s_per_m"
     BRISTLE = "bristle_stiffness_N_per_m"
     ADHESION = "adhesion_N"
+    # STIFFNESS, RELAXING, RELAXATION_TIME, DAMPING: k1, k2 [N/m], tau [s], c [N s/m]
     STIFFNESS = "stiffness_N_per_m"
     RELAXING = "relaxing_stiffness_N_per_m"
     RELAXATION_TIME = "relaxation_time_s"
     DAMPING = "damping_N_s_per_m"
+    # INPUT_BIAS, OUTPUT_BIAS: what the cells read at zero tension [N]
     INPUT_BIAS = "input_bias_N"
     OUTPUT_BIAS = "output_bias_N"
 
@@ -78,54 +68,27 @@ _DIRECT = {
     D.RELAXATION_TIME: Parameter.RELAXATION_TIME,
     D.DAMPING: Parameter.DAMPING,
 }
-_MUS = (
-    Parameter.MU_DYNAMIC_PULL,
-    Parameter.MU_STATIC_PULL,
-    Parameter.MU_DYNAMIC_RELEASE,
-    Parameter.MU_STATIC_RELEASE,
-)
+_MUS = (Parameter.MU_DYNAMIC_PULL, Parameter.MU_STATIC_PULL, Parameter.MU_DYNAMIC_RELEASE, Parameter.MU_STATIC_RELEASE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drive:
-    """One piece of measured input.
+    """One piece of measured input."""
 
-    Parameters
-    ----------
-    input_N : ndarray, shape (n,)
-        As the cell read it, low-passed.
-    step_s : float
-    first_output_N : float
-        Output at the first sample, as the cell read it.
-    motion : JointMotion or None
-        Joint angles, from the first sample on; they stand still before it.
-    """
-
-    input_N: Array
+    input_N: Array  # shape (n,); as the cell read it, low-passed
     step_s: float
-    first_output_N: float
-    motion: JointMotion | None = None
+    first_output_N: float  # output at the first sample, as the cell read it
+    motion: JointMotion | None = None  # joint angles, from the first sample on; they stand still before it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChainResponse:
-    """What the chain makes of a drive, at the samples of the drive.
+    """What the chain makes of a drive, at the samples of the drive."""
 
-    Parameters
-    ----------
-    output_N : ndarray, shape (n,)
-        Output as the cell would read it.
-    elongation_m : ndarray, shape (n,)
-        q_a - q_l.
-    near_m : ndarray, shape (n,)
-        q_a.
-    output_slopes, elongation_slopes, near_slopes : ndarray, shape (n, k)
-        Over the parameters asked for.
-    """
-
-    output_N: Array
-    elongation_m: Array
-    near_m: Array
+    output_N: Array  # shape (n,); output as the cell would read it
+    elongation_m: Array  # shape (n,); q_a - q_l
+    near_m: Array  # shape (n,); q_a
+    # output_slopes, elongation_slopes, near_slopes: shape (n, k); over the parameters asked for
     output_slopes: Array
     elongation_slopes: Array
     near_slopes: Array
@@ -133,26 +96,13 @@ class ChainResponse:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChainModel:
-    """A transmission as the fit sees it.
+    """A transmission as the fit sees it."""
 
-    Parameters
-    ----------
-    transmission : Transmission
-        Gives what is not looked for: path, masses, load.
-    level : Level
-    count : int
-        Number N of masses.
-    longest_step_s : float
-        Largest time step; the samples are interpolated or thinned to stay near it.
-    symmetric : bool
-        mu_dynamic counts for both directions.
-    """
-
-    transmission: Transmission
+    transmission: Transmission  # gives what is not looked for: path, masses, load
     level: Level
-    count: int
-    longest_step_s: float = 1e-3
-    symmetric: bool = False
+    count: int  # number N of masses
+    longest_step_s: float = 1e-3  # largest time step; the samples are interpolated or thinned to stay near it
+    symmetric: bool = False  # mu_dynamic counts for both directions
 
     def values(self) -> dict[DynamicParameter, float]:
         """The scenario's own values of all parameters."""
@@ -197,8 +147,6 @@ class ChainModel:
         ----------
         values : mapping of DynamicParameter to float
             All of them.
-        drive : Drive
-        over : sequence of DynamicParameter, optional
 
         Raises
         ------

@@ -25,21 +25,13 @@ _LEAST_N = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveRun:
-    """What was measured at the drive without a gap, evenly sampled and smoothed.
-
-    Parameters
-    ----------
-    step_s : float
-    force_N, tension_N : ndarray, shape (n,)
-        Of the actuator, and of the tendon at its end.
-    position_m : ndarray, shape (n,)
-        Positive when it pulls.
-    """
+    """What was measured at the drive without a gap, evenly sampled and smoothed."""
 
     step_s: float
+    # force_N, tension_N: shape (n,); of the actuator, and of the tendon at its end
     force_N: Array
     tension_N: Array
-    position_m: Array
+    position_m: Array  # shape (n,); positive when it pulls
 
 
 @cache
@@ -47,11 +39,7 @@ def _bristle() -> ca.Function:
     """One move of the bristle with its slope over coulomb_N: (f, slope), (move, coulomb, sigma) -> (f, slope)."""
     f, slope, move, coulomb, sigma = (ca.SX.sym(name) for name in ("f", "slope", "move", "coulomb", "sigma"))
     end = RubbingEnd(
-        mass_kg=1.0,
-        damping_N_s_per_m=0.0,
-        stiffness_N_per_m=0.0,
-        coulomb_N=coulomb,
-        bristle_stiffness_N_per_m=sigma,
+        mass_kg=1.0, damping_N_s_per_m=0.0, stiffness_N_per_m=0.0, coulomb_N=coulomb, bristle_stiffness_N_per_m=sigma
     )
     (after,) = end.implicit(move, (f,), ca.SX(1))
     by = ca.jacobian(after, f) * slope + ca.jacobian(after, coulomb)
@@ -64,7 +52,6 @@ def bristle_force(position_m: Array, coulomb_N: float, bristle_stiffness_N_per_m
     Parameters
     ----------
     position_m : ndarray, shape (n,)
-    coulomb_N, bristle_stiffness_N_per_m : float
     """
     rows = len(position_m) - 1
     numbers = [np.diff(position_m), np.full(rows, coulomb_N), np.full(rows, bristle_stiffness_N_per_m)]
@@ -80,7 +67,6 @@ def fit_drive(
 
     Parameters
     ----------
-    runs : sequence of DriveRun
     mass_kg, bristle_stiffness_N_per_m : float
         Of the drive; not fitted.
     start_N : float

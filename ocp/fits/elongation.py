@@ -22,20 +22,11 @@ TENDON_PARAMETERS = ("stiffness_N_per_m", "relaxing_stiffness_N_per_m", "relaxat
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Elongation:
-    """Elongation and its derivatives.
+    """Elongation and its derivatives."""
 
-    Parameters
-    ----------
-    elongation_m : ndarray, shape (n,)
-    slopes : ndarray, shape (n, 3)
-        Over k1, k2, tau.
-    fading : ndarray, shape (n,)
-        Share of an unknown start that is left, exp(-t/tau_c).
-    """
-
-    elongation_m: Array
-    slopes: Array
-    fading: Array
+    elongation_m: Array  # shape (n,)
+    slopes: Array  # shape (n, 3); over k1, k2, tau
+    fading: Array  # shape (n,); share of an unknown start that is left, exp(-t/tau_c)
 
 
 def _digital() -> ca.Function:
@@ -63,7 +54,6 @@ def elongation(numbers: tuple[float, float, float], tension_N: Array, step_s: fl
         k1 > 0 [N/m], k2 >= 0 [N/m], tau > 0 [s] of the whole tendon.
     tension_N : ndarray, shape (n,)
         Mean tension over the path.
-    step_s : float
     """
     (b0, b1, a), by = (np.asarray(m) for m in _DIGITAL(numbers, step_s))
     b0, b1, a = float(b0[0]), float(b1[0]), float(a[0])

@@ -19,26 +19,15 @@ SINGULAR = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unknown:
-    """One number to find.
-
-    Parameters
-    ----------
-    name : str
-    start : float
-    low, high : float
-        Bounds; start is moved inside them.
-    scale : float
-        Typical size [unit of the value], > 0; for a logarithmic unknown, of its logarithm.
-    logarithmic : bool
-        Search over ln(value): for positive values known to a factor only.
-    """
+    """One number to find."""
 
     name: str
     start: float
+    # low, high: bounds; start is moved inside them
     low: float
     high: float
-    scale: float
-    logarithmic: bool = False
+    scale: float  # typical size [unit of the value], > 0; for a logarithmic unknown, of its logarithm
+    logarithmic: bool = False  # search over ln(value): for positive values known to a factor only
 
     def inside(self, value: float) -> float:
         """`value` as the search sees it."""
@@ -51,21 +40,11 @@ class Unknown:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Residuals:
-    """Weighted differences between model and measurement.
+    """Weighted differences between model and measurement."""
 
-    Parameters
-    ----------
-    values : ndarray, shape (m,)
-        In units of their expected size.
-    slopes : ndarray, shape (m, unknowns)
-        Over the values of the unknowns.
-    blocks : ndarray of int, shape (m,)
-        Rows of one block may be correlated, rows of different blocks are taken as independent.
-    """
-
-    values: Array
-    slopes: Array
-    blocks: Blocks
+    values: Array  # shape (m,); in units of their expected size
+    slopes: Array  # shape (m, unknowns); over the values of the unknowns
+    blocks: Blocks  # shape (m,); rows of one block may be correlated, rows of different blocks are taken as independent
 
 
 Evaluate = Callable[[Mapping[str, float]], Residuals]
@@ -73,30 +52,16 @@ Evaluate = Callable[[Mapping[str, float]], Residuals]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Solution:
-    """Minimiser and its uncertainty.
-
-    Parameters
-    ----------
-    values : dict of str to float
-    covariance : ndarray, shape (k, k)
-        Of the values, in the order of `values`; infinite variance where the data does not see a value.
-    degrees : int
-        Independent blocks less unknowns: degrees of freedom of Student's t.
-    residuals : Residuals
-        At the minimiser.
-    cost : float
-    evaluations : int
-    at_bound : tuple of str
-        Unknowns that ended on a bound.
-    """
+    """Minimiser and its uncertainty."""
 
     values: dict[str, float]
+    # shape (k, k); of the values, in the order of `values`; infinite variance where the data does not see a value
     covariance: Array
-    degrees: int
-    residuals: Residuals
+    degrees: int  # independent blocks less unknowns: degrees of freedom of Student's t
+    residuals: Residuals  # at the minimiser
     cost: float
     evaluations: int
-    at_bound: tuple[str, ...]
+    at_bound: tuple[str, ...]  # unknowns that ended on a bound
 
     def standard_error(self, name: str) -> float:
         """Standard error of one value."""
@@ -128,15 +93,8 @@ def solve(
     ----------
     evaluate : callable
         Residuals at given values.
-    unknowns : sequence of Unknown
-    robust : bool, optional
     most : int, optional
         Largest number of evaluations.
-    tolerance : float, optional
-
-    Returns
-    -------
-    Solution
 
     Raises
     ------
@@ -194,7 +152,6 @@ def block_covariance(residuals: Residuals, *, robust: bool) -> tuple[Array, int]
 
     Parameters
     ----------
-    residuals : Residuals
     robust : bool
         The loss was soft-l1.
 

@@ -35,34 +35,20 @@ STIFF_N_PER_M = 1e12
 
 
 class StaticParameter(StrEnum):
-    """Parameters of the static laws.
+    """Parameters of the static laws."""
 
-    Attributes
-    ----------
-    PULL, RELEASE
-        mu theta in either direction [-].
-    ADHESION
-        p, added to the tension in the friction law [N]; also the pre-tension of a closed loop.
-    INPUT_BIAS, OUTPUT_BIAS
-        What the cells read at zero tension [N].
-    GUIDE
-        Stiffness of whatever pulls on the input end beside the tendon [N/m].
-    BRISTLE
-        sigma0 of the whole path [N/m]; only in the law that uses the motion.
-    BRISTLE_SPREAD
-        s: one half of the friction has a bristle e^s times as stiff, the other one e^s times as soft [-], >= 0.
-    PULL_SPREAD, RELEASE_SPREAD
-        Bounds of the plays reach over (1 -+ spread) mu theta, evenly [-], 0 to 1.
-    """
-
+    # PULL, RELEASE: mu theta in either direction [-]
     PULL = "pull_exponent"
     RELEASE = "release_exponent"
-    ADHESION = "adhesion_N"
+    ADHESION = "adhesion_N"  # p, added to the tension in the friction law [N]; also the pre-tension of a closed loop
+    # INPUT_BIAS, OUTPUT_BIAS: what the cells read at zero tension [N]
     INPUT_BIAS = "input_bias_N"
     OUTPUT_BIAS = "output_bias_N"
-    GUIDE = "guide_stiffness_N_per_m"
-    BRISTLE = "bristle_stiffness_N_per_m"
+    GUIDE = "guide_stiffness_N_per_m"  # stiffness of whatever pulls on the input end beside the tendon [N/m]
+    BRISTLE = "bristle_stiffness_N_per_m"  # sigma0 of the whole path [N/m]; only in the law that uses the motion
+    # s: one half of the friction has a bristle e^s times as stiff, the other one e^s times as soft [-], >= 0
     BRISTLE_SPREAD = "bristle_spread"
+    # PULL_SPREAD, RELEASE_SPREAD: bounds of the plays reach over (1 -+ spread) mu theta, evenly [-], 0 to 1
     PULL_SPREAD = "pull_spread"
     RELEASE_SPREAD = "release_spread"
 
@@ -82,17 +68,10 @@ NEUTRAL: Mapping[StaticParameter, float] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Response:
-    """Prediction of one channel and its derivatives.
+    """Prediction of one channel and its derivatives."""
 
-    Parameters
-    ----------
-    prediction_N : ndarray, shape (n,)
-    slopes : ndarray, shape (n, len(StaticParameter))
-        Over the parameters in the order of `StaticParameter`.
-    """
-
-    prediction_N: Array
-    slopes: Array
+    prediction_N: Array  # shape (n,)
+    slopes: Array  # shape (n, len(StaticParameter)); over the parameters in the order of `StaticParameter`
 
 
 def output_from_input(values: Mapping[StaticParameter, float], input_N: Array, first_output_N: float) -> Response:
@@ -100,7 +79,6 @@ def output_from_input(values: Mapping[StaticParameter, float], input_N: Array, f
 
     Parameters
     ----------
-    values : mapping of StaticParameter to float
     input_N : ndarray, shape (n,)
         Measured input.
     first_output_N : float
@@ -118,7 +96,6 @@ def input_from_output(
 
     Parameters
     ----------
-    values : mapping of StaticParameter to float
     output_N : ndarray, shape (n,)
         Measured output.
     input_m : ndarray, shape (n,)

@@ -29,24 +29,12 @@ BLEND_S = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeptForce:
-    """A force that is kept in holds, and what the chain delivers under it.
+    """A force that is kept in holds, and what the chain delivers under it."""
 
-    Parameters
-    ----------
-    force_N : ndarray, shape (n,)
-        Force [N].
-    followed_N : ndarray, shape (n,)
-        Output tension of the design's own chain under it [N].
-    holds : tuple of (int, int)
-        First and last row of each stretch of constant force.
-    drift_N : float
-        Largest distance of the followed from the wanted tension [N]: what keeping costs.
-    """
-
-    force_N: Array
-    followed_N: Array
-    holds: tuple[tuple[int, int], ...]
-    drift_N: float
+    force_N: Array  # shape (n,); force [N]
+    followed_N: Array  # shape (n,); output tension of the design's own chain under it [N]
+    holds: tuple[tuple[int, int], ...]  # first and last row of each stretch of constant force
+    drift_N: float  # largest distance of the followed from the wanted tension [N]: what keeping costs
 
 
 def find_holds(reference_N: Array, step_s: float) -> tuple[tuple[int, int], ...]:
@@ -145,10 +133,7 @@ def keep_force(
         row = end
     followed = simulate(chain, force, step_s, initial_tension_N=tension).require().output_tension_N
     return KeptForce(
-        force_N=force,
-        followed_N=followed,
-        holds=tuple(holds),
-        drift_N=float(np.max(np.abs(followed - wanted))),
+        force_N=force, followed_N=followed, holds=tuple(holds), drift_N=float(np.max(np.abs(followed - wanted)))
     )
 
 

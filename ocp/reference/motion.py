@@ -17,7 +17,6 @@ def tension_of_motion(
 
     Parameters
     ----------
-    load : Load
     position_m : ndarray, shape (n,)
         Wanted position relative to the start [m], positive towards the actuator, at 0, h, 2 h ...
     step_s : float

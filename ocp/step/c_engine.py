@@ -75,10 +75,8 @@ def places_of(chain: Chain, time_s: float, step_s: float, rows: int) -> list[Arr
 
     Parameters
     ----------
-    chain : Chain
     time_s : float
         The instant [s].
-    step_s : float
     rows : int
         Steps.
 
@@ -98,8 +96,6 @@ def host_source(chain: Chain, laws: tuple[Law, ...], templates: tuple[str, ...],
 
     Parameters
     ----------
-    chain : Chain
-    laws : tuple of Law
     templates : tuple of str
         What follows the laws.
     ways_differ : bool, optional
@@ -131,7 +127,6 @@ def library_of(chain: Chain, make_source: Callable[[Chain], str]) -> ctypes.CDLL
 
     Parameters
     ----------
-    chain : Chain
     make_source : callable
         Chain to C source.
     """
@@ -162,12 +157,7 @@ def _library_of(chain: Chain) -> ctypes.CDLL:
 
 
 def pointer(values: Array | None) -> ctypes.c_void_p:
-    """Address of a contiguous array, or null.
-
-    Parameters
-    ----------
-    values : ndarray or None
-    """
+    """Address of a contiguous array, or null."""
     return ctypes.c_void_p(None if values is None else values.ctypes.data)
 
 

@@ -35,33 +35,18 @@ _SLACK = 20.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepExpressions:
-    """One implicit step in symbols: unknown velocities, what is known before, and what follows.
+    """One implicit step in symbols: unknown velocities, what is known before, and what follows."""
 
-    Parameters
-    ----------
-    v, base, u, H : ca.SX
-        Velocities at the end of the step, base of the scheme, inputs, weight of the rates.
-    move : ca.SX
-        How the path moves: a column of `path_moves`, its first 4 N + 5 entries.
-    balance : ca.SX, shape (N + 2, 1)
-        Force balance of every mass [N].
-    end : ca.SX, shape (size, 1)
-        State at the end of the step.
-    force : ca.SX, shape (N + 1, 1)
-        Tensions [N].
-    tolerance : ca.SX
-        Largest balance that counts as solved [N].
-    """
-
+    # v, base, u, H: velocities at the end of the step, base of the scheme, inputs, weight of the rates
     v: ca.SX
     base: ca.SX
     u: ca.SX
     H: ca.SX
-    move: ca.SX
-    balance: ca.SX
-    end: ca.SX
-    force: ca.SX
-    tolerance: ca.SX
+    move: ca.SX  # how the path moves: a column of `path_moves`, its first 4 N + 5 entries
+    balance: ca.SX  # shape (N + 2, 1); force balance of every mass [N]
+    end: ca.SX  # shape (size, 1); state at the end of the step
+    force: ca.SX  # shape (N + 1, 1); tensions [N]
+    tolerance: ca.SX  # largest balance that counts as solved [N]
 
 
 def step_expressions(chain: Chain) -> StepExpressions:
@@ -125,7 +110,6 @@ def path_moves(chain: Chain, places: Array, step_s: float, *, fresh: bool) -> Ar
 
     Parameters
     ----------
-    chain : Chain
     places : ndarray, shape (rows + 2, 3 N + 3)
         Rows of `PathRows.table`, the first one step before the start.
     step_s : float

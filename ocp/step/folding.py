@@ -33,19 +33,16 @@ def chain_specialiser(
 
     Parameters
     ----------
-    chain : Chain
     weights : tuple
         Rows of the scheme.
     prefix : str
         Prefix of every C name.
-    precision : Precision
     contact : Contact, optional
         On a path in sections; then a link is the whole tendon, or with `whole` unset its ratio is unknown.
     free : tuple of str, optional
         Numbers that are known at run time only.
     floors : mapping of str to float, optional
         Lower bounds of some of these that the caller keeps.
-    whole : bool, optional
     """
     reorder = precision is Precision.FLOAT or contact is not None
     ratios = link_ratios(chain.elements.ratio) if contact is None else (1.0,)
@@ -86,7 +83,6 @@ def weighted_sum(law: Law, *names: str) -> Law:
 
     Parameters
     ----------
-    law : Law
     *names : str
         Its arguments; the others are such numbers.
     """

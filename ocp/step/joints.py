@@ -18,44 +18,23 @@ _MOST_TURNS = 100.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bend:
-    """A section that carries masses.
+    """A section that carries masses."""
 
-    Parameters
-    ----------
-    angle_rad, per_rad : float
-        Wrap angle of one of its pieces at joint angle zero, and its change per radian of the joint.
-    joint : int
-        Which joint moves it; -1: none.
-    length_share : float
-        Of one of its pieces in the length of all of them.
-    first : int
-        Its first mass.
-    """
-
+    # angle_rad, per_rad: wrap angle of one of its pieces at joint angle zero, and its change per radian of the joint
     angle_rad: float
     per_rad: float
-    joint: int
-    length_share: float
-    first: int
+    joint: int  # which joint moves it; -1: none
+    length_share: float  # of one of its pieces in the length of all of them
+    first: int  # its first mass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkKind:
-    """Links that are alike.
+    """Links that are alike."""
 
-    Parameters
-    ----------
-    length : float
-        Share of the whole tendon's length at joint angle zero [-].
-    per_rad : tuple of float
-        Its change per radian of each joint.
-    gained_m : tuple of float
-        What the path gains between the ends of the link per radian of each joint [m].
-    """
-
-    length: float
-    per_rad: tuple[float, ...]
-    gained_m: tuple[float, ...]
+    length: float  # share of the whole tendon's length at joint angle zero [-]
+    per_rad: tuple[float, ...]  # its change per radian of each joint
+    gained_m: tuple[float, ...]  # what the path gains between the ends of the link per radian of each joint [m]
 
     @property
     def moves(self) -> bool:
@@ -65,36 +44,19 @@ class LinkKind:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Joints:
-    """A chain's path as a controller keeps it.
+    """A chain's path as a controller keeps it."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        Joints in the order of the scenario.
-    start_rad, least_rad, most_rad : tuple of float
-        Their angles at the start, and the range in which the path has a meaning.
-    bends : tuple of Bend
-    bend_of : tuple of int
-        Bend of each mass.
-    links : tuple of LinkKind
-    link_of : tuple of int
-        Kind of each link.
-    far_m : tuple of float
-        Change of the far end's position per radian of each joint [m].
-    far_driven : bool
-        A joint moves the far end.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # joints in the order of the scenario
+    # start_rad, least_rad, most_rad: their angles at the start, and the range in which the path has a meaning
     start_rad: tuple[float, ...]
     least_rad: tuple[float, ...]
     most_rad: tuple[float, ...]
     bends: tuple[Bend, ...]
-    bend_of: tuple[int, ...]
+    bend_of: tuple[int, ...]  # bend of each mass
     links: tuple[LinkKind, ...]
-    link_of: tuple[int, ...]
-    far_m: tuple[float, ...]
-    far_driven: bool
+    link_of: tuple[int, ...]  # kind of each link
+    far_m: tuple[float, ...]  # change of the far end's position per radian of each joint [m]
+    far_driven: bool  # a joint moves the far end
 
     @property
     def near_m(self) -> tuple[float, ...]:
@@ -185,7 +147,6 @@ def equal_numbers(chain: Chain, *, ways_differ: bool = False) -> dict[str, str]:
 
     Parameters
     ----------
-    chain : Chain
     ways_differ : bool, optional
         Coefficients of the two directions may be set apart.
     """

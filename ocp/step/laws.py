@@ -44,8 +44,6 @@ def symbolic(record: R, prefix: str, aliases: dict[str, str] | None = None) -> R
 
     Parameters
     ----------
-    record : dataclass instance
-    prefix : str
     aliases : dict of str to str, optional
         Fields that take the symbol of another.
     """
@@ -58,7 +56,6 @@ def twins_of(chain: Chain, *, ways_differ: bool = False) -> dict[str, str]:
 
     Parameters
     ----------
-    chain : Chain
     ways_differ : bool, optional
         Coefficients of the two directions may be set apart.
     """
@@ -83,24 +80,15 @@ def _zero_of(expression: ca.SX, unknown: ca.SX) -> ca.SX:
 
 @dataclass(frozen=True, slots=True)
 class ElementLaws:
-    """The laws of a chain's elements in symbols.
-
-    Parameters
-    ----------
-    link : LinkLaw
-    friction : FrictionLaw
-        Records of symbols.
-    link_symbols, friction_symbols : tuple of ca.SX
-        Those symbols; also what no expression uses, so that all variants of a law take the same arguments.
-    near : End
-        Kind of the near end.
-    """
+    """The laws of a chain's elements in symbols."""
 
     link: LinkLaw
-    friction: FrictionLaw
+    friction: FrictionLaw  # records of symbols
+    # link_symbols, friction_symbols: those symbols; also what no expression uses, so that all variants of a law take
+    # the same arguments
     link_symbols: tuple[ca.SX, ...]
     friction_symbols: tuple[ca.SX, ...]
-    near: End
+    near: End  # kind of the near end
 
     @classmethod
     def of(cls, chain: Chain, *, folded: bool = False) -> "ElementLaws":
@@ -108,7 +96,6 @@ class ElementLaws:
 
         Parameters
         ----------
-        chain : Chain
         folded : bool, optional
             Leave out what the chain's numbers make superfluous (`FrictionLaw.aliases`).
         """

@@ -13,70 +13,38 @@ Array = NDArray[np.float64]
 
 @dataclass(slots=True, kw_only=True)
 class StepperMemory:
-    """What a multi-step scheme remembers between chunks; advanced in place.
+    """What a multi-step scheme remembers between chunks; advanced in place."""
 
-    Parameters
-    ----------
-    x, x_old : ndarray, shape (size,)
-        State now and one step earlier, in the order of `StateLayout`.
-    inputs : ChainInputs
-        Those at the present state: one row.
-    time_s : float
-        When that is [s].
-    fresh : bool
-        There is no earlier state; the next step is implicit Euler.
-    """
-
+    # x, x_old: shape (size,); state now and one step earlier, in the order of `StateLayout`
     x: Array
     x_old: Array
-    inputs: ChainInputs
-    time_s: float
-    fresh: bool
+    inputs: ChainInputs  # those at the present state: one row
+    time_s: float  # when that is [s]
+    fresh: bool  # there is no earlier state; the next step is implicit Euler
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rows:
-    """What one chunk of steps gave.
+    """What one chunk of steps gave."""
 
-    Parameters
-    ----------
-    tension_N : ndarray, shape (rows, N + 1)
-    ends_m : ndarray, shape (rows, 2)
-        Positions q_a, q_l.
-    states : ndarray, shape (rows, size), or None
-        Recorded on request.
-    iterations, splits : int
-        Linear solves, and steps that had to be split.
-    residual_N : float
-        Largest force balance of the last step tried [N].
-    worst_mass : int
-        Mass with that balance: 0 actuator, 1 .. N on the path, N + 1 load.
-    """
-
-    tension_N: Array
-    ends_m: Array
-    states: Array | None
+    tension_N: Array  # shape (rows, N + 1)
+    ends_m: Array  # shape (rows, 2); positions q_a, q_l
+    states: Array | None  # shape (rows, size); recorded on request
+    # iterations, splits: linear solves, and steps that had to be split
     iterations: int
     splits: int
-    residual_N: float
-    worst_mass: int
+    residual_N: float  # largest force balance of the last step tried [N]
+    worst_mass: int  # mass with that balance: 0 actuator, 1 .. N on the path, N + 1 load
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InverseRows:
-    """What the exact inverse gave for references at the ends of successive steps.
+    """What the exact inverse gave for references at the ends of successive steps."""
 
-    Parameters
-    ----------
-    force_N, least_tension_N : ndarray, shape (rows,)
-        Motor force, and smallest tension along the path.
-    states : ndarray, shape (rows, size), or None
-        Recorded on request.
-    """
-
+    # force_N, least_tension_N: shape (rows,); motor force, and smallest tension along the path
     force_N: Array
     least_tension_N: Array
-    states: Array | None
+    states: Array | None  # shape (rows, size); recorded on request
 
 
 class Stepper(Protocol):

@@ -42,50 +42,29 @@ Compliances = Mapping[str, str | tuple[str, str]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """Bounds of the loops of a generated step, and the balance that counts as solved.
+    """Bounds of the loops of a generated step, and the balance that counts as solved."""
 
-    Parameters
-    ----------
-    iterations, halvings, splits, pieces : int
-        Newton iterations, halvings of one, halvings of the step, and pieces of a step that was split.
-    rounding : float
-        Relative addition to the tolerance: rounding of the largest link force [-].
-    tolerance_N : float
-        Balance that counts as solved [N].
-    evaluations : int
-        Evaluations of the balances in one call, whatever happens; 0 for no such bound.
-    """
-
+    # iterations, halvings, splits, pieces: Newton iterations, halvings of one, halvings of the step, and pieces of a
+    # step that was split
     iterations: int = MAX_ITERATIONS
     halvings: int = MAX_HALVINGS
     splits: int = MAX_SPLITS
     pieces: int = MAX_PIECES
-    rounding: float = RESIDUAL_ROUNDING
-    tolerance_N: float = RESIDUAL_TOLERANCE_N
-    evaluations: int = 0
+    rounding: float = RESIDUAL_ROUNDING  # relative addition to the tolerance: rounding of the largest link force [-]
+    tolerance_N: float = RESIDUAL_TOLERANCE_N  # balance that counts as solved [N]
+    evaluations: int = 0  # evaluations of the balances in one call, whatever happens; 0 for no such bound
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OnJoints:
-    """What a controller keeps of a path in sections.
+    """What a controller keeps of a path in sections."""
 
-    Parameters
-    ----------
-    types : str
-        Prefix of the C names of the path itself.
-    own : tuple of str
-        Numbers of friction that differ from bend to bend, or with the joints.
-    joints, far_driven : bool
-        There are any; one moves the far end.
-    factors : bool, optional
-        Friction carries factors that are known at run time only.
-    """
-
-    types: str
-    own: tuple[str, ...]
+    types: str  # prefix of the C names of the path itself
+    own: tuple[str, ...]  # numbers of friction that differ from bend to bend, or with the joints
+    # joints, far_driven: there are any; one moves the far end
     joints: bool
     far_driven: bool
-    factors: bool = False
+    factors: bool = False  # friction carries factors that are known at run time only
 
 
 def law_calls(
@@ -122,53 +101,26 @@ def law_calls(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepCode:
-    """What the templates need to know.
+    """What the templates need to know."""
 
-    Parameters
-    ----------
-    prefix : str
-        Prefix of every C name.
-    precision : Precision
-    layout : StateLayout
-        Its count does not matter.
-    laws : mapping of str to SpecialisedLaw
-    count, size : str
-        C text of the number of masses, in functions and where arrays are declared.
-    numbers : mapping of str to str
-        C text of each of the chain's numbers where it stands alone.
-    host : bool, optional
-        For the host: any number of masses, numbers in a record, easy steps; else for a controller.
-    moving : bool, optional
-        Masses differ from one another, or from step to step.
-    of_masses : tuple of str, optional
-        Names of what differs from mass to mass.
-    limits : Limits, optional
-    free : tuple of str, optional
-        Numbers that the caller of the inverse hands over.
-    on_joints : OnJoints, optional
-        For a controller, where the path moves or has sections.
-    compliances : mapping of str to C text or tuple of C text, optional
-        For an inverse that keeps states relative to what the tension alone would cause: by state, [m/N]; those of
-        links for inner ones and for those at the ends.
-    held : bool, optional
-        A servo's stiffness holds the near end, whose rounding counts too.
-    """
-
-    prefix: str
+    prefix: str  # prefix of every C name
     precision: Precision
-    layout: StateLayout
+    layout: StateLayout  # its count does not matter
     laws: Mapping[str, SpecialisedLaw]
+    # count, size: C text of the number of masses, in functions and where arrays are declared
     count: str
     size: str
-    numbers: Mapping[str, str]
-    host: bool = False
-    moving: bool = False
-    of_masses: tuple[str, ...] = ()
+    numbers: Mapping[str, str]  # C text of each of the chain's numbers where it stands alone
+    host: bool = False  # for the host: any number of masses, numbers in a record, easy steps; else for a controller
+    moving: bool = False  # masses differ from one another, or from step to step
+    of_masses: tuple[str, ...] = ()  # names of what differs from mass to mass
     limits: Limits = Limits()
-    free: tuple[str, ...] = ()
+    free: tuple[str, ...] = ()  # numbers that the caller of the inverse hands over
+    # for an inverse that keeps states relative to what the tension alone would cause: by state, [m/N]; those of links
+    # for inner ones and for those at the ends
     compliances: Compliances | None = None
-    on_joints: OnJoints | None = None
-    held: bool = False
+    on_joints: OnJoints | None = None  # for a controller, where the path moves or has sections
+    held: bool = False  # a servo's stiffness holds the near end, whose rounding counts too
 
     def call(
         self,
@@ -183,7 +135,6 @@ class StepCode:
 
         Parameters
         ----------
-        law : str
         *parts : mapping of str to str
             Text of inputs that are no parameters, and of outputs; what the law does not take is left out.
         end : str, optional

@@ -34,37 +34,18 @@ _OF_WEIGHTS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChainCode:
-    """Parts of a C file about the chain.
+    """Parts of a C file about the chain."""
 
-    Parameters
-    ----------
-    header : str
-        Types of the stepper; empty for the inverse.
-    record : str
-        The coefficient record and its values, one row per weight of the scheme.
-    laws : str
-        Element laws as static functions.
-    body : str
-        The scheme around them.
-    rest : str
-        Statements that fill `self->x` with the state at rest under `tension`.
-    contact : str
-        Record of friction on a bend, where the path moves or has sections; else empty.
-    travel : str
-        Statements that set `travel` to that of the actuator's end since the rest under `self->start`; of the inverse.
-        On a path in sections to its position but for a constant.
-    free : tuple of str, optional
-        Numbers of the chain that the inverse takes as arguments.
-    """
-
-    header: str
-    record: str
-    laws: str
-    body: str
-    rest: str
-    contact: str = ""
+    header: str  # types of the stepper; empty for the inverse
+    record: str  # the coefficient record and its values, one row per weight of the scheme
+    laws: str  # element laws as static functions
+    body: str  # the scheme around them
+    rest: str  # statements that fill `self->x` with the state at rest under `tension`
+    contact: str = ""  # record of friction on a bend, where the path moves or has sections; else empty
+    # statements that set `travel` to that of the actuator's end since the rest under `self->start`; of the inverse. On
+    # a path in sections to its position but for a constant
     travel: str = ""
-    free: tuple[str, ...] = ()
+    free: tuple[str, ...] = ()  # numbers of the chain that the inverse takes as arguments
 
 
 def controller_limits(precision: Precision) -> Limits:
@@ -98,12 +79,10 @@ def inverse_code(
 
     Parameters
     ----------
-    chain : Chain
     step_s : float
         h [s].
     prefix : str
         Prefix of every C name in the file.
-    precision : Precision
     settable : bool, optional
         Leave those of `SETTABLE` that the laws need to the caller.
     """
@@ -149,12 +128,10 @@ def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -
 
     Parameters
     ----------
-    chain : Chain
     step_s : float
         h [s].
     prefix : str
         Prefix of every C name in the file.
-    precision : Precision
     """
     limits = plant_limits(precision)
     pieces = tuple((step_s / 2**k, 0.0) for k in range(1, limits.splits + 1))

@@ -33,28 +33,16 @@ _SPARE = 1.25
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contact:
-    """Friction of the bends of a path, as C.
+    """Friction of the bends of a path, as C."""
 
-    Parameters
-    ----------
-    laws : ElementLaws
-        With one symbol for numbers that are always equal.
-    own : tuple of str
-        Numbers that differ from bend to bend or with the joints: fields of the record.
-    constants, floors : dict of str to float
-        The chain's other numbers, and lower bounds of some of those in the record.
-    record : str
-        Type of the record.
-    functions : str
-        `contact_init`, and where joints move bends `touch`, which renews their records. Where friction is settable,
-        `touch_all` renews all of them; both then take factors on the coefficients, pulling and releasing.
-    """
-
-    laws: ElementLaws
-    own: tuple[str, ...]
+    laws: ElementLaws  # with one symbol for numbers that are always equal
+    own: tuple[str, ...]  # numbers that differ from bend to bend or with the joints: fields of the record
+    # constants, floors: the chain's other numbers, and lower bounds of some of those in the record
     constants: dict[str, float]
     floors: dict[str, float]
-    record: str
+    record: str  # type of the record
+    # `contact_init`, and where joints move bends `touch`, which renews their records. Where friction is settable,
+    # `touch_all` renews all of them; both then take factors on the coefficients, pulling and releasing
     functions: str
 
 
@@ -72,12 +60,10 @@ def contact_code(
 
     Parameters
     ----------
-    chain : Chain
     joints : Joints
         Of the chain.
     prefix : str
         Prefix of every C name in the file.
-    precision : Precision
     settable : bool, optional
         Coefficients carry factors that are known at run time only.
     slopes : bool, optional
@@ -221,7 +207,6 @@ def tanh_fraction(most: float, rounding: float) -> tuple[list[int], list[int]]:
 
     Parameters
     ----------
-    most : float
     rounding : float
         Relative error allowed.
     """

@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from benchmarks.adaptive import AdaptiveIntegrator
 from tendonff.models.chain import Chain
 from tendonff.models.elements import whole_of
 from tendonff.models.errors import ParameterError
@@ -14,7 +15,6 @@ from tendonff.models.friction import RubbingEnd
 from tendonff.models.linearise import Lineariser
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.codegen.engine import Engine
-from tendonff.ocp.crosscheck.adaptive import AdaptiveIntegrator
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.sensitivity import Parameter, force_sensitivity, parameter_sensitivity
 from tendonff.ocp.simulate import simulate

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from benchmarks.adaptive import Adaptive, check_adaptive
 from benchmarks.moving import balance, convergence, random_cycle
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
@@ -15,7 +16,6 @@ from tendonff.models.parameters import Path, Transmission
 from tendonff.models.path import JointMotion
 from tendonff.models.section import Section
 from tendonff.ocp.codegen.engine import Engine
-from tendonff.ocp.crosscheck.adaptive import Adaptive, check_adaptive
 from tendonff.ocp.inverse import InverseStatus, invert
 from tendonff.ocp.sensitivity import force_sensitivity
 from tendonff.ocp.simulate import simulate

@@ -18,7 +18,7 @@ from tendonff.ocp.codegen.compiler import load_library
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import invert
-from tendonff.ocp.simulate import Outcome, Simulator, chunks, simulate
+from tendonff.ocp.simulate import Outcome, Simulator, simulate
 from tendonff.ocp.step import c_engine
 
 Array = NDArray[np.float64]
@@ -102,7 +102,7 @@ def test_the_scheme_converges_to_cvodes_with_second_order(
     generic: Transmission, level: Level, reversing: bool, least_order: float, most_percent: float
 ) -> None:
     """Slope of the rms error over the step; reversals cost some of the order. `most_percent`: of range, at 2 ms."""
-    from tendonff.ocp.crosscheck.adaptive import AdaptiveIntegrator
+    from benchmarks.adaptive import AdaptiveIntegrator
 
     chain = Chain.of(without_stribeck(generic), level)
     fine = 5e-4
@@ -304,7 +304,7 @@ def test_chunks_join_without_a_seam_and_a_run_can_be_taken_up(
     whole = simulate(chain, force, STEP, record=True, engine=engine)
     inputs = ChainInputs.of_force(force)
     simulator = Simulator(chain, STEP, chain.rest_state(30.0), inputs[:1], engine)
-    parts = [simulator.advance(inputs[1:][piece]).tension_N for piece in chunks(len(force) - 1, 137)]
+    parts = [simulator.advance(inputs[first : first + 137]).tension_N for first in range(1, len(force), 137)]
     assert np.abs(np.vstack(parts) - whole.tension_N[1:]).max() <= apart_N
     # From a state alone the earlier state is gone, so the first step is of first order.
     again = simulate(chain, force[500:], STEP, state=ChainState.from_vector(whole.states[500], chain.layout))

@@ -13,8 +13,7 @@ from tendonff.compensator.cli.progress import say
 
 def example(
     name: Annotated[
-        str | None,
-        typer.Argument(metavar="NAME", help="Example to write; without it, list them.", show_default=False),
+        str | None, typer.Argument(metavar="NAME", help="Example to write; without it, list them.", show_default=False)
     ] = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write into.")] = Path(),
     force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,

@@ -92,9 +92,7 @@ def identify(
     explain: Annotated[
         Explain | None,
         typer.Option(
-            "--explain",
-            help="Tension to predict from the other; default: chosen from the data.",
-            show_default=False,
+            "--explain", help="Tension to predict from the other; default: chosen from the data.", show_default=False
         ),
     ] = None,
     static_only: Annotated[bool, typer.Option("--static", help="Stop after the static stage.")] = False,

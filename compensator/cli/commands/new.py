@@ -19,8 +19,7 @@ class Rig(StrEnum):
 def new(
     file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Scenario file to write.", show_default=False)],
     rig: Annotated[
-        Rig | None,
-        typer.Option("--for", help="Rig whose usual ranges of values the file gives.", show_default=False),
+        Rig | None, typer.Option("--for", help="Rig whose usual ranges of values the file gives.", show_default=False)
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a file that exists.")] = False,
 ) -> None:

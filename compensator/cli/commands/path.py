@@ -11,8 +11,7 @@ from tendonff.compensator.cli.progress import say, warn
 
 def path(
     points: Annotated[
-        Path,
-        typer.Argument(metavar="POINTS.csv", help="Columns x_m,y_m,z_m along the tendon.", show_default=False),
+        Path, typer.Argument(metavar="POINTS.csv", help="Columns x_m,y_m,z_m along the tendon.", show_default=False)
     ],
     out: OutFolderOption,
     tolerance: Annotated[

@@ -20,27 +20,13 @@ _FREQUENCIES = 1024
 
 @dataclass(frozen=True, kw_only=True)  # without slots: the taps are computed once
 class StreamFilter:
-    """A symmetric filter, and the samples by which the caller hands the reference over ahead.
+    """A symmetric filter, and the samples by which the caller hands the reference over ahead."""
 
-    Parameters
-    ----------
-    half : int
-        Taps on either side of the middle: the delay in samples.
-    is_flat : bool
-        Parabolas pass unchanged too: less error, more noise.
-    corner_per_sample : float
-        w_m h: above this the force follows the second derivative of the reference [-].
-    ahead : int
-        Samples of preview, >= half; 0 where there is none.
-    step_s : float
-        h [s].
-    """
-
-    half: int
-    is_flat: bool
-    corner_per_sample: float
-    ahead: int
-    step_s: float
+    half: int  # taps on either side of the middle: the delay in samples
+    is_flat: bool  # parabolas pass unchanged too: less error, more noise
+    corner_per_sample: float  # w_m h: above this the force follows the second derivative of the reference [-]
+    ahead: int  # samples of preview, >= half; 0 where there is none
+    step_s: float  # h [s]
 
     @property
     def delay(self) -> int:
@@ -82,7 +68,6 @@ def corner_per_sample(transmission: Transmission, step_s: float) -> float:
 
     Parameters
     ----------
-    transmission : Transmission
     step_s : float
         h [s].
     """

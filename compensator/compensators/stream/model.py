@@ -17,23 +17,14 @@ RE_ENTRY_S = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamDesign:
-    """Everything that the stream module is made of.
-
-    Parameters
-    ----------
-    filter : StreamFilter
-    band_N : float
-        Half of the width of the dead band [N].
-    low_N, high_N : float
-        Range that references are clamped to [N].
-    ramp : Ramp, optional
-        What preview does against a rate limit that binds; its samples are part of those of the preview.
-    """
+    """Everything that the stream module is made of."""
 
     filter: StreamFilter
-    band_N: float
+    band_N: float  # half of the width of the dead band [N]
+    # low_N, high_N: range that references are clamped to [N]
     low_N: float
     high_N: float
+    # what preview does against a rate limit that binds; its samples are part of those of the preview
     ramp: Ramp | None = None
 
     def __post_init__(self) -> None:
@@ -64,7 +55,6 @@ def smoothed(design: StreamDesign, reference_N: FloatArray, initial_N: float) ->
 
     Parameters
     ----------
-    design : StreamDesign
     reference_N : ndarray, shape (n,)
         What arrives; what is not finite holds the last one [N].
     initial_N : float
@@ -98,7 +88,6 @@ def stream_force(design: StreamDesign, problem: Problem, reference_N: FloatArray
 
     Parameters
     ----------
-    design : StreamDesign
     problem : Problem
         Model and limits.
     reference_N : ndarray, shape (n,)

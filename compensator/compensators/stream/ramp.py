@@ -20,17 +20,10 @@ SLACK = 1 / 16
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ramp:
-    """How far ahead the inverse runs, and what is made of it.
+    """How far ahead the inverse runs, and what is made of it."""
 
-    Parameters
-    ----------
-    samples : int
-        Samples between the newest force of the inverse and the one that is due, >= 1.
-    overshoot : float
-        Where the output stands, on the way from the level that the force sets out from (0) to the turn (1) [-].
-    """
-
-    samples: int
+    samples: int  # samples between the newest force of the inverse and the one that is due, >= 1
+    # where the output stands, on the way from the level that the force sets out from (0) to the turn (1) [-]
     overshoot: float
 
     def apply(
@@ -42,7 +35,6 @@ class Ramp:
         ----------
         force_N, tension_N : ndarray, shape (n,)
             Exact force, and the tension that it gives [N].
-        limits : ForceLimits
         step_s : float
             h [s].
         start_N : float

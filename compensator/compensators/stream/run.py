@@ -27,38 +27,20 @@ _SHARES = (1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.1)  # of the delay that is allowed
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """One filter, tried on the scenario's reference with the noise of a converter.
-
-    Parameters
-    ----------
-    design : StreamDesign
-    score : Score
-        Output tension against the reference, delayed by the stated lag.
-    noise_dB : float
-        Noise in the force over noise in the reference, both above 30 Hz [dB].
-    """
+    """One filter, tried on the scenario's reference with the noise of a converter."""
 
     design: StreamDesign
-    score: Score
-    noise_dB: float
+    score: Score  # output tension against the reference, delayed by the stated lag
+    noise_dB: float  # noise in the force over noise in the reference, both above 30 Hz [dB]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamChoice:
-    """Candidates and the one that was picked.
-
-    Parameters
-    ----------
-    candidates : tuple of Candidate
-    picked : Candidate
-        The least error of those whose noise is within the goal; else the least noise.
-    resolution_N : float
-        Step of the converter that the noise was made for [N].
-    """
+    """Candidates and the one that was picked."""
 
     candidates: tuple[Candidate, ...]
-    picked: Candidate
-    resolution_N: float
+    picked: Candidate  # the least error of those whose noise is within the goal; else the least noise
+    resolution_N: float  # step of the converter that the noise was made for [N]
 
 
 def choose_stream(
@@ -68,8 +50,6 @@ def choose_stream(
 
     Parameters
     ----------
-    problem : Problem
-    stream : Stream
     accepted_N : tuple of float
         References that the exported modules accept [N].
     with_ramps : bool, optional
@@ -110,8 +90,6 @@ def over_preview(problem: Problem, design: StreamDesign, previews_s: Sequence[fl
 
     Parameters
     ----------
-    problem : Problem
-    design : StreamDesign
     previews_s : sequence of float
         All longer than the filter [s].
     """

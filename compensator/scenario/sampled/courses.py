@@ -25,8 +25,6 @@ def along_waypoints(
 
     Parameters
     ----------
-    times_s, waypoints : sequence of float
-    shape : Shape
     time_s : ndarray
         Where it is wanted [s].
     """

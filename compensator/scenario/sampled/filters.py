@@ -40,24 +40,12 @@ def low_pass(values: FloatArray, cutoff_Hz: float, rate_Hz: float) -> FloatArray
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoiseAdvice:
-    """What to do about a noisy reference.
+    """What to do about a noisy reference."""
 
-    Parameters
-    ----------
-    cutoff_Hz : float
-        Proposed corner frequency [Hz].
-    noise_N : float
-        Noise of the samples, root mean square [N].
-    force_noise_N : float
-        What that noise makes of the force, root mean square [N].
-    message : str
-        The warning for the user.
-    """
-
-    cutoff_Hz: float
-    noise_N: float
-    force_noise_N: float
-    message: str
+    cutoff_Hz: float  # proposed corner frequency [Hz]
+    noise_N: float  # noise of the samples, root mean square [N]
+    force_noise_N: float  # what that noise makes of the force, root mean square [N]
+    message: str  # the warning for the user
 
 
 def noise_advice(

@@ -26,19 +26,12 @@ _COLUMN = '{}_column = "{{}}" in [reference]'
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Samples:
-    """A trace as the file has it, in SI units.
+    """A trace as the file has it, in SI units."""
 
-    Parameters
-    ----------
-    time_s, value : ndarray, shape (rows,)
-        Time [s], which rises from 0, and the wanted quantity [N or m].
-    notes : tuple of str
-        What the user should know of the file.
-    """
-
+    # time_s, value: shape (rows,); time [s], which rises from 0, and the wanted quantity [N or m]
     time_s: FloatArray
     value: FloatArray
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # what the user should know of the file
 
     @property
     def interval_s(self) -> float:
@@ -51,8 +44,6 @@ def read_samples(spec: CsvReference, path: Path, step_s: float) -> Samples:
 
     Parameters
     ----------
-    spec : CsvReference
-    path : Path
     step_s : float
         Step of the run [s].
 
@@ -115,10 +106,8 @@ def interpolate(samples: Samples, time_s: FloatArray, kind: Interpolation) -> Fl
 
     Parameters
     ----------
-    samples : Samples
     time_s : ndarray, shape (n,)
         Times within those of the samples [s].
-    kind : Interpolation
     """
     if kind is Interpolation.LINEAR or len(samples.time_s) == 2:
         straight: FloatArray = np.interp(time_s, samples.time_s, samples.value)
@@ -137,11 +126,8 @@ def resample(
 
     Parameters
     ----------
-    spec : CsvReference
-    samples : Samples
     time_s : ndarray, shape (n,)
         Grid of the run [s].
-    step_s : float
     file : str
         Name of the scenario file, for messages.
     """

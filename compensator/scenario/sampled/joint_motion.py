@@ -42,7 +42,6 @@ def posed(scenario: Scenario, angles_rad: Mapping[str, float]) -> Scenario:
 
     Parameters
     ----------
-    scenario : Scenario
     angles_rad : mapping of str to float
         By name [rad]; the others do what the scenario says.
 
@@ -73,8 +72,6 @@ def sample_joints(scenario: Scenario, end_s: float, *, periodic: bool = False) -
 
     Parameters
     ----------
-    scenario : Scenario
-    end_s : float
     periodic : bool, optional
         That is their period.
 

@@ -13,7 +13,7 @@ def centreline_figure(result: CentrelineData) -> Figure:
     plane = np.linalg.svd(result.points_m - middle, full_matrices=False)[2][:2].T
     points, curve = ((each - middle) @ plane for each in (result.points_m, result.curve_m))
     with figure_style():
-        figure, axes = new_figure(1, 2, height_in=3.2)
+        figure, axes = new_figure(1, 2, height_in=3.4)
         shape, turned = axes[0]
         shape.plot(*points.T, ".", color=GREY, markersize=3, label="points")
         for k, each in enumerate(result.stretches):
@@ -39,7 +39,7 @@ def centreline_figure(result: CentrelineData) -> Figure:
         legend_below(figure, shape)
         shape.set_aspect("equal", adjustable="datalim")
         shape.set(xlabel="along the widest direction [m]", ylabel="across [m]")
-        shape.margins(0.15)
+        shape.margins(0.2)  # room for the names
         low, high = result.turned_rad - result.spread_rad, result.turned_rad + result.spread_rad
         turned.fill_between(result.length_m, low, high, color=BLUE, alpha=0.2, linewidth=0, label="95 % interval")
         turned.plot(result.length_m, result.turned_rad, color=BLUE, label="angle turned")

@@ -1,4 +1,8 @@
-"""A simulation against itself: with half the step, and with a force that is changed in the last digits."""
+"""How far a simulation can be trusted: against itself with half the step, and with a force that differs in last digits.
+
+Where a stiff bristle meets friction that falls with speed, neighbouring trajectories part: the result then depends on
+the step, the tolerance and the last digit of the force, and no solver converges point by point.
+"""
 
 import math
 from collections.abc import Callable
@@ -8,9 +12,8 @@ import numpy as np
 
 from tendonff.models.chain import Chain
 from tendonff.models.layout import ChainInputs, ChainState
-from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.simulate import Simulator, describe_failure, simulate
+from tendonff.ocp.simulate import Simulator, describe_failure
 from tendonff.ocp.step.protocol import Array
 
 NUDGE = 1e-9
@@ -25,32 +28,17 @@ _LEAST_GAIN = 0.7
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepCheck:
-    """What runs with h, h/2 and h/4, and one with a nudged force, say about the run with h.
+    """What runs with h, h/2 and h/4, and one with a nudged force, say about the run with h."""
 
-    Parameters
-    ----------
-    step_s : float
-        h [s].
-    range_N : float
-        Largest minus smallest output tension of the run with h.
-    rms_N, peak_N : float
-        Output tension with h against h/2.
-    order : float
-        Observed order, log2 of the ratio of two successive rms differences, between 0.5 and 2; NaN where they vanish.
-    error_N : float
-        Estimated rms error of the run with h, extrapolated with that order.
-    spread_N : float
-        Largest distance at any instant between runs that a reproducible trajectory would not tell apart.
-    reproducible : bool
-    """
-
-    step_s: float
-    range_N: float
+    step_s: float  # h [s]
+    range_N: float  # largest minus smallest output tension of the run with h
+    # rms_N, peak_N: output tension with h against h/2
     rms_N: float
     peak_N: float
+    # observed order, log2 of the ratio of two successive rms differences, between 0.5 and 2; NaN where they vanish
     order: float
-    error_N: float
-    spread_N: float
+    error_N: float  # estimated rms error of the run with h, extrapolated with that order
+    spread_N: float  # largest distance at any instant between runs that a reproducible trajectory would not tell apart
     reproducible: bool
 
     def percent(self, value_N: float) -> float:
@@ -91,16 +79,13 @@ class StepHalving:
         Where it starts.
     force_N : float
         Force at the start [N].
-    engine : Engine, optional
     """
 
-    def __init__(
-        self, chain: Chain, step_s: float, state: ChainState, force_N: float, engine: Engine = Engine.AUTO
-    ) -> None:
+    def __init__(self, chain: Chain, step_s: float, state: ChainState, force_N: float) -> None:
         self._chain, self._step_s = chain, step_s
         start, nudged = (ChainInputs.of_force(np.array([force])) for force in (force_N, force_N * (1 + NUDGE)))
-        self._runs = {parts: Simulator(chain, step_s / parts, state, start, engine) for parts in (2, 4)}
-        self._nudged = Simulator(chain, step_s, state, nudged, engine)
+        self._runs = {parts: Simulator(chain, step_s / parts, state, start) for parts in (2, 4)}
+        self._nudged = Simulator(chain, step_s, state, nudged)
         self._rows = 0
         self._squares = {2: 0.0, 4: 0.0}
         self._peaks = {2: 0.0, 4: 0.0}
@@ -170,30 +155,3 @@ class StepHalving:
 
 def _peak(difference: Array) -> float:
     return float(np.abs(difference).max(initial=0.0))
-
-
-def check_step(
-    chain: Chain, force_N: Array, step_s: float, *, initial_tension_N: float, engine: Engine = Engine.AUTO
-) -> StepCheck:
-    """Estimate the error of `simulate` for a force, and whether its trajectory is reproducible.
-
-    Parameters
-    ----------
-    chain : Chain
-    force_N : ndarray, shape (n,)
-        f_c1 at 0, h, 2 h ..., piecewise linear between [N].
-    step_s : float
-        h [s].
-    initial_tension_N : float
-        T0 of the start at rest [N].
-    engine : Engine, optional
-
-    Raises
-    ------
-    SolveError
-        If a run fails.
-    """
-    run = simulate(chain, force_N, step_s, initial_tension_N=initial_tension_N, engine=engine).require()
-    halving = StepHalving(chain, step_s, chain.rest_state(initial_tension_N), float(force_N[0]), engine)
-    halving.add(run.time_s[1:], run.output_tension_N[1:], lambda time_s: np.interp(time_s, run.time_s, run.force_N))
-    return halving.result()

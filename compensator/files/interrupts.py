@@ -1,0 +1,36 @@
+"""Ctrl-C and an ended job: they leave nothing half written, and nothing written afterwards."""
+
+import signal
+import threading
+from types import FrameType
+from typing import NoReturn
+
+_STOPPED = threading.Event()
+
+
+def _stop(_number: int, _frame: FrameType | None) -> NoReturn:
+    _STOPPED.set()
+    raise KeyboardInterrupt
+
+
+def install() -> None:
+    """Take SIGINT and SIGTERM as a wish to stop; an ended job removes its temporary files too."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _stop)
+
+
+def stopped() -> bool:
+    """Whether the user asked to stop."""
+    return _STOPPED.is_set()
+
+
+def raise_if_stopped() -> None:
+    """Stop now if the wish was lost: Python drops what is raised inside a callback of a weak reference.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        The user asked to stop before.
+    """
+    if stopped():
+        raise KeyboardInterrupt
