@@ -1,5 +1,6 @@
 """Golden vectors: what the exported C must answer, computed by the Python model."""
 
+import bisect
 import math
 from dataclasses import dataclass, replace
 
@@ -223,13 +224,19 @@ def _moving(problem: Problem, rows: NDArray[np.int_], count: int, precision: Pre
 
 
 def _repeatable(problem: Problem, course: Course) -> Course:
-    """The course with the plant's answers as far as small differences stay small, which falling friction may end."""
-    force, plant = course.plant_force_N, course.columns["plant"]
+    """The course with the plant's answers as far as small differences stay small, which falling friction may end.
+
+    And as far as no step has to be split, which the exported plant with its bounded work may give up.
+    """
+    force, plant, start = course.plant_force_N, course.columns["plant"], float(course.reference_N[0])
     nudged = force + _NUDGE * float(np.abs(force).max()) * np.where(np.arange(len(force)) % 2, 1, -1)
-    other = respond(problem, nudged, float(course.reference_N[0]), course.chain)
+    other = respond(problem, nudged, start, course.chain)
     rows = min(len(other.tension_N), len(plant))
     apart = np.abs(other.output_tension_N[:rows] - plant[:rows]) > _GROWTH * _NUDGE * course.scale_N
     kept = int(np.argmax(apart)) if apart.any() else rows
+    whole = range(2, kept + 1)
+    split = bisect.bisect_left(whole, 1, key=lambda n: respond(problem, force[:n], start, course.chain).splits)
+    kept = min(kept, whole[split] - 1 if split < len(whole) else kept)
     return replace(course, columns={**course.columns, "plant": plant[: max(kept, 2)]})
 
 
