@@ -53,8 +53,6 @@ def normal_force(f_near: ca.SX, f_far: ca.SX, adhesion_N: ca.SX) -> ca.SX:
     ----------
     f_near, f_far : ca.SX
         Tensions on the actuator's and the load's side [N].
-    adhesion_N : ca.SX
-        p [N].
     """
     return at_least(f_near + f_far + 2 * adhesion_N, NORMAL_FORCE_FLOOR_N)
 

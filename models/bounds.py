@@ -22,8 +22,6 @@ def play(memory: ca.SX, low: ca.SX, high: ca.SX) -> ca.SX:
 
     Parameters
     ----------
-    memory : ca.SX
-        Value so far.
     low, high : ca.SX
         Bounds that the input sets now, low <= high.
     """

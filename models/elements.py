@@ -98,8 +98,6 @@ class Whole:
 
         Parameters
         ----------
-        n : int
-            N.
         motion : JointMotion, optional
             Of the joints: masses go where the tendon ever touches.
         """
@@ -179,8 +177,6 @@ def elements_of(transmission: Transmission, level: Level, segments: int | None =
 
     Parameters
     ----------
-    level : Level
-        Fidelity level.
     segments : int, optional
         Number N of masses; default: the path's own.
 

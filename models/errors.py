@@ -20,12 +20,8 @@ def require(name: str, value: float, *, above: float | None = None, least: float
 
     Parameters
     ----------
-    name : str
-        Key in the scenario file.
     above, least : float, optional
         Exclusive, and inclusive, lower bound.
-    hint : str
-        The way out, for the message.
     """
     within = (above is None or value > above) and (least is None or value >= least)
     if not (within and math.isfinite(value)):

@@ -87,8 +87,6 @@ def equivalent_coefficient(mu: ca.SX, angle_rad: ca.SX) -> ca.SX:
 
     Parameters
     ----------
-    mu : float or ca.SX
-        Coefficient of tendon on path [-].
     angle_rad : float or ca.SX
         phi, the element's wrap angle [rad].
     """

@@ -155,8 +155,6 @@ class ChainInputs:
 
         Parameters
         ----------
-        rows : int
-            Number of instants.
         **values : ndarray of shape (rows,), or float
             By name of the field.
         """

@@ -86,8 +86,6 @@ class ZenerLink:
 
         Parameters
         ----------
-        e : ca.SX
-            Elongation [m].
         states : tuple of ca.SX
             z, elongation of each relaxing branch's damper [m].
         """

@@ -175,8 +175,6 @@ def cut_path(
     ----------
     sections : tuple of Section
         At least one.
-    count : int
-        N.
     radius_m : float, optional
         Gives lengths to sections that have none.
 

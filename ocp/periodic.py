@@ -48,8 +48,6 @@ def steady_inverse(chain: Chain, cycle_N: Array, step_s: float) -> tuple[Inversi
         Its near end must act.
     cycle_N : ndarray, shape (n,)
         One period of the wanted tension, its last row the first of the next [N].
-    step_s : float
-        Time between rows [s].
 
     Returns
     -------

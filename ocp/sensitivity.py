@@ -123,8 +123,6 @@ def force_sensitivity(
     ----------
     force_N : ndarray, shape (n,)
         f_c1 at 0, h, 2 h ... [N].
-    step_s : float
-        h [s].
     knot_rows : ndarray of int, shape (k,)
         Rows of the knots: strictly increasing from 0 to n - 1.
     state : ChainState
@@ -183,8 +181,6 @@ def parameter_sensitivity(
         The parameters, of which `chain` is made.
     force_N : ndarray, shape (n,)
         f_c1 at 0, h, 2 h ... [N].
-    step_s : float
-        h [s].
     initial_tension_N : float
         T0 of the start at rest [N].
 

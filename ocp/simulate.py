@@ -104,11 +104,6 @@ class Simulator:
     def advance(self, inputs: ChainInputs, record: bool = False) -> Rows:
         """Advance over inputs at the ends of the coming steps.
 
-        Parameters
-        ----------
-        record : bool, optional
-            Keep every state.
-
         Returns
         -------
         Rows

@@ -68,8 +68,6 @@ def foresee(
     ----------
     reference_N : ndarray, shape (n,)
         Wanted output tension [N], > 0.
-    step_s : float
-        h [s].
     force_N : ndarray, shape (n,), optional
         A profile whose error is to be expected; default: the exact inverse.
     initial_tension_N : float, optional

@@ -2,6 +2,7 @@
 
 import importlib.util
 import os
+import re
 import shutil
 import sys
 from pathlib import Path
@@ -22,6 +23,8 @@ from tendonff.models.parameters import Path as TendonPath
 from tendonff.ocp.codegen.compiler import find_compiler
 
 ROOT = Path(__file__).resolve().parents[1]
+
+_SHARED = re.compile(r'scope="(module|session)"')
 
 mpl.use("Agg")
 
@@ -118,6 +121,22 @@ def browser():
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Let the golden set be written anew."""
     parser.addoption("--golden-update", action="store_true", help="store what the commands write now in tests/golden")
+
+
+@pytest.hookimpl(optionalhook=True)  # of pytest-xdist
+def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object:
+    """Tests that share what a fixture of their file or folder made stay on one worker, so that it is made once."""
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByFixture(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = config.rootpath / nodeid.split("::", maxsplit=1)[0]
+            for shared in (file.parent / "conftest.py", file):
+                if shared != Path(__file__) and shared.is_file() and _SHARED.search(shared.read_text("utf-8")):
+                    return str(shared)
+            return nodeid
+
+    return ByFixture(config, log)
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

@@ -14,6 +14,7 @@ import pytest
 from selenium.webdriver.support.ui import WebDriverWait
 
 import tendonff as tf
+from tendonff.compensator.cli import run
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.ocp.codegen.compiler import find_compiler
 
@@ -102,17 +103,18 @@ EXAMPLES = [
 
 
 @pytest.mark.parametrize("code", EXAMPLES)
-def test_the_examples_of_the_documentation_run(code, tmp_path):
+def test_the_examples_of_the_documentation_run(code, tmp_path, monkeypatch):
     (tmp_path / "examples").symlink_to(ROOT / "examples", target_is_directory=True)
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    (tmp_path / "example.py").write_text(code, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    runpy.run_path("example.py", run_name="__main__")
 
 
 TUTORIAL = ROOT / "docs" / "tutorials" / "bowden.md"
 
 
 @pytest.mark.slow
-def test_the_commands_of_the_tutorial_lead_from_the_data_sheet_to_tested_c(tmp_path):
+def test_the_commands_of_the_tutorial_lead_from_the_data_sheet_to_tested_c(tmp_path, run_commands_of):
     """The stand-in rig has mu = 0.13 where the scenario says 0.10; identification finds it."""
     if find_compiler() is None or shutil.which("make") is None:
         pytest.skip("no C compiler or no make")
@@ -125,38 +127,48 @@ def test_the_commands_of_the_tutorial_lead_from_the_data_sheet_to_tested_c(tmp_p
         assert count == 1
     (tmp_path / "cable.toml").write_text(scenario, encoding="utf-8")
     (tmp_path / "rig.toml").write_text(rig, encoding="utf-8")
-    done = run_commands_of(text, tmp_path)
+    said = run_commands_of(text)
     found = load_scenario(tmp_path / "fit" / "fitted.toml").transmission.friction
     assert found.mu_dynamic == pytest.approx(0.13, rel=0.01)
-    assert "self test passed" in done.stdout
+    assert "self test passed" in said
 
 
-def run_commands_of(text, folder):
-    """Run the commands of a page in order; the last one's result."""
-    done = None
-    for command in re.findall(r"^```sh\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
-        words = command.split()
-        if words[0] == "tendonff":
-            words[:1] = [sys.executable, "-m", "tendonff.compensator.cli"]
-        done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, command + done.stdout + done.stderr
-    return done
+@pytest.fixture
+def run_commands_of(tmp_path, monkeypatch):
+    """Runs the commands of a page in order, in an empty folder; what the last other program said."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(text):
+        said = ""
+        for command in re.findall(r"^```sh\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
+            words = command.split()
+            if words[0] == "tendonff":
+                assert run(words[1:]) == 0, command
+            else:
+                done = subprocess.run(words, capture_output=True, text=True, check=False)
+                said = done.stdout + done.stderr
+                assert done.returncode == 0, command + said
+        return said
+
+    return call
 
 
 @pytest.mark.slow
-def test_the_commands_of_the_identification_tutorial_find_the_friction(tmp_path):
-    run_commands_of((ROOT / "docs" / "tutorials" / "identify.md").read_text(encoding="utf-8"), tmp_path)
+def test_the_commands_of_the_identification_tutorial_find_the_friction(tmp_path, run_commands_of):
+    run_commands_of((ROOT / "docs" / "tutorials" / "identify.md").read_text(encoding="utf-8"))
     found = load_scenario(tmp_path / "fit" / "fitted.toml").transmission.friction
     assert found.mu_dynamic == pytest.approx(0.2, rel=0.055)  # "to 5 %", says the page
 
 
 @pytest.mark.slow
-def test_the_commands_of_the_moving_finger_end_in_tested_c_and_its_numbers_are_those_of_the_design(tmp_path):
+def test_the_commands_of_the_moving_finger_end_in_tested_c_and_its_numbers_are_those_of_the_design(
+    tmp_path, run_commands_of
+):
     if find_compiler() is None or shutil.which("make") is None:
         pytest.skip("no C compiler or no make")
     text = (ROOT / "docs" / "tutorials" / "finger.md").read_text(encoding="utf-8")
-    done = run_commands_of(text, tmp_path)
-    assert "self test passed" in done.stdout
+    said = run_commands_of(text)
+    assert "self test passed" in said
     found = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
     expected = found["expectation"]["worst_percent_of_range"][found["expectation"]["recommended"]]
     assert f"up to {expected:.2g} % of the 31.04 N range" in " ".join(text.split())

@@ -21,8 +21,6 @@ def opened(
 
     Parameters
     ----------
-    scenario, out : Path
-        Arguments of the command.
     follows_reference : bool, optional
         Whether the command uses the scenario's reference.
     strict : bool, optional

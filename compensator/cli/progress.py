@@ -36,11 +36,6 @@ def _note_engine() -> None:
 def progress(description: str) -> Iterator[Progress]:
     """Bar that shows how much of a long work is done; silent when standard error is not a terminal.
 
-    Parameters
-    ----------
-    description : str
-        What is being done.
-
     Yields
     ------
     callable

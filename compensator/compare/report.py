@@ -45,13 +45,7 @@ def _motion(result: ComparisonData) -> tuple[Text, ...]:
 
 
 def compare_report(result: ComparisonData, figures: dict[str, Figure]) -> Report:
-    """The page of a comparison.
-
-    Parameters
-    ----------
-    figures : dict of str to Figure
-        From `compare_figures`.
-    """
+    """The page of a comparison."""
     joints = "" if result.ignored is None else " Second panel: the joint angles."
     pictures = pictures_of(figures, {**_CAPTIONS, "errors": _CAPTIONS["errors"] + joints})
     rows = matrix_rows(result)

@@ -132,13 +132,7 @@ class TableLookup:
         self._turn = initial_tension_N  # where the reference turned, or would have to have turned
 
     def step(self, reference_N: float) -> float:
-        """Force for the next sample [N].
-
-        Parameters
-        ----------
-        reference_N : float
-            Wanted tension [N].
-        """
+        """Force for the next sample [N]."""
         if not self._low <= reference_N <= self._high:
             raise ParameterError(
                 f"the reference must stay from {self._low:.6g} to {self._high:.6g} N, got {reference_N}"

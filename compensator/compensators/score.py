@@ -146,11 +146,6 @@ def verify(
 ) -> Verified:
     """Simulate a plant under a profile and score what arrives.
 
-    Parameters
-    ----------
-    compensator : str
-        Name for the result.
-
     Raises
     ------
     SolveError

@@ -89,15 +89,7 @@ def interactive_panels(result: DesignData) -> Interactive:
 
 
 def design_report(result: DesignData, figures: dict[str, Figure], view: Interactive | None = None) -> Report:
-    """The page of a design.
-
-    Parameters
-    ----------
-    figures : dict of str to Figure
-        From `design_figures`.
-    view : Interactive, optional
-        From `interactive_panels`.
-    """
+    """The page of a design."""
     joints = "" if result.ignored is None else " Bottom: the joint angles."
     pictures = pictures_of(figures, {**_CAPTIONS, "tension": _CAPTIONS["tension"] + joints})
     worst = result.expectation.worst_percent

@@ -11,13 +11,7 @@ from tendonff.models.fidelity import Level
 
 
 def print_scores(result: DesignData, folder: Path) -> None:
-    """Print the error of each compensator on each level, what to expect on a rig, and where the files are.
-
-    Parameters
-    ----------
-    folder : Path
-        Where the design was written.
-    """
+    """Print the error of each compensator on each level, what to expect on a rig, and where the files are."""
     console = Console()
     table = Table(title=f"{result.scenario.name}: RMS error, % of reference range", title_justify="left")
     table.add_column("compensator")

@@ -41,13 +41,7 @@ _NOTE = (
 
 
 def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Report:
-    """The page of an experiment.
-
-    Parameters
-    ----------
-    figures : dict of str to Figure
-        From `experiment_figures`.
-    """
+    """The page of an experiment."""
     pictures = pictures_of(figures, _CAPTIONS)
     held = Table(
         caption="Holds: change of tension at the held end, and travel of its motor",

@@ -44,8 +44,8 @@ class RigSpec:
     # load_stiffness_N_per_m, hold_stiffness_N_per_m: springs of the modes L and A_h [N/m]
     load_stiffness_N_per_m: float
     hold_stiffness_N_per_m: float
-    # act_damping_N_s_per_m, load_damping_N_s_per_m, hold_damping_N_s_per_m: dampers of the modes A and A_f, L, A_h [N
-    # s/m]
+    # act_damping_N_s_per_m, load_damping_N_s_per_m, hold_damping_N_s_per_m: dampers of the modes A and A_f, L, A_h
+    # [N s/m]
     act_damping_N_s_per_m: float
     load_damping_N_s_per_m: float
     hold_damping_N_s_per_m: float

@@ -92,8 +92,6 @@ def nearest_column(name: str, names: Sequence[str]) -> str:
 
     Parameters
     ----------
-    name : str
-        What was looked for.
     names : sequence of str
         The file's columns.
     """

@@ -20,8 +20,6 @@ def suggestion(name: str, valid: Sequence[str]) -> str:
 
     Parameters
     ----------
-    name : str
-        What the user wrote.
     valid : sequence of str
         What could have been meant.
     """

@@ -237,13 +237,7 @@ class CsvStream:
 
 @contextmanager
 def open_csv(path: Path, names: Sequence[str]) -> Iterator[CsvStream]:
-    """Write a CSV file block by block, whole or not at all.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Header.
-    """
+    """Write a CSV file block by block, whole or not at all."""
     with atomic_file(path) as partial, partial.open("wb") as stream:
         yield CsvStream(stream, names)
 

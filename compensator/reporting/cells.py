@@ -48,8 +48,6 @@ def format_cell(cell: Cell, digits: int = 3, decimals: int | None = None) -> str
 
     Parameters
     ----------
-    digits : int, optional
-        Significant digits of a float.
     decimals : int, optional
         Decimals of its column, instead.
     """

@@ -150,15 +150,7 @@ def pictures_of(figures: Mapping[str, Figure], captions: Mapping[str, str]) -> d
 
 
 def provenance_of(scenario: Scenario, command: str, options: str = "") -> Provenance:
-    """Provenance of a command that was given a scenario and a folder.
-
-    Parameters
-    ----------
-    command : str
-        Its name.
-    options : str, optional
-        Further options.
-    """
+    """Provenance of a command that was given a scenario and a folder."""
     return Provenance(
         scenario=scenario, command=f"tendonff {command} {scenario.source.name} --out DIR {options}".strip()
     )

@@ -87,8 +87,6 @@ def run_compiler(compiler: tuple[str, ...], arguments: Sequence[str], folder: Pa
     ----------
     compiler : tuple of str
         From `find_compiler`.
-    folder : Path, optional
-        Where it runs.
     """
     environment = dict(os.environ)
     if compiler[1:3] == _PACKAGED[:2]:  # it would leave its caches where it runs

@@ -28,8 +28,6 @@ def cross_compile(target: Target, sources: Sequence[str], folder: Path) -> bytes
 
     Parameters
     ----------
-    sources : sequence of str
-        File names.
     folder : Path
         Where they are, with their headers.
 

@@ -12,13 +12,7 @@ _MARK = re.compile(r"\.(?P<host>[0-9a-f]{8})-(?P<process>\d+)-[0-9a-f]{12}\.part
 
 
 def temporary_name(stem: str) -> str:
-    """A new name for something that is not complete yet.
-
-    Parameters
-    ----------
-    stem : str
-        What it will be.
-    """
+    """A new name for something that is not complete yet."""
     return f".{stem[:80]}.{_host()}-{os.getpid()}-{uuid.uuid4().hex[:12]}.partial"
 
 

@@ -70,11 +70,6 @@ OPERATORS: dict[int, Operator] = {
 def operator(op: int, law: str) -> Operator:
     """What is known about an operation of a CasADi tape.
 
-    Parameters
-    ----------
-    law : str
-        For the message.
-
     Raises
     ------
     CodeError
@@ -86,13 +81,7 @@ def operator(op: int, law: str) -> Operator:
 
 
 def literal(value: float, precision: Precision) -> str:
-    """A C literal that reads back as the same number: 17 significant digits, or 9 and a suffix for float.
-
-    Parameters
-    ----------
-    value : float
-        Finite.
-    """
+    """A C literal that reads back as the same number: 17 significant digits, or 9 and a suffix for float."""
     digits, suffix = ("9", "f") if precision is Precision.FLOAT else ("17", "")
     text = format(value, f".{digits}g")
     if not any(mark in text for mark in ".en"):

@@ -91,8 +91,6 @@ def solve(
 
     Parameters
     ----------
-    evaluate : callable
-        Residuals at given values.
     most : int, optional
         Largest number of evaluations.
 

@@ -80,7 +80,6 @@ def output_from_input(values: Mapping[StaticParameter, float], input_N: Array, f
     Parameters
     ----------
     input_N : ndarray, shape (n,)
-        Measured input.
     first_output_N : float
         Measured output at the first sample: the memory starts there, within its bounds.
     """
@@ -97,7 +96,6 @@ def input_from_output(
     Parameters
     ----------
     output_N : ndarray, shape (n,)
-        Measured output.
     input_m : ndarray, shape (n,)
         Measured position of the input end, positive towards the actuator; the guide's force is zero at 0.
     first_input_N : float

@@ -43,9 +43,6 @@ def find_holds(reference_N: Array, step_s: float) -> tuple[tuple[int, int], ...]
     Parameters
     ----------
     reference_N : ndarray, shape (n,)
-        Wanted tension [N].
-    step_s : float
-        Time between rows [s].
     """
     near = AT_REST * float(np.ptp(reference_N))
     resting = np.concatenate([[False], np.diff(reference_N) == 0, [False]])
@@ -71,9 +68,6 @@ def last_approach(reference_N: Array, step_s: float) -> tuple[int, int] | None:
     Parameters
     ----------
     reference_N : ndarray, shape (n,)
-        Wanted tension [N].
-    step_s : float
-        Time between rows [s].
     """
     away = np.flatnonzero(np.abs(reference_N - reference_N[-1]) > AT_REST * float(np.ptp(reference_N)))
     start, end = (int(away[-1]) + 1 if away.size else 0), len(reference_N) - 1

@@ -19,8 +19,6 @@ def tension_of_motion(
     ----------
     position_m : ndarray, shape (n,)
         Wanted position relative to the start [m], positive towards the actuator, at 0, h, 2 h ...
-    step_s : float
-        h [s].
     initial_tension_N : float
         Uniform tension of the start at rest [N].
     periodic : bool, optional

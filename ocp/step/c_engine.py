@@ -75,8 +75,6 @@ def places_of(chain: Chain, time_s: float, step_s: float, rows: int) -> list[Arr
 
     Parameters
     ----------
-    time_s : float
-        The instant [s].
     rows : int
         Steps.
 

@@ -112,8 +112,6 @@ def path_moves(chain: Chain, places: Array, step_s: float, *, fresh: bool) -> Ar
     ----------
     places : ndarray, shape (rows + 2, 3 N + 3)
         Rows of `PathRows.table`, the first one step before the start.
-    step_s : float
-        h [s].
     fresh : bool
         The first step is implicit Euler.
 

@@ -60,8 +60,6 @@ class CasadiTangent:
         ----------
         x : ndarray, shape (size,)
             State before the first step.
-        time_s : float
-            When that is [s].
         inputs : ChainInputs, rows + 1 of them
             At that state, then at the ends of the steps.
         start : ndarray, shape (size, d)

@@ -35,8 +35,6 @@ def chain_specialiser(
     ----------
     weights : tuple
         Rows of the scheme.
-    prefix : str
-        Prefix of every C name.
     contact : Contact, optional
         On a path in sections; then a link is the whole tendon, or with `whole` unset its ratio is unknown.
     free : tuple of str, optional

@@ -74,8 +74,6 @@ def law_calls(
 
     Parameters
     ----------
-    prefix : str
-        Prefix of every C name.
     laws : mapping of str to SpecialisedLaw
         By their names; those of an end mass that differ between the ends with "_near" or "_far" behind.
     own_names : tuple of str, optional
@@ -174,13 +172,7 @@ class StepCode:
         return (base, *links, *own, *((name, f"{n} + 2") for name in masses), *extra)
 
     def render(self, template: str) -> str:
-        """One of the templates in `ocp/step/templates`, filled in.
-
-        Parameters
-        ----------
-        template : str
-            File name.
-        """
+        """One of the templates in `ocp/step/templates`, filled in."""
         limits, precision, states = self.limits, self.precision, self.layout
         enter = f"const {self.prefix}_weights *const c = given;\n    (void)c;"
         if self.host:  # a copy that nothing can change lets the compiler keep the numbers in registers

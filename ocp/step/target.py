@@ -79,8 +79,6 @@ def inverse_code(
 
     Parameters
     ----------
-    step_s : float
-        h [s].
     prefix : str
         Prefix of every C name in the file.
     settable : bool, optional
@@ -128,8 +126,6 @@ def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -
 
     Parameters
     ----------
-    step_s : float
-        h [s].
     prefix : str
         Prefix of every C name in the file.
     """

@@ -204,11 +204,6 @@ def tanh_fraction(most: float, rounding: float) -> tuple[list[int], list[int]]:
     """Polynomials P, Q in y = x^2, lowest power first, with tanh x = x P/Q to rounding for abs(x) <= `most`.
 
     Convergents of the continued fraction x/(1 + y/(3 + y/(5 + ...))) lie on both sides of tanh in turn.
-
-    Parameters
-    ----------
-    rounding : float
-        Relative error allowed.
     """
     y, rows = Fraction(most) ** 2, [([0], [1]), ([1], [1])]
     while True:

@@ -64,13 +64,7 @@ class StreamFilter:
 
 
 def corner_per_sample(transmission: Transmission, step_s: float) -> float:
-    """Frequency above which inertia decides the force, times the step [-].
-
-    Parameters
-    ----------
-    step_s : float
-        h [s].
-    """
+    """Frequency above which inertia decides the force, times the step [-]."""
     t = transmission
     mass = t.actuator.mass_kg + t.tendon.mass_kg + t.load.mass_kg
     compliance = 1 / t.load.stiffness_N_per_m + 1 / t.tendon.stiffness_N_per_m

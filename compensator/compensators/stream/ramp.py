@@ -35,8 +35,6 @@ class Ramp:
         ----------
         force_N, tension_N : ndarray, shape (n,)
             Exact force, and the tension that it gives [N].
-        step_s : float
-            h [s].
         start_N : float
             Tension at rest before [N].
         """

@@ -122,8 +122,6 @@ def quantised(tension_N: FloatArray, resolution_N: float) -> FloatArray:
     Parameters
     ----------
     tension_N : ndarray, shape (n,)
-    resolution_N : float
-        Step of the converter [N].
     """
     noise = np.random.default_rng(0).integers(-1, 2, len(tension_N))
     rough: FloatArray = (np.round(tension_N / resolution_N) + noise) * resolution_N

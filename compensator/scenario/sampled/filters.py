@@ -66,12 +66,8 @@ def noise_advice(
     ----------
     tension_N : ndarray, shape (n + 1,)
         Samples as they were taken.
-    step_s : float
-        Time between them [s].
     force_of : callable
         The inverse: wanted tension [N], shape (n + 1,), to force [N], shape (n + 1,).
-    file : str
-        Name for the message.
     share : float
         How much of the force's range the noise may make up before it is worth a warning [-].
 
@@ -141,8 +137,6 @@ def ripple_advice(force_N: FloatArray, step_s: float, interval_s: float, *, file
         Force of the inverse [N].
     step_s, interval_s : float
         Time between its rows, and between the samples of the reference [s].
-    file : str
-        Name for the message.
 
     Returns
     -------

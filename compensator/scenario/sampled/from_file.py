@@ -42,11 +42,6 @@ class Samples:
 def read_samples(spec: CsvReference, path: Path, step_s: float) -> Samples:
     """Read the trace of a reference.
 
-    Parameters
-    ----------
-    step_s : float
-        Step of the run [s].
-
     Raises
     ------
     InputError
@@ -127,7 +122,6 @@ def resample(
     Parameters
     ----------
     time_s : ndarray, shape (n,)
-        Grid of the run [s].
     file : str
         Name of the scenario file, for messages.
     """

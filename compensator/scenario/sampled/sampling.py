@@ -218,7 +218,6 @@ def keep_taut(tension_N: FloatArray, least_N: float | None) -> tuple[FloatArray,
     Parameters
     ----------
     tension_N : ndarray, shape (n,)
-        Wanted tension [N].
     least_N : float or None
         Tension to be kept [N]; None: 2 % of the range where the reference touches zero, else none.
     """

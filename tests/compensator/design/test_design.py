@@ -195,6 +195,7 @@ def test_a_reference_out_of_reach_gets_the_best_profile_and_is_refused_where_des
 def test_a_really_measured_trace_can_be_the_reference(examples, measured_data, tmp_path):
     """A band brake's tension, scaled to the finger's range: noisy as measured, and conditioned."""
     trace = pd.read_csv(measured_data / "band_capstan" / "dataset4_harmonic.csv")
+    trace = trace[trace["time_s"] <= 4]
     tension = trace["input_tension_N"]
     scaled = 15 + 40 * (tension - tension.min()) / (tension.max() - tension.min())
     pd.DataFrame({"time_s": trace["time_s"], "tension_N": scaled}).to_csv(tmp_path / "trace.csv", index=False)
@@ -215,7 +216,8 @@ def test_a_really_measured_trace_can_be_the_reference(examples, measured_data, t
 @pytest.fixture(scope="module")
 def uncertain(examples: Path) -> Design:
     scenario = load_scenario(examples / "finger.toml")
-    return design(replace(scenario, robust=Uncertainty(mu=0.15, bristle_stiffness=0.2, samples=4)))
+    uncertainty = Uncertainty(mu=0.15, bristle_stiffness=0.2, samples=4)
+    return design(replace(scenario, reference=replace(scenario.reference, duration_s=2.0), robust=uncertainty))
 
 
 def test_under_uncertainty_every_compensator_gets_an_error_band(uncertain):

@@ -52,7 +52,8 @@ def test_the_load_that_is_switched_on_at_the_start_is_left_out_with_a_message(gr
 
 def test_without_the_motion_the_message_names_the_columns_that_were_not_read(scenario, measured_data):
     how = Measurement(input_column="input_torque_Nm", output_column="output_torque_Nm")
-    fit, judge = (sorted((measured_data / "davinci_tool4" / part).glob("*.csv")) for part in ("identify", "validate"))
+    folder = measured_data / "davinci_tool4"
+    fit, judge = (sorted((folder / part).glob("*.csv"))[:2] for part in ("identify", "validate"))
     found = identify(replace(scenario, measurement=how), fit, judge, static_only=True)
     assert not found.described
     [message] = [w for w in found.warnings if "no law explains" in w]
