@@ -20,6 +20,7 @@ from tendonff.compensator.identification.fitting.static import FileError
 from tendonff.compensator.identification.fitting.uncertainty import (
     expected_errors,
     slopes_over_all,
+    with_common_errors,
     with_floors,
     with_other_laws,
 )
@@ -229,7 +230,7 @@ def fit_dynamic(
     every = (*task.free, *(n for n in D if n not in task.free))
     slopes = slopes_over_all(quick, every)
     files = () if slopes is None else file_estimates(quick, slopes, solution)
-    solution, concentration = with_other_laws(solution, slopes, every, quick)
+    solution, concentration = with_other_laws(with_common_errors(solution), slopes, every, quick)
     solution = with_floors(with_scatter(solution, files), mean_N)
     return DynamicFit(
         model=replace(task.model, count=transmission.path.segments),

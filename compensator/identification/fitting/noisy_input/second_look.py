@@ -48,9 +48,12 @@ def look_again(
     told = with_input_estimated(
         wide, replace(solution, values=at, residuals=residuals_of(wide, at)), rounds=1, signed=True
     )
+    if len(told.covariance) != len(free):  # the chain failed on the way
+        return law, task, solution
+    own = task.model.values()
     values, covariance, dropped = told.values, told.covariance, set[DynamicParameter]()
     for name, sure in ((D.OUTPUT_BIAS, SURE_OF_OFFSET), (D.ADHESION, SURE_OF_ADHESION)):
-        if name in free and not _size(name, values[name]) > sure * _error(covariance, free, name):
+        if name in free and own[name] == 0 and not _size(name, values[name]) > sure * _error(covariance, free, name):
             values, covariance = _without(values, covariance, free.index(name))
             dropped.add(name)
     symmetric = task.model.symmetric and _is_symmetric(values, covariance, free)
@@ -65,6 +68,8 @@ def look_again(
     )
     at = {str(name): float(values[name]) for name in kept}
     found = with_input_estimated(chosen, replace(solution, values=at, residuals=residuals_of(chosen, at)))
+    if len(found.covariance) != len(kept):
+        return law, task, solution
     return _renamed(law, chosen, found), chosen, found
 
 
