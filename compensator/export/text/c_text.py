@@ -96,18 +96,7 @@ def folder_files(
     prefix: str,
     further: Mapping[str, Any],
 ) -> dict[str, str]:
-    """What an exported folder holds beside the sources of its modules, by file name.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    problem : Problem
-    modules : sequence of CModule
-    precision : Precision
-    prefix : str
-    further : mapping
-        What the templates need beyond scenario and level.
-    """
+    """What an exported folder holds beside the sources of its modules, by file name; arguments as of `c_sources`."""
     context = _context(scenario, problem, modules, precision, prefix, further) | dict(further)
     # Structured Text has the law with one dead band.
     packable = [m.name for m in modules if m.name != "capstan" or context["plays"] is None]
