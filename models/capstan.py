@@ -46,7 +46,7 @@ class Branch(StrEnum):
     RELEASE = "release"
 
 
-def _play_history(start: float, low: Array, high: Array) -> Array:
+def held_within(start: float, low: Array, high: Array) -> Array:
     """Play operator over a history: each value is the one before it, clipped to the bounds of its instant.
 
     Clips compose to clips, so all histories up to 1, 2, 4 ... instants are composed at once; nothing is rounded.
@@ -181,10 +181,10 @@ class CapstanLaw:
         start = history[0] if initial_output_N is None else initial_output_N
         if self.plays is None:
             lows, highs = self.output_bounds_N(history)
-            return np.maximum(_play_history(start, lows, highs), 0.0)
+            return np.maximum(held_within(start, lows, highs), 0.0)
         p = self.adhesion_N
         held = [
-            _play_history(start + p, (history + p) * low, (history + p) * high)
+            held_within(start + p, (history + p) * low, (history + p) * high)
             for low, high in zip(self.plays.low, self.plays.high, strict=True)
         ]
         output: Array = np.maximum(np.mean(held, axis=0) - p, 0.0)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.compensator.files.progress import Progress, silent
+from tendonff.compensator.scenario.optimal import OptimalSettings
 from tendonff.compensator.scenario.reference import Hold
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
@@ -52,6 +53,8 @@ class Problem:
         Which error over the samples counts.
     options : TrackOptions, optional
         What the optimal profile is optimised for.
+    asked : OptimalSettings, optional
+        Whether it is to follow the reference, or what else.
     live : bool, optional
         The reference comes sample by sample, as on a controller: nothing is known ahead, no force is kept, and the
         limits are those of the force.
@@ -65,6 +68,7 @@ class Problem:
     samples: tuple[Sample, ...] = ()
     objective: Objective = Objective.WORST
     options: TrackOptions = TrackOptions()  # noqa: RUF009 - frozen
+    asked: OptimalSettings = OptimalSettings()  # noqa: RUF009 - frozen
     live: bool = False
     model: Chain | None = None
 
@@ -99,6 +103,7 @@ class Problem:
             samples=samples if len(samples) > 1 else (),
             objective=scenario.robust.objective,
             options=options or TrackOptions(**scenario.optimal.given),  # type: ignore[arg-type]
+            asked=scenario.optimal,
         )
 
     @cached_property

@@ -4,11 +4,22 @@ Here, and nowhere else, it is decided whether the profile is made for the nomina
 scenario's uncertainty admits.
 """
 
-from tendonff.compensator.compensators.base import CModule, Compensator, Problem, Profile, ProfileStatus, Style
+from tendonff.compensator.compensators.base import (
+    CModule,
+    Compensator,
+    FloatArray,
+    Problem,
+    Profile,
+    ProfileStatus,
+    Style,
+)
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.reporting.colours import VERMILION
 from tendonff.models.chain import Chain
-from tendonff.ocp.tracking.cycle import track_cycle
+from tendonff.ocp.tracking.goals.cycle import track_cycle
+from tendonff.ocp.tracking.goals.preview import track_preview
+from tendonff.ocp.tracking.goals.tolerance import track_band
+from tendonff.ocp.tracking.goals.transition import track_transition
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
 from tendonff.ocp.tracking.robust import POWER, track_robust
 from tendonff.ocp.tracking.track import track
@@ -38,7 +49,7 @@ class Optimal(Compensator):
             force_N=tracking.force_N,
             status=status,
             message="" if status is ProfileStatus.GOOD else tracking.message,
-            warnings=tracking_warnings(tracking),
+            warnings=(*_purpose(problem), *tracking_warnings(tracking)),
             tracking=tracking,
         )
 
@@ -66,6 +77,8 @@ def solve(problem: Problem, *, progress: Progress = silent) -> Tracking:
             power=POWER[problem.objective],
             progress=progress,
         )
+    if problem.asked.goal:
+        return _other_goal(problem, wanted, progress)
     if not problem.samples:
         return track(
             problem.chain,
@@ -88,6 +101,55 @@ def solve(problem: Problem, *, progress: Progress = silent) -> Tracking:
         initial_tension_N=start,
         inversion=problem.inversion,
         progress=progress,
+    )
+
+
+def _other_goal(problem: Problem, wanted_N: FloatArray, progress: Progress) -> Tracking:
+    """What `[optimal]` asks for instead of the least error with all of the reference known."""
+    reference, asked = problem.reference, problem.asked
+    step, start, limits, options = reference.step_s, reference.initial_tension_N, problem.limits, problem.options
+    if asked.least_time:
+        return track_transition(
+            problem.chain,
+            start,
+            float(wanted_N[-1]),
+            len(wanted_N),
+            step,
+            limits,
+            options,
+            tolerance_N=asked.tolerance_N,
+            progress=progress,
+        )
+    if asked.tolerance_N is not None:
+        return track_band(
+            problem.chain,
+            wanted_N,
+            step,
+            limits,
+            asked.tolerance_N,
+            options,
+            initial_tension_N=start,
+            progress=progress,
+        )
+    return track_preview(
+        problem.chain,
+        wanted_N,
+        step,
+        limits,
+        asked.preview_s or 0.0,
+        options,
+        initial_tension_N=start,
+        progress=progress,
+    )
+
+
+def _purpose(problem: Problem) -> tuple[str, ...]:
+    """That the errors against the reference are not what a profile was made for."""
+    if problem.asked.is_followed:
+        return ()
+    asked = problem.asked.goal
+    return (
+        f"optimal: made for {asked}: its errors against the reference are what it was allowed, not what it aims at",
     )
 
 

@@ -98,8 +98,10 @@ def design(
         for plant, found in (*((SimulatedPlant(level=each), verified) for each in Level), (fine, proof)):
             found.append(verify(transmission, plant, name, profile, reference))
             parts.done()
-    warnings += _worse_than_nothing([v for v in verified if v.plant.level is level], reference.tension_N)
-    warnings += _promises([v for v in verified if v.plant.level is level], proof, is_robust=bands is not None)
+    judged = [v for v in verified if v.plant.level is level]
+    followed = [v for v in judged if problem.asked.is_followed or v.compensator != "optimal"]
+    warnings += _worse_than_nothing(followed, reference.tension_N)
+    warnings += _promises(judged, proof, is_compared=bands is None and problem.asked.is_followed)
     warnings += slack_warnings({(v.compensator, v.plant.level.value): v.slack for v in verified if v.slack})
     result = Design(
         scenario=scenario,
@@ -134,10 +136,10 @@ _KEPT = 2.0  # times the error on the design level that the finer chain may leav
 _SMALL = 0.5  # % of range: errors below this are not worth a word
 
 
-def _promises(designed: Sequence[Verified], proof: Sequence[Verified], *, is_robust: bool) -> list[str]:
+def _promises(designed: Sequence[Verified], proof: Sequence[Verified], *, is_compared: bool) -> list[str]:
     """Profiles that leave far more on the finer chain than where they were designed, and what beats the optimal one.
 
-    A robust profile is not meant to be best with the nominal parameters.
+    A robust profile, and one with another goal, is not meant to be best with the nominal parameters.
     """
     found = []
     for here, fine in zip(designed, proof, strict=True):
@@ -150,7 +152,7 @@ def _promises(designed: Sequence[Verified], proof: Sequence[Verified], *, is_rob
     scores = {v.compensator: v.score for v in proof}
     best = min(scores, key=lambda name: scores[name].rmse_N)
     if (
-        not is_robust
+        is_compared
         and "optimal" in scores
         and scores["optimal"].rmse_N > max(1.02 * scores[best].rmse_N, 1e-3 * _SMALL)
     ):

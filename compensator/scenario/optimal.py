@@ -1,6 +1,8 @@
-"""Table [optimal]: what the optimal profile is asked for beside following the reference."""
+"""Table [optimal]: what the optimal profile is asked for beside, or instead of, following the reference."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from typing import ClassVar
 
 from tendonff.models.errors import ParameterError, require, require_given, require_whole
 
@@ -28,6 +30,14 @@ class OptimalSettings:
     restarts : int, optional
         Searches from the profile that was found, moved in time, that may be in vain before the search ends, 0 to 100.
         Default 5, on long horizons 0.
+    tolerance_N : float, optional
+        Least effort: the output may be so far off the reference [N], > 0, and the force travels as little as can be.
+        With `least_time`, how near the output has to stay at the end; default there 1 % of the change.
+    least_time : bool, optional
+        Bring the output from the first to the last tension of the reference in the least time, and keep it there; what
+        the reference does in between does not count.
+    preview_s : float, optional
+        The reference is known only so far ahead [s], > 0: what the best controller with that preview could do.
     """
 
     minimum_tension_N: float | None = None
@@ -37,6 +47,11 @@ class OptimalSettings:
     static_weight: float | None = None
     max_iterations: int | None = None
     restarts: int | None = None
+    tolerance_N: float | None = None
+    least_time: bool | None = None
+    preview_s: float | None = None
+
+    _GOALS: ClassVar = ("tolerance_N", "least_time", "preview_s")
 
     def __post_init__(self) -> None:
         for name in ("minimum_tension_N", "effort_weight", "travel_weight", "static_weight"):
@@ -52,8 +67,39 @@ class OptimalSettings:
             require_whole("max_iterations", self.max_iterations, least=3, most=10000, hint="400 is a good start")
         if self.restarts is not None:
             require_whole("restarts", self.restarts, least=0, most=100, hint="5 is a good start")
+        require_given("tolerance_N", self.tolerance_N, above=0, hint="leave it out to follow the reference")
+        require_given("preview_s", self.preview_s, above=0, hint="leave it out where all is known ahead")
+        if self.preview_s is not None and (self.least_time or self.tolerance_N is not None):
+            raise ParameterError(
+                f"preview_s = {self.preview_s:g} does not go with least_time or tolerance_N: with preview the "
+                "reference itself is followed; leave one of them out"
+            )
 
     @property
     def given(self) -> dict[str, float | int]:
-        """The keys that are set."""
-        return {f.name: value for f in fields(self) if (value := getattr(self, f.name)) is not None}
+        """The options of the search that are set."""
+        names = (f.name for f in fields(self) if f.name not in self._GOALS)
+        return {name: value for name in names if (value := getattr(self, name)) is not None}
+
+    @property
+    def goal(self) -> str:
+        """The key that asks for something else than the least error with all known ahead; empty where none does."""
+        asked = (("least_time", self.least_time), ("tolerance_N", self.tolerance_N), ("preview_s", self.preview_s))
+        return next((name for name, value in asked if value), "")
+
+    @property
+    def is_followed(self) -> bool:
+        """The optimal profile is meant to have the least error against the reference."""
+        return self.goal in ("", "preview_s")
+
+    def require_alone(self, others: Mapping[str, bool]) -> None:
+        """Refuse a goal beside what it is not made for.
+
+        Parameters
+        ----------
+        others : mapping of str to bool
+            What the scenario has, in words, and whether it has.
+        """
+        for name, present in others.items():
+            if self.goal and present:
+                raise ParameterError(f"[optimal] {self.goal} does not go with {name}; leave one of them out")

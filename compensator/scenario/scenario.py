@@ -177,7 +177,7 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
             raise InputError(
                 f'{file}: the joint "{joint}" is named but not given (given: {given}); add [joints.{joint}]'
             )
-    return Scenario(
+    scenario = Scenario(
         name=name,
         transmission=transmission,
         reference=_read_reference(raw["reference"], file),
@@ -186,6 +186,16 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
         joints=joints,
         **optional,  # type: ignore[arg-type]
     )
+    others = {
+        "[reference] periodic": scenario.reference.periodic,
+        "[robust]": not scenario.robust.is_certain,
+        "[joints]": bool(joints),
+    }
+    try:
+        scenario.optimal.require_alone(others)
+    except ParameterError as error:
+        raise InputError(f"{file}: {error}") from None
+    return scenario
 
 
 def _path_keys(raw: object, file: str) -> tuple[tuple[Section, ...], object]:

@@ -120,6 +120,8 @@ def evaluate(problem: TrackingProblem, force_N: Array) -> Evaluation:
     for k, static in enumerate(p.static for p in problem.plants):
         if static.weight > 0:
             errors[k] += static.weight * (static.output_N(force_N) - static.wanted_N) ** 2
+    if goal.band is not None:
+        errors += goal.band.weight * np.array([goal.band.outside_N(t[:, -1]) ** 2 for t in tensions])
     weights = np.array([p.weight for p in problem.plants])
     mean, slopes = power_mean(weights * errors.mean(axis=1), goal.power)
     slopes *= weights
@@ -195,6 +197,10 @@ def gauss_newton_model(
         weight = 2 * slope / n
         error = tension[:, -1] - goal.reference_N
         _add_squares(hessian, gradient, output, weight, error, knots, wiped)
+        if goal.band is not None:
+            outside = goal.band.outside_N(tension[:, -1])
+            apart = output * (outside != 0)[:, None]
+            _add_squares(hessian, gradient, apart, goal.band.weight * weight, outside, knots, wiped)
         if plant.static.weight > 0:
             _add_static(hessian, gradient, plant.static, weight, force_N, shape)
         if watched.size:

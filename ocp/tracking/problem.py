@@ -25,6 +25,7 @@ from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.layout import ChainState
 from tendonff.ocp.step.protocol import Array
+from tendonff.ocp.tracking.band import Band
 from tendonff.ocp.tracking.limits import ForceLimits, MotionLimits
 from tendonff.ocp.tracking.motion import APPROACH_S
 from tendonff.ocp.tracking.ratcheting import StaticGoal
@@ -125,6 +126,8 @@ class Goal:
         Mean of order `power` of the plants' mean squared errors: 1 is the mean, large is the worst.
     penalty_N : float
         Cost of a newton outside the tension bounds [N].
+    band : Band, optional
+        Where the output shall be kept.
     """
 
     reference_N: Array
@@ -133,6 +136,12 @@ class Goal:
     least_travel_N: float
     power: float
     penalty_N: float
+    band: Band | None = None
+
+    def rows(self, taken: "slice | np.typing.NDArray[np.int_]") -> "Goal":
+        """The same goal on some rows."""
+        band = None if self.band is None else self.band.rows(taken)
+        return replace(self, reference_N=self.reference_N[taken], band=band)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -327,7 +336,7 @@ class TrackingProblem:
         """
         return replace(
             self,
-            goal=replace(self.goal, reference_N=self.goal.reference_N[rows]),
+            goal=self.goal.rows(rows),
             plants=tuple(
                 replace(p, state=x, static=replace(p.static, start_N=output, wanted_N=p.static.wanted_N[rows]))
                 for p, x, output in zip(self.plants, states, static_N, strict=True)
@@ -347,8 +356,7 @@ class TrackingProblem:
             self,
             step_s=factor * self.step_s,
             goal=replace(
-                self.goal,
-                reference_N=every(self.goal.reference_N, factor),
+                self.goal.rows(_rows(len(self.goal.reference_N), factor)),
                 least_travel_N=factor * self.goal.least_travel_N,
             ),
             plants=tuple(
@@ -365,7 +373,11 @@ def every(values: Array, factor: int) -> Array:
     values : ndarray, shape (n,)
     factor : int
     """
-    return values[np.minimum(np.arange(0, len(values) + factor - 1, factor), len(values) - 1)]
+    return values[_rows(len(values), factor)]
+
+
+def _rows(count: int, factor: int) -> np.typing.NDArray[np.int_]:
+    return np.minimum(np.arange(0, count + factor - 1, factor), count - 1)
 
 
 def travel_N(force_N: Array) -> float:

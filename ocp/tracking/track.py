@@ -95,11 +95,11 @@ def solve_tracking(
     progress : callable, optional
         Callback(completed, total), in iterations.
     """
-    with _BLAS.limit(limits=1):
+    with BLAS.limit(limits=1):
         return _solve(problem, inversion, options, progress)
 
 
-_BLAS = ThreadpoolController().select(user_api="blas")
+BLAS = ThreadpoolController().select(user_api="blas")
 """At the size of these matrices a second thread costs a hundred times what it gives."""
 
 

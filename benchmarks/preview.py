@@ -1,0 +1,42 @@
+"""What preview is worth where the force's rate binds: the best profile with so much of it beside the stream module.
+
+    python benchmarks/preview.py
+
+The example is `finger_fast.toml` at its own rate limit. The stream module receives the reference of a 12 bit converter
+and filters it, the best profile the reference itself.
+"""
+
+import time
+
+from optimise_others import EXAMPLES
+
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.stream.run import choose_stream, over_preview
+from tendonff.compensator.export.text.c_text import accepted_range
+from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.ocp.tracking.goals.preview import track_preview
+from tendonff.ocp.tracking.track import track
+
+PREVIEWS_S = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)
+
+
+def main() -> None:
+    scenario = load_scenario(EXAMPLES / "finger_fast.toml")
+    problem = Problem.of(scenario)
+    reference = problem.reference
+    task = (problem.chain, reference.tension_N, reference.step_s, problem.limits)
+    whole = track(*task)
+    print(f"clipped inverse {whole.clipped_rms_error_N:.3f} N, all known {whole.rms_error_N:.3f} N")
+    choice = choose_stream(problem, scenario.stream, accepted_range(problem))
+    assert choice is not None
+    for preview in PREVIEWS_S:
+        began = time.process_time()
+        best = track_preview(*task, preview)
+        seconds = time.process_time() - began
+        stream = over_preview(problem, choice.picked.design, [preview])
+        reached = f"{stream[0].score.rmse_N:.3f} N" if stream else "no force"
+        print(f"{preview:5.2f} s: best {best.rms_error_N:.3f} N ({seconds:.0f} s), stream {reached}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
