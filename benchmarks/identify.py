@@ -4,9 +4,10 @@ Every rig is an independent plant (`plant.c`: 40 masses, its own discretisation)
 the nominal scenario. Two logs at 1 kHz, the suggested excitation and random strokes, get noise of 0.2 to 1 % of range,
 spikes, gaps and missing cells. Rigs of the group "mismatch" have something besides that no model here knows. Prints,
 for every rig and in sum: errors, share of the 95 % intervals that hold the truth, RMS error of the exact inverse
-designed from the fitted scenario, and how far the fitted scenario's own error is from the one reported.
+designed from the fitted scenario, and how far the fitted scenario's own error is from the one reported. Rigs of the
+group "proximal" have the first group's parameters and no sensor at the far end.
 
-    python benchmarks/identify.py [RIGS_PER_GROUP [FIRST_SEED [RESULTS]]]
+    python benchmarks/identify.py [RIGS_PER_GROUP [FIRST_SEED [RESULTS [GROUP ...]]]]
 
 A rig takes about half a minute; started again, rigs that are in RESULTS (identify.jsonl) are not measured again.
 """
@@ -21,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from identify_bound import bounds
 from independent_plant import Array, Plant
 
 from tendonff.compensator.identification.output import Identification
@@ -43,6 +45,7 @@ NAMES = (
     "relaxing_stiffness_N_per_m",
     "relaxation_time_s",
 )
+GROUPS = ("nominal", "mismatch", "proximal")
 MISMATCHES = ("Stribeck effect", "uneven path", "output offset", "other bristle")
 
 
@@ -105,8 +108,8 @@ def strokes(seed: int, seconds: float = 24.0) -> Array:
     return np.asarray(levels[k] + (levels[k + 1] - levels[k]) * s**3 * (10 - 15 * s + 6 * s * s))
 
 
-def write_log(path: Path, rig: Rig, force_N: Array, seed: int) -> None:
-    """What the rig's logger writes: noise, spikes, two gaps and missing cells."""
+def write_log(path: Path, rig: Rig, force_N: Array, seed: int, *, proximal: bool = False) -> None:
+    """What the rig's logger writes: noise, spikes, two gaps and missing cells; of the near end alone where asked."""
     channels = rig.plant.respond(force_N, SAMPLE_S, float(force_N[0]))
     channels[:, 1] += rig.output_offset_N
     rng = np.random.default_rng([seed, 9])
@@ -121,9 +124,10 @@ def write_log(path: Path, rig: Rig, force_N: Array, seed: int) -> None:
         start = int(rng.uniform(0.3, 0.9) * rows)
         keep[start : start + length] = False
     table = np.column_stack([np.arange(rows) * SAMPLE_S, channels])[keep]
-    names = "time_s,input_tension_N,output_tension_N,input_position_m,output_position_m"
-    lines = [",".join("" if np.isnan(v) else f"{v:.9g}" for v in row) for row in table.tolist()]
-    path.write_text("\n".join([names, *lines]) + "\n", encoding="utf-8")
+    names = ["time_s", "input_tension_N", "output_tension_N", "input_position_m", "output_position_m"]
+    kept = (0, 1, 3) if proximal else range(5)
+    lines = [",".join("" if np.isnan(row[k]) else f"{row[k]:.9g}" for k in kept) for row in table.tolist()]
+    path.write_text("\n".join([",".join(names[k] for k in kept), *lines]) + "\n", encoding="utf-8")
 
 
 def truth_of(transmission: Transmission, name: str) -> float:
@@ -142,23 +146,27 @@ def left_percent(scenario: Scenario, plant: Plant, transmission: Transmission) -
     return float(100 * np.sqrt(np.mean((got - reference.tension_N) ** 2)) / np.ptp(reference.tension_N))
 
 
-def study(nominal: Scenario, seed: int, *, mismatch: bool) -> dict[str, Any]:
+def study(nominal: Scenario, seed: int, group: str) -> dict[str, Any]:
     """One rig: logs, fit, design."""
-    rig = drawn(nominal.transmission, seed, mismatch=mismatch)
+    rig = drawn(nominal.transmission, seed, mismatch=group == "mismatch")
     excitation = suggest(nominal)
     times = np.arange(0, excitation.time_s[-1], SAMPLE_S)
     with tempfile.TemporaryDirectory() as folder:
         logs = [Path(folder) / f"log{k}.csv" for k in (1, 2)]
         forces = (np.interp(times, excitation.time_s, excitation.force_N), strokes(seed))
         for k, (log, force) in enumerate(zip(logs, forces, strict=True)):
-            write_log(log, rig, force, 10 * seed + k)
+            write_log(log, rig, force, 10 * seed + k, proximal=group == "proximal")
         start = time.perf_counter()
         found = identify(nominal, logs)
         seconds = time.perf_counter() - start
     fitted = replace(nominal, transmission=found.scenario.transmission, run=found.scenario.run)
+    bound = None
+    if group != "proximal" and rig.plant.transmission.friction.adhesion_N > 0:
+        clean = [rig.plant.respond(force, SAMPLE_S, float(force[0])) for force in forces]
+        bound = bounds(rig.plant.transmission, rig.noise, clean, SAMPLE_S)["adhesion_N"]
     return {
         "seed": seed,
-        "group": "mismatch" if mismatch else "nominal",
+        "group": group,
         "mismatch": rig.mismatch,
         "noise": rig.noise,
         "seconds": seconds,
@@ -167,6 +175,8 @@ def study(nominal: Scenario, seed: int, *, mismatch: bool) -> dict[str, Any]:
         "replay_percent": getattr(found, "replay_percent", None),
         "left_percent": left_percent(fitted, rig.plant, fitted.transmission),
         "left_nominal_percent": left_percent(nominal, rig.plant, nominal.transmission),
+        "left_true_percent": left_percent(nominal, rig.plant, rig.plant.transmission),
+        "adhesion_bound_N": bound,
         "values": {name: _value(found, rig, name) for name in NAMES},
     }
 
@@ -206,6 +216,8 @@ def summary(rows: Sequence[dict[str, Any]]) -> Iterable[str]:
     yield f"{rows[0]['group']}: {len(rows)} rigs, median time {np.median([r['seconds'] for r in rows]):.0f} s"
     above = int((left > 0.6).sum())
     yield f"  design leaves {np.median(left):.2f} % (median), {left.max():.2f} % (worst), above 0.6 %: {above}"
+    known = np.array([row["left_true_percent"] for row in rows])
+    yield f"  with the true values it leaves {np.median(known):.2f} % (median), {known.max():.2f} % (worst)"
     every: list[bool] = []
     for name in NAMES:
         values = [row["values"][name] for row in rows if row["values"][name]["interval"] is not None]
@@ -220,37 +232,51 @@ def summary(rows: Sequence[dict[str, Any]]) -> Iterable[str]:
             f"  {name:32s} in {len(values):3d}  median error {scale * np.median(off):6.3f} {unit}  largest "
             f"{scale * max(off):6.2f} {unit}  truth in the interval {100 * np.mean(inside):5.1f} %"
         )
+    told = [abs(r["values"]["mu_dynamic"]["estimate"] / r["values"]["mu_dynamic"]["truth"] - 1) for r in rows]
+    yield f"  mu_dynamic within 3 %: {sum(x <= 0.03 for x in told)} of {len(told)}"
+    unknown = {name: sum(not row["values"][name]["identifiable"] for row in rows) for name in NAMES}
+    yield "  not identifiable: " + (
+        ", ".join(f"{name} in {count}" for name, count in unknown.items() if count) or "none"
+    )
     yield f"  truth in the interval: {100 * np.mean(every):.1f} % of {len(every)} values"
-    rubbing = [row["values"]["adhesion_N"] for row in rows if row["values"]["adhesion_N"]["truth"] > 0]
+    rubbing = [row for row in rows if row["values"]["adhesion_N"]["truth"] > 0 and row.get("adhesion_bound_N")]
     if rubbing:
-        close = [abs(v["fitted"] / v["truth"] - 1) <= 0.2 for v in rubbing]
+        close = []
+        for row in rubbing:
+            adhesion = row["values"]["adhesion_N"]
+            truth, error = adhesion["truth"], adhesion["fitted"] / adhesion["truth"] - 1
+            close.append(abs(error) <= 0.2)
+            yield (
+                f"    rig {row['seed']:3d}: noise {100 * row['noise']:.2f} %, adhesion {truth:.2f} N, least error "
+                f"{100 * row['adhesion_bound_N'] / truth:4.1f} %, error {100 * error:+6.1f} %"
+            )
         yield f"  adhesion in fitted.toml within 20 %: {sum(close)} of {len(close)}"
     off = [abs(row["replay_percent"] / row["fit_percent"] - 1) for row in rows if row["replay_percent"]]
     yield f"  fitted.toml simulated again, within 5 % of its error: {sum(x <= 0.05 for x in off)} of {len(off)}"
 
 
-def measured(results: Path, rigs: range) -> list[dict[str, Any]]:
-    """Rows of all rigs in both groups; those that `results` has already are taken from it, the others join it."""
+def measured(results: Path, rigs: range, groups: Sequence[str]) -> list[dict[str, Any]]:
+    """Rows of all rigs in these groups; those that `results` has already are taken from it, the others join it."""
     rows = [json.loads(text) for text in results.read_text().splitlines()] if results.exists() else []
     done = {(row["seed"], row["group"]) for row in rows}
     nominal = load_scenario(EXAMPLES / "finger.toml")
     for seed in rigs:
-        for group in ("nominal", "mismatch"):
+        for group in groups:
             if (seed, group) not in done:
-                rows.append(study(nominal, seed, mismatch=group == "mismatch"))
+                rows.append(study(nominal, seed, group))
                 print(line(rows[-1]), flush=True)
                 with results.open("a", encoding="utf-8") as file:
                     print(json.dumps(rows[-1]), file=file)
     return [row for row in rows if row["seed"] in rigs]
 
 
-def main(count: int, first: int, results: Path) -> None:
-    rows = measured(results, range(first, first + count))
-    for group in ("nominal", "mismatch"):
+def main(count: int, first: int, results: Path, groups: Sequence[str]) -> None:
+    rows = measured(results, range(first, first + count), groups)
+    for group in groups:
         print("\n".join(summary([row for row in rows if row["group"] == group])))
 
 
 if __name__ == "__main__":
     _, *words = sys.argv
-    rigs, first_seed, file = (*words, *("25", "0", "identify.jsonl")[len(words) :])
-    main(int(rigs), int(first_seed), Path(file))
+    rigs, first_seed, file = (*words[:3], *("25", "0", "identify.jsonl")[len(words[:3]) :])
+    main(int(rigs), int(first_seed), Path(file), words[3:] or GROUPS)

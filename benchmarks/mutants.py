@@ -1,6 +1,6 @@
 """Count the mutants of the exported C that the shipped self test kills.
 
-Run: python benchmarks/mutants.py examples/finger.toml [--precision float] [--count 90]
+Run: python benchmarks/mutants.py examples/finger.toml [--precision float] [--count 90] [--first 0]
 
 Safety mutants (limits, rate, clamps, guards, status bits, data) are listed below and must all die. Random mutants
 change one operator or constant of a module; one that survives counts as observable where its answers to a random course
@@ -8,6 +8,7 @@ of references, jumps, holds and bad inputs differ from the original's by more th
 """
 
 import argparse
+import hashlib
 import random
 import re
 import shutil
@@ -159,8 +160,8 @@ OPERATORS = {
 }  # fmt: skip
 
 
-def random_mutants(files: dict[str, str], count: int, seed: int) -> Iterator[Mutant]:
-    """Single changes of operators and constants in the code of the modules, comments apart."""
+def random_mutants(files: dict[str, str], count: int, seed: int, first: int = 0) -> Iterator[Mutant]:
+    """Single changes of operators and constants in the code of the modules, comments apart, in random order."""
     chosen = random.Random(seed)  # noqa: S311 - nothing secret
     places = []
     for name, text in files.items():
@@ -170,7 +171,8 @@ def random_mutants(files: dict[str, str], count: int, seed: int) -> Iterator[Mut
         for operator in OPERATORS:
             places += [(name, m.start(), operator) for m in re.finditer(re.escape(operator), bare)]
         places += [(name, m.start(), m[0]) for m in re.finditer(r"(?<![\w.\[])\d+\.\d[\d.e+-]*f?", bare)]
-    for name, place, old in chosen.sample(places, min(count, len(places))):
+    chosen.shuffle(places)
+    for name, place, old in places[first : first + count]:
         text = files[name]
         new = OPERATORS.get(old) or f"(tff_real)1.01 * {old}" if float_of(old) != 0 else "(tff_real)0.01"
         line = text[:place].count("\n") + 1
@@ -190,13 +192,18 @@ def float_of(text: str) -> float:
 
 
 def build(folder: Path, main: str, target: str, defines: tuple[str, ...] = ()) -> Path | None:
-    """Compile; None where the compiler refuses."""
-    sources = sorted(str(p) for p in folder.glob("tff_*.c"))
-    done = subprocess.run(
-        ["cc", *FLAGS, *defines, "-I", str(folder), str(folder / main), *sources, "-lm", "-o", str(folder / target)],
-        capture_output=True,
-        check=False,
-    )
+    """Compile; None where the compiler refuses. A file that is as before, headers included, keeps its object."""
+    headers = b"".join(path.read_bytes() for path in sorted(folder.glob("*.h")))
+    objects = []
+    for source in [folder / main, *sorted(folder.glob("tff_*.c"))]:
+        key = hashlib.sha256(b"\0".join([repr(defines).encode(), headers, source.read_bytes()])).hexdigest()
+        made = folder / f"{key}.o"
+        if not made.exists():
+            command = ["cc", *FLAGS, *defines, "-I", str(folder), "-c", str(source), "-o", str(made)]
+            if subprocess.run(command, capture_output=True, check=False).returncode != 0:
+                return None
+        objects.append(str(made))
+    done = subprocess.run(["cc", *objects, "-lm", "-o", str(folder / target)], capture_output=True, check=False)
     return folder / target if done.returncode == 0 else None
 
 
@@ -235,6 +242,7 @@ def main() -> int:
     parser.add_argument("--precision", choices=("double", "float"), default="double")
     parser.add_argument("--count", type=int, default=90)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--first", type=int, default=0, help="random mutants to pass over, of the same seed")
     options = parser.parse_args()
     scenario = tf.load_scenario(options.scenario)
     exported = tf.export_c(scenario, precision=tf.Precision(options.precision), force_export=True)
@@ -264,7 +272,7 @@ def main() -> int:
             (folder / mutant.file).write_text(exported.files[mutant.file])
         print(f"safety mutants: {len(listed) - len(alive)} of {len(listed)} die; alive: {alive or 'none'}")
         killed, equal, seen = 0, 0, []
-        for mutant in random_mutants(exported.files, options.count, options.seed):
+        for mutant in random_mutants(exported.files, options.count, options.seed, options.first):
             if survives(mutant):
                 program = build(folder, "driver.c", "driver", defines)
                 if program is not None and differ(expected, answers(program), relative):

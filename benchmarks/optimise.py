@@ -9,10 +9,10 @@ the tension error subject to range and rate of the force. The others are in `opt
 
 * Opti + IPOPT: direct collocation (Radau, degree 2), CasADi's plain Opti stack, expanded.
 * rockit and do-mpc: the same through these packages (pip install "tendonff[benchmark]"), left out where they are not
-  installed. acados is on no package index; it is built from source.
+  installed. acados itself is on no package index; it is built from source.
 
 Errors are those of the profile replayed on N = 40 at a tenth of a millisecond, in per cent of the reference's range.
-Times are of the clock; ours includes nothing cached but the compiled stepper.
+Times are seconds of CPU; ours includes nothing cached but the compiled stepper.
 
 Distances are root ratios of the goal (error, travel of the force, static law) to the best that a long search from
 moved profiles with finer knots finds, on the fast finger and on random rigs of the tests.
@@ -24,7 +24,7 @@ import time
 from dataclasses import replace
 
 import numpy as np
-from optimise_others import EXAMPLES, Array, Problem, do_mpc, finger, line, opti, rockit
+from optimise_others import EXAMPLES, Array, Problem, do_mpc, finger, opti, ours, rockit
 from random_rigs import random_problem
 
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
@@ -45,11 +45,6 @@ HOPS = int(os.environ.get("TENDONFF_HOPS", "60"))
 RIGS = int(os.environ.get("TENDONFF_RIGS", "12"))
 
 Found = tuple[Evaluation, Array]
-
-
-def ours(problem: Problem, name: str = "tendonff") -> None:
-    found = track(problem.chain, problem.reference, problem.step, problem.limits)
-    line(name, problem, found.build_s, found.solve_s, found.iterations, found.force_N, str(found.status))
 
 
 def four_scenarios() -> None:

@@ -1,11 +1,12 @@
 """What preview is worth where the force's rate binds: the best profile with so much of it beside the stream module.
 
-    python benchmarks/preview.py
+    python benchmarks/preview.py [PREVIEW_S ...]
 
 The example is `finger_fast.toml` at its own rate limit. The stream module receives the reference of a 12 bit converter
 and filters it, the best profile the reference itself.
 """
 
+import sys
 import time
 
 from optimise_others import EXAMPLES
@@ -17,7 +18,7 @@ from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.ocp.tracking.goals.preview import track_preview
 from tendonff.ocp.tracking.track import track
 
-PREVIEWS_S = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)
+PREVIEWS_S = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.5)
 
 
 def main() -> None:
@@ -29,7 +30,7 @@ def main() -> None:
     print(f"clipped inverse {whole.clipped_rms_error_N:.3f} N, all known {whole.rms_error_N:.3f} N")
     choice = choose_stream(problem, scenario.stream, accepted_range(problem))
     assert choice is not None
-    for preview in PREVIEWS_S:
+    for preview in map(float, sys.argv[1:] or PREVIEWS_S):
         began = time.process_time()
         best = track_preview(*task, preview)
         seconds = time.process_time() - began

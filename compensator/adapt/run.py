@@ -1,6 +1,7 @@
 """Compute the study of the self-tuning compensator."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -65,6 +66,7 @@ def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy
     for one in every:  # one after the other: CasADi's symbols are not safe in threads
         cases.append(_case(problem, tuning, certificate, one))
         progress(len(cases), len(every))
+    advice = _advice(problem, settings, _widest(cases))
     return AdaptationStudy(
         scenario=scenario,
         reference=reference,
@@ -74,7 +76,7 @@ def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy
         interval=None if bounds is None else bounds.interval,
         bounds_N=None if bounds is None else (bounds.low_N, bounds.high_N),
         cases=tuple(cases),
-        headline=_headline(cases, known),
+        headline=_headline(cases, known, advice),
         warnings=_warnings(cases, known, certificate),
     )
 
@@ -87,7 +89,33 @@ def _certificate(scenario: Scenario, settings: Adaptation) -> FeedbackCertificat
     )
 
 
-def _case(problem: Problem, tuning: Tuning, certificate: FeedbackCertificate | None, one: Variation) -> Case:
+def _advice(problem: Problem, settings: Adaptation, widest: Case) -> tuple[str, float] | None:
+    """What to tune beside friction, and what that leaves on the worst plant [%]; None where it is no use.
+
+    A unit that tunes friction alone cannot know what else is off: it says DOUBT, and the study finds the reason.
+    """
+    if len(settings.parameters) > 1:
+        return None
+    found = []
+    for second in (Tunable.LOAD_STIFFNESS, Tunable.TENDON_STIFFNESS):
+        if second is Tunable.LOAD_STIFFNESS and problem.chain.far_joint is not None:
+            continue
+        pair = replace(settings, parameters=(*settings.parameters, second))
+        case = _case(problem, tuning_of(problem, pair), None, widest.variation, (Scheme.SELF_TUNING,))
+        found.append((case.traces[Scheme.SELF_TUNING].settled_percent, second))
+    left, second = min(found)
+    if left > 0.5 * widest.traces[Scheme.SELF_TUNING].settled_percent:
+        return None
+    return f'parameters = ["{settings.parameters[0]}", "{second}"]', left
+
+
+def _case(
+    problem: Problem,
+    tuning: Tuning,
+    certificate: FeedbackCertificate | None,
+    one: Variation,
+    schemes: Sequence[Scheme] = tuple(Scheme),
+) -> Case:
     reference = problem.reference
     problem, wanted = _extended(problem, one.duration_s)
     rows = len(wanted) - 1
@@ -101,7 +129,7 @@ def _case(problem: Problem, tuning: Tuning, certificate: FeedbackCertificate | N
     if one.load_change is not Change.CONSTANT:
         load[: rows // 2] = 1.0
     traces = {}
-    for scheme in Scheme:
+    for scheme in schemes:
         if scheme is Scheme.FEEDBACK and certificate is None:
             continue
         run = _run(problem, _scheme_tuning(tuning, certificate, scheme), one, wanted, mu, load, scheme)
@@ -192,17 +220,22 @@ def _trace(scheme: Scheme, run: TunedRun, wanted: FloatArray, reference: Referen
     )
 
 
-def _headline(cases: list[Case], known: Information) -> str:
+def _widest(cases: list[Case]) -> Case:
+    return max(cases, key=lambda case: case.traces[Scheme.SELF_TUNING].settled_percent)
+
+
+def _headline(cases: list[Case], known: Information, advice: tuple[str, float] | None) -> str:
     off = [case for case in cases if case.variation.name.startswith("friction ") and "20 %" in case.variation.name]
     off = [case for case in off if case.variation.mu in (0.8, 1.2) and not case.variation.changes][:2]
     plain = max(case.traces[Scheme.FEEDFORWARD].settled_percent for case in off)
     tuned = max(case.traces[Scheme.SELF_TUNING].settled_percent for case in off)
-    widest = max(cases, key=lambda case: case.traces[Scheme.SELF_TUNING].settled_percent)
+    widest = _widest(cases)
     most = widest.traces[Scheme.SELF_TUNING].settled_percent
+    better = "" if advice is None else f"; {advice[0]} leaves {advice[1]:.2g} % there"
     return (
         f"Expect an RMS error of up to {tuned:.2g} % of range after {SETTLED_S:g} s with self-tuning from "
-        f"{known.tuning.sensor.words}, for mu ±20 % and all else as in the scenario; without: up to {plain:.2g} %. "
-        f"Where other parameters are off too: up to {most:.2g} % ({widest.variation.name}). "
+        f"{known.tuning.sensor.words}, for mu ±20 % and all else as in the scenario (without: up to {plain:.2g} %), "
+        f"and of up to {most:.2g} % where other parameters are off too ({widest.variation.name}{better}). "
         f"{known.sentences()[0].capitalize()}."
     )
 

@@ -24,7 +24,7 @@ from tendonff.compensator.cli.commands.path import path
 from tendonff.compensator.cli.commands.simulate import simulate
 from tendonff.compensator.cli.commands.sweep import sweep
 from tendonff.compensator.cli.commands.table import table
-from tendonff.compensator.cli.progress import say
+from tendonff.compensator.cli.progress import leave, say
 from tendonff.compensator.files import interrupts
 from tendonff.models.errors import TendonffError
 
@@ -125,4 +125,4 @@ def main() -> None:
             raise
         say("interrupted; nothing was written")
         code = EXIT_INTERRUPTED
-    sys.exit(EXIT_INTERRUPTED if interrupts.stopped() else code)
+    leave(EXIT_INTERRUPTED if interrupts.stopped() else code)

@@ -1,16 +1,20 @@
 """What commands say on the way: messages, warnings and a progress bar, all on standard error."""
 
+import atexit
 import functools
 import os
 import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TypeVar
+from typing import NoReturn, TypeVar
 
 from tendonff.compensator.files.progress import Progress, silent
 
 T = TypeVar("T")
+
+_left: list[threading.Thread] = []
+"""Work that Ctrl-C has left behind; Python 3.11 calls a thread stopped whose `join` was interrupted."""
 
 
 def say(message: str) -> None:
@@ -67,11 +71,25 @@ def interruptible(work: Callable[[], T]) -> T:
 
     thread = threading.Thread(target=run, daemon=True)
     thread.start()
-    while thread.is_alive():
-        thread.join(0.1)
+    try:
+        while thread.is_alive():
+            thread.join(0.1)
+    except KeyboardInterrupt:
+        _left.append(thread)
+        raise
     if failures:
         raise failures[0]
     return results[0]
+
+
+def leave(code: int) -> NoReturn:
+    """End the process; at once where Ctrl-C has left work behind, which would go on while Python takes itself down."""
+    if _left:
+        atexit._run_exitfuncs()  # temporary files
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    sys.exit(code)
 
 
 @contextmanager

@@ -4,6 +4,9 @@ The baseline that a model has to beat. The jumps of the inverted law are what a 
 not; smoothed, the same law does much better.
 """
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
@@ -12,7 +15,8 @@ from tendonff.compensator.compensators.base import Compensator, FloatArray, Prob
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.reporting.colours import PURPLE
 from tendonff.models.capstan import CapstanLaw
-from tendonff.ocp.simulate import Outcome, simulate
+from tendonff.models.layout import ChainInputs
+from tendonff.ocp.simulate import Simulator
 
 _TIMES = 12  # tried between a step and a quarter of the duration, in equal ratios
 
@@ -65,18 +69,27 @@ class Smoothed(Compensator):
         candidates = [(smoother, steps) for smoother in (lagged, centred) for steps in np.geomspace(1, most, _TIMES)]
         forces: list[FloatArray] = []
         errors: list[float] = []
+        errors_of = _errors(problem)
         for k, (smoother, steps) in enumerate(candidates, start=1):
             force = lifted * np.exp(smoother(exponent, float(steps))) - law.adhesion_N
             forces.append(problem.limited(force))
-            errors.append(_error(problem, forces[-1]))
+            errors.append(errors_of(forces[-1]))
             progress(k, len(candidates))
         return Profile(force_N=forces[int(np.argmin(errors))])
 
 
-def _error(problem: Problem, force_N: FloatArray) -> float:
-    """Mean squared error on the design model [N^2]."""
-    reference = problem.reference
-    run = simulate(problem.chain, force_N, reference.step_s, initial_tension_N=reference.initial_tension_N)
-    if run.outcome is Outcome.FAILED:
-        return float("inf")
-    return float(np.mean((run.output_tension_N - reference.tension_N) ** 2))
+def _errors(problem: Problem) -> Callable[[FloatArray], float]:
+    """Mean squared error of a force on the design model, which is set up once for all [N^2]."""
+    reference, chain = problem.reference, problem.chain
+    rest = chain.rest_state(reference.initial_tension_N)
+    simulator = Simulator(chain, reference.step_s, rest, ChainInputs.of_force(np.array([reference.initial_tension_N])))
+    fresh = simulator.checkpoint()
+
+    def error(force_N: FloatArray) -> float:
+        inputs = ChainInputs.of_force(force_N)
+        simulator.restore(replace(fresh, inputs=inputs[:1]))
+        output = simulator.advance(inputs[1:]).tension_N[:, -1]
+        wanted = reference.tension_N[1:]
+        return float(np.mean((output - wanted) ** 2)) if len(output) == len(wanted) else float("inf")
+
+    return error

@@ -231,6 +231,7 @@ def _context(
         **({"servo": True} if servo else {}),
         "extras": [*extras, *joints],
         "joint_at": len(extras) if joints else -1,
+        "taken": " or ".join(v.name for v in (variable, *extras, *joints)),
         "initial": initial,
         "step": repr(scenario.run.step_s),
         "stop": repr(float(reference.time_s[-1])),

@@ -1,5 +1,6 @@
 """Golden vectors: what the exported C must answer, computed by the Python model."""
 
+import bisect
 import math
 from dataclasses import dataclass, replace
 
@@ -15,6 +16,7 @@ from tendonff.compensator.compensators.stream.run import quantised
 from tendonff.compensator.compensators.table import CompensationTable
 from tendonff.compensator.export.modules import exportable
 from tendonff.compensator.export.text.table_index import rounded
+from tendonff.models.capstan import CapstanLaw
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.ocp.codegen.precision import Precision
@@ -25,7 +27,10 @@ _ROWS = 1000
 _REVERSAL_ROWS = 240
 _GENTLE_ROWS = 900
 _LIVE_ROWS = 500
-_NUDGE, _GROWTH = 1e-9, 20.0
+_OTHER_ROWS = 160
+_OTHER_ADHESION, _MOST_ADHESION_N = 0.1, 900.0  # more of it: share of the tension, and what every record accepts
+_OTHER_RELEASE = 0.9
+_NUDGE, _GROWTH = 1e-9, 1.0
 """Relative change of the force from row to row, and how much larger its effect may get before comparing ends."""
 
 _LOST = slice(200, 240)
@@ -83,12 +88,31 @@ class Golden:
         Jumps over the range of the reference, in which forces and rates meet their limits.
     live : Course or None
         The course as it arrives live: rough, and lost for a while; None where there is no stream module.
+    other : Other or None
+        The end of the course with other friction; None on a path in sections or one that moves.
     """
 
     stride: int
     course: Course
     jumps: Course
     live: Course | None = None
+    other: "Other | None" = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Other:
+    """The last rows of the course, from rest, with friction that was set while the controller runs.
+
+    Parameters
+    ----------
+    mu_release, adhesion_N : float
+        What was set, exact in the real type [-], [N].
+    course : Course
+    """
+
+    mu_release: float
+    adhesion_N: float
+    course: Course
 
 
 def answers(
@@ -125,19 +149,65 @@ def _course(
         problem.reference, time_s=time, tension_N=reference_N, initial_tension_N=start, periodic=False, position_m=None
     )
     followed = replace(problem, reference=course, live=True, model=chain)
-    columns = {}
-    for compensator, module in exportable(problem.transmission, moving=chain.motion is not None):
-        if not module.plays_back:
-            exported = CompensationTable(table) if isinstance(compensator, CompensationTable) else compensator
-            profile = exported.profile(followed)
-            columns[module.name] = profile.force_N
-            if servo_of(problem) is not None:
-                columns[module.name] = told(problem, followed.inversion, profile.force_N)
+    columns = _answers(followed, table)
     force = rounded(columns["inverse"], precision)
     if with_plant:
         columns["plant"] = respond(problem, force, start, chain).require().output_tension_N
     scale = float(np.abs(followed.inversion.force_N).max())
     return Course(reference_N=reference_N, plant_force_N=force, columns=columns, scale_N=scale, chain=chain)
+
+
+def _answers(followed: Problem, table: LookupTable | None) -> dict[str, FloatArray]:
+    """What each module that follows a reference answers; without a table those that need none."""
+    columns = {}
+    for compensator, module in exportable(followed.transmission, moving=followed.chain.motion is not None):
+        is_table = isinstance(compensator, CompensationTable)
+        if not module.plays_back and not (is_table and table is None):
+            exported = CompensationTable(table) if is_table else compensator
+            columns[module.name] = exported.profile(followed).force_N
+            if servo_of(followed) is not None:
+                columns[module.name] = told(followed, followed.inversion, columns[module.name])
+    return columns
+
+
+def _other(problem: Problem, course: Course, precision: Precision) -> Other | None:
+    """The end of the course with more adhesion, and with less friction when releasing."""
+    if problem.chain.moving:
+        return None
+    reference, friction = course.reference_N[-_OTHER_ROWS:], problem.transmission.friction
+    start, time = float(reference[0]), problem.reference.step_s * np.arange(len(reference), dtype=np.float64)
+    more = min(_OTHER_ADHESION * start, _MOST_ADHESION_N)
+    less = _OTHER_RELEASE if CapstanLaw.of(problem.transmission).plays is None else 1.0  # plays keep their wrap angles
+    adhesion, release = (
+        float(rounded(np.array([value]), precision)[0])
+        for value in (friction.adhesion_N + more, less * friction.release_dynamic)
+    )
+    changed = replace(
+        friction,
+        adhesion_N=adhesion,
+        mu_dynamic_release=release,
+        mu_static_release=max(release, less * friction.release_static),
+    )
+    followed = replace(
+        problem,
+        transmission=replace(problem.transmission, friction=changed),
+        reference=replace(
+            problem.reference,
+            time_s=time,
+            tension_N=reference,
+            initial_tension_N=start,
+            periodic=False,
+            position_m=None,
+        ),
+        live=True,
+        model=None,
+    )
+    if followed.inversion.status is not InverseStatus.EXACT:
+        return None
+    scale = float(np.abs(followed.inversion.force_N).max())
+    columns = _answers(followed, None)
+    end = Course(reference_N=reference, plant_force_N=reference, columns=columns, scale_N=scale, chain=followed.chain)
+    return Other(mu_release=release, adhesion_N=adhesion, course=end)
 
 
 def _moving(problem: Problem, rows: NDArray[np.int_], count: int, precision: Precision) -> Chain:
@@ -154,13 +224,19 @@ def _moving(problem: Problem, rows: NDArray[np.int_], count: int, precision: Pre
 
 
 def _repeatable(problem: Problem, course: Course) -> Course:
-    """The course with the plant's answers as far as small differences stay small, which falling friction may end."""
-    force, plant = course.plant_force_N, course.columns["plant"]
+    """The course with the plant's answers as far as small differences stay small, which falling friction may end.
+
+    And as far as no step has to be split, which the exported plant with its bounded work may give up.
+    """
+    force, plant, start = course.plant_force_N, course.columns["plant"], float(course.reference_N[0])
     nudged = force + _NUDGE * float(np.abs(force).max()) * np.where(np.arange(len(force)) % 2, 1, -1)
-    other = respond(problem, nudged, float(course.reference_N[0]), course.chain)
+    other = respond(problem, nudged, start, course.chain)
     rows = min(len(other.tension_N), len(plant))
     apart = np.abs(other.output_tension_N[:rows] - plant[:rows]) > _GROWTH * _NUDGE * course.scale_N
     kept = int(np.argmax(apart)) if apart.any() else rows
+    whole = range(2, kept + 1)
+    split = bisect.bisect_left(whole, 1, key=lambda n: respond(problem, force[:n], start, course.chain).splits)
+    kept = min(kept, whole[split] - 1 if split < len(whole) else kept)
     return replace(course, columns={**course.columns, "plant": plant[: max(kept, 2)]})
 
 
@@ -222,16 +298,17 @@ def golden_vectors(
     samples = np.arange(len(tension))
     chain = _moving(problem, samples[::stride], len(reference), precision)
     if _invert(problem, chain, reference).status is not InverseStatus.EXACT:
-        stride, course = 1, tension[:_ROWS]
+        stride, slow = 1, tension[:_ROWS]
         usual = float(np.abs(np.diff(tension)).max())
-        reversals = to_and_fro(course, step_N=usual, rows=_GENTLE_ROWS)
-        reference = rounded(np.concatenate([course, reversals]), precision)
+        reversals = to_and_fro(slow, step_N=usual, rows=_GENTLE_ROWS)
+        reference = rounded(np.concatenate([slow, reversals]), precision)
         chain = _moving(problem, samples[:_ROWS], len(reference), precision)
     low, high = float(reference.min()), float(reference.max())
     jumps = rounded(low + np.array(_JUMPS) * (high - low), precision)
+    course = _course(problem, table, reference, precision, with_plant=True, chain=chain)
     return Golden(
         stride=stride,
-        course=_repeatable(problem, _course(problem, table, reference, precision, with_plant=True, chain=chain)),
+        course=_repeatable(problem, course),
         jumps=_course(
             problem,
             table,
@@ -241,6 +318,7 @@ def golden_vectors(
             chain=_moving(problem, samples[: len(jumps)], len(jumps), precision),
         ),
         live=None if stream is None else _live(problem, stream, reference, chain, precision),
+        other=_other(problem, course, precision),
     )
 
 

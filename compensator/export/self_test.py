@@ -146,6 +146,7 @@ def self_test_context(
         "tolerances": {
             "course": tolerances,
             "jumps": _tolerances(jumps, precision, None if found_N is None else found_N[1], unit),
+            "other": _other_tolerances(golden, precision, tolerances, unit),
             "live": {} if live is None else _tolerances(live, precision, None if found_N is None else found_N[2], unit),
             "position": tolerances["plant"] / stiffness,
         },
@@ -160,6 +161,17 @@ def self_test_context(
         "slack_rows": _SLACK_ROWS if slack else 0,
         "slack_drive": lowest,
     }
+
+
+def _other_tolerances(
+    golden: Golden, precision: Precision, course: Mapping[str, float], per_newton: float
+) -> dict[str, float]:
+    """Those of other friction; in float a few times those of the course, whose numbers round in the same places."""
+    if golden.other is None:
+        return {}
+    if precision is Precision.FLOAT:
+        return {name: 4 * course[name] for name in golden.other.course.columns}
+    return _tolerances(golden.other.course, precision, None, per_newton)
 
 
 def _start_force_N(problem: Problem, start_N: float) -> tuple[float, float] | None:

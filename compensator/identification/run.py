@@ -149,11 +149,11 @@ def identify(
         laws=outcome.laws,
         files=outcome.files,
         fit_percent=outcome.fit_percent,
-        validation_percent=outcome.validation_percent,
         replay_percent=replayed,
+        validation_percent=outcome.validation_percent,
+        comparisons=outcome.comparisons,
         sliding=sliding,
         warnings=tuple(warnings),
-        comparisons=outcome.comparisons,
         inputs=(*fit_files, *judging),
         by_file=files,
         sections=sections,
@@ -220,7 +220,8 @@ def _fit(
                 near |= {D(k): v for k, v in lengths.values.items()}
                 other = dynamic.fit_coarse(records, transmission, near, several=False)
                 coarse = min(coarse, other, key=lambda c: c.solution.cost)
-        chain = dynamic.fit_dynamic(coarse, start, validation=judges, biases=_biased(stage, records), say=say)
+        biases, offsets = _biased(stage, records), not any(r.zeroed for r in records)
+        chain = dynamic.fit_dynamic(coarse, start, validation=judges, biases=biases, offsets=offsets, say=say)
     except SolveError as error:
         return stage, None, delay, [f"the dynamic stage found no answer ({error}); the static law is reported"]
     return stage, chain, delay, []

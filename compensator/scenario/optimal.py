@@ -37,7 +37,7 @@ class OptimalSettings:
         Bring the output from the first to the last tension of the reference in the least time, and keep it there; what
         the reference does in between does not count.
     preview_s : float, optional
-        The reference is known only so far ahead [s], > 0: what the best controller with that preview could do.
+        The reference is known only so far ahead [s], > 0, and taken to stand still beyond: planned anew as time goes.
     """
 
     minimum_tension_N: float | None = None

@@ -14,7 +14,7 @@ from tendonff.models.elements import Whole, whole_of
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import fields_of
 from tendonff.models.parameters import Transmission
-from tendonff.ocp.adaptation.recursion import covariance_names, trust_law, update_law
+from tendonff.ocp.adaptation.recursion import covariance_names, return_law, trust_law, update_law
 from tendonff.ocp.adaptation.tuning import DOUBTED, GATE, MAX_DELAY, PEAK, Tunable
 from tendonff.ocp.codegen.compiler import find_compiler, load_library
 from tendonff.ocp.codegen.law import Law
@@ -226,7 +226,7 @@ def tuner_laws(tuned: TunedChain, *, on_target: bool = False) -> tuple[Law, ...]
     count = len(tuned.parameters)
     numbers = tuned.retuned_numbers()[0]
     own = (tuned.own_slopes(),) if tuned.chain.moving and not on_target else ()
-    return update_law(count), trust_law(count), *((numbers,) if numbers.outputs else ()), *own
+    return update_law(count), trust_law(count), return_law(), *((numbers,) if numbers.outputs else ()), *own
 
 
 def render_tuner(template: str, context: Mapping[str, object]) -> str:

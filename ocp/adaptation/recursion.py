@@ -6,7 +6,8 @@ not depend on rate, so a sample at rest repeats what is known, and nothing moves
 
 `level` is the mean square of what stays unexplained, relative to that of a good model. A wrong model's errors repeat
 with the reference, so they are averaged over a longer past (forgetting goes down with the level), and an estimate
-counts only as far as it stands out from what they alone could make of it.
+counts only as far as it stands out from what they alone could make of it. Where a wrong parameter looks like a tuned
+one for part of a cycle, nothing stays unexplained; but the estimate goes and comes back, which the true value does not.
 """
 
 import casadi as ca
@@ -24,6 +25,12 @@ LEAST, MOST = 0.03, 1e4
 
 TRUST = 6.0
 """Squared standard deviations by which an estimate must stand out before it counts."""
+
+RECALL = 0.25
+"""Share of the rate of slow means at which it is forgotten how far an estimate went and came back."""
+
+FARTHEST = 0.085
+"""Largest way back that is held against an estimate."""
 
 CURVED = 5.0
 """Relative growth of the covariance for a factor that moves by 1: the slopes of the way there were others."""
@@ -61,23 +68,45 @@ def trust_law(count: int) -> Law:
     -------
     Law
         `share` is 1 - (TRUST/D^2)^2, not below 0, where D is the distance in standard deviations, with the covariance
-        at the present level; times 1 - (level/lost)^2, not below 0.
+        at the present level plus what `return_law` keeps: a single factor that came back by more than it stands out
+        does not count. Times 1 - (level/lost)^2, not below 0.
     """
-    d, (entries, P) = _indexed("d", count), _covariance(count)
+    d, back, (entries, P) = _indexed("d", count), _indexed("back", count), _covariance(count)
     level, lost = ca.SX.sym("level"), ca.SX.sym("lost")
+    C = [[TRUST * level * P[i][j] + (back[i] if i == j else 0) for j in range(count)] for i in range(count)]
     if count == 1:
-        have, unit = d[0] * d[0], P[0][0]
+        have, need = d[0] * d[0], C[0][0]
     else:
-        have = d[0] * d[0] * P[1][1] + d[1] * d[1] * P[0][0] - 2 * d[0] * d[1] * P[1][0]
-        unit = P[0][0] * P[1][1] - P[1][0] * P[1][0]
-    need = TRUST * level * unit
+        have = d[0] * d[0] * C[1][1] + d[1] * d[1] * C[0][0] - 2 * d[0] * d[1] * C[1][0]
+        need = C[0][0] * C[1][1] - C[1][0] * C[1][0]
     doubt, wrong = need / ca.fmax(have, need), level / lost
     share = (1 - doubt * doubt) * ca.fmax(1 - wrong * wrong, 0)
     return Law(
         name="tuning_trust",
         comment="Share of the way from the safe values to the estimates.",
-        inputs=(*d, *entries.values(), level, lost),
+        inputs=(*d, *entries.values(), *back, level, lost),
         outputs={"share": share},
+    )
+
+
+def return_law() -> Law:
+    """How far an estimate went from its safe value and came back.
+
+    Returns
+    -------
+    Law
+        `far_new` is the place farthest out, which follows the estimate at `rate` times RECALL; `back_new` the largest
+        square of the way back from there, forgotten as fast.
+    """
+    f, safe, far, back, rate = (ca.SX.sym(name) for name in ("f", "safe", "far", "back", "rate"))
+    near, out, slow = f - safe, far - safe, RECALL * rate
+    place = ca.if_else(near * near > out * out, f, far + slow * (f - far))
+    way = place - f
+    return Law(
+        name="tuning_return",
+        comment="How far an estimate went out and came back, squared; the true value does not come back.",
+        inputs=(f, safe, far, back, rate),
+        outputs={"far_new": place, "back_new": ca.fmax(ca.fmin(way * way, FARTHEST**2), back - slow * back)},
     )
 
 

@@ -84,7 +84,8 @@ def check_parameters(parameters: tuple[Tunable, ...]) -> None:
     names = ", ".join(parameters)
     if not 1 <= len(parameters) <= MAX_PARAMETERS or len(set(parameters)) != len(parameters):
         raise ParameterError(
-            f'parameters must be one or {MAX_PARAMETERS} different names, got [{names}]; ["mu"] suits most rigs'
+            f"parameters must be one name or two different ones, got {len(parameters)}, [{names}]: the recursion tunes "
+            'no more than two; ["mu"] suits most rigs, ["mu", "load_stiffness"] those whose load is not well known'
         )
     friction = {Tunable.MU, Tunable.MU_PULL, Tunable.MU_RELEASE} & set(parameters)
     if not friction:

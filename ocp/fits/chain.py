@@ -95,6 +95,33 @@ class ChainResponse:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RunUp:
+    """A drive as it is simulated: from rest over a short lead-in, at a step near the longest one.
+
+    Parameters
+    ----------
+    force_N : ndarray, shape (lead + rows,)
+    step_s : float
+    lead : int
+        Rows of the lead-in.
+    thin, refine : int
+        Samples per step, and steps per sample.
+    rest_N : float
+        Tension at rest.
+    motion : JointMotion or None
+        From the start of the lead-in.
+    """
+
+    force_N: Array
+    step_s: float
+    lead: int
+    thin: int
+    refine: int
+    rest_N: float
+    motion: JointMotion | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ChainModel:
     """A transmission as the fit sees it."""
 
@@ -154,9 +181,10 @@ class ChainModel:
             If the simulation fails.
         """
         whole = self.whole(values)
-        force, step, lead, thin, refine, rest = self._force(values, drive)
-        motion = drive.motion and replace(drive.motion, time_s=drive.motion.time_s + lead * step)
-        chain = self.chain(whole, motion)
+        run_up = self.with_lead_in(values, drive)
+        force, step, lead, rest = run_up.force_N, run_up.step_s, run_up.lead, run_up.rest_N
+        thin, refine = run_up.thin, run_up.refine
+        chain = self.chain(whole, run_up.motion)
         if over and chain.moving:
             return self._differences(values, drive, over)
         if not over:
@@ -206,10 +234,8 @@ class ChainModel:
         output, elongation, near = (np.stack([each[k] for each in slopes], axis=1) for k in range(3))
         return replace(middle, output_slopes=output, elongation_slopes=elongation, near_slopes=near)
 
-    def _force(
-        self, values: Mapping[DynamicParameter, float], drive: Drive
-    ) -> tuple[Array, float, int, int, int, float]:
-        """Force with lead-in, its step, rows of the lead-in, samples per step or steps per sample, tension at rest."""
+    def with_lead_in(self, values: Mapping[DynamicParameter, float], drive: Drive) -> RunUp:
+        """What a drive is simulated as."""
         thin = max(1, int(self.longest_step_s / drive.step_s + 1e-6))
         refine = max(1, int(np.ceil(drive.step_s / self.longest_step_s - 1e-6)))
         samples = drive.input_N - values[D.INPUT_BIAS]
@@ -225,7 +251,15 @@ class ChainModel:
         ramp = np.clip(np.arange(lead) / (lead / 2), 0, 1)
         smooth = ramp * ramp * (3 - 2 * ramp)
         force = np.concatenate([rest + (samples[0] - rest) * smooth, samples])
-        return np.maximum(force, 0.0), step, lead, thin, refine, rest
+        return RunUp(
+            force_N=np.maximum(force, 0.0),
+            step_s=step,
+            lead=lead,
+            thin=thin,
+            refine=refine,
+            rest_N=rest,
+            motion=drive.motion and replace(drive.motion, time_s=drive.motion.time_s + lead * step),
+        )
 
     def _differentiate(
         self,

@@ -18,14 +18,19 @@ if TYPE_CHECKING:
 SCALED = ("time", "input", "output", "input_position", "output_position", "actuator_force")
 
 
+def _option(name: str, text: str, metavar: str | None = None) -> Any:
+    """An option whose default is told in its text, if at all."""
+    return typer.Option(name, metavar=metavar, help=text, show_default=False)
+
+
 def _column(name: str, what: str) -> Any:
     """The option that names a column."""
-    return typer.Option(f"--{name}-column", help=f"Name of the column of {what}.", show_default=False)
+    return _option(f"--{name}-column", f"Name of the column of {what}.")
 
 
 def _several(name: str, metavar: str, text: str) -> Any:
     """An option that may be repeated."""
-    return typer.Option(name, metavar=metavar, help=f"{text}; may be repeated.", show_default=False)
+    return _option(name, f"{text}; may be repeated.", metavar)
 
 
 def identify(
@@ -63,37 +68,27 @@ def identify(
     ] = None,
     offset: Annotated[
         list[str] | None,
-        typer.Option(
+        _option(
             "--offset",
-            metavar="[COLUMN=]N",
-            help="What the cells read without tension, in N: of both, or of the column input or output; subtracted. "
+            "What the cells read without tension, in N: of both, or of the column input or output; subtracted. "
             "Default: found from slack samples.",
-            show_default=False,
+            "[COLUMN=]N",
         ),
     ] = None,
     tare: Annotated[
         str | None,
-        typer.Option(
-            "--tare",
-            metavar="FROM:TO",
-            help="Seconds of every file in which the tendon is slack; both cells are set to zero there.",
-            show_default=False,
+        _option(
+            "--tare", "Seconds of every file in which the tendon is slack; both cells are set to zero there.", "FROM:TO"
         ),
     ] = None,
     skip: Annotated[
         float | None,
-        typer.Option(
-            "--skip",
-            metavar="SECONDS",
-            help="Leave out the start of every file; default: until the start-up transient has decayed.",
-            show_default=False,
+        _option(
+            "--skip", "Leave out the start of every file; default: until the start-up transient has decayed.", "SECONDS"
         ),
     ] = None,
     explain: Annotated[
-        Explain | None,
-        typer.Option(
-            "--explain", help="Tension to predict from the other; default: chosen from the data.", show_default=False
-        ),
+        Explain | None, _option("--explain", "Tension to predict from the other; default: chosen from the data.")
     ] = None,
     static_only: Annotated[bool, typer.Option("--static", help="Stop after the static stage.")] = False,
     condition: Annotated[

@@ -26,6 +26,7 @@ def path_context(chain: Chain, joints: Joints | None, prefix: str) -> dict[str, 
         "arguments": ", joint_rad" if moving else "",
         "carry": BDF2_CARRY,
         "weight": BDF2_WEIGHT,
+        "rated": [] if joints is None else _rated(joints),
         "friction_shares": _friction_shares(chain),
     }
 
@@ -49,6 +50,12 @@ def path_bytes(chain: Chain, joints: Joints, prefix: str, precision: Precision, 
     )
     contact = contact_code(chain, joints, f"{prefix}_inverse", precision, settable=settable)
     return path + (bends * len(contact.own) + (2 if settable else 0)) * size
+
+
+def _rated(joints: Joints) -> list[bool]:
+    """Whether the speed of each joint matters: where it changes lengths, or moves the far end."""
+    lengths = np.array([link.gained_m for link in joints.links if link.moves] + [joints.far_m], dtype=np.float64)
+    return [bool(np.any(own)) for own in lengths.T]
 
 
 def _friction_shares(chain: Chain) -> list[float]:

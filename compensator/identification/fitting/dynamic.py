@@ -13,6 +13,7 @@ from tendonff.compensator.identification.fitting.chain_law import (
     choose_law,
     fit_free,
 )
+from tendonff.compensator.identification.fitting.noisy_input.second_look import look_again
 from tendonff.compensator.identification.fitting.per_file import FileEstimate, file_estimates, with_scatter
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece, fit_pieces, spans_of
 from tendonff.compensator.identification.fitting.static import FileError
@@ -20,7 +21,6 @@ from tendonff.compensator.identification.fitting.uncertainty import (
     expected_errors,
     slopes_over_all,
     with_floors,
-    with_input_noise,
     with_other_laws,
 )
 from tendonff.compensator.identification.measured.cleaning import Record
@@ -39,7 +39,7 @@ FINE_MASSES, FINE_STEP_S = 30, 1e-3
 ROBUST_UNIT = 0.02
 BRISTLE_STARTS = (0.1, 1.0, 10.0)
 MU_STARTS = (0.4, 1.0, 2.0)
-DYNAMIC_BLOCKS = 12
+DYNAMIC_BLOCKS = 20
 """Blocks of rows that are taken as independent: long, for friction carries an error on until the next sweep."""
 
 TENDON = (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME)
@@ -184,6 +184,7 @@ def fit_dynamic(
     *,
     validation: Sequence[Record] = (),
     biases: bool = False,
+    offsets: bool = False,
     say: Callable[[str], None] = lambda _: None,
 ) -> DynamicFit:
     """Choose the law, then fit the chain at its presliding level, from coarse to fine.
@@ -197,6 +198,8 @@ def fit_dynamic(
         Files that decide which law is chosen; without them the last third of the fitted ones does.
     biases : bool, optional
         The input cell's bias may be free.
+    offsets : bool, optional
+        The output cell may have an offset that the files tell.
     say : callable, optional
         Told what is being done.
     """
@@ -218,6 +221,8 @@ def fit_dynamic(
     fine = replace(task.model, count=max(FINE_MASSES, transmission.path.segments), longest_step_s=FINE_STEP_S)
     task = replace(task, model=fine, fixed=known, output_unit=2 * output_unit, elongation_unit_m=2 * elongation_unit)
     solution = fit_free(task, known, span_N, 8, 1e-5)
+    say("dynamic stage: noise on the input")
+    law, task, solution = look_again(law, task, solution, offsets=offsets)
     say("dynamic stage: uncertainty")
     coarse_model = replace(task.model, count=COARSE_MASSES, longest_step_s=COARSE_STEP_S)
     quick = replace(task, model=coarse_model, fixed=task.complete(solution.values))
@@ -225,8 +230,7 @@ def fit_dynamic(
     slopes = slopes_over_all(quick, every)
     files = () if slopes is None else file_estimates(quick, slopes, solution)
     solution, concentration = with_other_laws(solution, slopes, every, quick)
-    solution = with_scatter(solution, files)
-    solution = with_floors(with_input_noise(quick, solution), mean_N)
+    solution = with_floors(with_scatter(solution, files), mean_N)
     return DynamicFit(
         model=replace(task.model, count=transmission.path.segments),
         values=task.complete(solution.values),

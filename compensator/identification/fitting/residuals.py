@@ -23,6 +23,10 @@ is not known and friction remembers it; at most this share of a piece is given u
 FORGET_BRIDGE = 0.85
 """The same after a bridge, whose extremes are guesses: only a nearly full sweep undoes them."""
 
+SMALL_PIECE = 0.5
+"""The range that counts is the piece's own, which nothing in it leaves, but at least this share of the widest file's:
+small moves may stay where the tendon does not slide."""
+
 FAILED_RESIDUAL = 1e3
 
 TRAINING_SHARE = 0.65
@@ -41,6 +45,8 @@ class FitPiece:
     cutoff_Hz: float
     step_s: float
     input_noise_N: float
+    explained_noise: float
+    elongation_noise_m: float
     with_elongation: bool
     explain: Explain
 
@@ -98,12 +104,13 @@ def fit_pieces(records: Sequence[Record], explain: Explain = Explain.OUTPUT) -> 
         OUTPUT or POSITION: what is compared.
     """
     found = []
-    span = max((float(np.ptp(r.joined("input_N"))) for r in records), default=0.0)
+    widest = max((float(np.ptp(r.joined("input_N"))) for r in records), default=0.0)
     for record in records:
         thin = max(1, int(1 / (6 * record.cutoff_Hz * record.step_s)))
         edge = int(0.5 / (record.cutoff_Hz * record.step_s))
         for piece in record.pieces:
             good = piece.good.copy()
+            span = max(float(np.ptp(piece.input_N)), SMALL_PIECE * widest)
             swept = _swept(piece.input_N)
             known = int(np.argmax(swept >= FORGET_SHARE * span)) if swept[-1] >= FORGET_SHARE * span else len(good)
             good[: min(max(known, edge), int(FORGET_MOST * len(good)))] = False
@@ -130,6 +137,8 @@ def fit_pieces(records: Sequence[Record], explain: Explain = Explain.OUTPUT) -> 
                     cutoff_Hz=record.cutoff_Hz,
                     step_s=record.step_s,
                     input_noise_N=record.input_noise_N,
+                    explained_noise=record.travel_noise_m if explain is Explain.POSITION else record.output_noise_N,
+                    elongation_noise_m=record.elongation_noise_m,
                     with_elongation=record.has_positions and explain is Explain.OUTPUT,
                     explain=explain,
                 )

@@ -1,4 +1,4 @@
-"""What adds to the doubt of a fitted chain: other laws, noise on the input, the method itself."""
+"""What adds to the doubt of a fitted chain: other laws, and the method itself."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -7,32 +7,24 @@ import numpy as np
 
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals
 from tendonff.compensator.identification.measured.reading import Array
-from tendonff.compensator.identification.measured.smoothing import find_adaptive_low_pass, without_ripple
 from tendonff.models.path import Section
 from tendonff.ocp.fits.chain import DynamicParameter
 from tendonff.ocp.fits.least_squares import Residuals, Solution, block_covariance
 
 D = DynamicParameter
 
-REPLICAS = 8
-"""Runs with noise put on the input again, for what its noise does to the answer."""
-
-MORE_THAN_ONCE, CORRECTION_DOUBT = 1.45, 0.25
-"""The noise itself shifts the answer by so many times what noise put on the smoothed input does, whose extremes are
-noise already; and the standard error of the correction, as a share of it. Both seen on simulated rigs."""
-
 FLOORS = {
-    D.MU_PULL: 0.005,
-    D.MU_RELEASE: 0.005,
-    D.BRISTLE: 0.03,
-    D.STIFFNESS: 0.003,
-    D.RELAXING: 0.01,
+    D.MU_PULL: 0.002,
+    D.MU_RELEASE: 0.003,
+    D.BRISTLE: 0.02,
+    D.STIFFNESS: 0.002,
+    D.RELAXING: 0.005,
     D.RELAXATION_TIME: 0.01,
 }
 """Standard error of the method itself as a share of the value, seen on simulated rigs: masses and steps are finite, and
-low-passes round what friction remembers."""
+no device has exactly these laws."""
 
-ADHESION_FLOOR = 0.002
+ADHESION_FLOOR = 0.0008
 """The same for adhesion and offsets, as a share of the mean output tension."""
 
 ALTERNATIVES = (D.ADHESION, D.STATIC_EXCESS, D.OUTPUT_BIAS)
@@ -76,7 +68,7 @@ def with_other_laws(
     names: Sequence[DynamicParameter],
     task: ChainResiduals,
 ) -> tuple[Solution, float]:
-    """Average the covariance over laws with one more effect, each weighted by what the data say of it.
+    """Add to the covariance what laws with one more effect make doubtful, each weighted by what the data say of it.
 
     One Gauss-Newton step from the solution tells where the answer would go with the effect and how much the error would
     fall; Akaike's weights follow, with as many samples as there are independent ones. A path whose wrap angle is not
@@ -101,7 +93,8 @@ def with_other_laws(
     free = [names.index(D(n)) for n in solution.values]
     independent = task.independent_rows(found)
     own_step, own_size = _newton(found, free)
-    moves, spreads, evidence = [np.zeros(len(free))], [solution.covariance], [0.0]
+    own, _ = block_covariance(replace(found, slopes=found.slopes[:, free]), robust=True)
+    moves, spreads, evidence = [np.zeros(len(free))], [own], [0.0]
     others: list[tuple[DynamicParameter | None, Residuals, int]] = [
         (extra, found, names.index(extra)) for extra in ALTERNATIVES if names.index(extra) not in free
     ]
@@ -126,7 +119,8 @@ def with_other_laws(
     share = np.exp(np.array(evidence) - max(evidence))
     share /= share.sum()
     total = sum(s * (c + np.outer(m, m)) for s, c, m in zip(share, spreads, moves, strict=True))
-    return replace(solution, covariance=np.asarray(total)), concentration
+    doubt = np.clip(np.diag(total - own), 0, None)
+    return replace(solution, covariance=solution.covariance + np.diag(doubt)), concentration
 
 
 def _with_concentration(found: Residuals, task: ChainResiduals) -> Residuals | None:
@@ -156,52 +150,6 @@ def _newton(found: Residuals, columns: Sequence[int]) -> tuple[Array, float]:
     step = -np.linalg.pinv(scaled.T @ (scaled * weight[:, None]), rcond=1e-12) @ (scaled.T @ (weight * found.values))
     after = found.values + scaled @ step
     return step / scale, max(float((weight * after**2).sum()), 1e-300)
-
-
-def with_input_noise(task: ChainResiduals, solution: Solution) -> Solution:
-    """Take the input's noise into account: what it shifts is taken out, what it scatters joins the covariance.
-
-    The model is driven by a measurement. Its noise is rectified by the play of friction, and the filter against it
-    rounds the extremes that friction remembers; neither is in the residuals' statistics. So the smoothed input, without
-    the ripple that noise has left on it, is taken for true, measured again with noise of the same size, filtered again,
-    and one Gauss-Newton step tells where the answer goes (parametric bootstrap).
-
-    Parameters
-    ----------
-    task : ChainResiduals
-        On few masses, with the free parameters of `solution`.
-    solution : Solution
-    """
-    if all(run.input_noise_N <= 0 for run in task.pieces):
-        return solution
-    base = task.evaluate(solution.values)
-    calm = [without_ripple(run.drive.input_N, run.input_noise_N) for run in task.pieces]
-    before = _driven_by(task, calm, solution)
-    weight = 1 / np.sqrt(1 + base.values**2)
-    normal = (base.slopes * weight[:, None]).T
-    inverse = np.linalg.pinv(normal @ base.slopes, hermitian=True, rcond=1e-14)
-    rng = np.random.default_rng(0)
-    moves = []
-    for _ in range(REPLICAS):
-        again = []
-        for run, true_N in zip(task.pieces, calm, strict=True):
-            read = true_N + run.input_noise_N * rng.standard_normal(len(true_N))
-            again.append(find_adaptive_low_pass(read, run.step_s).apply(read))
-        moves.append(-inverse @ (normal @ (_driven_by(task, again, solution).values - before.values)))
-    shift, scatter = MORE_THAN_ONCE * np.mean(moves, axis=0), np.atleast_2d(np.cov(np.array(moves).T))
-    values = {}
-    for name, by in zip(task.free, shift, strict=True):
-        least = 0.0 if name in (D.ADHESION, D.STATIC_EXCESS, D.VISCOUS) else 0.1 * solution.values[name]
-        corrected = solution.values[name] - float(by)
-        values[str(name)] = max(corrected, least) if name in POSITIVE else corrected
-    doubt = np.outer(shift, shift) * CORRECTION_DOUBT**2
-    return replace(solution, values=values, covariance=solution.covariance + scatter * (1 + 1 / REPLICAS) + doubt)
-
-
-def _driven_by(task: ChainResiduals, inputs_N: Sequence[Array], solution: Solution) -> Residuals:
-    """Residuals of a solution under other inputs, without slopes."""
-    pieces = [replace(run, drive=replace(run.drive, input_N=x)) for run, x in zip(task.pieces, inputs_N, strict=True)]
-    return replace(task, pieces=pieces, free=()).evaluate(solution.values)
 
 
 def with_floors(solution: Solution, mean_N: float) -> Solution:

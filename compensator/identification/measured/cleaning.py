@@ -15,7 +15,6 @@ from tendonff.compensator.identification.measured.reading import (
     issue_found,
 )
 from tendonff.compensator.identification.measured.smoothing import (
-    AdaptiveLowPass,
     find_adaptive_low_pass,
     find_cutoff_Hz,
     low_pass,
@@ -37,6 +36,7 @@ SPIKE_SIGMAS, SPIKE_ROWS, SPIKE_RANGE, SPIKE_WINDOW_ROWS = 10.0, 2, 0.02, 101
 """A spike leaves the running median by so many deviations of its surroundings, for so many rows at most, and by at
 least a share of the range: what rings or chatters for longer is the measurement's own."""
 
+NOISY = ("input_N", "output_N", "input_m", "output_m")
 LEAST_PIECE_S = 0.25
 NOISE_SHARE = 0.005
 """Readings below zero by less than this share of the range are the scatter of a slack cell around its zero."""
@@ -56,8 +56,8 @@ class Piece:
     input_m, output_m : ndarray, shape (n,), or None
     good : ndarray of bool, shape (n,)
         False where a value was bridged or a spike replaced.
-    input_filter : AdaptiveLowPass
-        How the input was smoothed: it drives the models.
+    read_N : ndarray, shape (n,)
+        The input as it was read; smoothed harder where nothing happens, it drives the models.
     motion : JointMotion or None
         Joint angles after the low-pass, where the path has joints.
     """
@@ -68,7 +68,7 @@ class Piece:
     input_m: Array | None
     output_m: Array | None
     good: Mask
-    input_filter: AdaptiveLowPass
+    read_N: Array
     motion: JointMotion | None = None
 
     def travel_m(self) -> Array:
@@ -96,7 +96,7 @@ class Piece:
             input_m=None if self.input_m is None else self.input_m[rows],
             output_m=None if self.output_m is None else self.output_m[rows],
             good=self.good[rows],
-            input_filter=replace(self.input_filter, level=self.input_filter.level[rows]),
+            read_N=self.read_N[rows],
             motion=self.motion,
         )
 
@@ -115,6 +115,8 @@ class Record:
     pieces : tuple of Piece
     input_noise_N, output_noise_N : float
         Standard deviation of the white noise before the low-pass [N].
+    travel_noise_m, elongation_noise_m : float
+        The same of the input end's position, and of the difference of both positions [m].
     signed : bool
         Readings far below zero: torques of a pre-tensioned loop, or the like.
     unread : tuple of str
@@ -130,6 +132,8 @@ class Record:
     pieces: tuple[Piece, ...]
     input_noise_N: float
     output_noise_N: float
+    travel_noise_m: float
+    elongation_noise_m: float
     signed: bool
     unread: tuple[str, ...]
     started_s: float | None
@@ -188,7 +192,7 @@ def clean(raw: RawMeasurement, how: Measurement) -> Record:
     replaced = _spikes_of(raw, starts, findings)
     pieces: list[Piece] = []
     short: list[float] = []
-    noises: list[tuple[float, float, int]] = []
+    noises: list[list[float]] = []
     grids: list[dict[str, Array]] = []
     goods: list[Mask] = []
     for start, stop in zip(starts, [*starts[1:], len(raw.time_s)], strict=True):
@@ -197,7 +201,7 @@ def clean(raw: RawMeasurement, how: Measurement) -> Record:
             short.append(float(raw.time_s[start]))
             continue
         grid, good = _on_grid(raw, rows, replaced[rows], step)
-        noises.append((noise_of(grid["input_N"]), noise_of(grid["output_N"]), len(good)))
+        noises.append([noise_of(grid[name]) if name in grid else 0.0 for name in NOISY])
         grids.append(grid)
         goods.append(good)
     if short:
@@ -210,29 +214,30 @@ def clean(raw: RawMeasurement, how: Measurement) -> Record:
     judged = [longest[name] for name in ("input_N", "output_N") if np.isfinite(longest[name]).all()]
     cutoff = how.cutoff_Hz or find_cutoff_Hz(judged, step)
     for grid, good in zip(grids, goods, strict=True):
-        input_filter = find_adaptive_low_pass(grid["input_N"], step)
         smooth = {k: v if k == "time_s" else low_pass(v, step, cutoff) for k, v in grid.items()}
         pieces.append(
             Piece(
                 time_s=smooth["time_s"],
-                input_N=input_filter.apply(grid["input_N"]),
+                input_N=find_adaptive_low_pass(grid["input_N"], step).apply(grid["input_N"]),
                 output_N=smooth["output_N"],
                 input_m=smooth.get("input_m"),
                 output_m=smooth.get("output_m"),
                 good=good,
-                input_filter=input_filter,
+                read_N=grid["input_N"],
                 motion=_smooth_motion(raw.motion, smooth["time_s"], step, cutoff),
             )
         )
     signed = _judge_signs(pieces, findings)
-    weights = np.array([n for *_, n in noises], dtype=np.float64)
+    input_noise, output_noise, near_noise, far_noise = np.average(noises, axis=0, weights=[len(g) for g in goods])
     return Record(
         name=raw.name,
         step_s=step,
         cutoff_Hz=cutoff,
         pieces=tuple(pieces),
-        input_noise_N=float(np.average([a for a, *_ in noises], weights=weights)),
-        output_noise_N=float(np.average([b for _, b, _ in noises], weights=weights)),
+        input_noise_N=float(input_noise),
+        output_noise_N=float(output_noise),
+        travel_noise_m=float(near_noise),
+        elongation_noise_m=float(np.hypot(near_noise, far_noise)),
         signed=signed,
         unread=raw.unread,
         started_s=raw.started_s,

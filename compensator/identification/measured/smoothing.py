@@ -6,11 +6,9 @@ happens (`AdaptiveLowPass`); what it is compared with goes through one linear lo
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
-from scipy.optimize import isotonic_regression
 from scipy.signal import butter, sosfiltfilt
 
 from tendonff.compensator.identification.measured.reading import Array
@@ -144,41 +142,3 @@ def find_adaptive_low_pass(x: Array, step_s: float) -> AdaptiveLowPass:
         around = max(3, int(0.05 / step_s))
         level = uniform_filter1d(maximum_filter1d(level, 2 * around + 1), around)
     return AdaptiveLowPass(step_s=step_s, cutoffs_Hz=cutoffs, level=level)
-
-
-def without_ripple(x: Array, size: float) -> Array:
-    """Between two turning points the channel only rises or only falls, as close to itself as that allows.
-
-    What turns back by less than `size` is ripple: noise that is left, which friction would remember.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-    size : float
-    """
-    turns, rises = _turning_points(x.tolist(), size)
-    if not turns:
-        return x
-    smooth = x.copy()
-    for start, stop in pairwise((0, *turns, len(x))):
-        if stop > start:
-            smooth[start:stop] = isotonic_regression(x[start:stop], increasing=rises).x
-        rises = not rises
-    return smooth
-
-
-def _turning_points(x: list[float], size: float) -> tuple[list[int], bool]:
-    """Rows of extremes that are followed by a change of more than `size`; does it rise to the first of them."""
-    found: list[int] = []
-    low = high = 0
-    rising: bool | None = None
-    for row, value in enumerate(x):
-        high = row if value > x[high] else high
-        low = row if value < x[low] else low
-        if rising is not False and x[high] - value > size:
-            found.append(high)
-            rising, low = False, row
-        elif rising is not True and value - x[low] > size:
-            found.append(low)
-            rising, high = True, row
-    return found, bool(rising) == (len(found) % 2 == 0)

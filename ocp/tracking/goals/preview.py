@@ -1,8 +1,9 @@
-"""The best profile that a controller with so much preview could give: receding horizon.
+"""Receding horizon: what planning reaches where the reference is known only so far ahead.
 
 Time goes in moves. At each the reference is known up to the preview, and held beyond; what is best for that is
 computed from the state that the chain is in, and kept for one move. So row k depends on nothing later than k plus the
-preview. What a controller reaches with less computing is the stream module's; this is the bound for it.
+preview. With preview for the dead zone that is nearly as good as knowing all; with less, a rule that expects the
+reference to go on can do better than one that expects it to stop.
 """
 
 import time

@@ -242,6 +242,34 @@ def test_bad_start_values_and_bad_inputs_are_refused_and_logged(unit, fmi, kind)
     assert any("held" in str(part) for message in SAID for part in message)
 
 
+@pytest.mark.parametrize("wrong", [np.nan, -0.1, 2.5])
+def test_a_coefficient_that_means_nothing_is_refused_and_the_old_one_read_back(unit, wrong, tmp_path):
+    from fmpy import extract, read_model_description
+    from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2OK, fmi2Warning
+
+    path = unit(Kind.INVERSE, FmiVersion.V2)
+    described = read_model_description(str(path))
+    at = {variable.name: [variable.valueReference] for variable in described.modelVariables}
+    slave = FMU2Slave(
+        guid=described.guid,
+        unzipDirectory=extract(str(path), str(tmp_path)),
+        modelIdentifier=described.coSimulation.modelIdentifier,
+    )
+    slave.instantiate(callbacks=fmi2CallbackFunctions())  # no logger
+    slave.setupExperiment(startTime=0.0)
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    answers = []
+    for mu in (0.25, wrong):
+        slave.setReal(at["mu"], [mu])
+        slave.setReal(at["reference"], [31.0])
+        answers.append(slave.fmi2DoStep(slave.component, 0.0, 0.001, 0))
+    assert answers == [fmi2OK, fmi2Warning]
+    assert slave.getReal(at["mu"]) == [0.25]
+    assert slave.getInteger(at["status"]) == [1]
+    slave.freeInstance()
+
+
 @pytest.mark.parametrize("fmi", FmiVersion)
 def test_two_units_can_be_linked_into_one_program(unit, fmi, tmp_path):
     objects = []

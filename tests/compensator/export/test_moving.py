@@ -80,6 +80,23 @@ def without_lengths(scenario):
     return changed(made, s0={"mu_static_release": 0.25})
 
 
+@pytest.mark.parametrize("turning", [1, 2])
+def test_joints_that_change_no_length_leave_no_warning(moving, tmp_path, turning):
+    """Nobody asks how fast such a joint turns, be it one of the joints or all."""
+    if shutil.which("cc") is None:
+        pytest.skip("cc is not installed")
+    parts = [f"s{k}" for k, part in enumerate(moving.transmission.path.sections) if part.joint is not None]
+    scenario = changed(moving, **{part: {"length_per_rad_m": 0.0} for part in parts[:turning]})
+    modules = [module for module in c_modules(scenario) if module.name in ("inverse", "plant")]
+    sources = c_sources(scenario, Problem.of(scenario), modules, Precision.DOUBLE, "tff")
+    for name, text in sources.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    compiled = [name for name in sources if name.endswith(".c")]
+    flags = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-fsyntax-only")
+    said = subprocess.run(["cc", *flags, *compiled], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert said.stderr == ""
+
+
 @pytest.mark.parametrize("precision", Precision)
 @pytest.mark.parametrize("variant", [None, straightens, far_driven, at_rest, without_lengths])
 def test_c_equals_python_wherever_the_path_goes(moving, variant, precision, record_property):

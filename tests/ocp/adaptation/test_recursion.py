@@ -7,11 +7,14 @@ import pytest
 from tendonff.ocp.adaptation.recursion import (
     CLIP,
     CURVED,
+    FARTHEST,
     KNOWN,
     LEAST,
     MOST,
+    RECALL,
     TRUST,
     covariance_names,
+    return_law,
     trust_law,
     update_law,
 )
@@ -101,9 +104,9 @@ def test_a_model_that_explains_less_forgets_more_slowly():
     assert clipped == pytest.approx(1 + 2e-4 / (4e-4 + R) * CLIP * np.sqrt(4e-4 + 10 * DEVIATION**2))
 
 
-def share(d, P, level=1.0, lost=100.0):
+def share(d, P, level=1.0, lost=100.0, back=(0.0, 0.0)):
     entries = [P[int(name[1]), int(name[2])] for name in covariance_names(len(d))]
-    return float(ca.DM(trust_law(len(d)).function()(*d, *entries, level, lost)))
+    return float(ca.DM(trust_law(len(d)).function()(*d, *entries, *back[: len(d)], level, lost)))
 
 
 def test_an_estimate_counts_as_far_as_it_stands_out():
@@ -115,6 +118,30 @@ def test_an_estimate_counts_as_far_as_it_stands_out():
     assert share([0.3], np.array([[0.01]]), lost=1e9) == pytest.approx(1 - (TRUST / 9) ** 2)
     assert share([0.2], np.array([[0.01]])) == 0.0
     assert share([0.0], np.array([[0.01]])) == 0.0
+
+
+def test_an_estimate_that_came_back_counts_as_far_as_it_stands_farther_out_than_that():
+    known, back = np.array([[0.0]]), np.array([0.02, 0.03])
+    assert share([0.199], known, back=(0.04,)) == 0.0
+    assert share([0.4], known, lost=1e9, back=(0.04,)) == pytest.approx(1 - (0.04 / 0.16) ** 2)
+    P, d = np.array([[0.02, 0.005], [0.005, 0.03]]), np.array([0.9, 1.0])
+    distance = d @ np.linalg.solve(2 * P + np.diag(back) / TRUST, d)
+    assert share(d, P, level=2.0, lost=1e9, back=back) == pytest.approx(1 - (TRUST / distance) ** 2)
+
+
+def test_an_estimate_that_goes_out_has_not_come_back_and_one_that_returns_has():
+    """Out to 1.2, back to 1.15, out beyond, back too far: the way back is forgotten slowly, and has a largest value."""
+    law, far, back, safe, rate = return_law().function(), 1.0, 0.0, 1.0, 0.1
+    for f in (1.05, 1.1, 1.2):
+        far, back = (float(ca.DM(value)) for value in law(f, safe, far, back, rate))
+        assert (far, back) == (f, 0.0)
+    far, back = (float(ca.DM(value)) for value in law(1.15, safe, far, back, rate))
+    assert far == pytest.approx(1.2 - RECALL * rate * 0.05)
+    assert back == pytest.approx((far - 1.15) ** 2)
+    far, later = (float(ca.DM(value)) for value in law(0.7, safe, far, back, rate))
+    assert far == 0.7
+    assert later == pytest.approx(back * (1 - RECALL * rate))
+    assert float(ca.DM(law(1.0, safe, far, later, rate)[1])) == pytest.approx(FARTHEST**2)
 
 
 def test_a_model_that_explains_nothing_does_not_count():

@@ -200,7 +200,7 @@ def test_integral_action_takes_out_what_is_left(bench, reference):
     [
         ({"parameters": (Tunable.LOAD_STIFFNESS,)}, "must tune the friction"),
         ({"parameters": (Tunable.MU, Tunable.MU_PULL)}, "a part of it"),
-        ({"parameters": (Tunable.MU, Tunable.MU)}, "one or 2 different names"),
+        ({"parameters": (Tunable.MU, Tunable.MU)}, "one name or two different ones"),
         ({"delay_samples": 64}, "from 0 to 63, got 64"),
         ({"lowest": 1.2}, "range must hold 1"),
         ({"span": 0.0}, "a constant reference teaches nothing"),

@@ -1,0 +1,256 @@
+"""The measured input is estimated together with the values: what its noise does to the answer is taken out.
+
+The model is driven by a measurement. Its noise is rectified by the play of friction and looks like friction that does
+not depend on the load, and the filter against it rounds the extremes that friction remembers. So the true input is
+taken for the smoothed one and a correction, linear between knots in time, that costs what the cell's noise makes it
+cost. Where output and elongation speak of the input, as they do after each reversal, they have a say in it. One
+Gauss-Newton step over values and knots, the knots eliminated window by window, is what moves the values; the slopes are
+those of a coarse chain, the residuals those of the fine one.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece
+from tendonff.compensator.identification.measured.reading import Array
+from tendonff.compensator.identification.measured.smoothing import low_pass
+from tendonff.compensator.scenario.measurement import Explain
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.fits.chain import DynamicParameter
+from tendonff.ocp.fits.input_knots import input_windows
+from tendonff.ocp.fits.least_squares import Blocks, Residuals, Solution
+
+D = DynamicParameter
+
+MASSES, STEP_S = 8, 5e-3
+"""Of the chain whose slopes are used."""
+
+KNOT_S, LEAST_KNOT_ROWS, KNOTS_A_WINDOW, KNOTS_BEFORE = 0.05, 4, 200, 100
+"""Distance of knots, at least so many samples; knots in a window, and before it, where their effect goes on."""
+
+WIDEST = 30.0
+"""A correction where nothing was read, as behind a gap: usually so many times the noise."""
+
+ROUNDS = 3
+"""Most steps: the first is nearly all of it."""
+
+MISFIT_SHARE = 0.25
+"""A row is worth the noise of its cell and this share of what the fit has left: no model is exact."""
+
+LARGE = 3.0
+"""Residuals of more than so many times their usual size count linearly."""
+
+LEAST_SHARE = 0.5
+"""A step leaves at least this share of a value that must stay positive."""
+
+MAY_VANISH = (D.ADHESION, D.STATIC_EXCESS, D.VISCOUS)
+SIGNED = (D.INPUT_BIAS, D.OUTPUT_BIAS)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Rows:
+    """Rows of one window in units of their noise: residuals, slopes over values, knots and the zero of positions."""
+
+    residuals: Array
+    by_values: Array
+    by_knots: Array
+    blocks: Blocks
+    knot_blocks: Blocks
+    price: Array
+    """Of the knots, shape (k, k): what the cell's noise makes a correction cost."""
+    asked: Array
+    """Correction that the readings ask for, times its price, shape (k,)."""
+
+
+def with_input_estimated(
+    task: ChainResiduals, solution: Solution, *, rounds: int = ROUNDS, signed: bool = False
+) -> Solution:
+    """Values with the input estimated besides, their covariance that of values and input together.
+
+    Parameters
+    ----------
+    task : ChainResiduals
+        On many masses, with the free parameters of `solution`.
+    solution : Solution
+    rounds : int, optional
+        Most steps.
+    signed : bool, optional
+        What may vanish may fall below nothing: its scatter shows then.
+    """
+    if all(run.input_noise_N <= 0 for run in task.pieces):
+        return solution
+    moved = solution
+    for _ in range(rounds):
+        try:
+            step, covariance = _step(task, moved, signed=signed)
+        except (SolveError, np.linalg.LinAlgError):
+            return solution
+        values = {name: moved.values[name] + float(by) for name, by in zip(moved.values, step, strict=True)}
+        moved = replace(moved, values=values, covariance=covariance, residuals=residuals_of(task, values))
+        if np.all(np.abs(step) < np.sqrt(np.diag(covariance))):
+            break
+    return moved
+
+
+def residuals_of(task: ChainResiduals, values: Mapping[str, float]) -> Residuals:
+    """Residuals without slopes, which cost most."""
+    return replace(task, free=()).evaluate(values)
+
+
+def _step(task: ChainResiduals, solution: Solution, *, signed: bool) -> tuple[Array, Array]:
+    """Change of the values, and their covariance."""
+    count = len(solution.values)
+    normal, wanted = np.zeros((count, count)), np.zeros(count)
+    scores: dict[int, Array] = {}
+    eliminated = []
+    for rows in _windows(task, solution):
+        size = max(1.0, 1.4826 * float(np.median(np.abs(rows.residuals)))) * LARGE
+        weight = 1 / np.sqrt(1 + (rows.residuals / size) ** 2)
+        by_knots = weight[:, None] * rows.by_knots
+        inner = rows.by_knots.T @ by_knots + rows.price
+        inner[np.diag_indices(len(inner))] *= 1 + 1e-9
+        told = np.column_stack([by_knots.T @ rows.by_values, rows.asked - by_knots.T @ rows.residuals])
+        solved = np.linalg.solve(inner, told)
+        normal += rows.by_values.T @ (weight[:, None] * rows.by_values) - told[:, :-1].T @ solved[:, :-1]
+        wanted -= rows.by_values.T @ (weight * rows.residuals) + told[:, :-1].T @ solved[:, -1]
+        eliminated.append((rows, weight, solved))
+    scale = np.sqrt(np.diag(normal))
+    inverse = np.linalg.inv(normal / np.outer(scale, scale)) / np.outer(scale, scale)
+    step = _feasible(normal, wanted, inverse @ wanted, _least(solution, signed=signed))
+    for rows, weight, solved in eliminated:
+        knots = solved[:, -1] - solved[:, :-1] @ step
+        left = weight * (rows.residuals + rows.by_values @ step + rows.by_knots @ knots)
+        for block in np.unique(rows.blocks):
+            at, near = rows.blocks == block, rows.knot_blocks == block
+            own = (rows.by_values[at] - rows.by_knots[at] @ solved[:, :-1]).T @ left[at]
+            own += solved[near, :-1].T @ (rows.asked - rows.price @ knots)[near]
+            scores[block] = scores.get(block, 0.0) + own
+    return step, _clustered(inverse, np.array(list(scores.values())))
+
+
+def _clustered(inverse: Array, scores: Array) -> Array:
+    """Covariance by the scatter of blocks, but not below that of independent noise."""
+    blocks, count = scores.shape
+    scatter = inverse @ (scores.T @ scores) @ inverse * blocks / max(blocks - count, 1)
+    excess = np.sqrt(np.maximum(np.diag(scatter) / np.diag(inverse), 1.0))
+    return np.asarray(inverse * np.outer(excess, excess))
+
+
+def _least(solution: Solution, *, signed: bool) -> Array:
+    """Largest steps downwards."""
+    values = np.array(list(solution.values.values()))
+    least = np.where([D(n) in MAY_VANISH for n in solution.values], -values, (LEAST_SHARE - 1) * values)
+    least[[D(n) in (*SIGNED, *(MAY_VANISH if signed else ())) for n in solution.values]] = -np.inf
+    return least
+
+
+def _feasible(normal: Array, wanted: Array, step: Array, least: Array) -> Array:
+    """The step, or the best one that goes no further down than the least."""
+    held = np.zeros(len(step), dtype=bool)
+    step = step.copy()
+    for _ in least:
+        below = ~held & (step < least)
+        if not below.any():
+            break
+        held |= below
+        step[held] = least[held]
+        if (~held).any():
+            rest = wanted[~held] - normal[np.ix_(~held, held)] @ step[held]
+            step[~held] = np.linalg.solve(normal[np.ix_(~held, ~held)], rest)
+    return step
+
+
+def _windows(task: ChainResiduals, solution: Solution) -> Iterator[_Rows]:
+    """Windows of all pieces."""
+    full, at = task.complete(solution.values), 0
+    found, usual = solution.residuals, task.channel_rms(solution.residuals)
+    for run in task.pieces:
+        rows = int(run.good.sum())
+        if not rows:
+            continue
+        parts = [slice(at, at + rows)]
+        if run.with_elongation:
+            parts.append(slice(at + rows, at + 2 * rows))
+        at = parts[-1].stop
+        if run.input_noise_N > 0:
+            yield from _windows_of(task, run, full, [found.values[p] for p in parts], found.blocks[parts[0]], usual)
+
+
+def _windows_of(
+    task: ChainResiduals,
+    run: FitPiece,
+    full: Mapping[DynamicParameter, float],
+    left: list[Array],
+    blocks: Blocks,
+    usual: tuple[float, float],
+) -> Iterator[_Rows]:
+    """Windows of one piece; `left` are the residuals of the explained channel, and those of the elongation."""
+    model = replace(task.model, count=MASSES, longest_step_s=STEP_S)
+    every = max(1, round(STEP_S / run.step_s))
+    drive = replace(run.drive, input_N=run.drive.input_N[::every], step_s=run.step_s * every)
+    response = model.respond(full, drive, task.free)
+    proximal = run.explain is Explain.POSITION
+    by_values: list[Array] = [response.near_slopes if proximal else response.output_slopes, response.elongation_slopes]
+    units, noises = (task.output_unit, task.elongation_unit_m), (run.explained_noise, run.elongation_noise_m)
+    sizes: Array = np.hypot(np.array(noises) / np.sqrt(run.thin), MISFIT_SHARE * np.array(usual))
+    fitted = np.flatnonzero(run.good) * run.thin * run.step_s
+    clock = np.arange(len(run.piece.read_N)) * run.step_s
+    grid_s = np.asarray(np.arange(len(drive.input_N)) * drive.step_s, dtype=np.float64)
+    off = run.piece.read_N - run.drive.input_N
+    knot_s = max(KNOT_S, LEAST_KNOT_ROWS * run.step_s)
+    window_s, before_s = KNOTS_A_WINDOW * knot_s, KNOTS_BEFORE * knot_s
+    for window in input_windows(model, full, drive, knot_s=knot_s, window_s=window_s, before_s=before_s):
+        at = (fitted >= window.first_s) & (fitted < window.time_s[-1])
+        heard = (clock >= window.time_s[0]) & (clock < window.time_s[-1]) & run.piece.good
+        if not at.any():
+            continue
+        by_knots = [window.near_slopes if proximal else window.output_slopes, window.elongation_slopes]
+        channels = []
+        for k, residuals in enumerate(left):
+            values = _sampled(by_values[k], grid_s, fitted[at], run.cutoff_Hz)
+            knots = _sampled(by_knots[k], window.time_s, fitted[at], run.cutoff_Hz)
+            # The zero of positions is arbitrary, in every window anew.
+            zero = np.full((int(at.sum()), 1), float(k > 0 or proximal))
+            channels.append([x / sizes[k] for x in (residuals[at] * units[k], values, np.hstack([knots, zero]))])
+        residuals, values, knots = (np.concatenate(x) for x in zip(*channels, strict=True))
+        price, asked = _price(window.knots_s, clock[heard], off[heard] / run.input_noise_N, run.input_noise_N)
+        yield _Rows(
+            residuals=residuals,
+            by_values=values,
+            by_knots=knots,
+            blocks=np.concatenate([blocks[at]] * len(left)),
+            knot_blocks=blocks[at][
+                np.searchsorted(fitted[at], np.append(window.knots_s, np.inf)).clip(max=at.sum() - 1)
+            ],
+            price=price,
+            asked=asked,
+        )
+
+
+def _price(knots_s: Array, time_s: Array, off: Array, noise_N: float) -> tuple[Array, Array]:
+    """What the cell's noise makes a correction at the knots cost, and the correction that its readings ask for.
+
+    The last row and column are those of the positions' zero, which costs nothing.
+    """
+    count = len(knots_s)
+    before = np.clip(np.searchsorted(knots_s, time_s, side="right") - 1, 0, count - 2)
+    share = (time_s - knots_s[before]) / (knots_s[before + 1] - knots_s[before])
+    price, asked = np.zeros((count + 1, count + 1)), np.zeros(count + 1)
+    for left, x in ((0, 1 - share), (1, share)):
+        np.add.at(asked, before + left, x * off / noise_N)
+        for right, y in ((0, 1 - share), (1, share)):
+            np.add.at(price, (before + left, before + right), x * y / noise_N**2)
+    price[np.diag_indices(count)] += 1 / (WIDEST * noise_N) ** 2
+    price[-1, -1] = 1e-12
+    return price, asked
+
+
+def _sampled(slopes: Array, time_s: Array, at_s: Array, cutoff_Hz: float) -> Array:
+    """Slopes as the channel's low-pass leaves them, at other times, shape (n, k)."""
+    smooth = low_pass(slopes, float(time_s[1] - time_s[0]), cutoff_Hz)
+    place = (at_s - time_s[0]) / (time_s[1] - time_s[0])
+    before = np.clip(place.astype(np.int64), 0, len(time_s) - 2)
+    share = (place - before)[:, None]
+    return np.asarray((1 - share) * smooth[before] + share * smooth[before + 1])

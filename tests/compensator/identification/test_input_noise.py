@@ -1,0 +1,77 @@
+"""Noise on the input, which the play of friction rectifies: the input is estimated together with the values."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic import Faults, write_synthetic
+
+from tendonff.compensator.identification.fitting.chain_law import CORE, fit_free
+from tendonff.compensator.identification.fitting.noisy_input.estimation import with_input_estimated
+from tendonff.compensator.identification.fitting.residuals import ChainResiduals, fit_pieces, spans_of
+from tendonff.compensator.identification.measured.cleaning import clean
+from tendonff.compensator.identification.measured.reading import read_measurement
+from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.models.fidelity import Level
+from tendonff.ocp.fits.chain import ChainModel
+from tendonff.ocp.fits.chain import DynamicParameter as D
+
+pytestmark = pytest.mark.compiler
+
+ADHESION_N, MASSES, STEP_S = 0.8, 8, 2e-3
+"""Truth and fit are the same chain: what is left is the noise."""
+
+
+@pytest.fixture(scope="module")
+def nominal(examples):
+    return load_scenario(examples / "finger.toml")
+
+
+def fitted(nominal, folder, seed, noise):
+    """A fit that has the law right, before and after the input is estimated."""
+    t = nominal.transmission
+    truth = replace(t, friction=replace(t.friction, adhesion_N=ADHESION_N))
+    rng = np.random.default_rng(seed)
+    time = np.arange(0, 16, STEP_S)
+    turns = np.concatenate([[30.0], np.ravel([[rng.uniform(45, 100), rng.uniform(10, 30)] for _ in range(10)])])
+    place = time / 0.8
+    k = place.astype(int)
+    s = np.clip((place - k) / 0.8, 0, 1)
+    force = turns[k] + (turns[k + 1] - turns[k]) * s**3 * (10 - 15 * s + 6 * s * s)
+    path = folder / f"log{seed}.csv"
+    write_synthetic(path, truth, time, force, Faults(noise=noise, seed=seed), masses=MASSES, step_s=STEP_S)
+    how = nominal.measurement
+    pieces = fit_pieces([clean(read_measurement(path, how, ()), how)])
+    model = ChainModel(transmission=truth, level=Level.PRESLIDING, count=MASSES, longest_step_s=STEP_S)
+    span, travel = spans_of(pieces)
+    task = ChainResiduals(
+        model=model,
+        pieces=pieces,
+        fixed=model.values(),
+        free=(*CORE, D.STIFFNESS, D.ADHESION),
+        output_unit=0.02 * span,
+        elongation_unit_m=0.02 * travel,
+        block_s=1.0,
+    )
+    start = task.evaluate({name: task.fixed[name] for name in task.free})
+    output, elongation = task.channel_rms(start)
+    task = replace(task, output_unit=2 * output, elongation_unit_m=2 * elongation)
+    solution = fit_free(task, task.fixed, span, 8, 1e-4)
+    return task, solution, with_input_estimated(task, solution)
+
+
+def test_adhesion_is_told_apart_from_noise_on_the_input(nominal, tmp_path):
+    every = [fitted(nominal, tmp_path, seed, 0.006)[1:] for seed in range(3)]
+    before, after = (np.array([each[k].values[D.ADHESION] for each in every]) - ADHESION_N for k in (0, 1))
+    errors = np.array([joint.standard_error(D.ADHESION) for _, joint in every])
+    assert before.min() > 0.2  # rectified, it looks like adhesion every time
+    assert abs(after.mean()) < 0.2 * before.mean()
+    assert np.all(np.abs(after) < 2 * errors)
+    assert errors.max() < 0.2
+
+
+def test_a_quiet_input_leaves_the_answer_alone(nominal, tmp_path):
+    task, plain, joint = fitted(nominal, tmp_path, 0, 0.0)
+    assert all(run.input_noise_N < 1e-3 for run in task.pieces)
+    for name, value in plain.values.items():
+        assert joint.values[name] == pytest.approx(value, rel=2e-3, abs=5e-3)
