@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Transmission
-from tendonff.models.section import Section
+from tendonff.models.path import Section
 from tendonff.models.spread_bounds import SpreadPlays
 
 Array = NDArray[np.float64]

@@ -17,8 +17,7 @@ from tendonff.models.friction import FrictionLaw, LuGreBristle
 from tendonff.models.layout import fields_of
 from tendonff.models.link import LinkLaw, TwoTimesLink, ZenerLink
 from tendonff.models.parameters import Tendon, Transmission
-from tendonff.models.path import Array, CutPath, JointMotion, cut_path
-from tendonff.models.section import Section
+from tendonff.models.path import Array, CutPath, JointMotion, Section, cut_path
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

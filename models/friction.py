@@ -15,7 +15,7 @@ import numpy as np
 
 from tendonff.models.assembly import NORMAL_FORCE_FLOOR_N, End
 from tendonff.models.bounds import at_least
-from tendonff.models.section import Section
+from tendonff.models.path import Section
 
 COEFFICIENT_FLOOR = 1e-12
 """Least equivalent coefficient in the bristle law [-]: lets a frictionless path run through the same expression."""

@@ -2,14 +2,10 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 from tendonff.models.drive import Drive, Motor
 from tendonff.models.errors import LARGEST, ParameterError, require, require_given, require_whole
-from tendonff.models.section import Section
-
-if TYPE_CHECKING:  # arrays: a scenario that is refused needs none
-    from tendonff.models.path import JointMotion
+from tendonff.models.path import JointMotion, Section
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -315,7 +311,7 @@ class Transmission:
     friction: Friction
     actuator: Actuator
     load: Load
-    motion: "JointMotion | None" = None
+    motion: JointMotion | None = None
 
     @property
     def joints(self) -> tuple[str, ...]:

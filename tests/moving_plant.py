@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_banded
 
 from tendonff.models.parameters import Path, Transmission
-from tendonff.models.path import JointMotion
-from tendonff.models.section import Section
+from tendonff.models.path import JointMotion, Section
 
 Array = NDArray[np.float64]
 SECTIONS = (

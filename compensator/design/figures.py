@@ -1,6 +1,6 @@
 """Figures of a design: what to expect, tension, force, loop and error."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
@@ -101,13 +101,11 @@ def force_figure(result: DesignData) -> Figure:
     force, rate, travel = axes[:, 0]
     actuator, step = result.scenario.transmission.actuator, result.reference.step_s
     _draw(force, result, result.forces_N, lambda c: c.label)
-    for limit in (actuator.force_min_N, actuator.force_max_N):
-        _mark(force, limit)
+    _mark(force, actuator.force_min_N, actuator.force_max_N)
     rates = {name: np.gradient(profile, step) for name, profile in result.forces_N.items()}
     _draw(rate, result, rates)
     _zoom(rate, {name: values for name, values in rates.items() if name != "none"})
-    for sign in (-1, 1):
-        _mark(rate, sign * actuator.force_rate_max_N_per_s)
+    _mark(rate, -actuator.force_rate_max_N_per_s, actuator.force_rate_max_N_per_s)
     travels = {c.name: 1e3 * result.on_level(c.name, result.level).travel_m for c in result.compensators}
     _draw(travel, result, travels)
     force.set(ylabel="actuator force [N]")
@@ -135,8 +133,8 @@ def drive_figure(result: DesignData) -> Figure:
         else:
             plane.plot(use.speed_m_per_s[rows] / motor.travel_per_rad_m, use.torque_N_m(motor)[rows], **look)
     if actuator.speed_max_m_per_s is not None:
-        _limit_lines(speed, (-1e3 * actuator.speed_max_m_per_s, 1e3 * actuator.speed_max_m_per_s))
-    _limit_lines(travel, [1e3 * x for x in (actuator.travel_min_m, actuator.travel_max_m) if x is not None])
+        _mark(speed, -1e3 * actuator.speed_max_m_per_s, 1e3 * actuator.speed_max_m_per_s)
+    _mark(travel, *(1e3 * x for x in (actuator.travel_min_m, actuator.travel_max_m) if x is not None))
     travel.set(xlabel="time [s]", ylabel="travel [mm]", title="Actuator travel from the start")
     speed.set(xlabel="time [s]", ylabel="speed [mm/s]", title="Actuator speed")
     power.set(xlabel="time [s]", ylabel="power [W]", title="Mechanical power")
@@ -148,14 +146,6 @@ def drive_figure(result: DesignData) -> Figure:
         plane.set(xlabel="motor speed [rad/s]", ylabel="motor torque [N m]", title="Torque over speed, and its limit")
     legend_below(figure, travel)
     return figure
-
-
-def _limit_lines(panel: Axes, values: Iterable[float]) -> None:
-    """Limits that lie within a third of the drawn range."""
-    low, high = panel.get_ylim()
-    for value in values:
-        if low - (high - low) / 3 < value < high + (high - low) / 3:
-            panel.axhline(value, color=INK, linewidth=0.8, linestyle=(0, (6, 3)))
 
 
 def loop_figure(result: DesignData) -> Figure:
@@ -244,8 +234,9 @@ def _zoom(panel: Axes, curves: dict[str, FloatArray]) -> None:
         panel.set_ylim(-limit, limit)
 
 
-def _mark(panel: Axes, limit: float) -> None:
-    """Draw a limit of the actuator where it lies within a third of the drawn range."""
+def _mark(panel: Axes, *limits: float) -> None:
+    """Draw limits of the actuator that lie within a third of the drawn range."""
     low, high = panel.get_ylim()
-    if low - (high - low) / 3 < limit < high + (high - low) / 3:
-        panel.axhline(limit, **_BOUND)
+    for limit in limits:
+        if low - (high - low) / 3 < limit < high + (high - low) / 3:
+            panel.axhline(limit, **_BOUND)

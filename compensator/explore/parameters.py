@@ -9,7 +9,7 @@ import numpy as np
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, Joint, SineJoint, WaypointJoint
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.parameters import Friction, Path, Transmission
-from tendonff.models.section import Section
+from tendonff.models.path import Section
 
 _SECTION_MU = ("mu_dynamic", "mu_static", "mu_dynamic_release", "mu_static_release")
 

@@ -27,7 +27,7 @@ from tendonff.compensator.scenario.tables import check_names, missing_keys, read
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Actuator, Friction, Load, Tendon, Transmission
 from tendonff.models.parameters import Path as TendonPath
-from tendonff.models.section import Section
+from tendonff.models.path import Section
 from tendonff.models.uncertainty import Uncertainty
 
 SCHEMA = 1

@@ -19,8 +19,7 @@ from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
 from tendonff.models.parameters import Actuator, Friction, Load, Tendon, Transmission
 from tendonff.models.parameters import Path as TendonPath
-from tendonff.models.path import JointMotion
-from tendonff.models.section import Section
+from tendonff.models.path import JointMotion, Section
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import Simulator
 

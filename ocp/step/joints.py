@@ -11,7 +11,7 @@ import numpy as np
 
 from tendonff.models.chain import Chain
 from tendonff.models.layout import fields_of
-from tendonff.models.section import Section
+from tendonff.models.path import Section
 
 _MOST_TURNS = 100.0
 

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tendonff.models.errors import ParameterError
-from tendonff.models.path import JointMotion, check_motion, cut_path
-from tendonff.models.section import Section, SectionKind
+from tendonff.models.path import JointMotion, Section, SectionKind, check_motion, cut_path
 
 FINGER = (
     Section(name="arm", angle_rad=1.2, length_m=0.036),

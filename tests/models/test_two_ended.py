@@ -9,7 +9,7 @@ import pytest
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Transmission
-from tendonff.models.section import Section
+from tendonff.models.path import Section
 from tendonff.models.two_ended import TwoEndedLaw
 
 STIFFNESS, ADHESION, START = 2e4, 0.5, 30.0

@@ -13,8 +13,7 @@ from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.friction import LuGreBristle
 from tendonff.models.parameters import Path, Transmission
-from tendonff.models.path import JointMotion
-from tendonff.models.section import Section
+from tendonff.models.path import JointMotion, Section
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.inverse import InverseStatus, invert
 from tendonff.ocp.sensitivity import force_sensitivity

@@ -17,7 +17,7 @@ from tendonff.models.fidelity import Level
 from tendonff.models.friction import COEFFICIENT_FLOOR, States, equivalent_coefficient
 from tendonff.models.link import TwoTimesLink
 from tendonff.models.parameters import Tendon, Transmission
-from tendonff.models.section import Section
+from tendonff.models.path import Section
 from tendonff.ocp.codegen.compiler import load_library
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.codegen.precision import Precision

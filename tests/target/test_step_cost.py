@@ -12,8 +12,7 @@ from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
 from tendonff.models.parameters import Transmission
-from tendonff.models.path import JointMotion
-from tendonff.models.section import Section
+from tendonff.models.path import JointMotion, Section
 from tendonff.ocp.codegen.compiler import _FLAGS, _GCC_FLAGS, _machine_flags
 from tendonff.ocp.step.c_engine import _step_source, chain_struct, places_of
 

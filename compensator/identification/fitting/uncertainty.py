@@ -7,7 +7,7 @@ import numpy as np
 
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals
 from tendonff.compensator.identification.measured.reading import Array
-from tendonff.models.section import Section
+from tendonff.models.path import Section
 from tendonff.ocp.fits.chain import DynamicParameter
 from tendonff.ocp.fits.least_squares import Residuals, Solution, block_covariance
 

@@ -20,7 +20,7 @@ from tendonff.compensator.scenario.joints import SineJoint
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.drive import Drive
 from tendonff.models.parameters import Load
-from tendonff.models.section import SectionKind
+from tendonff.models.path import SectionKind
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import simulate

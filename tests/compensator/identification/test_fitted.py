@@ -17,7 +17,7 @@ from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
-from tendonff.models.section import Section
+from tendonff.models.path import Section
 from tendonff.ocp.fits.chain import ChainModel, DynamicParameter
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import simulate

@@ -13,7 +13,7 @@ from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
-from tendonff.models.section import Section
+from tendonff.models.path import Section
 from tendonff.ocp.simulate import simulate
 
 pytestmark = pytest.mark.compiler
