@@ -22,24 +22,12 @@ _FREQUENCIES = 4000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FeedbackCertificate:
-    """Largest gain for which no limit cycle exists.
+    """Largest gain for which no limit cycle exists."""
 
-    Parameters
-    ----------
-    gain_per_s : float
-        k of the scenario [1/s]; 0 for none.
-    largest_gain_per_s : float
-        Bound of the circle criterion [1/s].
-    worst_frequency_Hz : float
-        Where Re L is least.
-    delay_samples : int
-        d: age of a measurement when it arrives.
-    """
-
-    gain_per_s: float
-    largest_gain_per_s: float
-    worst_frequency_Hz: float
-    delay_samples: int
+    gain_per_s: float  # k of the scenario [1/s]; 0 for none
+    largest_gain_per_s: float  # bound of the circle criterion [1/s]
+    worst_frequency_Hz: float  # where Re L is least
+    delay_samples: int  # d: age of a measurement when it arrives
 
     @property
     def recommended_gain_per_s(self) -> float:
@@ -71,7 +59,6 @@ def transmission_dynamics(
 
     Parameters
     ----------
-    transmission : Transmission
     tendon, load : float, optional
         Factors on the stiffness of tendon and load [-].
     """
@@ -91,10 +78,6 @@ def feedback_certificate(
 
     Parameters
     ----------
-    transmission : Transmission
-    step_s : float
-        h [s].
-    delay_samples : int
     gain_per_s : float
         k that is wanted [1/s], >= 0.
     """

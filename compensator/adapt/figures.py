@@ -123,7 +123,6 @@ def bounds_figure(result: AdaptationData, spread: float) -> Figure:
 
     Parameters
     ----------
-    result : AdaptationData
     spread : float
         Relative half-width of mu theta that it admits.
     """

@@ -14,52 +14,29 @@ DRIFT_S = 60.0
 
 
 class Change(StrEnum):
-    """How a plant's value differs over time.
+    """How a plant's value differs over time."""
 
-    Attributes
-    ----------
-    CONSTANT
-        From the start.
-    STEP
-        In the middle of the run, at once.
-    DRIFT
-        Linearly over the whole run.
-    """
-
-    CONSTANT = "constant"
-    STEP = "step"
-    DRIFT = "drift"
+    CONSTANT = "constant"  # from the start
+    STEP = "step"  # in the middle of the run, at once
+    DRIFT = "drift"  # linearly over the whole run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variation:
-    """One plant: factors on the scenario's values, and what is wrong with the start and the sensor.
-
-    Parameters
-    ----------
-    name : str
-    mu, bristle, stiffness, load : float, optional
-        Factors on friction coefficients, bristle stiffness, k1 and k2, and k_l.
-    mu_change, load_change : Change, optional
-        How the factors of mu and load come about.
-    start : float, optional
-        True tension at the start over the one that the controller is told.
-    offset : float, optional
-        Sensor offset as a share of the range that the measurement covers.
-    duration_s : float, optional
-        Least duration [s].
-    """
+    """One plant: factors on the scenario's values, and what is wrong with the start and the sensor."""
 
     name: str
+    # mu, bristle, stiffness, load: factors on friction coefficients, bristle stiffness, k1 and k2, and k_l
     mu: float = 1.0
     bristle: float = 1.0
     stiffness: float = 1.0
     load: float = 1.0
+    # mu_change, load_change: how the factors of mu and load come about
     mu_change: Change = Change.CONSTANT
     load_change: Change = Change.CONSTANT
-    start: float = 1.0
-    offset: float = 0.0
-    duration_s: float = SHORT_S
+    start: float = 1.0  # True tension at the start over the one that the controller is told
+    offset: float = 0.0  # sensor offset as a share of the range that the measurement covers
+    duration_s: float = SHORT_S  # least duration [s]
 
     def __post_init__(self) -> None:
         for name in ("mu", "bristle", "stiffness", "load", "start"):

@@ -30,7 +30,6 @@ def adaptation_report(result: AdaptationData, figures: dict[str, Figure]) -> Rep
 
     Parameters
     ----------
-    result : AdaptationData
     figures : dict of str to Figure
         From `adaptation_figures`.
     """

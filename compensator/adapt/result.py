@@ -20,65 +20,36 @@ WORSE = 1.3
 
 
 class Scheme(StrEnum):
-    """What is compared.
+    """What is compared."""
 
-    Attributes
-    ----------
-    FEEDFORWARD
-        The exact inverse at the scenario's values.
-    FEEDBACK
-        The same with integral action on the measured output tension.
-    SELF_TUNING
-        The inverse that tunes itself, with the scenario's integral action.
-    """
-
-    FEEDFORWARD = "feedforward"
-    FEEDBACK = "feedback"
-    SELF_TUNING = "self_tuning"
+    FEEDFORWARD = "feedforward"  # the exact inverse at the scenario's values
+    FEEDBACK = "feedback"  # the same with integral action on the measured output tension
+    SELF_TUNING = "self_tuning"  # the inverse that tunes itself, with the scenario's integral action
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trace:
-    """One scheme on one plant.
-
-    Parameters
-    ----------
-    scheme : Scheme
-    tension_N : ndarray, shape (n,)
-        Output tension at the samples of the case [N].
-    factors, deviation : ndarray, shape (n, parameters)
-        Estimates and their standard deviations.
-    rmse_percent, settled_percent : float
-        RMS error of the whole run, and after `SETTLED_S`, % of reference range.
-    time_to_one_percent_s : float or None
-        From when on the error stays within 1 % (RMS over a quarter of a second); None if it never does.
-    frozen_after_s : float or None
-        When the watch on the residual stopped the tuning.
-    """
+    """One scheme on one plant."""
 
     scheme: Scheme
-    tension_N: FloatArray
+    tension_N: FloatArray  # shape (n,); output tension at the samples of the case [N]
+    # factors, deviation: shape (n, parameters); estimates and their standard deviations
     factors: FloatArray
     deviation: FloatArray
+    # rmse_percent, settled_percent: RMS error of the whole run, and after `SETTLED_S`, % of reference range
     rmse_percent: float
     settled_percent: float
+    # from when on the error stays within 1 % (RMS over a quarter of a second); None if it never does
     time_to_one_percent_s: float | None
-    frozen_after_s: float | None
+    frozen_after_s: float | None  # when the watch on the residual stopped the tuning
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """One plant with every scheme.
-
-    Parameters
-    ----------
-    variation : Variation
-    time_s, reference_N, mu_factor : ndarray, shape (n,)
-        The reference of this case, and the plant's true factor on mu.
-    traces : dict of Scheme to Trace
-    """
+    """One plant with every scheme."""
 
     variation: Variation
+    # time_s, reference_N, mu_factor: shape (n,); the reference of this case, and the plant's true factor on mu
     time_s: FloatArray
     reference_N: FloatArray
     mu_factor: FloatArray

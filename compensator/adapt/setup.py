@@ -20,16 +20,10 @@ BOUND_SPREAD = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Certified:
-    """The interval of two plays along a reference.
-
-    Parameters
-    ----------
-    interval : CertifiedInterval
-    low_N, high_N : ndarray, shape (n,)
-        For the force of the exact inverse.
-    """
+    """The interval of two plays along a reference."""
 
     interval: CertifiedInterval
+    # low_N, high_N: shape (n,); for the force of the exact inverse
     low_N: FloatArray
     high_N: FloatArray
 

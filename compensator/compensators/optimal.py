@@ -59,7 +59,6 @@ def solve(problem: Problem, *, progress: Progress = silent) -> Tracking:
 
     Parameters
     ----------
-    problem : Problem
     progress : callable, optional
         Told iterations done and iterations at most.
     """

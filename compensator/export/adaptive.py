@@ -31,20 +31,12 @@ _MEASURED = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AdaptiveGolden:
-    """Golden vectors of tuner and interval, one row per sample.
+    """Golden vectors of tuner and interval, one row per sample."""
 
-    Parameters
-    ----------
-    measured : ndarray, shape (rows,)
-        What the tuner is given, exact in the real type.
-    force_N : ndarray, shape (rows,)
-        What it answers.
-    low_N, high_N : ndarray, shape (rows,)
-        Interval for the force of the plant's golden vectors; empty where joints move the path, which has none.
-    """
-
-    measured: FloatArray
-    force_N: FloatArray
+    measured: FloatArray  # shape (rows,); what the tuner is given, exact in the real type
+    force_N: FloatArray  # shape (rows,); what it answers
+    # low_N, high_N: shape (rows,); interval for the force of the plant's golden vectors; empty where joints move the
+    # path, which has none
     low_N: FloatArray
     high_N: FloatArray
 
@@ -99,11 +91,8 @@ def adaptive_golden(problem: Problem, settings: Adaptation, course: Course, prec
 
     Parameters
     ----------
-    problem : Problem
-    settings : Adaptation
     course : Course
         That of the other modules.
-    precision : Precision
     """
     reference_N = course.reference_N
     tuning, step, start = tuning_of(problem, settings), problem.reference.step_s, float(reference_N[0])

@@ -27,20 +27,12 @@ class Status(IntFlag):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitCase:
-    """One call of the limiter.
+    """One call of the limiter."""
 
-    Parameters
-    ----------
-    before_N, wanted_N : float
-        Last output, and the force that is asked for [N].
-    force_N : float
-        What must come out [N].
-    status : Status
-    """
-
+    # before_N, wanted_N: last output, and the force that is asked for [N]
     before_N: float
     wanted_N: float
-    force_N: float
+    force_N: float  # what must come out [N]
     status: Status
 
 
@@ -55,7 +47,6 @@ def limit_cases(low_N: float, high_N: float, change_N: float, precision: Precisi
         Range of the force [N].
     change_N : float
         Largest change per sample [N].
-    precision : Precision
     """
     real = np.float32 if precision is Precision.FLOAT else np.float64
     given = (float(np.clip(v, -1e30, 1e30)) for v in (low_N, high_N, change_N))

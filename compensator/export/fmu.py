@@ -61,21 +61,11 @@ class _Variable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fmu:
-    """A unit, ready to be written.
+    """A unit, ready to be written."""
 
-    Parameters
-    ----------
-    name : str
-        File name.
-    content : bytes
-        The archive.
-    has_binary : bool
-        Whether it holds a binary for this machine; the sources are always there.
-    """
-
-    name: str
-    content: bytes
-    has_binary: bool
+    name: str  # file name
+    content: bytes  # the archive
+    has_binary: bool  # whether it holds a binary for this machine; the sources are always there
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write the unit under its name, whole or not at all.

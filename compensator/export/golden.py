@@ -40,26 +40,17 @@ _JUMPS = (0.0, 1.0, 1.0, 0.0, 0.0, 0.5, 1.0, 0.2, 0.2, 0.9, 0.0, 0.0)  # places 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Course:
-    """Inputs and answers, one row per sample.
+    """Inputs and answers, one row per sample."""
 
-    Parameters
-    ----------
-    reference_N, plant_force_N : ndarray, shape (rows,)
-        Inputs, exact in the real type of the export; of a position drive commands [m].
-    columns : dict of str to ndarray, shape (rows,)
-        Answers: inverse, capstan, table (force within limits) and plant (output tension) [N]; of the plant as many
-        rows as rounding leaves alone.
-    scale_N : float
-        Largest force that the course asks for before the limits: what rounding is relative to [N].
-    chain : Chain
-        The model, with the motion of the course.
-    """
-
+    # reference_N, plant_force_N: shape (rows,); inputs, exact in the real type of the export; of a position drive
+    # commands [m]
     reference_N: FloatArray
     plant_force_N: FloatArray
+    # shape (rows,); answers: inverse, capstan, table (force within limits) and plant (output tension) [N]; of the plant
+    # as many rows as rounding leaves alone
     columns: dict[str, FloatArray]
-    scale_N: float
-    chain: Chain
+    scale_N: float  # largest force that the course asks for before the limits: what rounding is relative to [N]
+    chain: Chain  # the model, with the motion of the course
 
     @property
     def joint_rad(self) -> FloatArray:
@@ -76,40 +67,22 @@ class Course:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Golden:
-    """All courses of the self test.
+    """All courses of the self test."""
 
-    Parameters
-    ----------
-    stride : int
-        Samples of the scenario's reference per row.
-    course : Course
-        The scenario's reference, then reversals.
-    jumps : Course
-        Jumps over the range of the reference, in which forces and rates meet their limits.
-    live : Course or None
-        The course as it arrives live: rough, and lost for a while; None where there is no stream module.
-    other : Other or None
-        The end of the course with other friction; None on a path in sections or one that moves.
-    """
-
-    stride: int
-    course: Course
-    jumps: Course
+    stride: int  # samples of the scenario's reference per row
+    course: Course  # the scenario's reference, then reversals
+    jumps: Course  # jumps over the range of the reference, in which forces and rates meet their limits
+    # the course as it arrives live: rough, and lost for a while; None where there is no stream module
     live: Course | None = None
+    # the end of the course with other friction; None on a path in sections or one that moves
     other: "Other | None" = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Other:
-    """The last rows of the course, from rest, with friction that was set while the controller runs.
+    """The last rows of the course, from rest, with friction that was set while the controller runs."""
 
-    Parameters
-    ----------
-    mu_release, adhesion_N : float
-        What was set, exact in the real type [-], [N].
-    course : Course
-    """
-
+    # mu_release, adhesion_N: what was set, exact in the real type [-], [N]
     mu_release: float
     adhesion_N: float
     course: Course
@@ -122,12 +95,10 @@ def answers(
 
     Parameters
     ----------
-    problem : Problem
     table : LookupTable, optional
         The one that is exported, where one is.
     reference_N : ndarray, shape (rows,)
         Exact in the real type.
-    precision : Precision
     """
     course = _course(problem, table, reference_N, precision, with_plant=True)
     return course.plant_force_N, course.columns
@@ -249,7 +220,6 @@ def to_and_fro(course_N: FloatArray, *, step_N: float | None = None, rows: int =
         What comes before [N].
     step_N : float, optional
         Largest change from row to row; legs that would need more rows are shortened [N]. Default: what the rows need.
-    rows : int, optional
 
     Returns
     -------
@@ -285,10 +255,8 @@ def golden_vectors(
 
     Parameters
     ----------
-    problem : Problem
     table : LookupTable, optional
         The one that is exported, where one is.
-    precision : Precision
     stream : StreamDesign, optional
         Of the stream module, where there is one.
     """
@@ -356,7 +324,6 @@ def told(problem: Problem, inversion: Inversion, force_N: FloatArray) -> FloatAr
 
     Parameters
     ----------
-    problem : Problem
     inversion : Inversion
         With states.
     force_N : ndarray, shape (rows,)
@@ -376,7 +343,6 @@ def respond(problem: Problem, drive: FloatArray, start_N: float, chain: Chain) -
 
     Parameters
     ----------
-    problem : Problem
     drive : ndarray, shape (rows,)
     start_N : float
         Uniform tension at rest [N].

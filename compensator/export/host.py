@@ -40,8 +40,6 @@ def run_on_host(
     ----------
     sources : mapping of str to str
         Texts by file name.
-    prefix : str
-    precision : Precision
     runs : sequence of mapping of str to ndarray, shape (n,)
         Inputs by name of the module, one mapping per run [N].
     joints_rad : sequence of ndarray of shape (n, joints), optional

@@ -16,21 +16,11 @@ UNCOMPENSATED = "none"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judged:
-    """One module on the chain of the export's level.
+    """One module on the chain of the export's level."""
 
-    Parameters
-    ----------
-    module : str
-        Name of the module; "none" for the reference itself as force.
-    score : Score or None
-        Against the reference; None where the plant could not be simulated under this force.
-    fault : str
-        Why the module should not run on the rig; empty where nothing speaks against it.
-    """
-
-    module: str
-    score: Score | None
-    fault: str
+    module: str  # name of the module; "none" for the reference itself as force
+    score: Score | None  # against the reference; None where the plant could not be simulated under this force
+    fault: str  # why the module should not run on the rig; empty where nothing speaks against it
 
     def as_dict(self) -> dict[str, object]:
         """The entry of `design.json`."""
@@ -42,7 +32,6 @@ def judge(problem: Problem, forces_N: Mapping[str, FloatArray]) -> tuple[Judged,
 
     Parameters
     ----------
-    problem : Problem
     forces_N : mapping of str to ndarray, shape (n,)
         Force of each module at the samples of the reference, within the limits [N], or command [m].
 
@@ -79,8 +68,6 @@ def judge_stream(judged: Sequence[Judged], choice: StreamChoice | None, problem:
     ----------
     judged : sequence of Judged
         Of the other modules, no compensation first.
-    choice : StreamChoice or None
-    problem : Problem
     """
     fault = next((each.fault for each in judged if each.module == "inverse"), "")
     if choice is None:
@@ -102,15 +89,7 @@ def score_lines(judged: Sequence[Judged]) -> list[str]:
 
 
 def answer_of(problem: Problem, name: str, profile: Profile) -> FloatArray:
-    """What the actuator is told: the force of a profile [N], or the command of a position drive [m].
-
-    Parameters
-    ----------
-    problem : Problem
-    name : str
-        Of the compensator.
-    profile : Profile
-    """
+    """What the actuator is told: the force of a profile [N], or the command of a position drive [m]."""
     if problem.transmission.actuator.drive is not Drive.POSITION:
         return profile.force_N
     moved = with_motion(problem, name, profile)

@@ -64,7 +64,6 @@ def c_modules(scenario: Scenario, with_stream: bool = False) -> tuple[CModule, .
 
     Parameters
     ----------
-    scenario : Scenario
     with_stream : bool, optional
         The module for live references too.
     """
@@ -80,7 +79,6 @@ def exportable(transmission: Transmission, *, moving: bool) -> tuple[tuple[Compe
 
     Parameters
     ----------
-    transmission : Transmission
     moving : bool
         Joints move the path.
     """

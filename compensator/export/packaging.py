@@ -6,21 +6,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Packed:
-    """One file beside the C.
+    """One file beside the C."""
 
-    Parameters
-    ----------
-    path : str
-        Below the exported folder; {p} is the prefix.
-    template : str
-        In `templates`.
-    needs : str, optional
-        Module without which there is no such file; "follower" for any that follows a reference.
-    """
-
-    path: str
-    template: str
-    needs: str = ""
+    path: str  # below the exported folder; {p} is the prefix
+    template: str  # in `templates`
+    needs: str = ""  # module without which there is no such file; "follower" for any that follows a reference
 
 
 _EVERY = (
@@ -48,7 +38,6 @@ def packed(modules: Sequence[str], follower: str, prefix: str) -> dict[str, str]
         Names of what is exported.
     follower : str
         The one that a controller wraps; empty where none follows a reference.
-    prefix : str
     """
     there = {"", *modules, *(("follower",) if follower else ())}
     return {each.path.format(p=prefix): each.template for each in _EVERY if each.needs in there}

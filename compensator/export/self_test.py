@@ -27,21 +27,13 @@ _SLACK_ROWS = 200
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FloatLoss:
-    """What single precision costs a module along the golden course.
-
-    Parameters
-    ----------
-    module : str
-    rms_N, peak_N : float
-        Difference from the model in double precision [N].
-    percent_of_range : float
-        The root mean square over the range of the course [%].
-    """
+    """What single precision costs a module along the golden course."""
 
     module: str
+    # rms_N, peak_N: difference from the model in double precision [N]
     rms_N: float
     peak_N: float
-    percent_of_range: float
+    percent_of_range: float  # the root mean square over the range of the course [%]
 
 
 def float_losses(course: Course, found_N: Mapping[str, FloatArray], problem: Problem) -> tuple[FloatLoss, ...]:
@@ -49,10 +41,8 @@ def float_losses(course: Course, found_N: Mapping[str, FloatArray], problem: Pro
 
     Parameters
     ----------
-    course : Course
     found_N : mapping of str to ndarray, shape (rows,)
         Answers of the exported code to the course [N]; commands [m] count as the tension that they are worth at rest.
-    problem : Problem
     """
     losses = []
     for module, found in found_N.items():
@@ -99,11 +89,7 @@ def self_test_context(
 
     Parameters
     ----------
-    problem : Problem
-    table : LookupTable, optional
     profile_N : ndarray, shape (n,)
-    golden : Golden
-    precision : Precision
     found_N : sequence of mapping, or None
         Answers of the exported code to course, jumps and live course [N]; None where they were not measured.
     accepted_N : tuple of float

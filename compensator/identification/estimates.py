@@ -50,9 +50,6 @@ def static_estimates(scenario: Scenario, stage: StaticSelection, now: Excitation
 
     Parameters
     ----------
-    scenario : Scenario
-    stage : StaticSelection
-    now : ExcitationSummary
     described : bool
         The law describes the device.
     """
@@ -177,9 +174,6 @@ def dynamic_estimates(scenario: Scenario, fit: DynamicFit, now: ExcitationSummar
 
     Parameters
     ----------
-    scenario : Scenario
-    fit : DynamicFit
-    now : ExcitationSummary
     described : bool
         The law describes the device.
     """

@@ -25,12 +25,7 @@ MOST_POINTS = 4000
 
 
 def draw(found: IdentificationData, folder: Path) -> list[Path]:
-    """Write every figure that the data has material for.
-
-    Returns
-    -------
-    list of Path
-    """
+    """Write every figure that the data has material for."""
     shown = _chosen(found.comparisons)
     with figure_style():
         written = [*_over_time(found, shown, folder), *_loops(found, shown, folder), *_residuals(shown, folder)]

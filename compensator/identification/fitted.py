@@ -29,22 +29,13 @@ REPLAY_STEP_S = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fitted:
-    """A scenario with fitted values.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    offsets_N : tuple of 2 floats
-        What the input and the output cell read at zero, beyond what was taken off when the files were read.
-    static : StaticFit or None
-        The static law that was fitted; None where the chain was.
-    chain_percent : float or None
-        What the chain of the scenario leaves where a static law was fitted [% of range]; None where nothing drives it.
-    """
+    """A scenario with fitted values."""
 
     scenario: Scenario
+    # what the input and the output cell read at zero, beyond what was taken off when the files were read
     offsets_N: tuple[float, float] = (0.0, 0.0)
-    static: StaticFit | None = None
+    static: StaticFit | None = None  # the static law that was fitted; None where the chain was
+    # what the chain of the scenario leaves where a static law was fitted [% of range]; None where nothing drives it
     chain_percent: float | None = None
 
 
@@ -53,8 +44,6 @@ def scenario_of_chain(scenario: Scenario, fit: DynamicFit, records: Sequence[Rec
 
     Parameters
     ----------
-    scenario : Scenario
-    fit : DynamicFit
     records : sequence of Record
         What it was fitted to.
     """
@@ -88,8 +77,6 @@ def scenario_of_static(
 
     Parameters
     ----------
-    scenario : Scenario
-    stage : StaticSelection
     records : sequence of Record
         What it was fitted to.
     static_only : bool
@@ -136,7 +123,6 @@ def static_law_of(fitted: Fitted, fit: StaticFit) -> StaticFit:
 
     Parameters
     ----------
-    fitted : Fitted
     fit : StaticFit
         For the kind of law.
     """
@@ -178,14 +164,7 @@ def _fitted(scenario: Scenario, level: Level, offsets_N: tuple[float, float], re
 
 
 def replay(fitted: Fitted, explain: Explain, records: Sequence[Record]) -> tuple[FileError, ...]:
-    """Errors of the law that a fitted scenario holds: of its static law, or of its chain, simulated again.
-
-    Parameters
-    ----------
-    fitted : Fitted
-    explain : Explain
-    records : sequence of Record
-    """
+    """Errors of the law that a fitted scenario holds: of its static law, or of its chain, simulated again."""
     if fitted.static is None:
         return _chain_replay(fitted, explain, records)
     zero = fitted.scenario.measurement.guide_zero_m

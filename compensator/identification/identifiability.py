@@ -15,27 +15,13 @@ D = DynamicParameter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExcitationSummary:
-    """What was measured.
+    """What was measured."""
 
-    Parameters
-    ----------
-    positions : bool
-        Both ends' positions.
-    hold_s : float
-        Longest hold of the input tension.
-    speed_m_per_s : float
-        Usual top speed of the input end; 0 if not measured.
-    load_swing : float
-        Range of the output tension over its mean; of the input's where the output was not measured.
-    proximal : bool
-        Nothing was measured at the far end.
-    """
-
-    positions: bool
-    hold_s: float
-    speed_m_per_s: float
-    load_swing: float
-    proximal: bool
+    positions: bool  # both ends' positions
+    hold_s: float  # longest hold of the input tension
+    speed_m_per_s: float  # usual top speed of the input end; 0 if not measured
+    load_swing: float  # range of the output tension over its mean; of the input's where the output was not measured
+    proximal: bool  # nothing was measured at the far end
 
 
 def summarise_excitation(records: Sequence[Record]) -> ExcitationSummary:
@@ -69,9 +55,6 @@ def reason(
 
     Parameters
     ----------
-    name : DynamicParameter
-    now : ExcitationSummary
-    transmission : Transmission
     relative_error : float, optional
         Standard error it has or would have, as a share of the value.
     fitted : bool, optional

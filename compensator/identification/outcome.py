@@ -25,24 +25,13 @@ from tendonff.ocp.fits.static import StaticParameter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """How the chosen law does.
-
-    Parameters
-    ----------
-    law : str
-    laws : tuple of CandidateLaw
-    files : tuple of FileResult
-    fit_percent : float
-    validation_percent : float or None
-        On validation files.
-    comparisons : tuple of PieceComparison
-    """
+    """How the chosen law does."""
 
     law: str
     laws: tuple[CandidateLaw, ...]
     files: tuple[FileResult, ...]
     fit_percent: float
-    validation_percent: float | None
+    validation_percent: float | None  # on validation files
     comparisons: tuple[PieceComparison, ...]
 
 
@@ -57,8 +46,6 @@ def compared(
     ----------
     stage : StaticSelection or None
         None where nothing was measured at the far end.
-    chain : DynamicFit or None
-    records : sequence of Record
     """
     if chain is None:
         return () if stage is None else stage.laws
@@ -105,12 +92,10 @@ def outcome_of(
 
     Parameters
     ----------
-    laws : sequence of CandidateLaw
     stage : StaticSelection or None
         None where nothing was measured at the far end.
     chain : DynamicFit or None
         None where the static law was chosen.
-    records, judges : sequence of Record
     """
     middle, explain = middle_of(records), Explain.POSITION if stage is None else stage.fit.explain
     fitted, judged = (_errors(stage, chain, some, middle) for some in (records, judges))

@@ -21,7 +21,6 @@ def identification_report(found: IdentificationData, folder: Path) -> Report:
 
     Parameters
     ----------
-    found : IdentificationData
     folder : Path
         Where its figures lie.
     """

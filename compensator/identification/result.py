@@ -20,35 +20,16 @@ POOR_PERCENT = 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
-    """One value.
+    """One value."""
 
-    Parameters
-    ----------
-    name : str
-        Key of the scenario file, or what it is.
-    value : float
-        Estimate; the scenario's value where it was not fitted.
-    standard_error : float or None
-    interval : tuple of 2 floats, or None
-        95 %.
-    identifiable : bool
-        The data tell it by itself.
-    why : str
-        Where the value comes from, or what keeps the data from telling and which experiment would tell.
-    scenario : float or None
-        The scenario's own value.
-    fitted : bool
-        The value is the joint estimate, which fitted.toml has; else it is the scenario's.
-    """
-
-    name: str
-    value: float
+    name: str  # key of the scenario file, or what it is
+    value: float  # estimate; the scenario's value where it was not fitted
     standard_error: float | None
-    interval: tuple[float, float] | None
-    identifiable: bool
-    why: str
-    scenario: float | None = None
-    fitted: bool = False
+    interval: tuple[float, float] | None  # 95 %
+    identifiable: bool  # the data tell it by itself
+    why: str  # where the value comes from, or what keeps the data from telling and which experiment would tell
+    scenario: float | None = None  # the scenario's own value
+    fitted: bool = False  # the value is the joint estimate, which fitted.toml has; else it is the scenario's
 
     def as_json(self) -> dict[str, Any]:
         """Plain values; what is not a finite number becomes null."""
@@ -70,22 +51,12 @@ def _is_finite(value: float | None) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CandidateLaw:
-    """One of the laws that were compared.
-
-    Parameters
-    ----------
-    name : str
-    stage : str
-        "static" or "dynamic".
-    free_values : int
-    fit_percent, validation_percent : float
-        Rms in percent of the range of the explained channel.
-    chosen : bool
-    """
+    """One of the laws that were compared."""
 
     name: str
-    stage: str
+    stage: str  # "static" or "dynamic"
     free_values: int
+    # fit_percent, validation_percent: rms in percent of the range of the explained channel
     fit_percent: float
     validation_percent: float
     chosen: bool
@@ -93,42 +64,29 @@ class CandidateLaw:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileResult:
-    """One measured file.
+    """One measured file."""
 
-    Parameters
-    ----------
-    role : str
-        "fit" or "validate".
-    error : FileError
-    findings : tuple of Finding
-    """
-
-    role: str
+    role: str  # "fit" or "validate"
     error: FileError
     findings: tuple[Finding, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PieceComparison:
-    """Measurement and model of one piece, for the figures.
+    """Measurement and model of one piece, for the figures."""
 
-    Parameters
-    ----------
-    name, role : str
-        Of the file.
-    time_s, input_N : ndarray, shape (n,)
-    given, measured, model : ndarray, shape (n,)
-        The tension that drives the law; what it explains, measured and by the law, in N or m.
-    elongation_m, model_elongation_m : ndarray, shape (n,), or None
-    """
-
+    # name, role: of the file
     name: str
     role: str
+    # time_s, input_N: shape (n,)
     time_s: Array
     input_N: Array
+    # given, measured, model: shape (n,); the tension that drives the law; what it explains, measured and by the law, in
+    # N or m
     given: Array
     measured: Array
     model: Array
+    # elongation_m, model_elongation_m: shape (n,)
     elongation_m: Array | None = None
     model_elongation_m: Array | None = None
 

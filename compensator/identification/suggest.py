@@ -45,21 +45,14 @@ TOLD = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Excitation:
-    """A force file with the reasons for its parts.
+    """A force file with the reasons for its parts."""
 
-    Parameters
-    ----------
-    time_s, force_N : ndarray, shape (n,)
-    parts : tuple of str
-        What each part is for, with its start.
-    expected_percent, before_percent : float or None
-        Error of a design that the noise of the cells would leave, with this excitation and with that of version 0.1.0
-        [% of the reference's range]; None where no reference was there to tell.
-    """
-
+    # time_s, force_N: shape (n,)
     time_s: Array
     force_N: Array
-    parts: tuple[str, ...]
+    parts: tuple[str, ...]  # what each part is for, with its start
+    # expected_percent, before_percent: error of a design that the noise of the cells would leave, with this excitation
+    # and with that of version 0.1.0 [% of the reference's range]; None where no reference was there to tell
     expected_percent: float | None = None
     before_percent: float | None = None
 
@@ -113,32 +106,15 @@ class _Pen:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """What an excitation spends its time on.
+    """What an excitation spends its time on."""
 
-    Parameters
-    ----------
-    strokes : tuple of float
-        Tops of the full strokes, as shares of the high force.
-    stroke_s : float
-        Time of each way.
-    holds : int
-        Holds after steps, up to 8.
-    hold_taus : float
-        Their length in relaxation times; at least a second each.
-    reversals : tuple of float
-        Shares of the high force from which small reversals start.
-    sweep_s : float
-    deep : bool
-        Down to the lowest tension that the reference asks for.
-    """
-
-    strokes: tuple[float, ...]
-    stroke_s: float
-    holds: int
-    hold_taus: float
-    reversals: tuple[float, ...]
+    strokes: tuple[float, ...]  # tops of the full strokes, as shares of the high force
+    stroke_s: float  # time of each way
+    holds: int  # holds after steps, up to 8
+    hold_taus: float  # their length in relaxation times; at least a second each
+    reversals: tuple[float, ...]  # shares of the high force from which small reversals start
     sweep_s: float
-    deep: bool = True
+    deep: bool = True  # down to the lowest tension that the reference asks for
 
 
 PLANS = (

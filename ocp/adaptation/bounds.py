@@ -18,24 +18,12 @@ from tendonff.models.errors import ParameterError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CertifiedInterval:
-    """Two plays that enclose the output tension.
+    """Two plays that enclose the output tension."""
 
-    Parameters
-    ----------
-    law : CapstanLaw
-        Static law at the values that are known best.
-    spread : float
-        d: relative half-width of what mu theta may be, 0 <= d < 1.
-    noise_N : float
-        Largest error of the actuator's force [N], >= 0.
-    margin : float, optional
-        m: what the static law leaves out, in ln(T + p), >= 0.
-    """
-
-    law: CapstanLaw
-    spread: float
-    noise_N: float
-    margin: float = 0.0
+    law: CapstanLaw  # static law at the values that are known best
+    spread: float  # d: relative half-width of what mu theta may be, 0 <= d < 1
+    noise_N: float  # largest error of the actuator's force [N], >= 0
+    margin: float = 0.0  # m: what the static law leaves out, in ln(T + p), >= 0
 
     def __post_init__(self) -> None:
         if not 0 <= self.spread < 1:

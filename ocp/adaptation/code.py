@@ -50,19 +50,10 @@ LOAD_STIFFNESS = "far_stiffness_N_per_m"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TunedChain:
-    """A chain some of whose parameters carry a factor.
+    """A chain some of whose parameters carry a factor."""
 
-    Parameters
-    ----------
-    whole : Whole
-        The tendon at factors of 1.
-    chain : Chain
-        Made of it.
-    parameters : tuple of Tunable
-    """
-
-    whole: Whole
-    chain: Chain
+    whole: Whole  # the tendon at factors of 1
+    chain: Chain  # made of it
     parameters: tuple[Tunable, ...]
 
     @classmethod
@@ -154,7 +145,6 @@ def rest_statements(at_zero: Array, at_one: Array, array: str, precision: Precis
         State at tensions of 0 and 1 N.
     array : str
         C text.
-    precision : Precision
     """
     slopes, lines, first = np.asarray(at_one) - np.asarray(at_zero), [], 0
     while first < len(slopes):
@@ -172,8 +162,6 @@ def tuner_context(tuned: TunedChain, precision: Precision, *, prefix: str, past:
 
     Parameters
     ----------
-    tuned : TunedChain
-    precision : Precision
     prefix : str
         Of the tuner's own C names.
     past : int

@@ -16,22 +16,12 @@ COUPLED = 0.98
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Information:
-    """What the measurement tells about each factor, rows at the samples of the reference.
-
-    Parameters
-    ----------
-    tuning : Tuning
-    time_s : ndarray, shape (n,)
-    deviation : ndarray, shape (n, parameters)
-        Standard deviation of each factor if nothing is forgotten [-].
-    correlation : float
-        Between the two factors at the end [-]; 0 where there is one.
-    """
+    """What the measurement tells about each factor, rows at the samples of the reference."""
 
     tuning: Tuning
-    time_s: Array
-    deviation: Array
-    correlation: float
+    time_s: Array  # shape (n,)
+    deviation: Array  # shape (n, parameters); standard deviation of each factor if nothing is forgotten [-]
+    correlation: float  # between the two factors at the end [-]; 0 where there is one
 
     def known_after_s(self, index: int, target: float = TARGET) -> float | None:
         """Time from which on a factor is known to within `target`; None where it never is.
@@ -40,7 +30,6 @@ class Information:
         ----------
         index : int
             Place among the tuned parameters.
-        target : float, optional
         """
         rows = np.flatnonzero(self.deviation[:, index] <= target)
         return float(self.time_s[rows[0]]) if rows.size else None
@@ -75,7 +64,6 @@ def information(tuning: Tuning, time_s: Array, slopes: Array, weight: Array) -> 
 
     Parameters
     ----------
-    tuning : Tuning
     time_s : ndarray, shape (n,)
     slopes : ndarray, shape (n, parameters)
         Derivative of the measured quantity over each factor.

@@ -28,43 +28,23 @@ from tendonff.ocp.step.target_joints import SLOPE_OF, Contact, contact_code
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FreeCode:
-    """C of a scheme some of whose numbers are fields of its coefficient record.
+    """C of a scheme some of whose numbers are fields of its coefficient record."""
 
-    Parameters
-    ----------
-    record : str
-        The type of the record.
-    rows : str
-        Its values at factors of 1, one row per weight of the scheme.
-    laws, body : str
-        Element laws as static functions, and the scheme around them.
-    gain_call : str
-        Statement that renews the slope of a link's force in `rows[k]`, where the tendon is tuned.
-    """
-
-    record: str
-    rows: str
+    record: str  # the type of the record
+    rows: str  # its values at factors of 1, one row per weight of the scheme
+    # laws, body: element laws as static functions, and the scheme around them
     laws: str
     body: str
-    gain_call: str
+    gain_call: str  # statement that renews the slope of a link's force in `rows[k]`, where the tendon is tuned
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TunerCode:
-    """Parts of the C module of a tuner.
+    """Parts of the C module of a tuner."""
 
-    Parameters
-    ----------
-    header : str
-        Types; the last is `<prefix>_tuner`.
-    source : str
-        Static functions.
-    model_rows, inverse_rows : int
-        Rows of coefficients of model and inverse.
-    """
-
-    header: str
-    source: str
+    header: str  # types; the last is `<prefix>_tuner`
+    source: str  # static functions
+    # model_rows, inverse_rows: rows of coefficients of model and inverse
     model_rows: int
     inverse_rows: int
 
@@ -81,12 +61,6 @@ def inverse_free_code(
 
     Parameters
     ----------
-    tuned : TunedChain
-    step_s : float
-        h [s].
-    prefix : str
-        Prefix of every C name.
-    precision : Precision
     names : tuple of str
         The free numbers, as in `Chain.numbers`.
     contact : Contact, optional
@@ -174,12 +148,6 @@ def tuner_code(tuned: TunedChain, step_s: float, prefix: str, precision: Precisi
 
     Parameters
     ----------
-    tuned : TunedChain
-    step_s : float
-        h [s].
-    prefix : str
-        Prefix of every C name.
-    precision : Precision
     delay : int
         Age of a measurement when it arrives, in steps.
     """

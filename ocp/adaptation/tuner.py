@@ -18,25 +18,14 @@ from tendonff.ocp.tracking.limits import ForceLimits
 
 
 class TunerStatus(IntFlag):
-    """What the last step says.
+    """What the last step says."""
 
-    Attributes
-    ----------
-    LIMITED
-        The actuator's limits changed the force.
-    FROZEN
-        The model does not explain the measurement: estimates count no more than they stand out from what is left
-        unexplained; otherwise the last safe values hold.
-    AT_BOUND
-        A factor is at an end of its range.
-    DOUBT
-        More stays unexplained than a good model leaves: something has changed, or is not as the model has it.
-    """
-
-    LIMITED = 1
+    LIMITED = 1  # the actuator's limits changed the force
+    # the model does not explain the measurement: estimates count no more than they stand out from what is left
+    # unexplained; otherwise the last safe values hold
     FROZEN = 2
-    AT_BOUND = 4
-    DOUBT = 8
+    AT_BOUND = 4  # a factor is at an end of its range
+    DOUBT = 8  # more stays unexplained than a good model leaves: something has changed, or is not as the model has it
 
 
 REALS = (
@@ -73,36 +62,21 @@ class _RigStruct(ctypes.Structure):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TunedRun:
-    """What happened step by step; row k belongs to the end of step k.
+    """What happened step by step; row k belongs to the end of step k."""
 
-    Parameters
-    ----------
-    force_N, tension_N : ndarray, shape (n,)
-        Force of the actuator and output tension of the rig at the end of the step.
-    factors, deviation : ndarray, shape (n, parameters)
-        Estimates as factors on the scenario's values, as far as they count, and the standard deviations of what was
-        learnt.
-    slopes : ndarray, shape (n, parameters)
-        Change of the predicted measurement with each factor.
-    moved : ndarray, shape (n,)
-        How far the prediction moved in the step.
-    measured : ndarray, shape (n,)
-        What the tuner was given at the beginning of the step, unit of the sensor.
-    residual : ndarray, shape (n,)
-        RMS of what the model does not explain, unit of the sensor; at least that of a good model.
-    status : ndarray of int, shape (n,)
-        Bits of `TunerStatus`.
-    """
-
+    # force_N, tension_N: shape (n,); force of the actuator and output tension of the rig at the end of the step
     force_N: Array
     tension_N: Array
+    # factors, deviation: shape (n, parameters); estimates as factors on the scenario's values, as far as they count,
+    # and the standard deviations of what was learnt
     factors: Array
     deviation: Array
-    slopes: Array
-    moved: Array
-    measured: Array
+    slopes: Array  # shape (n, parameters); change of the predicted measurement with each factor
+    moved: Array  # shape (n,); how far the prediction moved in the step
+    measured: Array  # shape (n,); what the tuner was given at the beginning of the step, unit of the sensor
+    # shape (n,); RMS of what the model does not explain, unit of the sensor; at least that of a good model
     residual: Array
-    status: NDArray[np.intc]
+    status: NDArray[np.intc]  # shape (n,); bits of `TunerStatus`
 
     @classmethod
     def joined(cls, runs: list["TunedRun"]) -> "TunedRun":

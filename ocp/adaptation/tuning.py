@@ -33,18 +33,10 @@ PEAK = 1.5
 
 
 class Sensor(StrEnum):
-    """What is measured.
+    """What is measured."""
 
-    Attributes
-    ----------
-    OUTPUT_TENSION
-        f_{N+1} [N].
-    ACTUATOR_POSITION
-        q_a relative to the start [m].
-    """
-
-    OUTPUT_TENSION = "output_tension"
-    ACTUATOR_POSITION = "actuator_position"
+    OUTPUT_TENSION = "output_tension"  # f_{N+1} [N]
+    ACTUATOR_POSITION = "actuator_position"  # q_a relative to the start [m]
 
     @property
     def unit(self) -> str:
@@ -58,25 +50,14 @@ class Sensor(StrEnum):
 
 
 class Tunable(StrEnum):
-    """What is tuned: each as a factor on the scenario's value.
+    """What is tuned: each as a factor on the scenario's value."""
 
-    Attributes
-    ----------
-    MU
-        All friction coefficients.
-    MU_PULL, MU_RELEASE
-        Those of one direction.
-    LOAD_STIFFNESS
-        k_l, with the load's spring anchored at the tension of the start.
-    TENDON_STIFFNESS
-        k1 and k2.
-    """
-
-    MU = "mu"
+    MU = "mu"  # all friction coefficients
+    # MU_PULL, MU_RELEASE: those of one direction
     MU_PULL = "mu_pull"
     MU_RELEASE = "mu_release"
-    LOAD_STIFFNESS = "load_stiffness"
-    TENDON_STIFFNESS = "tendon_stiffness"
+    LOAD_STIFFNESS = "load_stiffness"  # k_l, with the load's spring anchored at the tension of the start
+    TENDON_STIFFNESS = "tendon_stiffness"  # k1 and k2
 
 
 def check_parameters(parameters: tuple[Tunable, ...]) -> None:
@@ -98,63 +79,34 @@ def check_parameters(parameters: tuple[Tunable, ...]) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tuning:
-    """The numbers of the recursion, per sample of the controller.
-
-    Parameters
-    ----------
-    sensor : Sensor
-    parameters : tuple of Tunable
-        One or two.
-    delay_samples : int
-        Age of a measurement when it arrives, 0 to 63.
-    lowest, highest : float
-        Bounds of every factor [-].
-    variance : float
-        R: variance that one sample at full speed counts for, unit of the sensor squared.
-    deviation : float
-        Residual that noise and a good model leave, unit of the sensor.
-    full_speed : float
-        Change of the predicted measurement per sample from which on a sample counts in full, unit of the sensor.
-    drift_variance : float
-        Random walk of a factor per sample at full speed [-].
-    start_deviation : float
-        Standard deviation of a factor at the start, and the largest later on [-].
-    slew : float
-        Largest change of the inverse's factors per sample [-].
-    quick, slow : float
-        Shares by which the mean of the error, and that of what is unexplained of it, follow a sample at full speed [-].
-    watch_level : float
-        Mean square of what is unexplained at which the model counts as wrong, in squares of `deviation` [-].
-    lost_level : float
-        Where it says nothing any more.
-    hold_travel : float
-        Path of the prediction over which an estimate must hold before it counts as safe, unit of the sensor.
-    rest_samples : int
-        Samples of a rest that allows a new start.
-    integral_gain : float
-        Share of the logarithmic error that is integrated per sample [-]; 0 for none.
-    noise, span, step_s : float
-        What the others were computed from: noise and range of the measurement, unit of the sensor, and h [s].
-    """
+    """The numbers of the recursion, per sample of the controller."""
 
     sensor: Sensor
-    parameters: tuple[Tunable, ...]
-    delay_samples: int
+    parameters: tuple[Tunable, ...]  # one or two
+    delay_samples: int  # age of a measurement when it arrives, 0 to 63
+    # lowest, highest: bounds of every factor [-]
     lowest: float
     highest: float
-    variance: float
-    deviation: float
+    variance: float  # R: variance that one sample at full speed counts for, unit of the sensor squared
+    deviation: float  # residual that noise and a good model leave, unit of the sensor
+    # change of the predicted measurement per sample from which on a sample counts in full, unit of the sensor
     full_speed: float
-    drift_variance: float
-    start_deviation: float
-    slew: float
+    drift_variance: float  # random walk of a factor per sample at full speed [-]
+    start_deviation: float  # standard deviation of a factor at the start, and the largest later on [-]
+    slew: float  # largest change of the inverse's factors per sample [-]
+    # quick, slow: shares by which the mean of the error, and that of what is unexplained of it, follow a sample at full
+    # speed [-]
     quick: float
     slow: float
+    # mean square of what is unexplained at which the model counts as wrong, in squares of `deviation` [-]
     watch_level: float
-    lost_level: float
+    lost_level: float  # where it says nothing any more
+    # path of the prediction over which an estimate must hold before it counts as safe, unit of the sensor
     hold_travel: float
-    rest_samples: int
-    integral_gain: float
+    rest_samples: int  # samples of a rest that allows a new start
+    integral_gain: float  # share of the logarithmic error that is integrated per sample [-]; 0 for none
+    # noise, span, step_s: what the others were computed from: noise and range of the measurement, unit of the sensor,
+    # and h [s]
     noise: float
     span: float
     step_s: float
@@ -189,16 +141,10 @@ class Tuning:
 
         Parameters
         ----------
-        sensor : Sensor
-        parameters : tuple of Tunable
-        delay_samples : int
         noise : float
             Standard deviation of the sensor, its unit.
         span : float
             Range that the measured quantity covers along the reference, unit of the sensor, > 0.
-        step_s : float
-            h [s].
-        lowest, highest : float, optional
         integral_gain_per_s : float, optional
             Needs the output tension.
         """

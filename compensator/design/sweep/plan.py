@@ -18,16 +18,9 @@ FACTORS = ("mu_factor", "stiffness_factor", "bristle_stiffness_factor")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axis:
-    """A key of the scenario and the values it takes.
+    """A key of the scenario and the values it takes."""
 
-    Parameters
-    ----------
-    key : str
-        "table.name", as in the scenario file.
-    values : tuple of float
-    """
-
-    key: str
+    key: str  # "table.name", as in the scenario file
     values: tuple[float, ...]
 
     @classmethod
@@ -48,20 +41,11 @@ class Axis:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unit:
-    """One thing to try.
-
-    Parameters
-    ----------
-    index : int
-    values : tuple of float
-        Of the varied keys.
-    scenario : Scenario
-        With those values.
-    """
+    """One thing to try."""
 
     index: int
-    values: tuple[float, ...]
-    scenario: Scenario
+    values: tuple[float, ...]  # of the varied keys
+    scenario: Scenario  # with those values
 
 
 def grid_units(scenario: Scenario, axes: tuple[Axis, ...]) -> list[Unit]:
@@ -95,10 +79,8 @@ def varied(scenario: Scenario, keys: tuple[str, ...], values: tuple[float, ...])
 
     Parameters
     ----------
-    scenario : Scenario
     keys : tuple of str
         "table.name".
-    values : tuple of float
     """
     changes: dict[str, dict[str, float | int]] = {}
     for key, value in zip(keys, values, strict=True):

@@ -23,51 +23,28 @@ def key_label(key: str) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """One unit and how well every compensator does on it.
-
-    Parameters
-    ----------
-    index : int
-    values : tuple of float
-        Of the varied keys.
-    percent, peak_N : tuple of float
-        Of each compensator: error, % of range RMS, and largest error [N]; NaN where it failed.
-    """
+    """One unit and how well every compensator does on it."""
 
     index: int
-    values: tuple[float, ...]
+    values: tuple[float, ...]  # of the varied keys
+    # percent, peak_N: of each compensator: error, % of range RMS, and largest error [N]; NaN where it failed
     percent: tuple[float, ...]
     peak_N: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepData:
-    """Scores over units.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    options : str
-        What the command was asked for, in words.
-    keys : tuple of str
-        Varied keys of the scenario, or factors on its parameters.
-    compensators : tuple of str
-    rows : tuple of Row
-        In the order of their index.
-    budget : tuple of tuple
-        Key, low value, high value, and every compensator's error at both with all else nominal [% of range]; empty for
-        a grid.
-    is_random : bool
-        Units drawn from the uncertainty: the profiles are those of the nominal scenario.
-    """
+    """Scores over units."""
 
     scenario: Scenario
-    options: str
-    keys: tuple[str, ...]
+    options: str  # what the command was asked for, in words
+    keys: tuple[str, ...]  # varied keys of the scenario, or factors on its parameters
     compensators: tuple[str, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[Row, ...]  # in the order of their index
+    # key, low value, high value, and every compensator's error at both with all else nominal [% of range]; empty for a
+    # grid
     budget: tuple[tuple[str, float, float, tuple[float, ...], tuple[float, ...]], ...]
-    is_random: bool
+    is_random: bool  # units drawn from the uncertainty: the profiles are those of the nominal scenario
 
     def percent(self, name: str) -> FloatArray:
         """Errors of a compensator, infinite where it failed [% of range]."""
@@ -80,7 +57,6 @@ class SweepData:
 
         Parameters
         ----------
-        name : str
         percent : float
             Bound [% of range].
         """

@@ -32,19 +32,11 @@ _JOBS_OF_WAVE = 32  # then the rows are stored
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """Some units, in one piece for one worker.
-
-    Parameters
-    ----------
-    units : tuple of Unit
-    compensators : tuple of str
-    profiles : tuple of Profile or None
-        Profiles to try on every unit; None: design anew for each.
-    """
+    """Some units, in one piece for one worker."""
 
     units: tuple[Unit, ...]
     compensators: tuple[str, ...]
-    profiles: tuple[Profile, ...] | None
+    profiles: tuple[Profile, ...] | None  # profiles to try on every unit; None: design anew for each
 
 
 def run_job(job: Job) -> tuple[Row, ...]:
@@ -85,14 +77,12 @@ def sweep(
 
     Parameters
     ----------
-    scenario : Scenario
     folder : str or path
         Where rows are kept as they come; a sweep that was killed goes on there.
     over : sequence of Axis, optional
         Keys and values: at every point the profiles are made for that point.
     samples : int, optional
         Units to draw: the profiles are those of the scenario, as `design` makes them.
-    compensators : sequence of str, optional
     executor : concurrent.futures.Executor, optional
         Where units are computed; default: all cores.
     progress : callable, optional

@@ -59,11 +59,6 @@ def c_sources(
 
     Parameters
     ----------
-    scenario : Scenario
-    problem : Problem
-    modules : sequence of CModule
-    precision : Precision
-    prefix : str
     further : mapping, optional
         What the templates of these modules need beyond scenario and level: table, profile.
     """

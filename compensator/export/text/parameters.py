@@ -30,23 +30,12 @@ _RATE_MAX = 1e30
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
-    """One member of the record.
+    """One member of the record."""
 
-    Parameters
-    ----------
-    name : str
-        C identifier.
-    unit : str
-        As ASAP2 wants it; empty for a ratio.
-    text : str
-        One line for the description file.
-    value, low, high : float
-        Of the scenario, and the range that is accepted.
-    """
-
-    name: str
-    unit: str
-    text: str
+    name: str  # C identifier
+    unit: str  # as ASAP2 wants it; empty for a ratio
+    text: str  # one line for the description file
+    # value, low, high: of the scenario, and the range that is accepted
     value: float
     low: float
     high: float

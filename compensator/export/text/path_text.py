@@ -14,10 +14,8 @@ def path_context(chain: Chain, joints: Joints | None, prefix: str) -> dict[str, 
 
     Parameters
     ----------
-    chain : Chain
     joints : Joints, optional
         Of the chain; None where all masses are alike and nothing moves.
-    prefix : str
     """
     moving = joints is not None and bool(joints.names)
     return {
@@ -36,10 +34,6 @@ def path_bytes(chain: Chain, joints: Joints, prefix: str, precision: Precision, 
 
     Parameters
     ----------
-    chain : Chain
-    joints : Joints
-    prefix : str
-    precision : Precision
     settable : bool
         The module's friction can be changed at run time.
     """

@@ -13,24 +13,12 @@ _SLACK = 1e-6  # the controller's product share*bins_per_share may fall into the
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShareIndex:
-    """Cell of a share by one multiplication: the last cell that begins in a bin, and how many before it may be meant.
+    """Cell of a share by one product: the last cell that begins in a bin, and how many before it may be meant."""
 
-    Parameters
-    ----------
-    bins_per_share : float
-        Equal bins from 0 to the last share, per unit of share [-].
-    cell : list of int
-        Last cell that begins no later than the end of each bin, and one more for the last share itself.
-    rounds : int
-        Most steps down from there to the cell of any share in the bin.
-    halves : tuple of int
-        Steps of the search for a ratio over the nodes of a branch.
-    """
-
-    bins_per_share: float
-    cell: list[int]
-    rounds: int
-    halves: tuple[int, ...]
+    bins_per_share: float  # equal bins from 0 to the last share, per unit of share [-]
+    cell: list[int]  # last cell that begins no later than the end of each bin, and one more for the last share itself
+    rounds: int  # most steps down from there to the cell of any share in the bin
+    halves: tuple[int, ...]  # steps of the search for a ratio over the nodes of a branch
 
 
 def rounded(values: FloatArray, precision: Precision) -> FloatArray:

@@ -21,21 +21,13 @@ OFTEN_ASKED = (D.MU_PULL, D.MU_RELEASE, D.ADHESION, D.BRISTLE, D.STIFFNESS)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ByFile:
-    """What one file alone says.
+    """What one file alone says."""
 
-    Parameters
-    ----------
-    file, condition : str
-        Name, and the label it was given; empty without one.
-    started_s : float or None
-        Start of the file by its own clock, where that tells dates [s].
-    values, errors : dict of str to float
-        Estimates and standard errors by name.
-    """
-
+    # file, condition: name, and the label it was given; empty without one
     file: str
     condition: str
-    started_s: float | None
+    started_s: float | None  # start of the file by its own clock, where that tells dates [s]
+    # values, errors: estimates and standard errors by name
     values: dict[str, float]
     errors: dict[str, float]
 
@@ -47,8 +39,6 @@ def by_file(
 
     Parameters
     ----------
-    chain : DynamicFit or None
-    records : sequence of Record
     conditions : mapping of str to str
         Labels by file name.
     """

@@ -46,20 +46,11 @@ MOVING_SHARE, SPEED_PERCENTILES = 0.01, (2, 98)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChainCandidate:
-    """A candidate law of the chain, and how it did.
-
-    Parameters
-    ----------
-    name : str
-    size : int
-        Number of free values.
-    fit, validation : OutputError
-        Where it was fitted, and where it was not.
-    chosen : bool
-    """
+    """A candidate law of the chain, and how it did."""
 
     name: str
-    size: int
+    size: int  # number of free values
+    # fit, validation: where it was fitted, and where it was not
     fit: OutputError
     validation: OutputError
     chosen: bool = False
@@ -67,21 +58,12 @@ class ChainCandidate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChosenLaw:
-    """The law that was chosen, fitted to all rows on few masses.
+    """The law that was chosen, fitted to all rows on few masses."""
 
-    Parameters
-    ----------
-    task : ChainResiduals
-        With its free parameters; the others are fixed.
-    solution : Solution
-    candidates : tuple of ChainCandidate
-    train, judge : ChainResiduals
-        Rows that the candidates were fitted to, and rows that decided.
-    """
-
-    task: ChainResiduals
+    task: ChainResiduals  # with its free parameters; the others are fixed
     solution: Solution
     candidates: tuple[ChainCandidate, ...]
+    # train, judge: rows that the candidates were fitted to, and rows that decided
     train: ChainResiduals
     judge: ChainResiduals
 
@@ -91,8 +73,6 @@ def unknown(name: DynamicParameter, start: float, span_N: float) -> Unknown:
 
     Parameters
     ----------
-    name : DynamicParameter
-    start : float
     span_N : float
         Range of the output tension.
     """
@@ -117,13 +97,10 @@ def fit_free(
 
     Parameters
     ----------
-    task : ChainResiduals
-    start : mapping of DynamicParameter to float
     span_N : float
         Range of the output tension.
     most : int
         Largest number of evaluations.
-    tolerance : float
     """
     return solve(
         task.evaluate, [unknown(name, start[name], span_N) for name in task.free], most=most, tolerance=tolerance

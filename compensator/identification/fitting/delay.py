@@ -24,18 +24,11 @@ ROUNDS = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Delay:
-    """How much later the output is read than the input.
-
-    Parameters
-    ----------
-    seconds, error_s : float
-    told : bool
-        Beyond doubt, and more than a sampling step: it was taken out.
-    """
+    """How much later the output is read than the input."""
 
     seconds: float
     error_s: float
-    told: bool
+    told: bool  # beyond doubt, and more than a sampling step: it was taken out
 
 
 def align(
@@ -47,10 +40,8 @@ def align(
 
     Parameters
     ----------
-    records : sequence of Record
     coarse : CoarseFit
         Of these records, their output explained.
-    transmission : Transmission
     """
     step = max(r.step_s for r in records)
     found, shifted, total = coarse, tuple(records), 0.0

@@ -32,7 +32,6 @@ def drive_estimate(scenario: Scenario, raw: Sequence[RawMeasurement]) -> Estimat
     ----------
     scenario : Scenario
         The drive's mass, and the bristle of its level.
-    raw : sequence of RawMeasurement
     """
     own = scenario.transmission.actuator.coulomb_N or 0.0
     given = [one for one in raw if one.actuator_N is not None]

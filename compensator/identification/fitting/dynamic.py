@@ -48,35 +48,18 @@ TENDON = (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DynamicFit:
-    """The chain, fitted.
+    """The chain, fitted."""
 
-    Parameters
-    ----------
-    model : ChainModel
-        With the scenario's own number of masses: the errors that are reported are those of the answer that goes on.
-    values : dict of DynamicParameter to float
-        All of them; what was not free has the value it was given.
-    solution : Solution
-        Of the free ones, with the input's noise in its covariance.
-    expected : dict of DynamicParameter to float
-        Standard error that each parameter would have if it were free as well; infinite where the data is blind.
-    law : ChosenLaw
-        With the laws that were compared.
-    mean_N : float
-        Mean output tension.
-    files : tuple of FileEstimate
-        What each file says by itself; empty for a single file.
-    concentration : float
-        By how much more of the wrap angle the nearer half of the path seems to carry than half [-]; 0: even.
-    """
-
+    # with the scenario's own number of masses: the errors that are reported are those of the answer that goes on
     model: ChainModel
-    values: dict[DynamicParameter, float]
-    solution: Solution
+    values: dict[DynamicParameter, float]  # all of them; what was not free has the value it was given
+    solution: Solution  # of the free ones, with the input's noise in its covariance
+    # standard error that each parameter would have if it were free as well; infinite where the data is blind
     expected: dict[DynamicParameter, float]
-    law: ChosenLaw
-    mean_N: float
-    files: tuple[FileEstimate, ...]
+    law: ChosenLaw  # with the laws that were compared
+    mean_N: float  # mean output tension
+    files: tuple[FileEstimate, ...]  # what each file says by itself; empty for a single file
+    # by how much more of the wrap angle the nearer half of the path seems to carry than half [-]; 0: even
     concentration: float = 0.0
 
 
@@ -95,8 +78,6 @@ def relevant_size(name: DynamicParameter, value: float, mean_N: float) -> float:
 
     Parameters
     ----------
-    name : DynamicParameter
-    value : float
     mean_N : float
         Mean output tension.
     """
@@ -109,19 +90,11 @@ def relevant_size(name: DynamicParameter, value: float, mean_N: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CoarseFit:
-    """A first fit on few masses: where the other stages start, and whether the chain describes the data at all.
-
-    Parameters
-    ----------
-    task : ChainResiduals
-    solution : Solution
-    percent : float
-        Robust error of the output in percent of its range.
-    """
+    """A first fit on few masses: where the other stages start, and whether the chain describes the data at all."""
 
     task: ChainResiduals
     solution: Solution
-    percent: float
+    percent: float  # robust error of the output in percent of its range
 
 
 def fit_coarse(
@@ -136,8 +109,6 @@ def fit_coarse(
 
     Parameters
     ----------
-    records : sequence of Record
-    transmission : Transmission
     start : mapping of DynamicParameter to float
         From the stages before; the rest comes from `transmission`.
     explain : Explain, optional
@@ -192,7 +163,6 @@ def fit_dynamic(
 
     Parameters
     ----------
-    coarse : CoarseFit
     start : mapping of DynamicParameter to float
         From the stages before.
     validation : sequence of Record, optional
@@ -254,9 +224,6 @@ def chain_errors(
 
     Parameters
     ----------
-    model : ChainModel
-    values : mapping of DynamicParameter to float
-    records : sequence of Record
     explain : Explain, optional
         OUTPUT or POSITION.
 

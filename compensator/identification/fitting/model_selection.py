@@ -28,25 +28,14 @@ BETTER_BY = 0.6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StaticSelection:
-    """The static stage's answer.
+    """The static stage's answer."""
 
-    Parameters
-    ----------
-    fit : StaticFit
-        The chosen law, fitted to all records.
-    laws : tuple of CandidateLaw
-        All that were compared.
-    fit_percent, validation_percent : float
-        Of the chosen law.
-    tried : tuple of StaticFit
-        The candidates as they were fitted to the training rows, in the order of `laws`.
-    """
-
-    fit: StaticFit
-    laws: tuple[CandidateLaw, ...]
+    fit: StaticFit  # the chosen law, fitted to all records
+    laws: tuple[CandidateLaw, ...]  # all that were compared
+    # fit_percent, validation_percent: of the chosen law
     fit_percent: float
     validation_percent: float
-    tried: tuple[StaticFit, ...]
+    tried: tuple[StaticFit, ...]  # the candidates as they were fitted to the training rows, in the order of `laws`
 
 
 def choose_explain(
@@ -59,10 +48,8 @@ def choose_explain(
 
     Parameters
     ----------
-    records : sequence of Record
     wanted : Explain
         What the user asked for.
-    transmission : Transmission
     static_only : bool, optional
         Do not try the chain.
 
@@ -106,7 +93,6 @@ def select_static(records: Sequence[Record], validation: Sequence[Record], expla
 
     Parameters
     ----------
-    records, validation : sequence of Record
     explain : Explain
         OUTPUT or INPUT.
     """

@@ -18,16 +18,10 @@ LEAST_FILES = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileEstimate:
-    """Values by one file alone, the laws and the other values as in the joint fit.
-
-    Parameters
-    ----------
-    file : str
-    values, errors : dict of DynamicParameter to float
-        Estimates and standard errors; what a file does not tell has an infinite one.
-    """
+    """Values by one file alone, the laws and the other values as in the joint fit."""
 
     file: str
+    # values, errors: estimates and standard errors; what a file does not tell has an infinite one
     values: dict[DynamicParameter, float]
     errors: dict[DynamicParameter, float]
 
@@ -37,10 +31,8 @@ def file_estimates(task: ChainResiduals, found: Residuals, solution: Solution) -
 
     Parameters
     ----------
-    task : ChainResiduals
     found : Residuals
         At the joint solution, its first columns over the values of `solution`.
-    solution : Solution
     """
     free = [D(n) for n in solution.values]
     names = list(dict.fromkeys(run.file for run in task.pieces))

@@ -99,7 +99,6 @@ def fit_pieces(records: Sequence[Record], explain: Explain = Explain.OUTPUT) -> 
 
     Parameters
     ----------
-    records : sequence of Record
     explain : Explain, optional
         OUTPUT or POSITION: what is compared.
     """
@@ -148,17 +147,10 @@ def fit_pieces(records: Sequence[Record], explain: Explain = Explain.OUTPUT) -> 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutputError:
-    """Error of a predicted output over some rows.
-
-    Parameters
-    ----------
-    rms_N : float
-    robust_rms_N : float
-        With large deviations counted linearly.
-    """
+    """Error of a predicted output over some rows."""
 
     rms_N: float
-    robust_rms_N: float
+    robust_rms_N: float  # with large deviations counted linearly
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -29,26 +29,18 @@ FLOOR = 0.01
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SectionFriction:
-    """Friction between two neighbouring tension cells.
+    """Friction between two neighbouring tension cells."""
 
-    Parameters
-    ----------
-    start, stop : str
-        Columns of the two cells, from the actuator on.
-    start_rad, stop_rad : float
-        Wrap angle from the actuator to each of them.
-    mu, mu_release : float
-        Coefficients of the section [-].
-    mu_error, mu_release_error : float
-        Their standard errors, by the scatter between strokes.
-    """
-
+    # start, stop: columns of the two cells, from the actuator on
     start: str
     stop: str
+    # start_rad, stop_rad: wrap angle from the actuator to each of them
     start_rad: float
     stop_rad: float
+    # mu, mu_release: coefficients of the section [-]
     mu: float
     mu_release: float
+    # mu_error, mu_release_error: their standard errors, by the scatter between strokes
     mu_error: float
     mu_release_error: float
 
@@ -68,7 +60,6 @@ def friction_by_section(
 
     Parameters
     ----------
-    files : sequence of Path
     how : Measurement
         Names the cells between the ends and their places.
     theta_rad : float

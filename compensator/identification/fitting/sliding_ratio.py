@@ -20,26 +20,13 @@ MOST_REFUSED = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlidingRatio:
-    """ln(T_in/T_out) in one direction.
-
-    Parameters
-    ----------
-    branch : Branch
-    rows : int
-        Rows in gross sliding.
-    log_ratio : float or None
-        Median of ln(T_in/T_out); None where it has no meaning.
-    interval : tuple of 2 floats, or None
-        5 and 95 % points: it covers the drift within and between strokes.
-    reason : str
-        Why there is none; empty where there is one.
-    """
+    """ln(T_in/T_out) in one direction."""
 
     branch: Branch
-    rows: int
-    log_ratio: float | None
-    interval: tuple[float, float] | None
-    reason: str
+    rows: int  # rows in gross sliding
+    log_ratio: float | None  # median of ln(T_in/T_out); None where it has no meaning
+    interval: tuple[float, float] | None  # 5 and 95 % points: it covers the drift within and between strokes
+    reason: str  # why there is none; empty where there is one
 
 
 def sliding_ratios(records: Sequence[Record]) -> tuple[SlidingRatio, ...]:

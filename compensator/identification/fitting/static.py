@@ -27,30 +27,14 @@ P = StaticParameter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StaticModel:
-    """One candidate law: what it lets vary.
+    """One candidate law: what it lets vary."""
 
-    Parameters
-    ----------
-    name : str
-        For the report.
-    asymmetric : bool
-        Pulling and releasing have coefficients of their own.
-    constants : bool
-        Adhesion p and a bias.
-    presliding : bool
-        A soft bristle before gross sliding; needs the motion.
-    guide : bool
-        A spring beside the tendon; needs the motion.
-    spread : bool
-        With presliding two bristles, else plays with spread bounds.
-    """
-
-    name: str
-    asymmetric: bool = False
-    constants: bool = False
-    presliding: bool = False
-    guide: bool = False
-    spread: bool = False
+    name: str  # for the report
+    asymmetric: bool = False  # pulling and releasing have coefficients of their own
+    constants: bool = False  # adhesion p and a bias
+    presliding: bool = False  # a soft bristle before gross sliding; needs the motion
+    guide: bool = False  # a spring beside the tendon; needs the motion
+    spread: bool = False  # with presliding two bristles, else plays with spread bounds
 
     @property
     def size(self) -> int:
@@ -61,20 +45,11 @@ class StaticModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileError:
-    """How well a law explains one file.
-
-    Parameters
-    ----------
-    name : str
-    rms : float
-        RMS error of the explained channel, N or m.
-    span : float
-        Its largest less its smallest value.
-    """
+    """How well a law explains one file."""
 
     name: str
-    rms: float
-    span: float
+    rms: float  # RMS error of the explained channel, N or m
+    span: float  # its largest less its smallest value
 
     @property
     def percent(self) -> float:
@@ -84,25 +59,13 @@ class FileError:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StaticFit:
-    """A candidate, fitted.
-
-    Parameters
-    ----------
-    model : StaticModel
-    explain : Explain
-        OUTPUT or INPUT.
-    values : dict of StaticParameter to float
-        All of them.
-    solution : Solution
-    bias_split : bool
-        The adhesion would have to be negative: both biases are free instead.
-    """
+    """A candidate, fitted."""
 
     model: StaticModel
-    explain: Explain
-    values: dict[StaticParameter, float]
+    explain: Explain  # OUTPUT or INPUT
+    values: dict[StaticParameter, float]  # all of them
     solution: Solution
-    bias_split: bool
+    bias_split: bool  # the adhesion would have to be negative: both biases are free instead
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,9 +103,6 @@ def respond(
 
     Parameters
     ----------
-    values : mapping of StaticParameter to float
-    piece : Piece
-    explain : Explain
     middle_m : float
         Where the guide's force is zero [m].
     thin : int, optional
@@ -201,8 +161,6 @@ def fit_static(
 
     Parameters
     ----------
-    records : sequence of Record
-    model : StaticModel
     explain : Explain
         OUTPUT or INPUT.
     most : int, optional
@@ -351,8 +309,6 @@ def errors_of(fit: StaticFit, records: Sequence[Record], middle_m: float) -> tup
 
     Parameters
     ----------
-    fit : StaticFit
-    records : sequence of Record
     middle_m : float
         Middle of travel of the records it was fitted to.
     """

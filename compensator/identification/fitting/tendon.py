@@ -24,19 +24,10 @@ HOLD_SHARE = 0.02
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TendonFit:
-    """What the elongation tells.
+    """What the elongation tells."""
 
-    Parameters
-    ----------
-    solution : Solution
-        Values of k1, k2, tau and of the offsets.
-    explained : float
-        Share of the elongation's variance that the law explains.
-    rms_m : float
-    """
-
-    solution: Solution
-    explained: float
+    solution: Solution  # values of k1, k2, tau and of the offsets
+    explained: float  # share of the elongation's variance that the law explains
     rms_m: float
 
     @property

@@ -58,7 +58,6 @@ def expected_errors(found: Residuals | None, names: Sequence[DynamicParameter]) 
     ----------
     found : Residuals or None
         With slopes over `names`.
-    names : sequence of DynamicParameter
     """
     if found is None:
         return dict.fromkeys(names, float("inf"))
@@ -80,11 +79,8 @@ def with_other_laws(
 
     Parameters
     ----------
-    solution : Solution
     found : Residuals or None
         At the solution, with slopes over `names`.
-    names : sequence of DynamicParameter
-    task : ChainResiduals
 
     Returns
     -------
@@ -167,7 +163,6 @@ def with_floors(solution: Solution, mean_N: float) -> Solution:
 
     Parameters
     ----------
-    solution : Solution
     mean_N : float
         Mean output tension.
     """

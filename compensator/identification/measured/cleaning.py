@@ -47,29 +47,18 @@ SIGNED_SHARE = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Piece:
-    """Evenly sampled rows without a gap; tensions and positions after the low-pass.
+    """Evenly sampled rows without a gap; tensions and positions after the low-pass."""
 
-    Parameters
-    ----------
-    time_s : ndarray, shape (n,)
-    input_N, output_N : ndarray, shape (n,)
-    input_m, output_m : ndarray, shape (n,), or None
-    good : ndarray of bool, shape (n,)
-        False where a value was bridged or a spike replaced.
-    read_N : ndarray, shape (n,)
-        The input as it was read; smoothed harder where nothing happens, it drives the models.
-    motion : JointMotion or None
-        Joint angles after the low-pass, where the path has joints.
-    """
-
-    time_s: Array
+    time_s: Array  # shape (n,)
+    # input_N, output_N: shape (n,)
     input_N: Array
     output_N: Array
+    # input_m, output_m: shape (n,)
     input_m: Array | None
     output_m: Array | None
-    good: Mask
-    read_N: Array
-    motion: JointMotion | None = None
+    good: Mask  # shape (n,); False where a value was bridged or a spike replaced
+    read_N: Array  # shape (n,); the input as it was read; smoothed harder where nothing happens, it drives the models
+    motion: JointMotion | None = None  # joint angles after the low-pass, where the path has joints
 
     def travel_m(self) -> Array:
         """Measured position of the input end, shape (n,) [m]."""
@@ -103,40 +92,22 @@ class Piece:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Record:
-    """One measured file, cleaned.
-
-    Parameters
-    ----------
-    name : str
-    step_s : float
-        Sampling step of every piece [s].
-    cutoff_Hz : float
-        Of the zero-phase low-pass [Hz].
-    pieces : tuple of Piece
-    input_noise_N, output_noise_N : float
-        Standard deviation of the white noise before the low-pass [N].
-    travel_noise_m, elongation_noise_m : float
-        The same of the input end's position, and of the difference of both positions [m].
-    signed : bool
-        Readings far below zero: torques of a pre-tensioned loop, or the like.
-    unread : tuple of str
-        Columns of the file that have no use.
-    started_s : float or None
-        Seconds from 1970 to its first row, where its time stamps are dates.
-    findings : tuple of Finding
-    """
+    """One measured file, cleaned."""
 
     name: str
-    step_s: float
-    cutoff_Hz: float
+    step_s: float  # sampling step of every piece [s]
+    cutoff_Hz: float  # of the zero-phase low-pass [Hz]
     pieces: tuple[Piece, ...]
+    # input_noise_N, output_noise_N: standard deviation of the white noise before the low-pass [N]
     input_noise_N: float
     output_noise_N: float
+    # travel_noise_m, elongation_noise_m: the same of the input end's position, and of the difference of both positions
+    # [m]
     travel_noise_m: float
     elongation_noise_m: float
-    signed: bool
-    unread: tuple[str, ...]
-    started_s: float | None
+    signed: bool  # readings far below zero: torques of a pre-tensioned loop, or the like
+    unread: tuple[str, ...]  # columns of the file that have no use
+    started_s: float | None  # seconds from 1970 to its first row, where its time stamps are dates
     findings: tuple[Finding, ...]
 
     @property

@@ -19,18 +19,10 @@ LEAST_SHARE, LEAST_ROWS = 0.01, 30
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlackOffsets:
-    """What the cells read without tension.
+    """What the cells read without tension."""
 
-    Parameters
-    ----------
-    offsets_N : tuple of 2 floats
-        Of the input and the output cell.
-    rows : int
-        Samples that are slack.
-    """
-
-    offsets_N: tuple[float, float]
-    rows: int
+    offsets_N: tuple[float, float]  # of the input and the output cell
+    rows: int  # samples that are slack
 
 
 def slack_offsets(input_N: Array, output_N: Array) -> SlackOffsets | None:

@@ -32,8 +32,6 @@ def check_plan(
 
     Parameters
     ----------
-    files : sequence of RawMeasurement
-    how : Measurement
     static_only : bool
         The static law steps from sample to sample.
     say : callable

@@ -74,23 +74,12 @@ class DataIssue(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """One kind of data issue in one file, and what was done about it.
-
-    Parameters
-    ----------
-    issue : DataIssue
-    count : int
-        Rows or places concerned.
-    times_s : tuple of float
-        The first few of them [s].
-    text : str
-        In words, with what was done.
-    """
+    """One kind of data issue in one file, and what was done about it."""
 
     issue: DataIssue
-    count: int
-    times_s: tuple[float, ...]
-    text: str
+    count: int  # rows or places concerned
+    times_s: tuple[float, ...]  # the first few of them [s]
+    text: str  # in words, with what was done
 
 
 def issue_found(issue: DataIssue, times_s: Sequence[float] | Array, action: str, count: int | None = None) -> Finding:
@@ -98,7 +87,6 @@ def issue_found(issue: DataIssue, times_s: Sequence[float] | Array, action: str,
 
     Parameters
     ----------
-    issue : DataIssue
     times_s : sequence of float
         Where.
     action : str
@@ -115,38 +103,22 @@ def issue_found(issue: DataIssue, times_s: Sequence[float] | Array, action: str,
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RawMeasurement:
-    """Usable rows of one file in SI units, in the order of time.
+    """Usable rows of one file in SI units, in the order of time."""
 
-    Parameters
-    ----------
-    name : str
-        File name.
-    time_s, input_N, output_N : ndarray, shape (n,)
-        Time rises strictly; `output_N` is NaN where the output tension was not measured.
-    input_m, output_m, actuator_N : ndarray, shape (n,), or None
-        Positions and the actuator's force, where the file has them.
-    motion : JointMotion or None
-        Measured joint angles, where the path has joints.
-    breaks : tuple of int
-        First rows after a clock that jumped back.
-    unread : tuple of str
-        Columns of the file that have no use.
-    started_s : float or None
-        Seconds from 1970 to its first row, where its time stamps are dates.
-    findings : tuple of Finding
-    """
-
-    name: str
+    name: str  # file name
+    # time_s, input_N, output_N: shape (n,); time rises strictly; `output_N` is NaN where the output tension was not
+    # measured
     time_s: Array
     input_N: Array
     output_N: Array
+    # input_m, output_m, actuator_N: shape (n,); positions and the actuator's force, where the file has them
     input_m: Array | None
     output_m: Array | None
     actuator_N: Array | None
-    motion: JointMotion | None
-    breaks: tuple[int, ...]
-    unread: tuple[str, ...]
-    started_s: float | None
+    motion: JointMotion | None  # measured joint angles, where the path has joints
+    breaks: tuple[int, ...]  # first rows after a clock that jumped back
+    unread: tuple[str, ...]  # columns of the file that have no use
+    started_s: float | None  # seconds from 1970 to its first row, where its time stamps are dates
     findings: tuple[Finding, ...]
 
     @property
@@ -260,7 +232,6 @@ def read_measurement(path: Path, how: Measurement, joints: Sequence[str] = ()) -
 
     Parameters
     ----------
-    path : Path
     how : Measurement
         Names of columns, units, rows to skip.
     joints : sequence of str, optional

@@ -44,7 +44,6 @@ def find_cutoff_Hz(channels: list[Array], step_s: float) -> float:
     ----------
     channels : list of ndarray
         Evenly sampled.
-    step_s : float
     """
     rate = 1 / step_s
     highest = min(HIGHEST_CUTOFF_HZ, 0.2 * rate)
@@ -73,7 +72,6 @@ def low_pass(x: Array, step_s: float, cutoff_Hz: float) -> Array:
     Parameters
     ----------
     x : ndarray, shape (n, ...)
-    step_s, cutoff_Hz : float
     """
     if len(x) < 16 or cutoff_Hz >= 0.45 / step_s:
         return x
@@ -84,20 +82,11 @@ def low_pass(x: Array, step_s: float, cutoff_Hz: float) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AdaptiveLowPass:
-    """A zero-phase low-pass whose cut-off varies along the record.
-
-    Parameters
-    ----------
-    step_s : float
-    cutoffs_Hz : tuple of float
-        Rising.
-    level : ndarray, shape (n,)
-        Place among the cut-offs at each sample, fractional.
-    """
+    """A zero-phase low-pass whose cut-off varies along the record."""
 
     step_s: float
-    cutoffs_Hz: tuple[float, ...]
-    level: Array
+    cutoffs_Hz: tuple[float, ...]  # rising
+    level: Array  # shape (n,); place among the cut-offs at each sample, fractional
 
     def apply(self, x: Array) -> Array:
         """Smooth a channel of the same length.
@@ -120,7 +109,6 @@ def find_adaptive_low_pass(x: Array, step_s: float) -> AdaptiveLowPass:
     Parameters
     ----------
     x : ndarray, shape (n,)
-    step_s : float
     """
     highest = 0.2 / step_s
     cutoffs = (*(f for f in QUIET_CUTOFFS_HZ if 2 / (len(x) * step_s) < f < 0.8 * highest), highest)

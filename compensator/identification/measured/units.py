@@ -27,7 +27,6 @@ def unit_warnings(how: Measurement, positions: Sequence[str]) -> list[str]:
 
     Parameters
     ----------
-    how : Measurement
     positions : sequence of str
         Those of "input_position" and "output_position" that were read.
     """

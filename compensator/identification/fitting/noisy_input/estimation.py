@@ -73,7 +73,6 @@ def with_input_estimated(
     ----------
     task : ChainResiduals
         On many masses, with the free parameters of `solution`.
-    solution : Solution
     rounds : int, optional
         Most steps.
     signed : bool, optional

@@ -30,10 +30,8 @@ def look_again(
 
     Parameters
     ----------
-    law : ChosenLaw
     task : ChainResiduals
         Of that law, on many masses.
-    solution : Solution
     offsets : bool
         The output cell may have an offset.
     """

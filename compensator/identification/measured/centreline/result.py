@@ -10,52 +10,29 @@ _UNSURE = 0.1  # of the angle: an uncertainty above that is worth a word
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stretch:
-    """A section of the path.
-
-    Parameters
-    ----------
-    name : str
-    start_m, length_m : float
-    angle_rad : float
-        Wrap angle; 0 for a straight.
-    uncertainty_rad : float
-        Half the width of the angle's 95 % interval.
-    """
+    """A section of the path."""
 
     name: str
     start_m: float
     length_m: float
-    angle_rad: float
-    uncertainty_rad: float
+    angle_rad: float  # wrap angle; 0 for a straight
+    uncertainty_rad: float  # half the width of the angle's 95 % interval
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CentrelineData:
-    """A measured centreline.
-
-    Parameters
-    ----------
-    file : str
-    points_m : ndarray, shape (n, 3)
-    curve_m : ndarray, shape (places, 3)
-        The smooth curve.
-    length_m, turned_rad, spread_rad : ndarray, shape (places,)
-        Along the curve: length, angle turned, and half the width of its 95 % interval.
-    noise_m : float
-        Standard deviation of the points across the curve.
-    inflation_rad : float
-        By how much noise had inflated the whole angle; taken off.
-    stretches : tuple of Stretch
-    """
+    """A measured centreline."""
 
     file: str
-    points_m: FloatArray
-    curve_m: FloatArray
+    points_m: FloatArray  # shape (n, 3)
+    curve_m: FloatArray  # shape (places, 3); the smooth curve
+    # length_m, turned_rad, spread_rad: shape (places,); along the curve: length, angle turned, and half the width of
+    # its 95 % interval
     length_m: FloatArray
     turned_rad: FloatArray
     spread_rad: FloatArray
-    noise_m: float
-    inflation_rad: float
+    noise_m: float  # standard deviation of the points across the curve
+    inflation_rad: float  # by how much noise had inflated the whole angle; taken off
     stretches: tuple[Stretch, ...]
 
     @property

@@ -60,8 +60,6 @@ def centreline_of(points_m: FloatArray, *, file: str = "points", tolerance_rad: 
     ----------
     points_m : ndarray, shape (n, 3)
         In their order from the actuator to the load.
-    file : str, optional
-        For messages.
     tolerance_rad : float, optional
         As in `read_centreline`.
     """

@@ -21,28 +21,16 @@ _PLACES = 401
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SmoothCurve:
-    """A curve through noisy points.
+    """A curve through noisy points."""
 
-    Parameters
-    ----------
-    parameter_m : ndarray, shape (n,)
-        Where the points are along it, about arc length.
-    points_m : ndarray, shape (n, dimensions)
-    knots : ndarray
-    modes : ndarray, shape (coefficients, coefficients)
-        Uncorrelated shapes of the spline, from those that the penalty leaves alone to the roughest.
-    roughness : ndarray, shape (coefficients,)
-        Penalty of each over what it gains in fit [-].
-    weight : float
-        Of the penalty.
-    """
-
-    parameter_m: FloatArray
-    points_m: FloatArray
+    parameter_m: FloatArray  # shape (n,); where the points are along it, about arc length
+    points_m: FloatArray  # shape (n, dimensions)
     knots: FloatArray
+    # shape (coefficients, coefficients); uncorrelated shapes of the spline, from those that the penalty leaves alone to
+    # the roughest
     modes: FloatArray
-    roughness: FloatArray
-    weight: float
+    roughness: FloatArray  # shape (coefficients,); penalty of each over what it gains in fit [-]
+    weight: float  # of the penalty
 
     @property
     def kept(self) -> FloatArray:
