@@ -26,6 +26,7 @@ from dataclasses import replace
 import numpy as np
 from optimise_others import EXAMPLES, Array, Problem, do_mpc, finger, opti, ours, rockit
 from random_rigs import random_problem
+from threadpoolctl import threadpool_limits
 
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
@@ -133,7 +134,8 @@ def distances() -> None:
         task = TrackingProblem.of(
             (chain,), reference, step, limits, TrackOptions(), initial_tension_N=start, inverse_N=inverse
         )
-        ours, best = evaluate(task, found.force_N), best_found(task, inverse, found.force_N)[0]
+        with threadpool_limits(1, user_api="blas"):  # more threads cost a hundred times what they give
+            ours, best = evaluate(task, found.force_N), best_found(task, inverse, found.force_N)[0]
         print(
             f"{name:15s} {np.sqrt(ours.merit / best.merit):.3f}   error {found.rms_error_N:.4f} N, of the best "
             f"{np.sqrt(best.squares[0]):.4f} N, of the clipped inverse {found.clipped_rms_error_N:.4f} N   "

@@ -54,7 +54,8 @@ def held_within(start: float, low: Array, high: Array) -> Array:
     low, high = low.copy(), high.copy()
     span = 1
     while span < len(low):
-        composed = np.clip(low[:-span], low[span:], high[span:]), np.clip(high[:-span], low[span:], high[span:])
+        least, most = low[span:], high[span:]
+        composed = [np.minimum(np.maximum(of, least), most) for of in (low[:-span], high[:-span])]
         low[span:], high[span:] = composed
         span *= 2
     held: Array = np.clip(start, low, high)

@@ -98,8 +98,16 @@ class _Numbers:
     values: Array
 
 
-def _tangent_source(chain: Chain) -> str:
-    laws = ElementLaws.of(chain)
+def _parameter_source(chain: Chain) -> str:
+    return _source(chain, ElementLaws.of(chain))
+
+
+def _force_source(chain: Chain) -> str:
+    """Without what the chain's numbers make superfluous: the parameters do not change here."""
+    return _source(chain, ElementLaws.of(chain, folded=True))
+
+
+def _source(chain: Chain, laws: ElementLaws) -> str:
     templates = ("kernel.c.j2", "weigh.c.j2", "tangent.c.j2", "tangent_run.c.j2")
     return host_source(chain, (*laws.simulation(), *laws.tangent()), templates)
 
@@ -228,7 +236,8 @@ def _run(
     *,
     with_ends: bool,
 ) -> Sensitivity:
-    library, n, width = library_of(chain, _tangent_source), chain.count, directions.width
+    source = _force_source if directions.numbers is None else _parameter_source
+    library, n, width = library_of(chain, source), chain.count, directions.width
     library.tff_tangent_run.restype = ctypes.c_long
     inputs = np.ascontiguousarray(ChainInputs.of_force(force_N).table())
     rows = len(inputs) - 1

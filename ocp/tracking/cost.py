@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from tendonff.ocp.sensitivity import force_sensitivity
@@ -66,19 +65,45 @@ class GaussNewtonModel:
     high: Array
 
 
-def knot_shape(knots: Knots) -> sp.csr_array:
-    """Hat functions of the knots on all rows, shape (n, k).
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hats:
+    """Hat functions of knots: in row r the change is (1 - share) of that at knot `left` and share of the next one's.
 
     Parameters
     ----------
-    knots : ndarray of int, shape (k,)
+    left : ndarray of int, shape (n,)
+    share : ndarray, shape (n,)
+    gap : ndarray, shape (k - 1,)
+        Rows between knots.
     """
-    n, k = int(knots[-1]) + 1, len(knots)
-    rows = np.arange(n)
-    left = np.clip(np.searchsorted(knots, rows, side="right") - 1, 0, k - 2)
-    weight = (rows - knots[left]) / (knots[left + 1] - knots[left])
-    values = np.concatenate([1 - weight, weight])
-    return sp.csr_array((values, (np.tile(rows, 2), np.concatenate([left, left + 1]))), shape=(n, k))
+
+    left: Knots
+    share: Array
+    gap: Knots
+
+    @classmethod
+    def of(cls, knots: Knots) -> "Hats":
+        """Of knots from 0 to n - 1."""
+        gap = np.diff(knots)
+        left = np.append(np.repeat(np.arange(len(gap)), gap), len(gap) - 1)
+        return cls(left=left, share=(np.arange(len(left)) - knots[left]) / gap[left], gap=gap)
+
+    def dense(self) -> Array:
+        """The change in every row, of those at the knots, shape (n, k)."""
+        rows, found = np.arange(len(self.left)), np.zeros((len(self.left), len(self.gap) + 1))
+        found[rows, self.left], found[rows, self.left + 1] = 1 - self.share, self.share
+        return found
+
+
+def add_pairs(hessian: Array, gradient: Array, left: Knots, near: Array, far: Array, weight: Array, at: Array) -> None:
+    """Add weight/2 (at + near x[left] + far x[left + 1])^2, summed over all rows, as a function of x."""
+    k = len(gradient)
+    diagonal, knots = np.einsum("ii->i", hessian), left + 1
+    diagonal += np.bincount(left, weight * near**2, k) + np.bincount(knots, weight * far**2, k)
+    mixed = np.bincount(left, weight * near * far, k)[:-1]
+    np.einsum("ii->i", hessian[:-1, 1:])[:] += mixed
+    np.einsum("ii->i", hessian[1:, :-1])[:] += mixed
+    gradient += np.bincount(left, weight * near * at, k) + np.bincount(knots, weight * far * at, k)
 
 
 def power_mean(squares: Array, power: float) -> tuple[float, Array]:
@@ -177,7 +202,7 @@ def gauss_newton_model(
     # A position remembers for ever: cut off, its slopes would jump and tell of speeds that are not there.
     moves = any(plant.bounds for plant in problem.plants)
     wiped = np.full(k, n) if moves else _wiped_rows(goal.reference_N, knots)
-    hessian, gradient, shape = np.zeros((k, k)), np.zeros(k), knot_shape(knots)
+    hessian, gradient, hats = np.zeros((k, k)), np.zeros(k), Hats.of(knots)
     rows, lows, highs = [np.empty((0, k))], [np.empty(0)], [np.empty(0)]
     plants = zip(problem.plants, evaluation.tensions_N, evaluation.travels_m, evaluation.slopes, strict=True)
     for plant, tension, travel, slope in plants:
@@ -202,7 +227,7 @@ def gauss_newton_model(
             apart = output * (outside != 0)[:, None]
             _add_squares(hessian, gradient, apart, goal.band.weight * weight, outside, knots, wiped)
         if plant.static.weight > 0:
-            _add_static(hessian, gradient, plant.static, weight, force_N, shape)
+            _add_static(hessian, gradient, plant.static, weight, force_N, hats)
         if watched.size:
             at, link = watched.T
             rows.append(found.watched_slopes[place, link, :])
@@ -216,7 +241,7 @@ def gauss_newton_model(
                 lows.append(low)
                 highs.append(high)
     if goal.effort_weight > 0 or goal.travel_weight > 0:
-        _add_force_cost(hessian, gradient, goal, force_N, shape)
+        _add_force_cost(hessian, gradient, goal, force_N, hats)
     return GaussNewtonModel(
         hessian=hessian,
         gradient=gradient,
@@ -226,27 +251,24 @@ def gauss_newton_model(
     )
 
 
-def _add_static(
-    hessian: Array, gradient: Array, static: StaticGoal, weight: float, force_N: Array, shape: sp.csr_array
-) -> None:
+def _add_static(hessian: Array, gradient: Array, static: StaticGoal, weight: float, force_N: Array, hats: Hats) -> None:
     """Add the error by the static law."""
-    at, rise = static.slopes(force_N)
-    slopes, weight = sp.diags_array(rise) @ shape[at], weight * static.weight
-    hessian += weight * (slopes.T @ slopes).toarray()
-    gradient += weight * (slopes.T @ (static.output_N(force_N) - static.wanted_N))
+    output = static.output_N(force_N)
+    at, rise = static.slopes(force_N, output)
+    share = hats.share[at]
+    weights = np.full(len(at), weight * static.weight)
+    add_pairs(hessian, gradient, hats.left[at], rise * (1 - share), rise * share, weights, output - static.wanted_N)
 
 
-def _add_force_cost(hessian: Array, gradient: Array, goal: Goal, force_N: Array, shape: sp.csr_array) -> None:
+def _add_force_cost(hessian: Array, gradient: Array, goal: Goal, force_N: Array, hats: Hats) -> None:
     """Add the costs of effort and travel."""
     n = len(force_N)
     if goal.effort_weight > 0:
-        hessian += 2 * goal.effort_weight / n * (shape.T @ shape).toarray()
-        gradient += 2 * goal.effort_weight / n * (shape.T @ force_N)
+        weights = np.full(n, 2 * goal.effort_weight / n)
+        add_pairs(hessian, gradient, hats.left, 1 - hats.share, hats.share, weights, force_N)
     # Of the travel, the quadratic function that touches it here and lies above it everywhere.
-    slope = shape[1:] - shape[:-1]
-    weight = goal.travel_weight * _smooth_travel(goal, force_N)[1]
-    hessian += (slope.T @ sp.diags_array(weight) @ slope).toarray()
-    gradient += slope.T @ (weight * np.diff(force_N))
+    weights, slope = goal.travel_weight * _smooth_travel(goal, force_N)[1], 1 / hats.gap[hats.left[:-1]]
+    add_pairs(hessian, gradient, hats.left[:-1], -slope, slope, weights, np.diff(force_N))
 
 
 _REVERSALS = 2  # a change of the force is followed over so many later ones: they wipe it out
@@ -305,7 +327,7 @@ def _motion_rows(
         at = np.array([start + int(np.argmin(room[start : start + apart])) for start in starts], dtype=np.int64)
         at = at[room[at] < _NEAR * min(wide, max(float(np.ptp(value)), 1e-9))]
         if at.size:
-            shape = knot_shape(knots).toarray() if bound.per_force else np.zeros(1)
+            shape = Hats.of(knots).dense() if bound.per_force else np.zeros(1)
             slope = bound.sums(shape, slopes, step_s)[at]
             below, above = (np.clip((x - value[at]) * bound.newtons, -_FAR_N, _FAR_N) for x in (low, high))
             yield slope * bound.newtons, below, above

@@ -334,9 +334,11 @@ class TrackingProblem:
         start_N : float
             Force there [N].
         """
+        goal = self.goal.rows(rows)
+        weight = goal.travel_weight * len(self.goal.reference_N) / len(goal.reference_N)  # beside a mean of fewer rows
         return replace(
             self,
-            goal=self.goal.rows(rows),
+            goal=replace(goal, travel_weight=weight),
             plants=tuple(
                 replace(p, state=x, static=replace(p.static, start_N=output, wanted_N=p.static.wanted_N[rows]))
                 for p, x, output in zip(self.plants, states, static_N, strict=True)

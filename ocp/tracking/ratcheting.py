@@ -76,14 +76,13 @@ class StaticGoal:
         """Output under a force, shape (n,)."""
         return self.law.output_history_N(force_N, self.start_N)
 
-    def slopes(self, force_N: Array) -> tuple[NDArray[np.int_], Array]:
+    def slopes(self, force_N: Array, output_N: Array) -> tuple[NDArray[np.int_], Array]:
         """Of each row: the row whose force set its output, and the slope over that force, 0 where it is the start's."""
-        output = self.output_N(force_N)
         low, high = self.law.output_bounds_N(force_N)
-        pulled, released = output <= low, output >= high
+        pulled, released = output_N <= low, output_N >= high
         at = np.maximum.accumulate(np.where(pulled | released, np.arange(len(force_N)), -1))
         rise = np.where(pulled, np.exp(-self.law.pull_exponent), np.exp(self.law.release_exponent))
-        return np.maximum(at, 0), np.where((at >= 0) & (output > 0), rise[at], 0.0)
+        return np.maximum(at, 0), np.where((at >= 0) & (output_N > 0), rise[at], 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

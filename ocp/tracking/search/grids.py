@@ -12,7 +12,7 @@ from functools import reduce
 import numpy as np
 
 from tendonff.ocp.step.protocol import Array
-from tendonff.ocp.tracking.cost import Evaluation, GaussNewtonModel, Knots, evaluate, knot_shape
+from tendonff.ocp.tracking.cost import Evaluation, GaussNewtonModel, Hats, Knots, add_pairs, evaluate
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.problem import TrackingProblem, every
 from tendonff.ocp.tracking.search.qp import solve_qp, step_bounds
@@ -157,17 +157,15 @@ def nearest_profile(problem: TrackingProblem, wanted_N: Array, knots: Knots) -> 
     wanted_N : ndarray, shape (n,)
     knots : ndarray of int, shape (k,)
     """
-    clipped, limits, shape = problem.clipped(wanted_N), problem.limits, knot_shape(knots)
+    clipped, limits, k, hats = problem.clipped(wanted_N), problem.limits, len(knots), Hats.of(knots)
+    hessian, gradient, weights = np.zeros((k, k)), np.zeros(k), np.ones(len(wanted_N))
+    add_pairs(hessian, gradient, hats.left, 1 - hats.share, hats.share, weights, clipped - wanted_N)
     model = GaussNewtonModel(
-        hessian=(shape.T @ shape).toarray(),
-        gradient=shape.T @ (clipped - wanted_N),
-        rows=np.empty((0, len(knots))),
-        low=np.empty(0),
-        high=np.empty(0),
+        hessian=hessian, gradient=gradient, rows=np.empty((0, k)), low=np.empty(0), high=np.empty(0)
     )
     room = step_bounds(problem, clipped, knots)
     move = solve_qp(model, room, 2 * (limits.maximum_N - limits.minimum_N), problem.goal.penalty_N)
-    return clipped if move is None else problem.clipped(clipped + shape @ move)
+    return clipped if move is None else problem.clipped(clipped + np.interp(np.arange(len(clipped)), knots, move))
 
 
 def _taut_start(problem: TrackingProblem, clipped_N: Array) -> tuple[Evaluation, Array]:

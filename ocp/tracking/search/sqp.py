@@ -14,7 +14,7 @@ from enum import StrEnum
 import numpy as np
 
 from tendonff.ocp.step.protocol import Array
-from tendonff.ocp.tracking.cost import Evaluation, GaussNewtonModel, Knots, evaluate, gauss_newton_model, knot_shape
+from tendonff.ocp.tracking.cost import Evaluation, GaussNewtonModel, Knots, evaluate, gauss_newton_model
 from tendonff.ocp.tracking.diagnosis import reversals
 from tendonff.ocp.tracking.problem import TrackingProblem
 from tendonff.ocp.tracking.search.qp import solve_qp, step_bounds
@@ -255,7 +255,7 @@ def _step(
     settings: SqpSettings,
 ) -> _Step:
     """Solve the quadratic program, and go as far along its answer as the simulation agrees, in each block."""
-    promise, room, shape = np.inf, step_bounds(problem, force_N, unknowns.knots), knot_shape(unknowns.knots)
+    promise, room, rows = np.inf, step_bounds(problem, force_N, unknowns.knots), np.arange(len(force_N))
     home = blocks.of(unknowns.knots)
     before = blocks.sums(evaluation.density)
     for _ in range(_TRIALS):
@@ -266,7 +266,7 @@ def _step(
         promise = _promise(model, problem, move, evaluation)
         if promise <= 0.1 * settings.tolerance:
             break
-        size, change = blocks.largest(unknowns.knots, move), shape @ move
+        size, change = blocks.largest(unknowns.knots, move), np.interp(rows, unknowns.knots, move)
         trials: list[tuple[Array, Evaluation]] = []
         for share in _SHARES:
             trial = problem.clipped(force_N + share * change)  # rounding
@@ -278,7 +278,7 @@ def _step(
         shares = np.array(_SHARES)[best_of_block]
         shares[left.min(axis=0) >= before] = 0.0
         if np.ptp(shares) > 0:
-            mixed = problem.clipped(force_N + (shape @ shares[home]) * change)
+            mixed = problem.clipped(force_N + np.interp(rows, unknowns.knots, shares[home]) * change)
             trials.append((mixed, evaluate(problem, mixed)))
         best = min(trials, key=lambda t: t[1].merit)
         full = shares == 1
