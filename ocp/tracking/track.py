@@ -180,13 +180,14 @@ def _search(problem: TrackingProblem, inversion: Inversion, options: TrackOption
     by_motion: tuple[GridRefinement, ...] = ()
     note = ""
     try:
-        started, further = inversion.force_N, [law]
+        planned = [programme(problem)] if len(problem.plants) == 1 or _differ(problem) else []
+        started, further = inversion.force_N, [law, *planned]
         if not np.array_equal(wanted_N, problem.clipped(inversion.force_N)):  # a limit of the motion binds
             led, by_motion = led_force(problem, inversion, options)
             kept = problem.clipped(moderate(problem.clipped(led)))
             candidates.append((evaluate(problem, kept), kept))
-            started, further = min(candidates, key=lambda c: c[0].merit)[1], []
-        starts = (started, *further, *([programme(problem)] if _differ(problem) else []))
+            started, further = min(candidates, key=lambda c: c[0].merit)[1], planned if _differ(problem) else []
+        starts = (started, *further)
         # Where the reference is out of reach another search may follow.
         moves = replace(options, restarts=0) if _missed_N(problem).any() else options
         force, refinements = solve(_taut(problem, started), starts, moves, progress)

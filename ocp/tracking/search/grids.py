@@ -168,6 +168,12 @@ def nearest_profile(problem: TrackingProblem, wanted_N: Array, knots: Knots) -> 
     return clipped if move is None else problem.clipped(clipped + np.interp(np.arange(len(clipped)), knots, move))
 
 
+def early_profile(problem: TrackingProblem, wanted_N: Array) -> Array:
+    """The profile within the limits whose ramps end where a wanted force jumps."""
+    back = problem.limits.apply(wanted_N[::-1], problem.step_s, float(wanted_N[-1]))
+    return problem.clipped(back[::-1])
+
+
 def _taut_start(problem: TrackingProblem, clipped_N: Array) -> tuple[Evaluation, Array]:
     """The clipped profile, or the largest share of its changes that breaks no tension bound."""
     first = (evaluate(problem, clipped_N), clipped_N)
@@ -255,22 +261,30 @@ def refine(
     search = _Search(problem=problem, settings=settings, spacing=spacing, tell=tell)
     first = best = _taut_start(problem, problem.clipped(inverse))
     near = even_knots(len(inverse), max(spacing // 4, 1))
-    starts = [nearest_profile(problem, start, near) for start in starts_N]
+    starts, alone = [nearest_profile(problem, start, near) for start in starts_N], len(problem.plants) == 1
+    if alone:
+        starts.append(early_profile(problem, inverse))
     tried = [search.on(_COARSE, start, best) for start in starts]
     if problem.goal.power > 1:  # the mean is smoother than the worst: what is best for it is a start as well
         mean = replace(search, problem=replace(problem, goal=replace(problem.goal, power=1.0)))
         smooth = min((mean.on(_COARSE, start, best) for start in starts), key=lambda result: result.evaluation.merit)
         smooth_N = _on_rows(smooth.force_N, search.factor(_COARSE), inverse, problem)
         tried.append(search.on(_COARSE, smooth_N, best))
-    coarse = problem.coarsened(search.factor(_COARSE))
-    found = reduce(lambda one, other: _best_of_blocks(coarse, one, other), tried)
-    found = replace(found, force_N=_on_rows(found.force_N, search.factor(_COARSE), inverse, problem))
-    searches = [found]
-    for stage in _FINE:
-        found = search.on(stage, found.force_N, best)
-        searches.append(found)
-        if found.evaluation.merit < best[0].merit:
-            best = (found.evaluation, found.force_N)
+    coarse, searches = problem.coarsened(search.factor(_COARSE)), list[SqpResult]()
+    # What is best of all starts on the coarse grid may end in a poorer optimum than the best of the first two.
+    lines = [tried, tried[:2]] if alone and settings.restarts and len(tried) > 2 else [tried]
+    for line in lines:
+        found = reduce(lambda one, other: _best_of_blocks(coarse, one, other), line)
+        found = replace(found, force_N=_on_rows(found.force_N, search.factor(_COARSE), inverse, problem))
+        before, of_line = best[0].merit, [found]
+        for stage in _FINE:
+            found = search.on(stage, found.force_N, best)
+            of_line.append(found)
+            mixed = _best_of_blocks(problem, found, replace(found, evaluation=best[0], force_N=best[1]))
+            if mixed.evaluation.merit < best[0].merit:
+                best = (mixed.evaluation, mixed.force_N)
+        if best[0].merit < before or not searches:
+            searches = of_line
     ended = found.status is not SqpStatus.ITERATIONS
     rng, vain = np.random.default_rng(0), 0
     while vain < settings.restarts and search.left >= 1:

@@ -21,7 +21,7 @@ KNOTS_OF_OVERLAP = 30
 """Coarse knots that a piece sees beyond what it keeps."""
 
 
-_RESTARTS = 5  # unless told otherwise, of one plant
+_RESTARTS, _RESTARTS_OF_SEVERAL = 8, 5  # unless told otherwise; the latter are shared by the plants
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +90,8 @@ def solve(
     force, refinements = np.array([problem.start_N]), []
     restarts = options.restarts
     if restarts is None:
-        restarts = _RESTARTS // len(problem.plants) if len(pieces) == 1 else 0
+        count = len(problem.plants)
+        restarts = 0 if len(pieces) > 1 else _RESTARTS if count == 1 else _RESTARTS_OF_SEVERAL // count
     settings = SqpSettings(
         iterations=options.max_iterations,
         tolerance=options.tolerance,

@@ -76,7 +76,7 @@ def test_slopes_of_the_static_law_are_those_of_its_output(rig: Transmission) -> 
     inverse = invert(chain, REFERENCE, STEP).force_N
     goal = StaticGoal.of(chain, inverse, STEP, 30.0, 0.1)
     force = LIMITED.apply(inverse, STEP, 30.0)
-    at, rise = goal.slopes(force)
+    at, rise = goal.slopes(force, goal.output_N(force))
     change = np.random.default_rng(1).normal(size=len(force))
     moved = (goal.output_N(force + 1e-7 * change) - goal.output_N(force)) / 1e-7
     assert 0.2 < np.mean(at != np.arange(len(force))) < 0.8  # it sticks in some rows and slips in others

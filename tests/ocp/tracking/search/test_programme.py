@@ -38,3 +38,20 @@ def test_by_the_static_law_it_beats_the_inverse_over_both_extremes(generic: Tran
 
     static = LIMITS.apply(law_of(chains[0]).input_history_N(REFERENCE, 30.0), STEP)
     assert error(found) < 0.9 * error(static)
+
+
+def test_of_one_plant_it_leaves_early_where_the_rate_is_slow(generic: Transmission) -> None:
+    """Within the limits and by the static law at most half the error of the static law's own inverse."""
+    limits = ForceLimits(minimum_N=0.0, maximum_N=300.0, rate_N_per_s=250.0)
+    chain = Chain.of(generic, Level.PRESLIDING)
+    inverse = invert(chain, REFERENCE, STEP).force_N
+    problem = TrackingProblem.of(
+        (chain,), REFERENCE, STEP, limits, TrackOptions(), initial_tension_N=30.0, inverse_N=inverse
+    )
+    found, law = programme(problem), law_of(chain)
+    assert limits.admits(found, STEP, 1e-6)
+
+    def error(force: np.ndarray) -> float:
+        return float(np.sqrt(np.mean((law.output_history_N(force, 30.0) - REFERENCE) ** 2)))
+
+    assert error(found) < 0.5 * error(limits.apply(law.input_history_N(REFERENCE, 30.0), STEP))
