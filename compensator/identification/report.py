@@ -87,6 +87,7 @@ def identification_report(found: IdentificationData, folder: Path) -> Report:
         after.append(PictureFile(path=excitation, caption="Suggested excitation."))
     name = found.scenario.source.name
     data = "".join(f" --{'data' if f.role == 'fit' else 'validate'} {f.error.name}" for f in found.files)
+    static = "" if any(law.stage == "dynamic" for law in found.laws) else " --static"
     return Report(
         title=f"Identification: {found.scenario.name}",
         summary=verdict,
@@ -101,7 +102,7 @@ def identification_report(found: IdentificationData, folder: Path) -> Report:
         ),
         provenance=Provenance(
             scenario=found.scenario,
-            command=f"tendonff identify {name}{data}{_options(found.scenario.measurement)} --out DIR",
+            command=f"tendonff identify {name}{data}{_options(found.scenario.measurement)}{static} --out DIR",
             inputs=found.inputs,
         ),
         files=(

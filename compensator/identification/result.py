@@ -56,7 +56,7 @@ class CandidateLaw:
     name: str
     stage: str  # "static" or "dynamic"
     free_values: int
-    # fit_percent, validation_percent: rms in percent of the range of the explained channel
+    # fit_percent, validation_percent: RMS error in percent of the range of the explained channel
     fit_percent: float
     validation_percent: float
     chosen: bool

@@ -62,7 +62,7 @@ def test_the_report_repeats_the_options_that_read_the_files(examples, strokes, t
     found = identify(scenario, [strokes], static_only=True)
     found.write(tmp_path / "out")
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert "--data a.csv --scale input=2 --scale output=2 --skip 0.5 --explain output --out DIR" in page
+    assert "--data a.csv --scale input=2 --scale output=2 --skip 0.5 --explain output --static --out DIR" in page
 
 
 def test_a_file_cannot_judge_its_own_fit(examples, strokes):
