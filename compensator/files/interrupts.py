@@ -14,7 +14,7 @@ def _stop(_number: int, _frame: FrameType | None) -> NoReturn:
 
 
 def install() -> None:
-    """Take SIGINT and SIGTERM as a wish to stop; an ended job removes its temporary files too."""
+    """Handle SIGINT and SIGTERM alike, so that an ended job removes its temporary files too."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _stop)
 
@@ -25,7 +25,7 @@ def stopped() -> bool:
 
 
 def raise_if_stopped() -> None:
-    """Stop now if the wish was lost: Python drops what is raised inside a callback of a weak reference.
+    """Stop now if an interrupt was lost: Python discards what is raised inside a callback of a weak reference.
 
     Raises
     ------
