@@ -34,12 +34,12 @@ if TYPE_CHECKING:  # what editors and type checkers read; `_HOMES` says the same
     from tendonff.compensator.tables.output import Tables
     from tendonff.compensator.tables.run import make_tables as make_table
     from tendonff.models.capstan import Branch, CapstanLaw
+    from tendonff.models.capstan.two_ended import TwoEndedLaw
     from tendonff.models.chain import Chain
     from tendonff.models.errors import ParameterError, TendonffError
     from tendonff.models.fidelity import Level
     from tendonff.models.interop import as_iosystem, linear_system
     from tendonff.models.parameters import Actuator, Friction, Load, Path, Tendon, Transmission
-    from tendonff.models.two_ended import TwoEndedLaw
     from tendonff.ocp.batch import SimulationJob, simulate_batch
     from tendonff.ocp.codegen.precision import Precision
     from tendonff.ocp.errors import SolveError
@@ -135,7 +135,7 @@ _HOMES = {
     "models.fidelity": ("Level",),
     "models.interop": ("as_iosystem", "linear_system"),
     "models.parameters": ("Actuator", "Friction", "Load", "Path", "Tendon", "Transmission"),
-    "models.two_ended": ("TwoEndedLaw",),
+    "models.capstan.two_ended": ("TwoEndedLaw",),
     "ocp.batch": ("SimulationJob", "simulate_batch"),
     "ocp.codegen.precision": ("Precision",),
     "ocp.errors": ("SolveError",),

@@ -22,7 +22,7 @@ from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
-from tendonff.models.uncertainty import Objective
+from tendonff.models.parameters.uncertainty import Objective
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import Inversion, invert
 from tendonff.ocp.periodic import steady_inverse

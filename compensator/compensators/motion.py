@@ -8,8 +8,8 @@ from dataclasses import replace
 
 from tendonff.compensator.compensators.base import FloatArray, Problem, Profile
 from tendonff.models.chain import Chain
-from tendonff.models.drive import Drive
 from tendonff.models.parameters import Actuator
+from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.periodic import steady_response
 from tendonff.ocp.tracking.motion import travel_of
 

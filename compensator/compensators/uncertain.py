@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from tendonff.models.parameters import Transmission
-from tendonff.models.uncertainty import Uncertainty
+from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.ocp.tracking.robust import Sample, sample_transmissions
 
 ASSUMED = Uncertainty(mu=0.1, samples=3)

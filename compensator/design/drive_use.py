@@ -7,7 +7,7 @@ import numpy as np
 
 from tendonff.compensator.compensators.base import FloatArray
 from tendonff.compensator.design.result import DesignData
-from tendonff.models.drive import Motor
+from tendonff.models.parameters.drive import Motor
 
 SHOWN = ("inverse", "optimal")
 

@@ -10,7 +10,7 @@ from tendonff.compensator.compensators.score import scale_N
 from tendonff.compensator.compensators.uncertain import Doubt, doubt
 from tendonff.compensator.design.robustness import Robustness
 from tendonff.models.chain import Chain
-from tendonff.models.uncertainty import Uncertainty
+from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.ocp.simulate import simulate
 from tendonff.ocp.tracking.robust import Sample, error_band
 

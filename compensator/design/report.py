@@ -22,8 +22,8 @@ from tendonff.compensator.reporting.page import (
     provenance_of,
 )
 from tendonff.compensator.scenario.reference import Hold
-from tendonff.models.drive import Motor
 from tendonff.models.fidelity import Level
+from tendonff.models.parameters.drive import Motor
 from tendonff.ocp.reference.hold import find_holds
 
 _MOVES_IN_A_HOLD = 0.05  # of the force's range: what is worth a word

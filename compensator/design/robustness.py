@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
 from tendonff.compensator.compensators.base import FloatArray, Problem
-from tendonff.models.uncertainty import Objective
+from tendonff.models.parameters.uncertainty import Objective
 from tendonff.ocp.tracking.robust import ErrorBand, Sample, error_band
 
 _OVERCOMPENSATION = 0.02

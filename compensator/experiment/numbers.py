@@ -13,7 +13,7 @@ import numpy as np
 
 from tendonff.compensator.experiment.machine import StatePass
 from tendonff.compensator.experiment.result import ExperimentData, ExperimentRun
-from tendonff.models.two_ended import TwoEndedLaw
+from tendonff.models.capstan.two_ended import TwoEndedLaw
 
 _BREAKAWAY = (0.05, 0.5)
 MEANINGS = {

@@ -24,8 +24,8 @@ from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_file
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.chain import Chain
-from tendonff.models.drive import Drive
 from tendonff.models.fidelity import Level
+from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.adaptation.tuning import Sensor
 from tendonff.ocp.codegen.compiler import find_compiler, run_compiler
 from tendonff.ocp.codegen.cross import Target, cross_compile

@@ -8,7 +8,7 @@ from tendonff.compensator.compensators.motion import with_motion
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import Score, SimulatedPlant, is_worse, verify
 from tendonff.compensator.compensators.stream.run import StreamChoice
-from tendonff.models.drive import Drive
+from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.errors import SolveError
 
 UNCOMPENSATED = "none"

@@ -6,8 +6,8 @@ from tendonff.compensator.compensators.base import CModule, Compensator
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.models.drive import Drive
 from tendonff.models.parameters import Transmission
+from tendonff.models.parameters.drive import Drive
 
 STREAM = CModule(name="stream", content="exact inverse behind a filter, for references that arrive live")
 """What is exported for references that are not known in advance."""

@@ -14,7 +14,7 @@ from tendonff.compensator.export.golden import Course, Golden, respond, servo_of
 from tendonff.compensator.export.text.parameters import settable_numbers
 from tendonff.compensator.export.text.table_index import share_index
 from tendonff.models.capstan import Branch, CapstanLaw
-from tendonff.models.spread_bounds import PLAYS
+from tendonff.models.capstan.spread_bounds import PLAYS
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.inverse import invert
 

@@ -16,8 +16,8 @@ from tendonff.compensator.identification.measured.cleaning import Record
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import CapstanLaw
+from tendonff.models.capstan.spread_bounds import middle_exponent
 from tendonff.models.fidelity import Level
-from tendonff.models.spread_bounds import middle_exponent
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.chain import ChainModel, DynamicParameter
 from tendonff.ocp.fits.static import NEUTRAL, StaticParameter, in_gross_sliding

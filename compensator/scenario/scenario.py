@@ -27,8 +27,8 @@ from tendonff.compensator.scenario.tables import check_names, missing_keys, read
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Actuator, Friction, Load, Tendon, Transmission
 from tendonff.models.parameters import Path as TendonPath
+from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.models.path import Section
-from tendonff.models.uncertainty import Uncertainty
 
 SCHEMA = 1
 

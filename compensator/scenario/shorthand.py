@@ -8,7 +8,7 @@ import dataclasses
 from collections.abc import Mapping
 
 from tendonff.compensator.scenario.tables import read_table
-from tendonff.models.drive import Motor, Rope
+from tendonff.models.parameters.drive import Motor, Rope
 
 _ROPE = tuple(field.name for field in dataclasses.fields(Rope))
 NO_STRIBECK_VELOCITY_M_PER_S = 0.01

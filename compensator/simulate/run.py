@@ -27,9 +27,9 @@ from tendonff.compensator.scenario.sampled.sampling import initial_tension
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.simulate.result import SimulatedForce
 from tendonff.models.chain import Chain
-from tendonff.models.drive import Drive
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
+from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.crosscheck import StepHalving
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import Simulator, describe_failure, tensions_of

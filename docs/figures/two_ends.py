@@ -8,10 +8,10 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.reporting.plots import BLUE, GREY, ORANGE, VERMILION, figure_style, new_figure
 from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.models.capstan.two_ended import TwoEndedLaw
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
-from tendonff.models.two_ended import TwoEndedLaw
 from tendonff.ocp.simulate import Simulator
 
 FINGER = Path(__file__).resolve().parents[2] / "examples" / "finger.toml"

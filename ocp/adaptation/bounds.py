@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.models.capstan import Array, CapstanLaw
+from tendonff.models.capstan import CapstanLaw
 from tendonff.models.errors import ParameterError
+from tendonff.ocp.step.protocol import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.models.capstan import Array
 from tendonff.ocp.adaptation.tuning import Tuning
+from tendonff.ocp.step.protocol import Array
 
 TARGET = 0.03
 """Relative standard deviation at which a factor counts as known."""

@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.models.bounds import play
+from tendonff.models.capstan.spread_bounds import PLACES, PLAYS, sliding_exponent
 from tendonff.models.friction import LuGreBristle
-from tendonff.models.spread_bounds import PLACES, PLAYS, sliding_exponent
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from scipy.stats import qmc
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
-from tendonff.models.uncertainty import Objective, Uncertainty
+from tendonff.models.parameters.uncertainty import Objective, Uncertainty
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import Inversion, invert
 from tendonff.ocp.periodic import steady_response

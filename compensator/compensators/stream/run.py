@@ -11,7 +11,7 @@ from tendonff.compensator.compensators.stream.filter import StreamFilter, corner
 from tendonff.compensator.compensators.stream.model import StreamDesign, stream_force
 from tendonff.compensator.compensators.stream.ramp import Ramp
 from tendonff.compensator.scenario.stream import Stream
-from tendonff.models.drive import Drive
+from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.errors import SolveError
 
 NOISE_GOAL_DB = 0.0

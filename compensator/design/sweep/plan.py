@@ -9,7 +9,7 @@ import numpy as np
 from tendonff.compensator.files.reading import InputError, suggestion
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.errors import ParameterError
-from tendonff.models.uncertainty import Uncertainty
+from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.ocp.tracking.robust import Sample, draw_transmissions
 
 _TABLES = ("path", "tendon", "friction", "actuator", "load", "run")

@@ -19,7 +19,7 @@ from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.errors import TendonffError
-from tendonff.models.uncertainty import Uncertainty
+from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.ocp.batch import run_jobs
 from tendonff.ocp.tracking.robust import transmission_at
 

@@ -20,7 +20,7 @@ from tendonff.compensator.files.progress import silent
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
 from tendonff.models.fidelity import Level
-from tendonff.models.uncertainty import Uncertainty
+from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.ocp import stability
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.tracking import track as tracking

@@ -19,7 +19,7 @@ from tendonff.compensator.scenario.reference import Shape, SineReference, Waypoi
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.fidelity import Level
-from tendonff.models.uncertainty import Uncertainty
+from tendonff.models.parameters.uncertainty import Uncertainty
 
 WITHOUT_STRIBECK = ["finger", "bowden", "surgical"]
 COLUMNS = [

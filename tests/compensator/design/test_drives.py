@@ -18,9 +18,9 @@ from tendonff.compensator.scenario.joints import SineJoint
 from tendonff.compensator.scenario.reference import Hold, Quantity, Shape, WaypointReference
 from tendonff.compensator.scenario.run import Run
 from tendonff.compensator.scenario.scenario import load_scenario
-from tendonff.models.drive import Drive, Motor
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
+from tendonff.models.parameters.drive import Drive, Motor
 from tests.independent_plant import respond
 
 pytestmark = pytest.mark.compiler

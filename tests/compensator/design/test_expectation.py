@@ -15,7 +15,7 @@ from tendonff.compensator.design.report import fine_print, headline
 from tendonff.compensator.design.run import design
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.chain import Chain
-from tendonff.models.uncertainty import Uncertainty
+from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.ocp.simulate import simulate
 
 QUICK = (Uncompensated(), Capstan(), Inverse())

@@ -18,8 +18,8 @@ from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.reference import Shape, WaypointReference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.chain import Chain
-from tendonff.models.drive import Drive
 from tendonff.models.fidelity import Level
+from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.inverse import invert
 

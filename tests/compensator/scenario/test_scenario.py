@@ -23,7 +23,7 @@ from tendonff.compensator.scenario.scenario import (
 from tendonff.compensator.scenario.tables import descriptions
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Friction
-from tendonff.models.uncertainty import Objective, Uncertainty
+from tendonff.models.parameters.uncertainty import Objective, Uncertainty
 
 ROOT = Path(__file__).resolve().parents[3]
 EXAMPLES = sorted((ROOT / "examples").glob("*.toml"))

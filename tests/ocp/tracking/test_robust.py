@@ -7,7 +7,7 @@ from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
-from tendonff.models.uncertainty import Objective, Uncertainty
+from tendonff.models.parameters.uncertainty import Objective, Uncertainty
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.robust import error_band, sample_transmissions, track_robust

@@ -18,7 +18,7 @@ from tendonff.compensator.design.sweep.run import sweep
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.reference import SineReference
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
-from tendonff.models.uncertainty import Uncertainty
+from tendonff.models.parameters.uncertainty import Uncertainty
 
 EXAMPLES = Path(__file__).resolve().parents[4] / "examples"
 NAMES = ("none", "inverse")

@@ -6,7 +6,7 @@ import pytest
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
-from tendonff.models.uncertainty import Uncertainty
+from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.tracking.diagnosis import law_of
 from tendonff.ocp.tracking.limits import ForceLimits

@@ -21,10 +21,10 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tendonff.models.capstan.spread_bounds import SpreadPlays
 from tendonff.models.errors import ParameterError
-from tendonff.models.parameters import Transmission
+from tendonff.models.parameters.transmission import Transmission
 from tendonff.models.path import Section
-from tendonff.models.spread_bounds import SpreadPlays
 
 Array = NDArray[np.float64]
 

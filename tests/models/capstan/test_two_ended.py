@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from tendonff.models.capstan import CapstanLaw
+from tendonff.models.capstan.two_ended import TwoEndedLaw
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Transmission
 from tendonff.models.path import Section
-from tendonff.models.two_ended import TwoEndedLaw
 
 STIFFNESS, ADHESION, START = 2e4, 0.5, 30.0
 ANGLES, LENGTHS = (1.1, 0.0, 0.8), (0.02, 0.05, 0.03)

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tendonff.models.capstan import section_exponents
+from tendonff.models.capstan.law import section_exponents
 from tendonff.models.errors import ParameterError
-from tendonff.models.parameters import Transmission
+from tendonff.models.parameters.transmission import Transmission
 from tendonff.models.path import cut_path
 
 Array = NDArray[np.float64]

@@ -3,8 +3,8 @@ from dataclasses import fields, replace
 
 import pytest
 
-from tendonff.models.drive import Motor, Rope
 from tendonff.models.errors import ParameterError
+from tendonff.models.parameters.drive import Motor, Rope
 
 MOTOR = Motor(
     drum_radius_m=0.02,

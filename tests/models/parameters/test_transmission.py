@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from tendonff.models.chain import Chain, chain_equations
-from tendonff.models.drive import Drive
 from tendonff.models.elements import elements_of, whole_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs, ChainState, StateLayout
 from tendonff.models.parameters import Transmission
+from tendonff.models.parameters.drive import Drive
 
 OTHER_RULES = (
     "second_relaxing_stiffness_N_per_m",

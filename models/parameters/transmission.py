@@ -3,8 +3,8 @@
 import math
 from dataclasses import dataclass, replace
 
-from tendonff.models.drive import Drive, Motor
 from tendonff.models.errors import LARGEST, ParameterError, require, require_given, require_whole
+from tendonff.models.parameters.drive import Drive, Motor
 from tendonff.models.path import JointMotion, Section
 
 
