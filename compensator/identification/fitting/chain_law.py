@@ -278,7 +278,7 @@ def _is_plausible(task: ChainResiduals, solution: Solution, extra: DynamicParame
 def visited_speeds_m_per_s(task: ChainResiduals, solution: Solution) -> tuple[float, float]:
     """Slow and fast end of the speeds at which the tendon's input end moves [m/s]."""
     full = task.complete(solution.values)
-    speeds = [np.abs(np.gradient(task.model.respond(full, run.drive).near_m, run.step_s)) for run in task.pieces]
+    speeds = [np.abs(np.gradient(task.model.respond(full, run.drive).near_m, run.record.step_s)) for run in task.pieces]
     every = np.concatenate(speeds)
     slowest, fastest = np.percentile(every[every > MOVING_SHARE * every.max()], SPEED_PERCENTILES)
     return float(slowest), float(fastest)

@@ -95,7 +95,7 @@ def _with_delay(task: ChainResiduals, found: Residuals) -> tuple[float, float]:
     rates: list[Array] = []
     for run in task.pieces:
         response = task.model.respond(task.fixed, run.drive)
-        step = run.step_s * run.thin
+        step = run.record.step_s * run.thin
         rates.append(-np.gradient(run.shaped(run.predicted(response)[0]), step)[run.good] / task.output_unit)
         if run.with_elongation:  # the output's position is read by the same clock
             far = run.shaped(response.near_m - response.elongation_m)

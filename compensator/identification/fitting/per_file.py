@@ -35,7 +35,7 @@ def file_estimates(task: ChainResiduals, found: Residuals, solution: Solution) -
         At the joint solution, its first columns over the values of `solution`.
     """
     free = [D(n) for n in solution.values]
-    names = list(dict.fromkeys(run.file for run in task.pieces))
+    names = list(dict.fromkeys(run.record.name for run in task.pieces))
     if len(names) < 2:
         return ()
     own = found.slopes[:, : len(free)]
@@ -43,7 +43,7 @@ def file_estimates(task: ChainResiduals, found: Residuals, solution: Solution) -
     joint = gauss_newton_step(found.values, own)
     estimates = []
     for name in names:
-        rows = np.isin(of_piece, [k for k, run in enumerate(task.pieces) if run.file == name])
+        rows = np.isin(of_piece, [k for k, run in enumerate(task.pieces) if run.record.name == name])
         part = Residuals(values=found.values[rows], slopes=own[rows], blocks=found.blocks[rows])
         covariance, _ = block_covariance(part, robust=True)
         errors = np.sqrt(np.diag(covariance))

@@ -36,7 +36,7 @@ def look_again(
         The output cell may have an offset.
     """
     proximal = task.pieces[0].explain is Explain.POSITION
-    if D.INPUT_BIAS in task.free or all(run.input_noise_N <= 0 for run in task.pieces):
+    if D.INPUT_BIAS in task.free or all(run.record.input_noise_N <= 0 for run in task.pieces):
         return law, task, with_input_estimated(task, solution)
     full = task.complete(solution.values)
     offered = [*((D.OUTPUT_BIAS,) if offsets and not proximal else ()), D.ADHESION, D.MU_RELEASE]
