@@ -9,6 +9,7 @@ from tendonff.compensator.identification.fitted import Fitted
 from tendonff.compensator.identification.fitting.delay import Delay
 from tendonff.compensator.identification.fitting.dynamic import DynamicFit
 from tendonff.compensator.identification.fitting.sliding_ratio import SlidingRatio
+from tendonff.compensator.identification.fitting.tendon import stretches_within
 from tendonff.compensator.identification.measured.cleaning import Record
 from tendonff.compensator.identification.measured.reading import DataIssue
 from tendonff.compensator.identification.outcome import Outcome
@@ -35,24 +36,12 @@ def moved_inside(comparisons: Sequence[PieceComparison]) -> list[tuple[str, floa
     found = []
     for piece in comparisons:
         span = float(np.ptp(piece.measured))
-        for start, stop in _held(piece.model, STILL_SHARE * span):
+        for start, stop in stretches_within(piece.model, STILL_SHARE * span):
             time, measured = piece.time_s[start:stop], piece.measured[start:stop]
             if time[-1] - time[0] >= LEAST_S and float(np.ptp(measured)) > MOVED_SHARE * span:
                 row = int(np.argmax(np.abs(measured - measured[0]) > MOVED_SHARE * span / 2))
                 found.append((piece.name, float(time[row])))
     return found
-
-
-def _held(x: Array, within: float) -> list[tuple[int, int]]:
-    """Stretches over which a signal stays within a band."""
-    stretches, start, low, high = [], 0, x[0], x[0]
-    for k, value in enumerate(x):
-        low, high = min(low, value), max(high, value)
-        if high - low > within:
-            if k - start > 1:
-                stretches.append((start, k))
-            start, low, high = k, value, value
-    return [*stretches, (start, len(x))]
 
 
 def about_delay(delay: Delay | None) -> str:

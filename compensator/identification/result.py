@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from tendonff.compensator.identification.fitting.between_files import ByFile
+from tendonff.compensator.identification.fitting.by_file import ByFile
 from tendonff.compensator.identification.fitting.errors import FileError
 from tendonff.compensator.identification.fitting.sections import SectionFriction
 from tendonff.compensator.identification.fitting.sliding_ratio import SlidingRatio

@@ -11,7 +11,7 @@ from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.estimates import estimates_of
 from tendonff.compensator.identification.fitted import Fitted, carried_on, with_coulomb
 from tendonff.compensator.identification.fitting import tendon
-from tendonff.compensator.identification.fitting.between_files import by_file
+from tendonff.compensator.identification.fitting.by_file import between_files
 from tendonff.compensator.identification.fitting.delay import Delay, align, earlier
 from tendonff.compensator.identification.fitting.drive import drive_estimate
 from tendonff.compensator.identification.fitting.dynamic import DynamicFit, fit_coarse, fit_dynamic
@@ -104,8 +104,8 @@ def identify(
     law = fits.chosen(laws)
     chain = law if isinstance(law, DynamicFit) else None
     outcome = outcome_of(law, records, fits.judges)
-    files, said = by_file(chain, records, conditions or {})
-    warnings += [*said, about_delay(fits.delay), about_moments(outcome)]
+    told = between_files(chain.files, chain.values, records, conditions or {}) if chain is not None else ((), [])
+    warnings += [*told[1], about_delay(fits.delay), about_moments(outcome)]
     sliding = sliding_ratios(records)
     failure = _failure(outcome)
     if failure:
@@ -138,7 +138,7 @@ def identify(
         sliding=sliding,
         warnings=tuple(filter(None, warnings)),
         inputs=(*fit_files, *judging),
-        by_file=files,
+        by_file=told[0],
         sections=sections,
         output_delay_s=None if fits.delay is None else fits.delay.seconds,
         comparable=not foreign,

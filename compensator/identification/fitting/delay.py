@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tendonff.compensator.identification.fitting.by_file import gauss_newton_step
 from tendonff.compensator.identification.fitting.dynamic import CoarseFit, fit_coarse
-from tendonff.compensator.identification.fitting.per_file import gauss_newton_step
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals
 from tendonff.compensator.identification.fitting.uncertainty import slopes_over_all
 from tendonff.compensator.identification.measured.cleaning import Piece, Record

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tendonff.compensator.identification.fitting.by_file import ByFile, file_estimates, with_scatter
 from tendonff.compensator.identification.fitting.chain_law import (
     CONSTANTS,
     CORE,
@@ -15,7 +16,6 @@ from tendonff.compensator.identification.fitting.chain_law import (
 )
 from tendonff.compensator.identification.fitting.errors import Prediction
 from tendonff.compensator.identification.fitting.noisy_input.second_look import look_again
-from tendonff.compensator.identification.fitting.per_file import FileEstimate, file_estimates, with_scatter
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece, fit_pieces, spans_of
 from tendonff.compensator.identification.fitting.uncertainty import (
     expected_errors,
@@ -80,7 +80,7 @@ class DynamicFit(ChainLaw):
     expected: dict[DynamicParameter, float]
     law: ChosenLaw  # with the laws that were compared
     mean_N: float  # mean output tension
-    files: tuple[FileEstimate, ...]  # what each file says by itself; empty for a single file
+    files: tuple[ByFile, ...]  # what each file says by itself; empty for a single file
     # by how much more of the wrap angle the nearer half of the path seems to carry than half [-]; 0: even
     concentration: float = 0.0
 
