@@ -212,12 +212,14 @@ def _fit(
     say("first look")
     explain, coarse = choose_explain(records, scenario.measurement.explain, transmission, static_only=static_only)
     delay: Delay | None = None
+    given = records
     if coarse is not None and explain is Explain.OUTPUT and coarse.percent < POOR_PERCENT:
         delay, coarse, records = align(records, coarse, transmission)
-        judges = [earlier(r, delay.seconds) for r in judges] if delay.told else judges
+        if delay.told:
+            given, judges = ([earlier(r, delay.seconds) for r in some] for some in (given, judges))
     say("static stage")
     stage = select_static(records, judges, explain)
-    fits = _Fits(records=records, judges=judges, stage=stage, delay=delay)
+    fits = _Fits(records=given, judges=judges, stage=stage, delay=delay)
     if coarse is None or coarse.percent >= 3 * POOR_PERCENT:
         return fits
     start = _start(scenario, stage)

@@ -12,15 +12,14 @@ VALUES = {**dict.fromkeys(DynamicParameter, 1.0), DynamicParameter.MU_PULL: 0.2}
 
 def said_of(mus, conditions=()):
     """Files an hour apart whose coefficient is known to 0.0001."""
-    files = [
-        ByFile(file=f"{k}.csv", values={"mu_dynamic": mu}, errors={"mu_dynamic": 1e-4}) for k, mu in enumerate(mus)
-    ]
+    errors = {"mu_dynamic": 1e-4}
+    files = [ByFile(file=f"{k}.csv", values={"mu_dynamic": mu}, errors=errors) for k, mu in enumerate(mus)]
     records = [SimpleNamespace(name=f.file, started_s=1.6e9 + 3600.0 * k) for k, f in enumerate(files)]
     return between_files(files, VALUES, records, {f.file: c for f, c in zip(files, conditions, strict=False)})
 
 
 def test_a_trend_over_the_time_of_day_is_told_with_its_slope():
-    """0.2 + 0.002 t/h is 1 % an hour of the mean, 0.203, less 1.5 %."""
+    """0.002 an hour is 0.99 % of the mean, 0.203; its error is that of four values, 1e-4/sqrt(5)."""
     rows, said = said_of([0.2, 0.202, 0.204, 0.206])
     assert [row.started_s for row in rows] == [1.6e9, 1.6e9 + 3600, 1.6e9 + 7200, 1.6e9 + 10800]
     [drift] = [line for line in said if "drifts" in line]
