@@ -95,13 +95,7 @@ class _Rig:
 
 
 def estimates_of(scenario: Scenario, law: DynamicFit | StaticFit, now: ExcitationSummary, *, described: bool) -> Answer:
-    """Estimates of the law that won, names of its free values, and their correlation.
-
-    Parameters
-    ----------
-    described : bool
-        The law describes the device.
-    """
+    """Estimates of the law that won, names of its free values, their correlation; `described`: it fits the device."""
     rig = _Rig(scenario=scenario, now=now, described=described)
     found = _dynamic(rig, law) if isinstance(law, DynamicFit) else _static(rig, law)
     return (*_exponents(found, rig.theta_rad), *found), tuple(law.solution.values), law.solution.correlation()

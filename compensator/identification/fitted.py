@@ -77,13 +77,7 @@ def scenario_of_chain(scenario: Scenario, fit: DynamicFit, records: Sequence[Rec
 
 
 def scenario_of_static(scenario: Scenario, fit: StaticFit, records: Sequence[Record], *, static_only: bool) -> Fitted:
-    """The scenario with all values of a fitted static law, at the fidelity level whose chain comes closest.
-
-    Parameters
-    ----------
-    static_only : bool
-        No simulation: the scenario's own level stays.
-    """
+    """The scenario with all values of a fitted static law, at the fidelity level whose chain comes closest."""
     t, values = scenario.transmission, fit.values
     theta, f = t.path.total_angle_rad, t.friction
     pull, release = (max(exponent, 0.0) / theta for exponent in in_gross_sliding(values))
@@ -121,13 +115,7 @@ def scenario_of_static(scenario: Scenario, fit: StaticFit, records: Sequence[Rec
 
 
 def static_law_of(fitted: Fitted, fit: StaticFit) -> StaticFit:
-    """The static law that a fitted scenario holds, from its own keys.
-
-    Parameters
-    ----------
-    fit : StaticFit
-        For the kind of law.
-    """
+    """The static law that a fitted scenario holds, of the kind of `fit`, from its own keys."""
     t, how = fitted.scenario.transmission, fitted.scenario.measurement
     law, friction = CapstanLaw.of(t), t.friction
     values = {

@@ -168,12 +168,14 @@ def _file(result: FileResult, unit: str) -> dict[str, Any]:
 
 
 def _law(law: CandidateLaw) -> Mapping[str, Any]:
+    percents = (law.fit_percent, law.validation_percent)
+    fit, validation = (percent if math.isfinite(percent) else None for percent in percents)
     return {
         "name": law.name,
         "stage": law.stage,
         "free_values": law.free_values,
-        "fit_percent_of_range": law.fit_percent if math.isfinite(law.fit_percent) else None,
-        "validation_percent_of_range": law.validation_percent if math.isfinite(law.validation_percent) else None,
+        "fit_percent_of_range": fit,
+        "validation_percent_of_range": validation,
         "chosen": law.chosen,
     }
 

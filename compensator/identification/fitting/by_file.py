@@ -91,15 +91,7 @@ def between_files(
     records: Sequence[Record],
     conditions: Mapping[str, str],
 ) -> tuple[tuple[ByFile, ...], list[str]]:
-    """Estimates by file with their conditions and times, and what is to be said about their differences.
-
-    Parameters
-    ----------
-    values : mapping of DynamicParameter to float
-        Of the joint fit.
-    conditions : mapping of str to str
-        Labels by file name.
-    """
+    """Estimates by file with their conditions and times, and what is to be said about their differences."""
     started = {r.name: r.started_s for r in records}
     rows = tuple(replace(f, condition=conditions.get(f.file, ""), started_s=started.get(f.file)) for f in files)
     said = []

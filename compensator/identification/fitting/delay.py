@@ -37,11 +37,6 @@ def align(
     """Find the delay of the output channels, and take it out where it is beyond doubt.
 
     A delay looks like viscous friction and hides adhesion, so it is found before the law is chosen.
-
-    Parameters
-    ----------
-    coarse : CoarseFit
-        Of these records, their output explained.
     """
     step = max(r.step_s for r in records)
     found, shifted, total = coarse, tuple(records), 0.0

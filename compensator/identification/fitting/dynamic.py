@@ -92,13 +92,7 @@ def _tension_N(pieces: Sequence[FitPiece]) -> Array:
 
 
 def relevant_size(name: DynamicParameter, value: float, mean_N: float) -> float:
-    """Size that a parameter's standard error is judged against.
-
-    Parameters
-    ----------
-    mean_N : float
-        Mean output tension.
-    """
+    """Size that a parameter's standard error is judged against, the mean output tension being `mean_N`."""
     if name in (D.ADHESION, D.INPUT_BIAS, D.OUTPUT_BIAS):
         return 0.05 * mean_N
     if name is D.STATIC_EXCESS:
@@ -181,34 +175,22 @@ def fit_dynamic(
 
     Parameters
     ----------
-    start : mapping of DynamicParameter to float
-        From the stages before.
     validation : sequence of Record, optional
         Files that decide which law is chosen; without them the last third of the fitted ones does.
     biases : bool, optional
         The input cell's bias may be free.
     offsets : bool, optional
         The output cell may have an offset that the files tell.
-    say : callable, optional
-        Told what is being done.
     """
-    task, best = coarse.task, coarse.solution
-    pieces, transmission = task.pieces, task.model.transmission
-    explain, tension = pieces[0].explain, _tension_N(pieces)
+    task = coarse.task.continued(coarse.solution)
+    transmission, explain, tension = task.model.transmission, task.pieces[0].explain, _tension_N(task.pieces)
     span_N, mean_N = max(float(np.ptp(tension)), 1e-12), float(np.mean(tension))
-    known = task.complete(best.values)
-    # Now units of the size of the residuals, which decides how much each channel counts.
-    output_unit, elongation_unit = task.channel_rms(best.residuals)
-    task = replace(task, fixed=known, output_unit=2 * output_unit, elongation_unit_m=2 * elongation_unit)
     say("dynamic stage: choice of the law")
     law = choose_law(task, fit_pieces(validation, explain), start, span_N, mean_N, biases=biases)
-    task, solution = law.task, law.solution
     say("dynamic stage: fine chain")
-    known = task.complete(solution.values)
-    output_unit, elongation_unit = task.channel_rms(solution.residuals)
-    fine = replace(task.model, count=max(FINE_MASSES, transmission.path.segments), longest_step_s=FINE_STEP_S)
-    task = replace(task, model=fine, fixed=known, output_unit=2 * output_unit, elongation_unit_m=2 * elongation_unit)
-    solution = fit_free(task, known, span_N, 8, 1e-5)
+    fine = replace(law.task.model, count=max(FINE_MASSES, transmission.path.segments), longest_step_s=FINE_STEP_S)
+    task = replace(law.task.continued(law.solution), model=fine)
+    solution = fit_free(task, task.fixed, span_N, 8, 1e-5)
     say("dynamic stage: noise on the input")
     law, task, solution = look_again(law, task, solution, offsets=offsets)
     say("dynamic stage: uncertainty")

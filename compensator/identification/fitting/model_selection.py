@@ -49,13 +49,6 @@ def choose_explain(
     The output is explained where the chain, driven by the measured input, gives it; forces that change sign cannot
     drive a chain. Else the input is, where the motion and the output explain it better.
 
-    Parameters
-    ----------
-    wanted : Explain
-        What the user asked for.
-    static_only : bool, optional
-        Do not try the chain.
-
     Raises
     ------
     InputError
@@ -88,13 +81,7 @@ def choose_explain(
 
 
 def select_static(records: Sequence[Record], validation: Sequence[Record], explain: Explain) -> StaticSelection:
-    """Fit the candidates, judge them where they were not fitted, keep the simplest that is as good as the best.
-
-    Parameters
-    ----------
-    explain : Explain
-        OUTPUT or INPUT.
-    """
+    """Fit the candidates, judge them where they were not fitted, keep the simplest that is as good as the best."""
     signed = any(r.signed for r in records)
     train, judge = (records, validation) if validation else split(records)
     tried: list[tuple[StaticFit, CandidateLaw]] = []

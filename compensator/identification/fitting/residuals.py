@@ -14,7 +14,7 @@ from tendonff.compensator.identification.measured.smoothing import low_pass
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.chain import ChainModel, ChainResponse, Drive, DynamicParameter
-from tendonff.ocp.fits.least_squares import Residuals
+from tendonff.ocp.fits.least_squares import Residuals, Solution
 
 D = DynamicParameter
 _T = TypeVar("_T", np.float64, np.int_)
@@ -94,13 +94,7 @@ def _gap_ends(good: Mask) -> list[int]:
 
 
 def fit_pieces(records: Sequence[Record], explain: Explain = Explain.OUTPUT) -> list[FitPiece]:
-    """Pieces of all records, thinned to what their low-pass leaves.
-
-    Parameters
-    ----------
-    explain : Explain, optional
-        OUTPUT or POSITION: what is compared.
-    """
+    """Pieces of all records, thinned to what their low-pass leaves; OUTPUT or POSITION is compared."""
     found = []
     widest = max((float(np.ptp(r.joined("input_N"))) for r in records), default=0.0)
     for record in records:
@@ -159,6 +153,16 @@ class ChainResiduals:
         if self.model.symmetric:
             full[D.MU_RELEASE] = full[D.MU_PULL]
         return full
+
+    def continued(self, solution: Solution) -> "ChainResiduals":
+        """The task from a solution on, in units of the size of its residuals, which decides how each channel counts."""
+        output, elongation = self.channel_rms(solution.residuals)
+        return replace(
+            self,
+            fixed=self.complete(solution.values),
+            output_unit=2 * output,
+            elongation_unit_m=2 * elongation,
+        )
 
     def evaluate(self, values: Mapping[str, float]) -> Residuals:
         """Residuals and slopes over the free parameters; very large ones where the chain fails."""

@@ -133,17 +133,7 @@ def _runs(records: Sequence[Record], explain: Explain) -> Iterator[_Run]:
 def fit_static(
     records: Sequence[Record], model: StaticModel, explain: Explain, *, most: int = 60, start: StaticFit | None = None
 ) -> StaticFit:
-    """Fit one candidate to all records together.
-
-    Parameters
-    ----------
-    explain : Explain
-        OUTPUT or INPUT.
-    most : int, optional
-        Largest number of evaluations.
-    start : StaticFit, optional
-        A simpler law's fit to start from.
-    """
+    """Fit one candidate to all records together, OUTPUT or INPUT explained; `start` is a simpler law's fit."""
     fit = _fit(records, model, explain, most, start, model.free)
     if model.constants and explain is Explain.OUTPUT and P.ADHESION.value in fit.solution.at_bound:
         # The adhesion would have to be negative: both biases are free instead.

@@ -94,17 +94,7 @@ def _thinned(record: Record, piece: Piece, values: Mapping[StaticParameter, floa
 
 
 def fit_tendon(records: Sequence[Record], values: Mapping[StaticParameter, float], tendon: Tendon) -> TendonFit:
-    """Fit k1, k2, tau to force and elongation of all records that have positions.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        With positions.
-    values : mapping of StaticParameter to float
-        Of the static stage.
-    tendon : Tendon
-        Where to start.
-    """
+    """Fit k1, k2, tau to force and elongation of records with positions; `values` are those of the static law."""
     runs = [_thinned(r, p, values) for r in records for p in r.pieces]
     swing = max(float(np.ptp(r.force_N)) for r in runs)
     travel = max(float(np.ptp(r.elongation_m)) for r in runs)

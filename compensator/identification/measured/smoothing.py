@@ -22,12 +22,7 @@ QUIET_CUTOFFS_HZ = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0)
 
 
 def noise_of(x: Array) -> float:
-    """Standard deviation of white noise under a smooth signal, from third differences.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-    """
+    """Standard deviation of white noise under a smooth signal, shape (n,), from third differences."""
     if len(x) < 8:
         return 0.0
     third = np.diff(x, 3)
@@ -39,11 +34,6 @@ def find_cutoff_Hz(channels: list[Array], step_s: float) -> float:
 
     What a cut-off takes away is compared with the white noise of the channel window by window: where it exceeds the
     noise, a reversal or a step was rounded, and friction would remember the wrong extreme.
-
-    Parameters
-    ----------
-    channels : list of ndarray
-        Evenly sampled.
     """
     rate = 1 / step_s
     highest = min(HIGHEST_CUTOFF_HZ, 0.2 * rate)
@@ -67,12 +57,7 @@ def _only_noise(x: Array, step_s: float, cutoff_Hz: float, width: int) -> bool:
 
 
 def low_pass(x: Array, step_s: float, cutoff_Hz: float) -> Array:
-    """Second-order zero-phase Butterworth low-pass along the first axis; short pieces stay as they are.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n, ...)
-    """
+    """Second-order zero-phase Butterworth low-pass along the first axis; short pieces stay as they are."""
     if len(x) < 16 or cutoff_Hz >= 0.45 / step_s:
         return x
     sos = butter(2, cutoff_Hz, fs=1 / step_s, output="sos")
@@ -89,12 +74,7 @@ class AdaptiveLowPass:
     level: Array  # shape (n,); place among the cut-offs at each sample, fractional
 
     def apply(self, x: Array) -> Array:
-        """Smooth a channel of the same length.
-
-        Parameters
-        ----------
-        x : ndarray, shape (n,)
-        """
+        """Smooth a channel of the same length."""
         smooth = np.zeros_like(x)
         for k, cutoff in enumerate(self.cutoffs_Hz):
             weight = np.clip(1 - np.abs(self.level - k), 0, 1)
@@ -104,12 +84,7 @@ class AdaptiveLowPass:
 
 
 def find_adaptive_low_pass(x: Array, step_s: float) -> AdaptiveLowPass:
-    """Lowest cut-off at each place that differs from every higher one by noise only (Lepski's rule).
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-    """
+    """Lowest cut-off at each place of a channel that differs from every higher one by noise only (Lepski's rule)."""
     highest = 0.2 / step_s
     cutoffs = (*(f for f in QUIET_CUTOFFS_HZ if 2 / (len(x) * step_s) < f < 0.8 * highest), highest)
     noise = noise_of(x)

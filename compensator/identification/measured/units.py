@@ -23,13 +23,7 @@ MOST_ABOVE, MOST_BELOW = 20.0, 400.0
 
 
 def unit_warning(how: Measurement, positions: Sequence[str]) -> str:
-    """Columns whose names tell another unit than the one they are read in; empty without any.
-
-    Parameters
-    ----------
-    positions : sequence of str
-        Those of "input_position" and "output_position" that were read.
-    """
+    """Columns, of positions those in `positions`, whose names tell another unit than they are read in; else empty."""
     found = []
     for key, (unit, others) in OTHERS.items():
         name, scale = getattr(how, f"{key}_column"), getattr(how, f"{key}_scale")
@@ -47,13 +41,7 @@ def unit_warning(how: Measurement, positions: Sequence[str]) -> str:
 
 
 def magnitude_warning(largest_N: float, force_max_N: float) -> str:
-    """What to say where the measured tensions are far from what the scenario's actuator can do; else empty.
-
-    Parameters
-    ----------
-    largest_N, force_max_N : float
-        Largest measured tension, and largest force of the actuator.
-    """
+    """What to say where the measured tensions are far from what the scenario's actuator can do; else empty."""
     if force_max_N / MOST_BELOW <= largest_N <= force_max_N * MOST_ABOVE:
         return ""
     return (
