@@ -11,7 +11,7 @@ from tendonff.compensator.identification.measured.reading import Array, Mask
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.parameters import Tendon
 from tendonff.ocp.fits.elongation import TENDON_PARAMETERS, elongation
-from tendonff.ocp.fits.least_squares import Residuals, Solution, Unknown, solve
+from tendonff.ocp.fits.least_squares import Residuals, Unknown, solve
 from tendonff.ocp.fits.static import StaticParameter
 
 PROFILE_POINTS = 9
@@ -26,14 +26,8 @@ HOLD_SHARE = 0.02
 class TendonFit:
     """What the elongation tells."""
 
-    solution: Solution  # values of k1, k2, tau and of the offsets
+    values: dict[str, float]  # k1, k2, tau
     explained: float  # share of the elongation's variance that the law explains
-    rms_m: float
-
-    @property
-    def values(self) -> dict[str, float]:
-        """k1, k2, tau."""
-        return {k: self.solution.values[k] for k in TENDON_PARAMETERS}
 
 
 def mean_tension(piece: Piece, values: Mapping[StaticParameter, float]) -> Array:
@@ -150,7 +144,6 @@ def fit_tendon(records: Sequence[Record], values: Mapping[StaticParameter, float
     everything = np.concatenate([x - x.mean() for x in (r.elongation_m for r in runs)])
     left = solution.residuals.values * unit
     return TendonFit(
-        solution=solution,
+        values={name: solution.values[name] for name in TENDON_PARAMETERS},
         explained=1 - float(np.sum(left**2)) / max(float(np.sum(everything**2)), 1e-300),
-        rms_m=float(np.sqrt(np.mean(left**2))),
     )

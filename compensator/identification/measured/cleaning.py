@@ -16,7 +16,7 @@ from tendonff.compensator.identification.measured.reading import (
     RawMeasurement,
 )
 from tendonff.compensator.identification.measured.smoothing import (
-    find_adaptive_low_pass,
+    adaptive_low_pass,
     find_cutoff_Hz,
     low_pass,
     noise_of,
@@ -202,7 +202,7 @@ def _smoothed(grid: dict[str, Array], good: Mask, motion: JointMotion | None, st
         motion = JointMotion(names=motion.names, time_s=time, angle_rad=np.column_stack(columns))
     return Piece(
         time_s=time,
-        input_N=find_adaptive_low_pass(grid["input_N"], step).apply(grid["input_N"]),
+        input_N=adaptive_low_pass(grid["input_N"], step),
         output_N=smooth["output_N"],
         input_m=smooth.get("input_m"),
         output_m=smooth.get("output_m"),
