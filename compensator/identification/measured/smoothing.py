@@ -64,7 +64,7 @@ def low_pass(x: Array, step_s: float, cutoff_Hz: float) -> Array:
 
 
 def adaptive_low_pass(x: Array, step_s: float) -> Array:
-    """Smooth a channel with the lowest cut-off at each place that differs from all higher ones by noise only (Lepski)."""
+    """Smooth a channel by the lowest cut-off at each place that differs from all higher ones by noise only (Lepski)."""
     highest = 0.2 / step_s
     cutoffs = (*(f for f in QUIET_CUTOFFS_HZ if 2 / (len(x) * step_s) < f < 0.8 * highest), highest)
     noise = noise_of(x)
