@@ -70,15 +70,18 @@ def identification_report(found: IdentificationData, folder: Path) -> Report:
         if (folder / f"{name}.png").is_file()
     ]
     excitation = folder / "suggested_force.png"
-    after: list[Block] = []
+    after: tuple[Block, ...] = ()
+    notes = [
+        FileNote(name="fitted.toml", content="the scenario with the estimates put in; the one printed below"),
+        FileNote(name="fit.json", content="estimates, intervals, correlations and errors for other programs"),
+    ]
     if excitation.is_file():
-        after.append(
-            Text(
-                "suggested_force.csv is a force for the next measurement on this rig; it excites what was not "
-                "identifiable so far."
-            )
+        text = (
+            "suggested_force.csv is a force for the next measurement on this rig; it excites what was not identifiable "
+            "so far."
         )
-        after.append(PictureFile(path=excitation, caption="Suggested excitation."))
+        after = (Text(text), PictureFile(path=excitation, caption="Suggested excitation."))
+        notes.append(FileNote(name="suggested_force.csv", content="a force file for the next measurement"))
     name = found.scenario.source.name
     data = "".join(f" --{'data' if f.role == 'fit' else 'validate'} {f.error.name}" for f in found.files)
     static = "" if any(law.stage == "dynamic" for law in found.laws) else " --static"
@@ -86,28 +89,24 @@ def identification_report(found: IdentificationData, folder: Path) -> Report:
         title=f"Identification: {found.scenario.name}",
         summary=verdict,
         warnings=found.warnings,
-        sections=(
-            Section(title="Estimates", blocks=(estimates,)),
-            *((Section(title="Friction by section", blocks=(by_section,)),) if found.sections else ()),
-            Section(title="Model and measurement", blocks=pictures),
-            Section(title="Choice of the law", blocks=(laws, sliding)),
-            Section(title="Measured files", blocks=(files,)),
-            *((Section(title="Next measurement", blocks=after),) if after else ()),
+        sections=tuple(
+            section
+            for section in (
+                Section(title="Estimates", blocks=(estimates,)),
+                Section(title="Friction by section", blocks=(by_section,) if found.sections else ()),
+                Section(title="Model and measurement", blocks=pictures),
+                Section(title="Choice of the law", blocks=(laws, sliding)),
+                Section(title="Measured files", blocks=(files,)),
+                Section(title="Next measurement", blocks=after),
+            )
+            if section.blocks
         ),
         provenance=Provenance(
             scenario=found.scenario,
             command=f"tendonff identify {name}{data}{_options(found.scenario.measurement)}{static} --out DIR",
             inputs=found.inputs,
         ),
-        files=(
-            FileNote(name="fitted.toml", content="the scenario with the estimates put in; the one printed below"),
-            FileNote(name="fit.json", content="estimates, intervals, correlations and errors for other programs"),
-            *(
-                (FileNote(name="suggested_force.csv", content="a force file for the next measurement"),)
-                if excitation.is_file()
-                else ()
-            ),
-        ),
+        files=tuple(notes),
     )
 
 
