@@ -59,7 +59,7 @@ def compared(
         CandidateLaw(
             name=one.name,
             stage="dynamic",
-            free_values=one.size,
+            free_values=len(one.task.free),
             fit_percent=scale * one.fit.rms_N,
             validation_percent=scale * one.validation.rms_N,
             chosen=one.chosen,

@@ -46,14 +46,20 @@ MOVING_SHARE, SPEED_PERCENTILES = 0.01, (2, 98)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChainCandidate:
-    """A candidate law of the chain, and how it did."""
+    """A candidate law of the chain, fitted, and how it did."""
 
     name: str
-    size: int  # number of free values
+    task: ChainResiduals  # with its free parameters
+    solution: Solution
     # fit, validation: where it was fitted, and where it was not
     fit: OutputError
     validation: OutputError
     chosen: bool = False
+
+    @property
+    def values(self) -> dict[DynamicParameter, float]:
+        """All of them."""
+        return self.task.complete(self.solution.values)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,53 +102,57 @@ def fit_free(
 class _Search:
     """Candidates one after the other, each judged where it was not fitted."""
 
-    def __init__(self, task: ChainResiduals, validation: Sequence[FitPiece], span_N: float) -> None:
-        self.train, self.judge = task.split(validation)
-        self.span_N = span_N
-        self.name = "symmetric with presliding" if task.model.symmetric else "asymmetric with presliding"
+    def __init__(
+        self,
+        task: ChainResiduals,
+        validation: Sequence[FitPiece],
+        start: Mapping[DynamicParameter, float],
+        span_N: float,
+        mean_N: float,
+    ) -> None:
+        train, self.judge = task.split(validation)
+        self.start, self.span_N, self.mean_N = start, span_N, mean_N
         self.candidates: list[ChainCandidate] = []
-        self.best, self.fitted, self.least = self.attempt(self.train, self.train.fixed, self.name)
+        name = "symmetric with presliding" if task.model.symmetric else "asymmetric with presliding"
+        self.best = self.attempt(train, train.fixed, name)
 
-    @property
-    def values(self) -> dict[DynamicParameter, float]:
-        """Of the best law so far."""
-        return self.train.complete(self.best.values)
-
-    def attempt(
-        self, task: ChainResiduals, at: Mapping[DynamicParameter, float], name: str
-    ) -> tuple[Solution, float, float]:
-        """Fit a candidate; its solution, its error where it was fitted, and where not."""
-        found = fit_free(task, at, self.span_N, 15, 1e-4)
-        full = task.complete(found.values)
+    def attempt(self, task: ChainResiduals, at: Mapping[DynamicParameter, float], name: str) -> ChainCandidate:
+        """Fit a candidate."""
+        solution = fit_free(task, at, self.span_N, 15, 1e-4)
+        full = task.complete(solution.values)
         fit, validation = task.rms_of_chain(full), replace(self.judge, model=task.model).rms_of_chain(full)
-        self.candidates.append(ChainCandidate(name=name, size=len(task.free), fit=fit, validation=validation))
-        return found, fit.robust_rms_N, validation.robust_rms_N
+        found = ChainCandidate(name=name, task=task, solution=solution, fit=fit, validation=validation)
+        self.candidates.append(found)
+        return found
 
-    def accept(self, task: ChainResiduals, found: tuple[Solution, float, float], name: str) -> None:
-        """Go on from a candidate."""
-        self.train, self.name = task, name
-        self.best, self.fitted, self.least = found
-
-    def gain(self, found: tuple[Solution, float, float]) -> float:
-        """Information that another law gains, or loses: Bayes' criterion without the price of its values.
-
-        Its sample size counts rows that are independent of each other, rows that judge included.
-        """
-        rows = self.train.independent_rows(self.best.residuals)
-        more = rows * self.judge.rows / max(self.train.rows, 1)
-        fit, judged = self.fitted / max(found[1], 1e-300), self.least / max(found[2], 1e-300)
-        return float(2 * (rows * np.log(fit) + more * np.log(judged)))
-
-    @property
-    def price(self) -> float:
-        """Bayes' price of a value: the logarithm of the sample size."""
-        rows = self.train.independent_rows(self.best.residuals)
-        return float(np.log(max(rows * (1 + self.judge.rows / max(self.train.rows, 1)), 2.0)))
-
-    def extended(self, extra: DynamicParameter) -> ChainResiduals:
-        """The best law with one more free value; a Stribeck effect comes with its velocity."""
+    def attempt_with(self, extra: DynamicParameter) -> ChainCandidate:
+        """Fit the best law with one more free value; a Stribeck effect comes with its velocity."""
         more = (extra, D.STRIBECK_VELOCITY) if extra is D.STATIC_EXCESS else (extra,)
-        return replace(self.train, fixed=self.values, free=(*self.train.free, *more))
+        known, task = self.best.values, self.best.task
+        wider = replace(task, fixed=known, free=(*task.free, *more))
+        return self.attempt(wider, self._nudged(known, extra), f"{self.best.name}, {LAW_NAMES[extra]}")
+
+    def _nudged(self, at: Mapping[DynamicParameter, float], extra: DynamicParameter) -> dict[DynamicParameter, float]:
+        """A start that has something of a further effect, the friction at the mean tension being the same."""
+        if extra is not D.ADHESION:
+            return {**at, extra: at[extra] + NUDGES.get(extra, 0.0)}
+        more = float(np.clip(self.start.get(extra, 0.0), NUDGES[extra] * self.mean_N, 0.1 * self.mean_N))
+        share = (self.mean_N + at[extra]) / (self.mean_N + at[extra] + more)
+        mus = {name: share * at[name] for name in (D.MU_PULL, D.MU_RELEASE)}
+        return {**at, extra: at[extra] + more, **mus}
+
+    def gain(self, found: ChainCandidate) -> float:
+        """Information that another law gains, or loses, by Bayes' criterion: the price of its values is taken off.
+
+        The sample size counts rows that are independent of each other, rows that judge included.
+        """
+        task = self.best.task
+        rows = task.independent_rows(self.best.solution.residuals)
+        judging = self.judge.rows / max(task.rows, 1)
+        fit = self.best.fit.robust_rms_N / max(found.fit.robust_rms_N, 1e-300)
+        judged = self.best.validation.robust_rms_N / max(found.validation.robust_rms_N, 1e-300)
+        price = (len(found.task.free) - len(task.free)) * np.log(max(rows * (1 + judging), 2.0))
+        return float(2 * (rows * np.log(fit) + rows * judging * np.log(judged)) - price)
 
 
 def choose_law(
@@ -172,23 +182,25 @@ def choose_law(
     extras = (*CONSTANTS, *SPEED_TERMS, D.STRIBECK_VELOCITY)
     fixed: dict[DynamicParameter, float] = {**task.fixed, **{n: scenario[n] for n in extras}}
     task = replace(task, fixed=fixed, free=(*task.free, *base))
-    search = _Search(task, validation, span_N)
+    search = _Search(task, validation, start, span_N, mean_N)
     # From one end alone a wrong symmetry is made up for by the tendon's stiffness, and hard to see afterwards.
     if not task.model.symmetric and task.pieces[0].explain is not Explain.POSITION:
         same = replace(
-            search.train,
+            search.best.task,
             model=replace(task.model, symmetric=True),
             free=tuple(n for n in task.free if n is not D.MU_RELEASE),
         )
-        found = search.attempt(same, search.values, "symmetric with presliding")
-        if found[2] <= SIMPLER_WITHIN * search.least and search.gain(found) + search.price > 0:
-            search.accept(same, found, "symmetric with presliding")
-    _add_constants(search, CONSTANTS if biases else (D.ADHESION,), start, mean_N)
+        least = SIMPLER_WITHIN * search.best.validation.robust_rms_N
+        found = search.attempt(same, search.best.values, "symmetric with presliding")
+        if found.validation.robust_rms_N <= least and search.gain(found) > 0:
+            search.best = found
+    _add_constants(search, CONSTANTS if biases else (D.ADHESION,))
     for extra in SPEED_TERMS:
-        if extra not in search.train.free:
-            _try_speed_term(search, extra, start, mean_N)
-    chosen = replace(task, model=search.train.model, free=search.train.free, fixed=search.values)
-    candidates = tuple(replace(law, chosen=law.name == search.name) for law in search.candidates)
+        if extra not in search.best.task.free:
+            _try_speed_term(search, extra)
+    best = search.best
+    chosen = replace(task, model=best.task.model, free=best.task.free, fixed=best.values)
+    candidates = tuple(replace(law, chosen=law.name == best.name) for law in search.candidates)
     solution = fit_free(chosen, chosen.fixed, span_N, 20, 1e-4)
     for _ in range(2):
         poor: list[DynamicParameter] = [
@@ -206,45 +218,31 @@ def choose_law(
         chosen = replace(chosen, fixed=known, free=tuple(n for n in chosen.free if n not in poor))
         solution = fit_free(chosen, known, span_N, 20, 1e-4)
     judge = replace(search.judge, model=chosen.model)
-    return ChosenLaw(task=chosen, solution=solution, candidates=candidates, train=search.train, judge=judge)
+    return ChosenLaw(task=chosen, solution=solution, candidates=candidates, train=best.task, judge=judge)
 
 
-def _add_constants(
-    search: _Search, offered: Sequence[DynamicParameter], start: Mapping[DynamicParameter, float], mean_N: float
-) -> None:
+def _add_constants(search: _Search, offered: Sequence[DynamicParameter]) -> None:
     """Adhesion and offsets, the most useful first; two at most, for a third acts like the two together."""
-    for _ in range(2):
-        tried = []
-        for extra in offered:
-            if extra not in search.train.free:
-                task, name = search.extended(extra), f"{search.name}, {LAW_NAMES[extra]}"
-                found = search.attempt(task, _nudged(search.values, extra, start, mean_N), name)
-                gain = search.gain(found) - search.price
-                if gain > WORTH_A_CONSTANT:
-                    tried.append((gain, task, found, name))
-        if not tried:
+    for _ in range(min(2, len(offered))):
+        tried = [search.attempt_with(extra) for extra in offered if extra not in search.best.task.free]
+        useful = [found for found in tried if search.gain(found) > WORTH_A_CONSTANT]
+        if not useful:
             return
-        _, task, found, name = max(tried, key=lambda one: one[0])
-        search.accept(task, found, name)
-        if len(offered) == 1:
-            return
+        search.best = max(useful, key=search.gain)
 
 
-def _try_speed_term(
-    search: _Search, extra: DynamicParameter, start: Mapping[DynamicParameter, float], mean_N: float
-) -> None:
-    task, name = search.extended(extra), f"{search.name}, {LAW_NAMES[extra]}"
-    found = search.attempt(task, _nudged(search.values, extra, start, mean_N), name)
-    solution, fitted, error = found
-    better = WORTH_A_VALUE * error < search.least or (
-        WORTH_A_VALUE * fitted < search.fitted and SLIGHTLY * error < search.least
-    )
-    if better and _is_plausible(task, solution, extra):
-        search.accept(task, found, name)
+def _try_speed_term(search: _Search, extra: DynamicParameter) -> None:
+    best, found = search.best, search.attempt_with(extra)
+    before, after = best.validation.robust_rms_N, found.validation.robust_rms_N
+    fits_better = WORTH_A_VALUE * found.fit.robust_rms_N < best.fit.robust_rms_N
+    better = WORTH_A_VALUE * after < before or (fits_better and SLIGHTLY * after < before)
+    if better and _is_plausible(found, extra):
+        search.best = found
 
 
-def _is_plausible(task: ChainResiduals, solution: Solution, extra: DynamicParameter) -> bool:
+def _is_plausible(found: ChainCandidate, extra: DynamicParameter) -> bool:
     """The data tell the values of a term that depends on speed, and visit the speeds that it is about."""
+    solution = found.solution
     if not solution.values[extra] > SURE * solution.standard_error(extra):
         return False
     if extra is not D.STATIC_EXCESS:
@@ -253,28 +251,13 @@ def _is_plausible(task: ChainResiduals, solution: Solution, extra: DynamicParame
     # Searched by its logarithm: an error as large as the value leaves every size open.
     if not velocity > SURE * solution.standard_error(D.STRIBECK_VELOCITY):
         return False
-    slowest, fastest = visited_speeds_m_per_s(task, solution)
+    slowest, fastest = visited_speeds_m_per_s(found.task, found.values)
     return slowest <= velocity <= fastest
 
 
-def visited_speeds_m_per_s(task: ChainResiduals, solution: Solution) -> tuple[float, float]:
+def visited_speeds_m_per_s(task: ChainResiduals, values: Mapping[DynamicParameter, float]) -> tuple[float, float]:
     """Slow and fast end of the speeds at which the tendon's input end moves [m/s]."""
-    full = task.complete(solution.values)
-    speeds = [np.abs(np.gradient(task.model.respond(full, run.drive).near_m, run.record.step_s)) for run in task.pieces]
-    every = np.concatenate(speeds)
+    positions = ((task.model.respond(values, run.drive).near_m, run.record.step_s) for run in task.pieces)
+    every = np.concatenate([np.abs(np.gradient(position, step_s)) for position, step_s in positions])
     slowest, fastest = np.percentile(every[every > MOVING_SHARE * every.max()], SPEED_PERCENTILES)
     return float(slowest), float(fastest)
-
-
-def _nudged(
-    at: Mapping[DynamicParameter, float],
-    extra: DynamicParameter,
-    start: Mapping[DynamicParameter, float],
-    mean_N: float,
-) -> dict[DynamicParameter, float]:
-    """A start that has something of a further effect, the friction at the mean tension being the same."""
-    if extra is not D.ADHESION:
-        return {**at, extra: at[extra] + NUDGES.get(extra, 0.0)}
-    more = float(np.clip(start.get(extra, 0.0), NUDGES[extra] * mean_N, 0.1 * mean_N))
-    share = (mean_N + at[extra]) / (mean_N + at[extra] + more)
-    return {**at, extra: at[extra] + more, D.MU_PULL: share * at[D.MU_PULL], D.MU_RELEASE: share * at[D.MU_RELEASE]}

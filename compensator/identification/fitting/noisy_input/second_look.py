@@ -102,7 +102,8 @@ def _renamed(law: ChosenLaw, task: ChainResiduals, solution: Solution) -> Chosen
     )
     own = ChainCandidate(
         name=name,
-        size=len(task.free),
+        task=task,
+        solution=solution,
         fit=train.rms_of_chain(full),
         validation=judge.rms_of_chain(full),
         chosen=True,
