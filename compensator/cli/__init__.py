@@ -62,20 +62,9 @@ def _root(
     pass
 
 
-app.command()(new)
-app.command()(example)
-app.command()(simulate)
-app.command()(design)
-app.command()(experiment)
-app.command()(compare)
-app.command()(adapt)
-app.command()(explore)
-app.command()(path)
-app.command()(identify)
-app.command()(sweep)
-app.command()(table)
-app.command()(export_c)
-app.command()(export_fmu)
+_COMMANDS = (new, example, simulate, design, experiment, compare, adapt, explore, path, identify, sweep, table)
+for _command in (*_COMMANDS, export_c, export_fmu):
+    app.command()(_command)
 
 
 def run(arguments: Sequence[str]) -> int:

@@ -17,14 +17,15 @@ _left: list[threading.Thread] = []
 """Work that Ctrl-C has left behind; Python 3.11 calls a thread stopped whose `join` was interrupted."""
 
 
-def say(message: str) -> None:
-    """One message on standard error."""
-    print(message, file=sys.stderr)  # noqa: T201 - the one place that prints
+def say(*messages: str) -> None:
+    """Messages on standard error, one a line."""
+    for message in messages:
+        print(message, file=sys.stderr)  # noqa: T201 - the one place that prints
 
 
-def warn(message: str) -> None:
-    """One warning on standard error."""
-    say(f"warning: {message}")
+def warn(*messages: str) -> None:
+    """Warnings on standard error, one a line."""
+    say(*(f"warning: {message}" for message in messages))
 
 
 @functools.cache

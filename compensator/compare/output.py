@@ -10,7 +10,7 @@ from tendonff.compensator.compare.figures import compare_figures
 from tendonff.compensator.compare.report import compare_report
 from tendonff.compensator.compare.result import ENOUGH_PERCENT, ComparisonData, Entry
 from tendonff.compensator.files.writing import atomic_directory, atomic_file
-from tendonff.compensator.reporting.folder import summary_head, write_pages
+from tendonff.compensator.reporting.page import summary_head, write_pages
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

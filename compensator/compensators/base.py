@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.compensator.files.progress import Progress, silent
-from tendonff.compensator.scenario.optimal import OptimalSettings
 from tendonff.compensator.scenario.reference import Hold
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.scenario.settings import OptimalSettings
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission

@@ -1,12 +1,10 @@
 """All compensators, in the order in which they are shown."""
 
 from tendonff.compensator.compensators.base import Compensator
-from tendonff.compensator.compensators.capstan import Capstan
-from tendonff.compensator.compensators.inverse import Inverse
+from tendonff.compensator.compensators.closed_form import Capstan, Inverse, Uncompensated
 from tendonff.compensator.compensators.optimal import Optimal
 from tendonff.compensator.compensators.smoothed import Smoothed
 from tendonff.compensator.compensators.table import CompensationTable
-from tendonff.compensator.compensators.uncompensated import Uncompensated
 from tendonff.compensator.files.reading import InputError, suggestion
 
 COMPENSATORS: tuple[Compensator, ...] = (

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.compensators.stream.filter import StreamFilter
+from tendonff.compensator.compensators.stream.model import StreamFilter
 from tendonff.compensator.compensators.stream.run import (
     NOISE_GOAL_DB,
     Candidate,

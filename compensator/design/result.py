@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 from tendonff.compensator.compensators.base import Compensator, FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.score import IgnoredMotion, Verified
-from tendonff.compensator.design.expectation import Expectation
-from tendonff.compensator.design.robustness import Robustness
+from tendonff.compensator.design.expectation import Expectation, Robustness
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level

@@ -15,10 +15,9 @@ from tendonff.compensator.compensators.score import (
     verify,
 )
 from tendonff.compensator.design.drive_use import drive_warnings
-from tendonff.compensator.design.expectation import expect
+from tendonff.compensator.design.expectation import expect, robustness, robustness_warnings
 from tendonff.compensator.design.output import Design
 from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS
-from tendonff.compensator.design.robustness import robustness, robustness_warnings
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.scenario.reference import CsvReference, Hold
 from tendonff.compensator.scenario.sampled.filters import noise_advice, ripple_advice

@@ -22,7 +22,7 @@ from tendonff.compensator.experiment.numbers import (
 from tendonff.compensator.experiment.report import experiment_report
 from tendonff.compensator.experiment.result import SECTIONS, ExperimentData, ExperimentRun
 from tendonff.compensator.files.writing import atomic_directory, atomic_file
-from tendonff.compensator.reporting.folder import write_pages
+from tendonff.compensator.reporting.page import write_pages
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,29 +1,49 @@
 """What the interactive page computes: one scenario with a few parameters changed, designed and simulated."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tendonff.compensator.adapt.setup import tuned_chain, tuning_of
-from tendonff.compensator.compensators.base import Compensator, Problem, Profile, ProfileStatus, Style
+from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, ProfileStatus, Style
 from tendonff.compensator.compensators.motion import with_motion
 from tendonff.compensator.compensators.optimal import Optimal
 from tendonff.compensator.compensators.registry import COMPENSATORS
-from tendonff.compensator.compensators.score import SimulatedPlant, score, verify
+from tendonff.compensator.compensators.score import Score, SimulatedPlant, score, verify
 from tendonff.compensator.explore.parameters import ExploreParameters
-from tendonff.compensator.explore.result import Course, Exploration
-from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.reporting.colours import PURPLE
-from tendonff.compensator.scenario.adaptation import Adaptation
 from tendonff.compensator.scenario.sampled.joint_motion import moved
-from tendonff.compensator.scenario.sampled.sampling import sample_reference
+from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.scenario.settings import Adaptation
 from tendonff.models.chain import Chain
 from tendonff.models.errors import TendonffError
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig
 from tendonff.ocp.adaptation.tuning import Sensor
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Course:
+    """One compensator over time, thinned for the screen."""
+
+    # time_s, force_N, output_N, error_N: shape (n,)
+    time_s: FloatArray
+    force_N: FloatArray
+    output_N: FloatArray
+    error_N: FloatArray
+    score: Score  # of all rows
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exploration:
+    """One scenario with a few parameters changed."""
+
+    reference: Reference
+    courses: Mapping[str, Course]  # by name of the compensator
+    notes: tuple[str, ...]  # what the reader should know, such as a slack tendon
+
 
 _MOST_POINTS = 1500
 

@@ -4,25 +4,72 @@ Every result goes to a temporary sibling first and takes its name only when it i
 full disk leaves what was there before.
 """
 
+import ctypes
+import functools
 import json
 import os
 import shutil
 import signal
 import stat
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from tendonff.compensator.files.interrupts import raise_if_stopped
-from tendonff.compensator.files.number_text import BYTES_MORE, BYTES_PER_NUMBER, compiled_writer
 from tendonff.compensator.files.reading import FloatArray, InputError
+from tendonff.ocp.codegen.compiler import load_library
+from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.codegen.leftovers import remove_leftovers, temporary_name
+
+BYTES_PER_NUMBER = 26
+BYTES_MORE = 64
+
+Writer = Callable[[NDArray[np.float64], NDArray[np.uint8]], int]
+
+
+@functools.cache
+def compiled_writer() -> Writer | None:
+    """Function that writes rows of numbers as CSV lines into a buffer and returns the bytes used.
+
+    The buffer must hold `BYTES_PER_NUMBER` a number and `BYTES_MORE`. Every number reads back as the same double.
+
+    Returns
+    -------
+    callable or None
+        None where no C compiler works, or it knows no integers of 128 bits.
+    """
+    if resolve_engine(Engine.AUTO) is not Engine.COMPILED:
+        return None
+    try:
+        library = load_library(
+            resources.files("tendonff.compensator.files").joinpath("number_text.c").read_text("utf-8")
+        )
+    except (RuntimeError, OSError):
+        return None
+    library.tff_csv_text.restype = ctypes.c_long
+
+    def write(block: NDArray[np.float64], out: NDArray[np.uint8]) -> int:
+        rows, columns = block.shape
+        if out.size < BYTES_PER_NUMBER * block.size + BYTES_MORE:
+            raise ValueError(f"the buffer holds {out.size} bytes, too few for {block.size} numbers")
+        return int(
+            library.tff_csv_text(
+                ctypes.c_void_p(block.ctypes.data),
+                ctypes.c_long(rows),
+                ctypes.c_long(columns),
+                ctypes.c_void_p(out.ctypes.data),
+            )
+        )
+
+    return write
+
 
 _MANY_VALUES = 100_000  # numbers in a block from which it pays to load the compiled writer
 _BLOCK_VALUES = 20_000  # numbers per written block: what stays in the processor's cache writes twice as fast

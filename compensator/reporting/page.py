@@ -45,9 +45,9 @@ from matplotlib.figure import Figure
 
 from tendonff._version import __version__
 from tendonff.compensator.files.reading import open_text
-from tendonff.compensator.files.writing import write_text
+from tendonff.compensator.files.writing import write_json, write_text
 from tendonff.compensator.reporting.cells import Cell, column_decimals, format_cell, is_aligned
-from tendonff.compensator.reporting.plots import figure_style
+from tendonff.compensator.reporting.plots import figure_style, save_figure
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash, scenario_to_toml
 
 _LARGEST_SVG_BYTES = 1_000_000  # a dense curve costs more as a path than as pixels
@@ -272,3 +272,27 @@ def versions() -> tuple[tuple[str, str], ...]:
             found.append((package, "not installed"))
     found.append(("system", f"{platform.system()} {platform.machine()}"))
     return tuple(found)
+
+
+def summary_head(scenario: Scenario) -> dict[str, object]:
+    """How every `summary.json` begins."""
+    return {
+        "schema": 1,
+        "scenario": scenario.name,
+        "scenario_hash": scenario_hash(scenario),
+        "tool": f"tendonff {__version__}",
+    }
+
+
+def write_pages(folder: Path, summary: Mapping[str, object], figures: Mapping[str, Figure], report: Report) -> None:
+    """Write `summary.json`, every figure and `report.html` into an existing folder.
+
+    Parameters
+    ----------
+    figures : mapping of str to Figure
+        By file name, without a suffix.
+    """
+    write_json(folder / "summary.json", summary)
+    for name, figure in figures.items():
+        save_figure(figure, folder / name)
+    write_report(folder / "report.html", report)

@@ -13,16 +13,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from tendonff.compensator.files.reading import InputError, read_text, suggestion
-from tendonff.compensator.scenario.adaptation import Adaptation
 from tendonff.compensator.scenario.experiment import Experiment
 from tendonff.compensator.scenario.joints import KINDS as JOINT_KINDS
 from tendonff.compensator.scenario.joints import Joint, read_joints
 from tendonff.compensator.scenario.measurement import Measurement
-from tendonff.compensator.scenario.optimal import OptimalSettings
 from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec, SineReference, WaypointReference
-from tendonff.compensator.scenario.run import Run
+from tendonff.compensator.scenario.settings import Adaptation, OptimalSettings, Run, Stream
 from tendonff.compensator.scenario.shorthand import expand, further_keys
-from tendonff.compensator.scenario.stream import Stream
 from tendonff.compensator.scenario.tables import check_names, missing_keys, read_table, show, toml_table, toml_value
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Actuator, Friction, Load, Tendon, Transmission

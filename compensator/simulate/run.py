@@ -21,11 +21,9 @@ from tendonff.compensator.files.quantities import (
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.tables import table_dialect
 from tendonff.compensator.files.writing import open_csv
-from tendonff.compensator.scenario.plausibility import questions
 from tendonff.compensator.scenario.sampled.joint_motion import moved
-from tendonff.compensator.scenario.sampled.sampling import initial_tension
+from tendonff.compensator.scenario.sampled.sampling import initial_tension, questions
 from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.compensator.simulate.result import SimulatedForce
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
@@ -33,6 +31,17 @@ from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.crosscheck import StepHalving
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import Simulator, describe_failure, tensions_of
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedForce:
+    """A force file that was simulated; its rows are in the file that was named."""
+
+    rows: int  # rows written
+    warnings: tuple[str, ...]  # what the user should know
+    # estimate of the discretisation error, and whether the run is reproducible, in words, when it was asked for
+    check: str | None
+
 
 _CHUNK_VALUES = 200_000  # numbers in memory at a time
 

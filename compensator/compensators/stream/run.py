@@ -7,10 +7,14 @@ import numpy as np
 
 from tendonff.compensator.compensators.base import FloatArray, Problem, Profile
 from tendonff.compensator.compensators.score import Score, SimulatedPlant, scale_N, score, simulate_profile
-from tendonff.compensator.compensators.stream.filter import StreamFilter, corner_per_sample
-from tendonff.compensator.compensators.stream.model import StreamDesign, stream_force
-from tendonff.compensator.compensators.stream.ramp import Ramp
-from tendonff.compensator.scenario.stream import Stream
+from tendonff.compensator.compensators.stream.model import (
+    Ramp,
+    StreamDesign,
+    StreamFilter,
+    corner_per_sample,
+    stream_force,
+)
+from tendonff.compensator.scenario.settings import Stream
 from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.errors import SolveError
 

@@ -8,7 +8,7 @@ from tendonff.compensator.design.sweep.figures import sweep_figures
 from tendonff.compensator.design.sweep.report import sweep_report
 from tendonff.compensator.design.sweep.result import QUANTILES, YIELD_PERCENT, SweepData
 from tendonff.compensator.files.writing import atomic_directory, write_parquet, write_text
-from tendonff.compensator.reporting.folder import summary_head, write_pages
+from tendonff.compensator.reporting.page import summary_head, write_pages
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

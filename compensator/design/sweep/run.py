@@ -2,8 +2,9 @@
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -22,6 +23,36 @@ from tendonff.models.errors import TendonffError
 from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.ocp.batch import run_jobs
 from tendonff.ocp.tracking.robust import transmission_at
+
+
+@contextmanager
+def executor_of(address: str | None) -> Iterator[Executor | None]:
+    """An executor on the cluster, which stays up; None for this machine.
+
+    Parameters
+    ----------
+    address : str or None
+        Such as tcp://host:8786.
+
+    Raises
+    ------
+    InputError
+        If Dask is not installed, or no cluster answers.
+    """
+    if address is None:
+        yield None
+        return
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError('--scheduler needs Dask: pip install "tendonff[distributed]"') from None
+    try:
+        client = Client(address, timeout=10)
+    except (OSError, ValueError) as error:
+        raise InputError(f"--scheduler {address}: no Dask cluster answers there: {error}") from None
+    with client:
+        yield client.get_executor()
+
 
 DEFAULT = tuple(c.name for c in COMPENSATORS if c.name != "table")
 """Compensators that a sweep scores unless told otherwise."""

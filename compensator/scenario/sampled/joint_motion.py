@@ -12,7 +12,7 @@ from tendonff.compensator.files.quantities import ANGLE_UNITS, TIME_UNITS, TIME_
 from tendonff.compensator.files.reading import FloatArray, suggestion
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, Joint, SineJoint, WaypointJoint
-from tendonff.compensator.scenario.sampled.courses import along_sines, along_waypoints
+from tendonff.compensator.scenario.reference import along_sines, along_waypoints
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Transmission

@@ -7,9 +7,14 @@ from typing import assert_never
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError
-from tendonff.compensator.scenario.plausibility import questions
-from tendonff.compensator.scenario.reference import CsvReference, Hold, SineReference, WaypointReference
-from tendonff.compensator.scenario.sampled.courses import along_sines, along_waypoints
+from tendonff.compensator.scenario.reference import (
+    CsvReference,
+    Hold,
+    SineReference,
+    WaypointReference,
+    along_sines,
+    along_waypoints,
+)
 from tendonff.compensator.scenario.sampled.from_file import read_samples, resample
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.parameters import Transmission
@@ -283,3 +288,24 @@ def _check_deliverable(transmission: Transmission, time: FloatArray, tension: Fl
         f"force_max_N = {transmission.actuator.force_max_N:g} delivers at most {reachable:.4g} N through the "
         f"friction; lower the reference or raise force_max_N{degrees if angle > _MANY_TURNS_RAD else ''}"
     )
+
+
+def questions(transmission: Transmission) -> list[str]:
+    """What to ask about parameters that are possible but look like another unit; they are never changed."""
+    path, tendon, friction = transmission.path, transmission.tendon, transmission.friction
+    actuator, load = transmission.actuator, transmission.load
+    angle, stiffness, radius = path.total_angle_rad, tendon.stiffness_N_per_m, path.radius_m or 0
+    stretch = actuator.force_max_N / stiffness
+    soft = f": softer than a rubber band; N/mm? Then it is {1e3 * stiffness:g}"
+    long = f": force_max_N stretches the tendon by {stretch:.2g} m; N/mm?"
+    doubts = (
+        ("[path] total_angle_rad", angle, angle > 25, f" is {angle / (2 * math.pi):.3g} turns: degrees?"),
+        ("[path] radius_m", radius, radius > 5, ": millimetres?"),
+        ("[tendon] mass_kg", tendon.mass_kg, tendon.mass_kg > 1, ": grams?"),
+        ("[tendon] stiffness_N_per_m", stiffness, stiffness < 300 or stretch > 1, soft if stiffness < 300 else long),
+        ("[friction] mu_dynamic", friction.mu_dynamic, friction.mu_dynamic > 1.5, ": per cent?"),
+        ("[actuator] mass_kg", actuator.mass_kg, actuator.mass_kg > 200, ": grams?"),
+        ("[load] mass_kg", load.mass_kg, load.mass_kg > 500, ": grams?"),
+        ("[load] stiffness_N_per_m", load.stiffness_N_per_m, load.stiffness_N_per_m < 1, ": N/mm?"),
+    )
+    return [f"{key} = {value:g}{question}" for key, value, is_doubtful, question in doubts if is_doubtful]

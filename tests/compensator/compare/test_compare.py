@@ -12,9 +12,8 @@ import pytest
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.compare.levels import level_traits, parameters_of
-from tendonff.compensator.compare.recommendation import recommend
 from tendonff.compensator.compare.result import CAPSTAN_PLANT, Entry, plants
-from tendonff.compensator.compare.run import compare, lag
+from tendonff.compensator.compare.run import compare, lag, recommend
 from tendonff.compensator.compensators.base import Problem, Profile
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
 from tendonff.compensator.compensators.score import SimulatedPlant, simulate_profile
