@@ -129,13 +129,7 @@ def tensions_of(chain: Chain, states: Array, time_s: Array | float = 0.0) -> Arr
 
 
 def describe_failure(chain: Chain, rows: Rows, time_s: float, step_s: float) -> str:
-    """Text of a step that failed: when, which mass, how far off, what to try.
-
-    Parameters
-    ----------
-    time_s : float
-        End of the failed step [s].
-    """
+    """Text of a step that failed and ended at `time_s`: when, which mass, how far off, what to try."""
     masses = {0: "the actuator", chain.count + 1: "the load"}
     where = masses.get(rows.worst_mass, f"mass {rows.worst_mass} of {chain.count}")
     return (
@@ -217,17 +211,7 @@ def simulate(
 
 
 def outcome_of(chain: Chain, rows: Rows, tension_N: Array, complete: bool, step_s: float) -> tuple[Outcome, str]:
-    """Outcome and message of a run.
-
-    Parameters
-    ----------
-    rows : Rows
-        The last chunk.
-    tension_N : ndarray, shape (n, N + 1)
-        From t = 0.
-    complete : bool
-        Every row was reached.
-    """
+    """Outcome and message of a run, from its last chunk and all tensions, shape (n, N + 1), complete or not."""
     if not complete:
         return Outcome.FAILED, describe_failure(chain, rows, len(tension_N) * step_s, step_s)
     slack = tension_N <= 0

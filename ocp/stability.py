@@ -104,12 +104,7 @@ def foresee(
 def expected_error_N(
     chain: Chain, force_N: Array, reference_N: Array, step_s: float, initial_tension_N: float
 ) -> float:
-    """Error of a force on the same chain with a quarter of the step [N]; NaN if that fails.
-
-    Parameters
-    ----------
-    force_N, reference_N : ndarray, shape (n,)
-    """
+    """Error of a force, shape (n,), on the same chain with a quarter of the step [N]; NaN if that fails."""
     coarse = np.arange(len(force_N)) * step_s
     fine = np.arange((len(force_N) - 1) * _REPLAY_STEPS + 1) * (step_s / _REPLAY_STEPS)
     run = simulate(chain, np.interp(fine, coarse, force_N), step_s / _REPLAY_STEPS, initial_tension_N=initial_tension_N)

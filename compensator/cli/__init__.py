@@ -68,13 +68,7 @@ for _command in (*_COMMANDS, export_c, export_fmu):
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run one command and turn what goes wrong into a message and an exit code.
-
-    Parameters
-    ----------
-    arguments : sequence of str
-        What follows `tendonff` on the command line.
-    """
+    """Run one command and turn what goes wrong into a message and an exit code."""
     command = typer.main.get_command(app)
     if not arguments:
         command.main(["--help"], prog_name="tendonff", standalone_mode=False)

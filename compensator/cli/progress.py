@@ -39,27 +39,16 @@ def _note_engine() -> None:
 
 @contextmanager
 def progress(description: str) -> Iterator[Progress]:
-    """Bar that shows how much of a long work is done; silent when standard error is not a terminal.
-
-    Yields
-    ------
-    callable
-        To be called with units done and units in all.
-    """
+    """Bar that shows how much of a long work is done; silent when standard error is not a terminal."""
     with _bar(description) as advance:
         yield advance
     _note_engine()  # only after work that was done: a refusal is one message
 
 
 def interruptible(work: Callable[[], T]) -> T:
-    """Result of `work`, left at once by Ctrl-C also while it is in compiled code.
+    """Result of `work`, which writes nothing, left at once by Ctrl-C also while it is in compiled code.
 
     Python's own handler waits until such code returns; here it runs beside a thread that the process does not wait for.
-
-    Parameters
-    ----------
-    work : callable
-        Writes nothing, so that it may be left anywhere.
     """
     results: list[T] = []
     failures: list[BaseException] = []

@@ -21,7 +21,7 @@ from tendonff.compensator.compensators.score import (
     simulate_profile,
     slack_warnings,
 )
-from tendonff.compensator.compensators.uncertain import Doubt, doubt
+from tendonff.compensator.compensators.uncertain import doubt, error_bands
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
@@ -31,7 +31,6 @@ from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.crosscheck import NUDGE
 from tendonff.ocp.tracking.problem import TrackOptions
-from tendonff.ocp.tracking.robust import error_band
 
 REFINEMENTS = (4, 2, 1)
 """Steps to a row of the profile; the first gives the figures, the others the spread."""
@@ -96,7 +95,8 @@ def compare(
                 entries.append(replace(found, compensator=name, design_level=level, plant_level=plant))
             parts.done()
     real = doubt(transmission, scenario.robust)
-    worst = worst_percent(real, forces_of, reference)
+    bands = error_bands(real.samples, Level.PRESLIDING, forces_of, reference)  # on the most detailed level
+    worst = {key: 100 * band.worst_rms_N / scale_N(reference.tension_N) for key, band in bands.items()}
     traits, costs = {}, {}
     for model in (*Level, None):
         name = CAPSTAN_PLANT if model is None else model.value
@@ -130,16 +130,8 @@ def recommend(
 ) -> str:
     """Which level to design on, in one sentence; the most detailed level stands for the real transmission.
 
-    What counts is the error to expect on a rig: the worst over what may be the real transmission, where it is given.
-
-    Parameters
-    ----------
-    compensators : sequence of Compensator, optional
-        That the entries are of, "none" and "capstan" among them.
-    worst_percent : mapping of (str, Level) to float, optional
-        Worst error of a design, by name of the compensator and design level [% of range].
-    doubt : str, optional
-        What it is the worst over, in words.
+    What counts is the error to expect on a rig: the worst over what may be the real transmission [% of range], where it
+    is given, by name of the compensator and design level; `doubt` names it in words.
     """
     fixed = {c.name for c in compensators if not c.knows_the_level}
     plant = Level.PRESLIDING.value
@@ -176,33 +168,6 @@ def recommend(
 
 def _first(entries: list[Entry], name: str) -> Entry:
     return next(e for e in entries if e.compensator == name)
-
-
-def worst_percent(
-    real: Doubt, forces_N: Mapping[tuple[str, Level], FloatArray], reference: Reference
-) -> dict[tuple[str, Level], float]:
-    """Largest RMS error over what may be the real transmission, on the most detailed level [% of range].
-
-    Parameters
-    ----------
-    forces_N : mapping of (str, Level) to ndarray, shape (n,)
-        By name of the compensator and design level.
-    """
-    seen: dict[bytes, float] = {}
-    for force in forces_N.values():
-        if force.tobytes() in seen:
-            continue
-        band = error_band(
-            real.samples,
-            Level.PRESLIDING,
-            force,
-            reference.tension_N,
-            reference.step_s,
-            initial_tension_N=reference.initial_tension_N,
-            periodic=reference.periodic,
-        )
-        seen[force.tobytes()] = 100 * band.worst_rms_N / scale_N(reference.tension_N)
-    return {key: seen[force.tobytes()] for key, force in forces_N.items()}
 
 
 def _entry(
@@ -264,13 +229,7 @@ def _replays(
 
 
 def lag(reference_N: FloatArray, output_N: FloatArray, step_s: float) -> float:
-    """Shift at which the output resembles the reference most [s], positive when it comes late; 0 for constants.
-
-    Parameters
-    ----------
-    reference_N, output_N : ndarray, shape (n,)
-        Rows at the same times [N].
-    """
+    """Shift at which the output resembles the reference most [s], positive when it comes late; 0 for constants."""
     stride = max(1, len(reference_N) // _LAG_ROWS)
     wanted, got = reference_N[::stride], output_N[::stride]
     most = int(_LAG_SHARE * len(wanted))

@@ -145,12 +145,7 @@ class Problem:
         return invert(self.chain, self.followed_N, reference.step_s, initial_tension_N=start, record=True)
 
     def limited(self, force_N: FloatArray) -> FloatArray:
-        """A force within the actuator's limits, those of its motion too, from the initial tension on [N].
-
-        Parameters
-        ----------
-        force_N : ndarray, shape (n,)
-        """
+        """A force, shape (n,), within the actuator's limits, of its motion too, from the initial tension on [N]."""
         step, start = self.reference.step_s, self.reference.initial_tension_N
 
         def limit(force: FloatArray) -> FloatArray:
@@ -160,13 +155,8 @@ class Problem:
         return self.in_cycle(limit, force_N)
 
     def in_cycle(self, causal: Callable[[FloatArray], FloatArray], rows: FloatArray) -> FloatArray:
-        """What a causal map makes of rows that start at rest or, of a periodic reference, of its steady cycle.
-
-        Parameters
-        ----------
-        causal : callable
-            From rows to rows, from rest on.
-        rows : ndarray, shape (n,)
+        """What a causal map makes of rows, shape (n,), from rest on or, of a periodic reference, in its
+        steady cycle.
         """
         if not self.reference.periodic:
             return causal(rows)
@@ -279,12 +269,7 @@ class Compensator(ABC):
 
 
 def limit_warnings(name: str, before_N: FloatArray, after_N: FloatArray) -> tuple[str, ...]:
-    """Say for how long the actuator's limits changed the force, and by how much; nothing where they did not.
-
-    Parameters
-    ----------
-    before_N, after_N : ndarray, shape (n,)
-    """
+    """For how long and by how much the actuator's limits changed a force, shape (n,); nothing where they did not."""
     difference = np.abs(before_N - after_N)
     changed = difference > 1e-6 * max(float(np.max(np.abs(before_N))), 1e-3)  # less is rounding, or a cycle's closing
     if not changed.any():

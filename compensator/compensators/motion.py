@@ -42,16 +42,9 @@ def with_motion(problem: Problem, name: str, profile: Profile) -> Profile:
 def servo(
     chain: Chain, actuator: Actuator, initial_tension_N: float, command_m: FloatArray
 ) -> tuple[Chain, FloatArray]:
-    """The chain behind its servo, and the force on it that stands for a command: k_c1 x_c1.
+    """The chain behind the servo of a position drive, and the force on it that stands for a command: k_c1 x_c1.
 
-    Parameters
-    ----------
-    actuator : Actuator
-        With a position drive.
-    initial_tension_N : float
-        Of the rest that the command counts from [N].
-    command_m : ndarray, shape (n,)
-        x_c1 relative to the start [m].
+    The command x_c1, shape (n,), counts from the rest under the initial tension [m].
     """
     stiffness = actuator.servo_stiffness_N_per_m or 0.0
     rest = chain.rest_state(initial_tension_N).near_position_m

@@ -19,18 +19,7 @@ COMPENSATORS: tuple[Compensator, ...] = (
 
 
 def compensator(name: str) -> Compensator:
-    """The compensator of a name.
-
-    Parameters
-    ----------
-    name : str
-        As in the files: "none", "capstan", "smoothed", "inverse", "optimal", "table".
-
-    Raises
-    ------
-    InputError
-        If there is none of that name.
-    """
+    """The compensator of a name, as in the files: "inverse"; InputError if there is none."""
     for each in COMPENSATORS:
         if each.name == name:
             return each

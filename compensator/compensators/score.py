@@ -33,24 +33,13 @@ class Score:
 
 
 def scale_N(reference_N: FloatArray) -> float:
-    """What percentages of a reference refer to: its range, or the height of a constant one [N].
-
-    Parameters
-    ----------
-    reference_N : ndarray, shape (n,)
-    """
+    """What percentages of a reference refer to: its range, or the height of a constant one [N]."""
     span = float(np.ptp(reference_N))
     return span if span > 0 else float(np.max(np.abs(reference_N)))
 
 
 def score(reference_N: FloatArray, output_N: FloatArray) -> Score:
-    """Compare a delivered tension with the wanted one.
-
-    Parameters
-    ----------
-    reference_N, output_N : ndarray, shape (n,)
-        Rows at the same times [N].
-    """
+    """Compare a delivered tension with the wanted one, shape (n,), rows at the same times [N]."""
     error = output_N - reference_N
     rmse = float(np.sqrt(np.mean(error**2)))
     return Score(
@@ -61,12 +50,7 @@ def score(reference_N: FloatArray, output_N: FloatArray) -> Score:
 def is_worse(score: Score, uncompensated: Score, reference_N: FloatArray) -> bool:
     """Whether a compensator does harm: its error is above that of the reference itself as force, by more than 1 %.
 
-    Parameters
-    ----------
-    score, uncompensated : Score
-        On the same plant and reference.
-    reference_N : ndarray, shape (n,)
-        The reference; a millionth of its range is rounding [N].
+    A millionth of the range of the reference is rounding.
     """
     return score.rmse_N > 1.01 * uncompensated.rmse_N + 1e-6 * scale_N(reference_N)
 
@@ -144,13 +128,7 @@ class Verified:
 def verify(
     transmission: Transmission, plant: SimulatedPlant, compensator: str, profile: Profile, reference: Reference
 ) -> Verified:
-    """Simulate a plant under a profile and score what arrives.
-
-    Raises
-    ------
-    SolveError
-        If the simulation fails.
-    """
+    """Simulate a plant under a profile and score what arrives; SolveError if the simulation fails."""
     run = simulate_profile(transmission, plant, profile, reference).require()
     output = run.output_tension_N[:: plant.refinement]
     rest = Chain.of(transmission, plant.level, plant.segments).rest_state(reference.initial_tension_N)
@@ -175,13 +153,7 @@ _CAUSES = {
 
 
 def slack_warnings(slack: Mapping[tuple[str, str], Slack]) -> list[str]:
-    """One line for each cause of slack, on all profiles under which it comes about; none where the tendon stays taut.
-
-    Parameters
-    ----------
-    slack : mapping of (str, str) to Slack
-        By name of the compensator and plant.
-    """
+    """One line for each cause of slack, by compensator and plant, on all profiles under which it comes about."""
     lines = []
     for end, cause in _CAUSES.items():
         those = {key: one for key, one in slack.items() if one.end == end}

@@ -64,12 +64,7 @@ class _Samples:
 
 
 def usual_rate(reference_N: FloatArray, step_s: float) -> float:
-    """Median rate of a reference while it moves [N/s]: what a table is made for unless told otherwise.
-
-    Parameters
-    ----------
-    reference_N : ndarray, shape (n,)
-    """
+    """Median rate of a reference, shape (n,), while it moves [N/s]: what a table is made for unless told otherwise."""
     rates = np.abs(np.diff(reference_N)) / step_s
     moving = rates[rates > 1e-6 * max(float(rates.max(initial=0.0)), 1e-12)]
     usual = float(np.median(moving)) if moving.size else 1.0
@@ -136,12 +131,7 @@ def sweep(
 ) -> tuple[FloatArray, FloatArray]:
     """Reference and force from a reversal out of full slip at `turn_N` to `end_N`, samples at equal steps [N].
 
-    Parameters
-    ----------
-    branch : Branch
-        The branch that begins at the reversal.
-    turn_N, end_N : float
-        Reference tension at the reversal and at the end of the sweep [N].
+    `branch` is the one that begins at the reversal.
     """
     p = chain.elements.piece.adhesion_N
     # Long enough a way to the reversal: four fifths of the lifted tension below it, or as much above.

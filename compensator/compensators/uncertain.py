@@ -1,10 +1,17 @@
 """What is not known of a transmission: samples that the scenario's uncertainty admits, or those that are assumed."""
 
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
+from tendonff.compensator.compensators.base import FloatArray
+from tendonff.compensator.scenario.sampled.sampling import Reference
+from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.uncertainty import Uncertainty
-from tendonff.ocp.tracking.robust import Sample, sample_transmissions
+from tendonff.ocp.tracking.robust import ErrorBand, Sample, error_band, sample_transmissions
+
+K = TypeVar("K", bound=Hashable)
 
 ASSUMED = Uncertainty(mu=0.1, samples=3)
 """What is assumed where the scenario states no uncertainty: friction known to 10 % either way."""
@@ -39,3 +46,17 @@ def doubt(transmission: Transmission, uncertainty: Uncertainty) -> Doubt:
         is_assumed=is_assumed,
         widths=", ".join(f"{name} ±{100 * width:.3g} %" for name, width in widths if width > 0),
     )
+
+
+def error_bands(
+    samples: tuple[Sample, ...], level: Level, forces_N: Mapping[K, FloatArray], reference: Reference
+) -> dict[K, ErrorBand]:
+    """Errors of each force, shape (n,), over samples of the transmission; equal forces are tried once."""
+    tension, step, start = reference.tension_N, reference.step_s, reference.initial_tension_N
+    seen = {
+        force.tobytes(): error_band(
+            samples, level, force, tension, step, initial_tension_N=start, periodic=reference.periodic
+        )
+        for force in {force.tobytes(): force for force in forces_N.values()}.values()
+    }
+    return {name: seen[force.tobytes()] for name, force in forces_N.items()}

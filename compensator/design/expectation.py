@@ -7,11 +7,11 @@ import numpy as np
 
 from tendonff.compensator.compensators.base import FloatArray, Problem
 from tendonff.compensator.compensators.score import scale_N
-from tendonff.compensator.compensators.uncertain import Doubt, doubt
+from tendonff.compensator.compensators.uncertain import Doubt, doubt, error_bands
 from tendonff.models.chain import Chain
 from tendonff.models.parameters.uncertainty import Objective, Uncertainty
 from tendonff.ocp.simulate import simulate
-from tendonff.ocp.tracking.robust import ErrorBand, Sample, error_band
+from tendonff.ocp.tracking.robust import ErrorBand, Sample
 
 _OVERCOMPENSATION = 0.02
 """Swing beyond the wanted one that is worth a warning [-]."""
@@ -27,26 +27,8 @@ class Robustness:
 
 
 def robustness(problem: Problem, forces_N: Mapping[str, FloatArray]) -> Robustness:
-    """Simulate every sample of a problem under every profile, on the design level.
-
-    Parameters
-    ----------
-    forces_N : mapping of str to ndarray, shape (n,)
-        By name of the compensator.
-    """
-    reference = problem.reference
-    bands = {
-        name: error_band(
-            problem.samples,
-            problem.level,
-            force,
-            reference.tension_N,
-            reference.step_s,
-            initial_tension_N=reference.initial_tension_N,
-            periodic=reference.periodic,
-        )
-        for name, force in forces_N.items()
-    }
+    """Simulate every sample of a problem under every profile, by name of the compensator, on the design level."""
+    bands = error_bands(problem.samples, problem.level, forces_N, problem.reference)
     return Robustness(samples=problem.samples, objective=problem.objective, bands=bands)
 
 
@@ -109,32 +91,15 @@ def expect(
 
     Parameters
     ----------
-    uncertainty : Uncertainty
-        The scenario's.
     forces_N : mapping of str to ndarray, shape (n,)
         By name of the compensator; those that may be used.
     found : Robustness or None
         The bands over the scenario's own samples, where it has any.
     """
     reference, level = problem.reference, problem.level
-    start, span = reference.initial_tension_N, scale_N(reference.tension_N)
+    span = scale_N(reference.tension_N)
     real = doubt(problem.transmission, uncertainty)
-    bands = (
-        found.bands
-        if found is not None
-        else {
-            name: error_band(
-                real.samples,
-                level,
-                force,
-                reference.tension_N,
-                reference.step_s,
-                initial_tension_N=start,
-                periodic=reference.periodic,
-            )
-            for name, force in forces_N.items()
-        }
-    )
+    bands = error_bands(real.samples, level, forces_N, reference) if found is None else found.bands
     least = min(bands[name].worst_rms_N for name in forces_N)
     equal = [name for name in forces_N if bands[name].worst_rms_N <= _TIE * least]
     recommended = min(equal or forces_N, key=lambda name: bands[name].nominal_rms_N)

@@ -84,17 +84,12 @@ class Online:
 
 
 def study_online(scenario: Scenario, optimum_percent: float | None = None) -> Online:
-    """Try filters on the scenario's reference with the noise of a converter.
+    """Try filters on the scenario's reference with the noise of a converter; SolveError if none can be simulated.
 
     Parameters
     ----------
     optimum_percent : float, optional
         RMS error of the optimal profile on the same model, for comparison [% of range].
-
-    Raises
-    ------
-    SolveError
-        If no filtered force can be simulated.
     """
     if scenario.joints:
         raise InputError(

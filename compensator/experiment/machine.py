@@ -155,16 +155,9 @@ def _tensions(settings: Experiment, transmission: Transmission, where: str) -> t
 def ten_states(
     settings: Experiment, transmission: Transmission, low_N: float, high_N: float
 ) -> tuple[ExperimentState, ...]:
-    """The cycle of the module's table.
+    """The cycle of the module's table, between two tensions [N] to which the acting motor moves its own end.
 
-    Parameters
-    ----------
-    settings : Experiment
-        Times.
-    transmission : Transmission
-        The static law of its path says how far S2 and S7 have to go.
-    low_N, high_N : float
-        Tensions between which the acting motor moves its own end [N].
+    The static law of the path says how far S2 and S7 have to go.
     """
     law, actuator = CapstanLaw.of(transmission), transmission.actuator
     span = high_N - low_N
@@ -216,14 +209,7 @@ def ten_states(
 
 
 class Machine:
-    """The state machine in one state: says what the commands do next, from the end tensions it is shown.
-
-    Parameters
-    ----------
-    state : ExperimentState
-    plan : Plan
-        Time step, blend and rest.
-    """
+    """The state machine in one state: says what the commands do next, from the end tensions it is shown."""
 
     def __init__(self, state: ExperimentState, plan: "Plan") -> None:
         step_s = plan.rig.step_s
@@ -238,13 +224,7 @@ class Machine:
         self.met = False
 
     def next_rates(self, ends_N: tuple[float, float]) -> tuple[float, float] | None:
-        """Rates of the commands during the next step, or None when the state is over.
-
-        Parameters
-        ----------
-        ends_N : tuple of 2 float
-            f_1 and f_{N+1} now [N].
-        """
+        """Rates of the commands during the next step, at end tensions f_1, f_{N+1} [N]; None when the state is over."""
         if self.stopped_at is None:
             until = self._state.until
             self.met = until is not None and until.met(ends_N)

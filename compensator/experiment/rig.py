@@ -79,8 +79,6 @@ class Rig:
 
     Parameters
     ----------
-    spec : RigSpec
-    level : Level
     modes : tuple of 2 MotorMode
         What the motors do at first.
     segments : int, optional
@@ -127,10 +125,7 @@ class Rig:
     def switch(self, modes: Modes) -> FloatArray:
         """Change what the motors do, without a jump; a motor that keeps its mode keeps its command.
 
-        Returns
-        -------
-        ndarray, shape (2,)
-            Jump of each motor's pull [N].
+        Returns what jump each motor's pull makes all the same, shape (2,) [N].
         """
         before = self._motor_force(self._command[None, :], self._position[None, :])
         if modes != self._modes:
@@ -143,22 +138,12 @@ class Rig:
         return jump
 
     def advance(self, rates: FloatArray) -> RigRows:
-        """Move the commands at given rates.
+        """Move the commands at given rates; the rows at the ends of the steps. SolveError when a step cannot be solved.
 
         Parameters
         ----------
         rates : ndarray, shape (n, 2)
             Of the motors' commands during each step: N/s where a motor acts, else m/s; positive tightens the tendon.
-
-        Returns
-        -------
-        RigRows
-            At the ends of the steps.
-
-        Raises
-        ------
-        SolveError
-            When a step cannot be solved.
         """
         outward = [1.0 if mode.by_force else _OUTWARD[k] for k, mode in enumerate(self._modes)]
         commands = self._command + np.cumsum(rates * outward, axis=0) * self._spec.step_s

@@ -29,14 +29,7 @@ _QUASI_STATIC_FACTOR = 1000.0
 
 
 def run_machine(plan: Plan, level: Level) -> tuple[Schedule, ExperimentRun]:
-    """Run the state machine on one model.
-
-    Returns
-    -------
-    schedule : Schedule
-        To be played on other models.
-    run : ExperimentRun
-    """
+    """Run the state machine on one model; what it did, to be played on other models, and the run."""
     rig = Rig(plan.rig, level, plan.states[0].modes)
     pieces, jumps = [rig.now()], []
     passes: list[StatePass] = []
@@ -64,13 +57,7 @@ def run_machine(plan: Plan, level: Level) -> tuple[Schedule, ExperimentRun]:
 
 
 def follow_schedule(plan: Plan, schedule: Schedule, level: Level, segments: int | None = None) -> ExperimentRun:
-    """Give a model the commands of a schedule.
-
-    Parameters
-    ----------
-    segments : int, optional
-        Number of masses on the path; default: the path's own.
-    """
+    """Give a model, of the path's own number of masses or another, the commands of a schedule."""
     rig = Rig(plan.rig, level, plan.states[0].modes, segments)
     pieces, jumps = [rig.now()], []
     for done in schedule.passes:

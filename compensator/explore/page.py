@@ -54,12 +54,7 @@ link.download = name; link.click(); URL.revokeObjectURL(link.href);"""
 
 
 class ExplorerPage:
-    """One visitor's page.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    """
+    """One visitor's page."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._explorer = Explorer(scenario)

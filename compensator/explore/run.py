@@ -68,12 +68,7 @@ SLOW = (
 
 
 class Explorer:
-    """A scenario to be explored.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    """
+    """A scenario to be explored."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario

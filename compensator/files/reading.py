@@ -88,13 +88,7 @@ def check_increasing(path: Path, name: str, time: FloatArray, first: int, *, sta
 
 
 def nearest_column(name: str, names: Sequence[str]) -> str:
-    """What the file has instead of a missing column.
-
-    Parameters
-    ----------
-    names : sequence of str
-        The file's columns.
-    """
+    """What the file's columns have instead of a missing one."""
     return suggestion(name, [other or "(empty)" for other in names])
 
 

@@ -7,12 +7,13 @@ full disk leaves what was there before.
 import ctypes
 import functools
 import json
+import math
 import os
 import shutil
 import signal
 import stat
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import resources
 from importlib.util import find_spec
@@ -38,12 +39,8 @@ Writer = Callable[[NDArray[np.float64], NDArray[np.uint8]], int]
 def compiled_writer() -> Writer | None:
     """Function that writes rows of numbers as CSV lines into a buffer and returns the bytes used.
 
-    The buffer must hold `BYTES_PER_NUMBER` a number and `BYTES_MORE`. Every number reads back as the same double.
-
-    Returns
-    -------
-    callable or None
-        None where no C compiler works, or it knows no integers of 128 bits.
+    The buffer must hold `BYTES_PER_NUMBER` a number and `BYTES_MORE`. Every number reads back as the same double. None
+    where no C compiler works, or it knows no integers of 128 bits.
     """
     if resolve_engine(Engine.AUTO) is not Engine.COMPILED:
         return None
@@ -238,14 +235,7 @@ def _plain(value: object) -> object:
 
 
 class CsvStream:
-    """CSV file that grows block by block; made by `open_csv`.
-
-    Parameters
-    ----------
-    stream : binary file
-    names : sequence of str
-        Header.
-    """
+    """CSV file that grows block by block; made by `open_csv`."""
 
     __slots__ = ("_columns", "_stream")
 
@@ -255,12 +245,7 @@ class CsvStream:
         stream.write(",".join(names).encode() + b"\n")
 
     def write(self, block: FloatArray) -> None:
-        """Append rows; every number reads back as the same double.
-
-        Parameters
-        ----------
-        block : ndarray, shape (rows, columns)
-        """
+        """Append rows, shape (rows, columns); every number reads back as the same double."""
         if block.ndim != 2 or block.shape[1] != self._columns:
             raise ValueError(f"block must have {self._columns} columns, got shape {block.shape}")
         rows = max(1, _BLOCK_VALUES // self._columns)
@@ -290,15 +275,19 @@ def open_csv(path: Path, names: Sequence[str]) -> Iterator[CsvStream]:
 
 
 def write_csv(path: Path, columns: Mapping[str, ArrayLike]) -> None:
-    """Write equally long columns of numbers under their names, whole or not at all.
-
-    Parameters
-    ----------
-    columns : mapping of str to array_like, shape (rows,)
-    """
+    """Write columns of numbers, shape (rows,), under their names, whole or not at all."""
     table = np.column_stack([np.asarray(values, dtype=np.float64) for values in columns.values()])
     with open_csv(path, list(columns)) as out:
         out.write(table)
+
+
+def csv_text(names: Iterable[str], rows: Iterable[Iterable[str | float]]) -> str:
+    """CSV of texts and numbers, which read back as the same double; NaN is an empty cell."""
+
+    def cell(value: str | float) -> str:
+        return value if isinstance(value, str) else "" if math.isnan(value) else repr(value)
+
+    return "".join(f"{','.join(line)}\n" for line in (names, *(map(cell, row) for row in rows)))
 
 
 def require_parquet() -> None:

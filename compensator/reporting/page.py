@@ -1,30 +1,6 @@
 """The report: one self-contained HTML page for a result, which opens from disk, prints, and reads on a phone.
 
-A command fills a `Report` and writes it beside its other files, inside the folder that appears whole or not at all::
-
-    with atomic_directory(out) as folder:
-        ...
-        write_report(
-            folder / "report.html",
-            Report(
-                title="Compensation of " + scenario.name,
-                summary="Expect an RMS error of up to 5 % of range.",
-                warnings=warnings,
-                sections=(
-                    Section(
-                        title="Force profiles",
-                        blocks=(
-                            Text("Four forces for the same reference."),
-                            Picture(figure=figure, caption="Forces over time."),
-                            Table(caption="Error", columns=("compensator", "RMS [N]"), rows=(("none", 3.1),)),
-                        ),
-                    ),
-                ),
-                provenance=Provenance(scenario=scenario, command="tendonff design finger.toml --out DIR"),
-                files=(FileNote(name="profile.csv", content="reference and forces over time"),),
-            ),
-        )
-
+A command fills a `Report` and writes it beside its other files, inside the folder that appears whole or not at all.
 Figures come from `plots.new_figure`; the page carries them inside, as vector graphics. Nothing on the page is loaded
 from elsewhere, no script runs but that of an interactive view that was asked for, and whatever a scenario or a file
 name holds is shown as text. The page carries no date: equal results give equal pages.
@@ -157,13 +133,7 @@ def provenance_of(scenario: Scenario, command: str, options: str = "") -> Proven
 
 
 def write_report(path: Path, report: Report) -> None:
-    """Write the page, whole or not at all.
-
-    Parameters
-    ----------
-    path : Path
-        Usually `DIR/report.html`.
-    """
+    """Write the page, whole or not at all."""
     write_text(path, render_report(report))
 
 
@@ -285,13 +255,7 @@ def summary_head(scenario: Scenario) -> dict[str, object]:
 
 
 def write_pages(folder: Path, summary: Mapping[str, object], figures: Mapping[str, Figure], report: Report) -> None:
-    """Write `summary.json`, every figure and `report.html` into an existing folder.
-
-    Parameters
-    ----------
-    figures : mapping of str to Figure
-        By file name, without a suffix.
-    """
+    """Write `summary.json`, every figure, by file name without a suffix, and `report.html` into an existing folder."""
     write_json(folder / "summary.json", summary)
     for name, figure in figures.items():
         save_figure(figure, folder / name)

@@ -118,19 +118,7 @@ def _finite(name: str, values: tuple[float, ...]) -> None:
 
 
 def read_joints(raw: object, file: str) -> dict[str, Joint]:
-    """The tables [joints.NAME].
-
-    Parameters
-    ----------
-    raw : object
-        What tomllib read.
-    file : str
-        For messages.
-
-    Raises
-    ------
-    InputError
-    """
+    """The tables [joints.NAME], from what tomllib read; InputError where they are wrong."""
     if not isinstance(raw, Mapping):
         raise InputError(f"{file}: joints must be a table of tables, got {show(raw)}; write [joints.NAME]")
     joints: dict[str, Joint] = {}

@@ -13,17 +13,10 @@ from tendonff.models.errors import ParameterError, require, require_given
 
 
 class Shape(StrEnum):
-    """Course between two waypoints.
-
-    Attributes
-    ----------
-    LINEAR
-        Straight line.
-    SMOOTH
-        Quintic smooth step: velocity and acceleration are continuous and zero at the waypoints; never overshoots.
-    """
+    """Course between two waypoints."""
 
     LINEAR = "linear"
+    # quintic smooth step: velocity and acceleration are continuous and zero at the waypoints; never overshoots
     SMOOTH = "smooth"
 
 
@@ -32,33 +25,17 @@ def _require_tension(name: str, value: float) -> None:
 
 
 class Hold(StrEnum):
-    """What the force does while the reference rests.
+    """What the force does while the reference rests."""
 
-    Attributes
-    ----------
-    EXACT
-        What the exact inverse asks for, which may let the force go through the whole dead zone.
-    KEEP
-        It stays: inside the dead zone nothing need move.
-    """
-
-    EXACT = "exact"
-    KEEP = "keep"
+    EXACT = "exact"  # what the exact inverse asks for, which may let the force go through the whole dead zone
+    KEEP = "keep"  # it stays: inside the dead zone nothing need move
 
 
 class Quantity(StrEnum):
-    """What is wanted at the far end.
-
-    Attributes
-    ----------
-    TENSION
-        The output tension.
-    POSITION
-        The load's position relative to the start; the tension follows from the load's own balance.
-    """
+    """What is wanted at the far end."""
 
     TENSION = "tension"
-    POSITION = "position"
+    POSITION = "position"  # of the load, relative to the start; the tension follows from the load's own balance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -205,18 +182,11 @@ class WaypointReference(Wish):
 
 
 class Interpolation(StrEnum):
-    """Course between two samples of a file.
+    """Course between two samples of a file."""
 
-    Attributes
-    ----------
-    MONOTONE
-        Piecewise cubic Hermite (Fritsch-Carlson): the rate is continuous, and no piece leaves the range of its ends.
-    LINEAR
-        Straight line: the rate jumps at every sample.
-    """
-
+    # piecewise cubic Hermite (Fritsch-Carlson): the rate is continuous, and no piece leaves the range of its ends
     MONOTONE = "monotone"
-    LINEAR = "linear"
+    LINEAR = "linear"  # the rate jumps at every sample
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -274,13 +244,7 @@ def along_sines(
 def along_waypoints(
     times_s: Sequence[float], waypoints: Sequence[float], shape: Shape, time_s: FloatArray
 ) -> FloatArray:
-    """A course through waypoints, held beyond them.
-
-    Parameters
-    ----------
-    time_s : ndarray
-        Where it is wanted [s].
-    """
+    """A course through waypoints at the times `time_s` [s], held beyond them."""
     times, values, time = np.array(times_s), np.array(waypoints), time_s
     if shape is Shape.LINEAR:
         straight: FloatArray = np.interp(time, times, values)

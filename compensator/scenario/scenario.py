@@ -132,8 +132,6 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
 
     Parameters
     ----------
-    text : str
-        TOML.
     source : str or path-like, optional
         File name for messages; a CSV reference is relative to its folder.
     """
@@ -299,7 +297,6 @@ def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | Non
 
     Parameters
     ----------
-    scenario : Scenario
     folder : str or path-like, optional
         Folder that the text will be stored in: the file of a CSV reference is renamed to be found from there.
         Default: the folder the scenario came from.
@@ -309,20 +306,9 @@ def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | Non
     if isinstance(reference, CsvReference) and folder is not None:
         reference = replace(reference, file=_relative(scenario.source.parent / reference.file, folder))
     transmission = scenario.transmission
-    tables = {
-        "path": transmission.path,
-        "tendon": transmission.tendon,
-        "friction": transmission.friction,
-        "actuator": transmission.actuator,
-        "load": transmission.load,
-        "reference": reference,
-        "run": scenario.run,
-        "robust": scenario.robust,
-        "optimal": scenario.optimal,
-        "experiment": scenario.experiment,
-        "measurement": scenario.measurement,
-        "adaptation": scenario.adaptation,
-    }
+    tables: dict[str, object] = {key: getattr(transmission, key) for key in _TABLES if key != "run"}
+    tables["reference"] = reference
+    tables |= {key: getattr(scenario, key) for key in ("run", *_OPTIONAL, *_ON_REQUEST) if key != "stream"}
     if scenario.stream != Stream():  # what says nothing new is left out, so that older hashes stay
         tables["stream"] = scenario.stream
     parts = [f"schema = {SCHEMA}\nname = {toml_value(scenario.name)}\n"]

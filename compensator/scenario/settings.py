@@ -114,13 +114,7 @@ class OptimalSettings:
         return self.goal in ("", "preview_s")
 
     def require_alone(self, others: Mapping[str, bool]) -> None:
-        """Refuse a goal beside what it is not made for.
-
-        Parameters
-        ----------
-        others : mapping of str to bool
-            What the scenario has, in words, and whether it has.
-        """
+        """Refuse a goal beside what it is not made for: of what a scenario may have, in words, whether it has it."""
         for name, present in others.items():
             if self.goal and present:
                 raise ParameterError(f"[optimal] {self.goal} does not go with {name}; leave one of them out")

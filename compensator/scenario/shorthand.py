@@ -18,22 +18,7 @@ NO_RELAXATION_TIME_S = 1.0
 
 
 def expand(table: str, raw: Mapping[str, object], *, file: str) -> dict[str, object]:
-    """The keys of a table with what follows from them.
-
-    Parameters
-    ----------
-    table : str
-        Name of the table.
-    raw : mapping
-        Its keys as they were written.
-    file : str
-        For messages.
-
-    Raises
-    ------
-    InputError
-        The keys that something should follow from are wrong.
-    """
+    """The keys of a table, as they were written, with what follows from them; InputError where those are wrong."""
     keys = dict(raw)
     match table:
         case "tendon":

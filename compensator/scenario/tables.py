@@ -22,18 +22,7 @@ T = TypeVar("T")
 
 
 def read_table(cls: type[T], raw: object, *, file: str, table: str, extra_keys: tuple[str, ...] = ()) -> T:
-    """Build `cls` from one table.
-
-    Parameters
-    ----------
-    cls : type
-        Frozen dataclass.
-    raw : object
-        What tomllib read.
-    file, table : str
-        For messages.
-    extra_keys : tuple of str
-        Keys that the caller has read already (`kind`).
+    """Build the frozen dataclass `cls` from what tomllib read; `extra_keys`, such as `kind`, were read already.
 
     Raises
     ------
@@ -60,24 +49,7 @@ def read_table(cls: type[T], raw: object, *, file: str, table: str, extra_keys: 
 
 
 def check_names(cls: type, raw: object, *, file: str, table: str, extra_keys: tuple[str, ...] = ()) -> None:
-    """Refuse what is no table, and keys that the dataclass does not know.
-
-    Parameters
-    ----------
-    cls : type
-        Frozen dataclass.
-    raw : object
-        What tomllib read.
-    file, table : str
-        For messages.
-    extra_keys : tuple of str
-        Keys that are known besides.
-
-    Raises
-    ------
-    InputError
-        With the nearest valid name.
-    """
+    """Refuse what is no table, and keys known neither to the dataclass nor as `extra_keys`."""
     if not isinstance(raw, Mapping):
         raise InputError(f"{file}: {table} must be a table, got {show(raw)}; write [{table}] on a line of its own")
     known = [*(field.name for field in dataclasses.fields(cls)), *extra_keys]
@@ -87,15 +59,7 @@ def check_names(cls: type, raw: object, *, file: str, table: str, extra_keys: tu
 
 
 def missing_keys(cls: type, raw: Mapping[str, object]) -> list[str]:
-    """Keys without a default that a table lacks.
-
-    Parameters
-    ----------
-    cls : type
-        Frozen dataclass.
-    raw : mapping
-        What tomllib read.
-    """
+    """Keys without a default that a table lacks."""
     return [
         field.name
         for field in dataclasses.fields(cls)
@@ -143,15 +107,7 @@ def toml_value(value: object) -> str:
 
 
 def toml_table(instance: object, name: str = "") -> str:
-    """All keys of a dataclass that are set, one per line, and after them the tables within it.
-
-    Parameters
-    ----------
-    instance : object
-        Frozen dataclass.
-    name : str
-        Name of its own table, which those of the tables within begin with.
-    """
+    """All keys of a dataclass that are set, one per line, and then the tables within it, as "name.key"."""
     pairs = [(field.name, getattr(instance, field.name)) for field in dataclasses.fields(instance)]  # type: ignore[arg-type]
     given = [(key, value) for key, value in pairs if value not in (None, ())]
     inner = [(f"{name}.{key}", value) for key, value in given if dataclasses.is_dataclass(value)]

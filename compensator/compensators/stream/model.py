@@ -83,14 +83,9 @@ class Ramp:
     def apply(
         self, force_N: FloatArray, tension_N: FloatArray, limits: ForceLimits, step_s: float, start_N: float
     ) -> FloatArray:
-        """Force within the limits, late by `samples` [N].
+        """Force within the limits, late by `samples`, from exact force and the tension that it gives, shape (n,) [N].
 
-        Parameters
-        ----------
-        force_N, tension_N : ndarray, shape (n,)
-            Exact force, and the tension that it gives [N].
-        start_N : float
-            Tension at rest before [N].
+        `start_N` is the tension at rest before.
         """
         change = limits.rate_N_per_s * step_s
         now = limits.start(start_N)
@@ -167,14 +162,9 @@ class StreamDesign:
 
 
 def smoothed(design: StreamDesign, reference_N: FloatArray, initial_N: float) -> FloatArray:
-    """The reference that the inverse receives, ahead of what is due where there is a ramp [N].
+    """The reference that the inverse receives, ahead of what is due where there is a ramp, shape (n,) [N].
 
-    Parameters
-    ----------
-    reference_N : ndarray, shape (n,)
-        What arrives; what is not finite holds the last one [N].
-    initial_N : float
-        Tension at rest before [N].
+    What arrives and is not finite holds the last one; `initial_N` is the tension at rest before.
     """
     taps = design.filter.taps
     last = centre = min(max(initial_N, design.low_N), design.high_N)
@@ -200,14 +190,7 @@ def smoothed(design: StreamDesign, reference_N: FloatArray, initial_N: float) ->
 
 
 def stream_force(design: StreamDesign, problem: Problem, reference_N: FloatArray) -> FloatArray:
-    """Force of the stream module for a reference that arrives live, from rest at its first sample [N].
-
-    Parameters
-    ----------
-    problem : Problem
-        Model and limits.
-    reference_N : ndarray, shape (n,)
-    """
+    """Force of the stream module for a reference, shape (n,), that arrives live, from rest at its first sample [N]."""
     start = float(reference_N[0])
     tension = smoothed(design, reference_N, start)
     step = problem.reference.step_s

@@ -90,13 +90,7 @@ def choose_stream(
 
 
 def over_preview(problem: Problem, design: StreamDesign, previews_s: Sequence[float]) -> tuple[Candidate, ...]:
-    """What further preview would buy with the filter of a design where the rate limit binds.
-
-    Parameters
-    ----------
-    previews_s : sequence of float
-        All longer than the filter [s].
-    """
+    """What further preview, longer than the filter [s], would buy with a design where the rate limit binds."""
     best = []
     for preview in previews_s:
         ahead = round(preview / problem.reference.step_s)
@@ -121,12 +115,7 @@ def rate_binds(problem: Problem) -> bool:
 
 
 def quantised(tension_N: FloatArray, resolution_N: float) -> FloatArray:
-    """A tension as a converter hands it over: in whole steps, one of them noise [N].
-
-    Parameters
-    ----------
-    tension_N : ndarray, shape (n,)
-    """
+    """A tension, shape (n,), as a converter hands it over: in whole steps, one of them noise [N]."""
     noise = np.random.default_rng(0).integers(-1, 2, len(tension_N))
     rough: FloatArray = (np.round(tension_N / resolution_N) + noise) * resolution_N
     return rough

@@ -53,13 +53,7 @@ class SweepData:
         return errors
 
     def yield_of(self, name: str, percent: float) -> float:
-        """Share of the units on which the error stays below a bound [-].
-
-        Parameters
-        ----------
-        percent : float
-            Bound [% of range].
-        """
+        """Share of the units on which the error stays below a bound [% of range] [-]."""
         return float(np.mean(self.percent(name) < percent))
 
     def quantiles(self, name: str) -> tuple[float, ...]:

@@ -27,12 +27,7 @@ from tendonff.ocp.tracking.robust import transmission_at
 
 @contextmanager
 def executor_of(address: str | None) -> Iterator[Executor | None]:
-    """An executor on the cluster, which stays up; None for this machine.
-
-    Parameters
-    ----------
-    address : str or None
-        Such as tcp://host:8786.
+    """An executor on the cluster at an address such as tcp://host:8786, which stays up; None for this machine.
 
     Raises
     ------

@@ -13,15 +13,7 @@ _PLAN, _ROWS = "sweep.json", "rows.partial.csv"
 
 
 class Store:
-    """The rows that are done, in a folder.
-
-    Parameters
-    ----------
-    folder : Path
-        Made where it is missing.
-    plan : dict
-        What the sweep is; a folder with another plan is refused.
-    """
+    """The rows that are done, in a folder, which is made; one that holds another plan is refused."""
 
     def __init__(self, folder: Path, plan: dict[str, object]) -> None:
         self._path = folder / _ROWS
@@ -37,13 +29,7 @@ class Store:
                 partial.write_text(json.dumps(plan, indent=2) + "\n", encoding="utf-8")
 
     def read(self, width: int) -> dict[int, Row]:
-        """The rows done so far, by index; a last line that was cut off does not count.
-
-        Parameters
-        ----------
-        width : int
-            Varied keys.
-        """
+        """The rows done so far, of so many varied keys, by index; a last line that was cut off does not count."""
         if not self._path.exists():
             return {}
         rows = {}

@@ -16,18 +16,9 @@ _RIPPLE = 0.25  # of the mean rate, in a tenth of the moving rows; smooth refere
 
 
 def low_pass(values: FloatArray, cutoff_Hz: float, rate_Hz: float) -> FloatArray:
-    """Zero-phase low-pass: Butterworth of second order, forwards and backwards.
+    """Zero-phase low-pass of evenly spaced samples, shape (n,): Butterworth of second order, forwards and backwards.
 
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        Evenly spaced samples.
-    cutoff_Hz, rate_Hz : float
-        Corner frequency (-6 dB) and sampling rate [Hz].
-
-    Returns
-    -------
-    ndarray, shape (n,)
+    At the corner frequency it takes 6 dB.
     """
     from scipy import signal  # costs a second to import, and most references need none of it
 
@@ -64,17 +55,10 @@ def noise_advice(
 
     Parameters
     ----------
-    tension_N : ndarray, shape (n + 1,)
-        Samples as they were taken.
     force_of : callable
         The inverse: wanted tension [N], shape (n + 1,), to force [N], shape (n + 1,).
     share : float
         How much of the force's range the noise may make up before it is worth a warning [-].
-
-    Returns
-    -------
-    NoiseAdvice or None
-        None when the noise does not matter.
     """
     tension, rate = tension_N, 1 / step_s
     found = _cutoff_at_the_noise_floor(tension, rate)
@@ -129,19 +113,9 @@ def _cutoff_at_the_noise_floor(tension: FloatArray, rate: float) -> float | None
 
 
 def ripple_advice(force_N: FloatArray, step_s: float, interval_s: float, *, file: str) -> str | None:
-    """Warn of a force whose rate swings in time with the samples that the reference was interpolated from.
+    """Warn of a force, shape (n,), whose rate swings in time with the samples that the reference was interpolated from.
 
-    Parameters
-    ----------
-    force_N : ndarray, shape (n,)
-        Force of the inverse [N].
-    step_s, interval_s : float
-        Time between its rows, and between the samples of the reference [s].
-
-    Returns
-    -------
-    str or None
-        The warning; None where the force rate is smooth or the samples are as dense as the rows.
+    None where the rate is smooth, or the samples, `interval_s` apart, are as dense as the rows.
     """
     rows = round(interval_s / step_s)
     if rows < 2 or len(force_N) <= 2 * rows:

@@ -40,13 +40,7 @@ class Samples:
 
 
 def read_samples(spec: CsvReference, path: Path, step_s: float) -> Samples:
-    """Read the trace of a reference.
-
-    Raises
-    ------
-    InputError
-        The file is refused, has less than two rows, or seems to count milliseconds as seconds.
-    """
+    """Read the trace of a reference; InputError where the file is refused or seems to count milliseconds as seconds."""
     wanted = (
         Quantity(
             name="time_s", words=TIME_WORDS, units=TIME_UNITS, option=_COLUMN.format("time"), column=spec.time_column
@@ -97,13 +91,7 @@ def _gaps(time: FloatArray, name: str) -> list[str]:
 
 
 def interpolate(samples: Samples, time_s: FloatArray, kind: Interpolation) -> FloatArray:
-    """The wanted quantity between the samples.
-
-    Parameters
-    ----------
-    time_s : ndarray, shape (n,)
-        Times within those of the samples [s].
-    """
+    """The wanted quantity at times within those of the samples [s], shape (n,)."""
     if kind is Interpolation.LINEAR or len(samples.time_s) == 2:
         straight: FloatArray = np.interp(time_s, samples.time_s, samples.value)
         return straight
@@ -117,14 +105,7 @@ def interpolate(samples: Samples, time_s: FloatArray, kind: Interpolation) -> Fl
 def resample(
     spec: CsvReference, samples: Samples, time_s: FloatArray, step_s: float, file: str
 ) -> tuple[FloatArray, float]:
-    """The trace on the grid of the run, and the rms of what the low-pass removed.
-
-    Parameters
-    ----------
-    time_s : ndarray, shape (n,)
-    file : str
-        Name of the scenario file, for messages.
-    """
+    """The trace at the times of the run, shape (n,), and the RMS of what the low-pass removed; messages name `file`."""
     if spec.cutoff_Hz is None:
         return interpolate(samples, time_s, spec.interpolation), 0.0
     # Filtered on a grid at least as fine as the samples, so that nothing above the run's rate folds down.

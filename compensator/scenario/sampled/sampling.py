@@ -218,11 +218,10 @@ def _closed(course: FloatArray, file: str) -> FloatArray:
 
 
 def keep_taut(tension_N: FloatArray, least_N: float | None) -> tuple[FloatArray, float, tuple[str, ...]]:
-    """A reference that touches zero, lifted to a least tension; that tension, and what to say.
+    """A reference, shape (n,), that touches zero, lifted to a least tension; that tension, and what to say.
 
     Parameters
     ----------
-    tension_N : ndarray, shape (n,)
     least_N : float or None
         Tension to be kept [N]; None: 2 % of the range where the reference touches zero, else none.
     """
