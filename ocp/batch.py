@@ -88,7 +88,6 @@ class SimulationJob:
 
     Parameters
     ----------
-    chain : Chain
     force_N : ndarray, shape (n,)
         f_c1 at 0, h, 2 h ... [N].
     step_s : float
@@ -99,7 +98,6 @@ class SimulationJob:
         Start from here instead.
     record : bool, optional
         Keep every state.
-    engine : Engine, optional
     """
 
     chain: Chain
@@ -134,7 +132,6 @@ def simulate_batch(
 
     Parameters
     ----------
-    jobs : sequence of SimulationJob
     executor : concurrent.futures.Executor, optional
         See `run_jobs`.
     progress : callable, optional

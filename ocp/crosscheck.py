@@ -72,7 +72,6 @@ class StepHalving:
 
     Parameters
     ----------
-    chain : Chain
     step_s : float
         h [s] of the run that is checked.
     state : ChainState

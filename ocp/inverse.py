@@ -69,11 +69,6 @@ def invert(
         Start from here instead; the first reference is then not used.
     record : bool, optional
         Keep every state.
-    engine : Engine, optional
-
-    Returns
-    -------
-    Inversion
 
     Raises
     ------

@@ -60,14 +60,12 @@ class Simulator:
 
     Parameters
     ----------
-    chain : Chain
     step_s : float
         h [s], > 0.
     state : ChainState
         Where it starts.
     inputs : ChainInputs
         Those at that state: one row.
-    engine : Engine, optional
 
     Raises
     ------
@@ -153,7 +151,6 @@ def simulate(
 
     Parameters
     ----------
-    chain : Chain
     force_N : ndarray, shape (n,)
         f_c1 at 0, h, 2 h ... [N].
     step_s : float
@@ -164,7 +161,6 @@ def simulate(
         Start from here instead.
     record : bool, optional
         Keep every state.
-    engine : Engine, optional
 
     Returns
     -------

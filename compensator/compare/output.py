@@ -16,12 +16,8 @@ class Comparison(ComparisonData):
     """A comparison that can be written."""
 
     def write(self, folder: str | os.PathLike[str]) -> None:
-        """Write `matrix.csv`, `summary.json`, figures and `report.html`, all or nothing.
-
-        Parameters
-        ----------
-        folder : str or path
-            Made where it is missing.
+        """Write `matrix.csv`, `summary.json`, figures and `report.html`, all or nothing, into a folder, which
+        is made.
         """
         figures = compare_figures(self)
         with atomic_directory(folder) as partial:

@@ -9,8 +9,7 @@ import numpy as np
 from tendonff.compensator.compare.levels import level_cost, level_traits
 from tendonff.compensator.compare.output import Comparison
 from tendonff.compensator.compare.result import CAPSTAN_PLANT, ENOUGH_PERCENT, Entry, plants
-from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, ProfileStatus
-from tendonff.compensator.compensators.motion import with_motion
+from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, ProfileStatus, with_motion
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import (
     SimulatedPlant,
@@ -51,13 +50,10 @@ def compare(
 
     Parameters
     ----------
-    scenario : Scenario
     compensators : sequence of Compensator, optional
         Default: all; "none", "capstan" and one beside "smoothed" that knows the level must be among them.
     options : TrackOptions, optional
         What the optimal profile is optimised for.
-    progress : callable, optional
-        Told parts done and parts in all.
 
     Raises
     ------

@@ -6,7 +6,7 @@ then know it. `export-c` also needs its C template, named by `c_module`.
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
 
@@ -21,14 +21,15 @@ from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenario.settings import OptimalSettings
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
-from tendonff.models.parameters import Transmission
+from tendonff.models.parameters import Actuator, Transmission
+from tendonff.models.parameters.drive import Drive
 from tendonff.models.parameters.uncertainty import Objective
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import Inversion, invert
-from tendonff.ocp.periodic import steady_inverse
+from tendonff.ocp.periodic import steady_inverse, steady_response
 from tendonff.ocp.reference.hold import KeptForce, find_holds, keep_force, last_approach
 from tendonff.ocp.tracking.limits import ForceLimits
-from tendonff.ocp.tracking.motion import limit_motion
+from tendonff.ocp.tracking.motion import limit_motion, travel_of
 from tendonff.ocp.tracking.problem import TrackOptions
 from tendonff.ocp.tracking.result import Tracking
 from tendonff.ocp.tracking.robust import Sample, sample_transmissions
@@ -46,7 +47,6 @@ class Problem:
         Of the design model.
     level : Level
         Fidelity level of the design model.
-    reference : Reference
     samples : tuple of Sample, optional
         Transmissions that the uncertainty admits, the nominal one first; empty where all is certain.
     objective : Objective, optional
@@ -85,7 +85,6 @@ class Problem:
 
         Parameters
         ----------
-        scenario : Scenario
         level : Level, optional
             Default: the scenario's own.
         reference : Reference, optional
@@ -186,7 +185,6 @@ class Profile:
         Travel of the actuator's end from rest that belongs to the force [m]; None where the compensator knows none.
     command_m : ndarray, shape (n,), or None
         Command of a position drive relative to the start [m]; None for a force drive.
-    status : ProfileStatus
     message : str
         Why the status is not good; empty where it is.
     warnings : tuple of str
@@ -238,12 +236,10 @@ class Compensator(ABC):
         Key in files and on the command line.
     label : str
         Name for people.
-    style : Style
     knows_the_level : bool
         The profile depends on the fidelity level of the design model.
     is_fast : bool
         Fast enough to follow a slider.
-    c_module : CModule or None
     """
 
     name: str
@@ -255,14 +251,7 @@ class Compensator(ABC):
 
     @abstractmethod
     def profile(self, problem: Problem, *, progress: Progress = silent) -> Profile:
-        """Answer a problem.
-
-        Parameters
-        ----------
-        problem : Problem
-        progress : callable, optional
-            Told parts done and parts in all.
-        """
+        """Answer a problem."""
 
     def __str__(self) -> str:
         return self.name
@@ -277,3 +266,41 @@ def limit_warnings(name: str, before_N: FloatArray, after_N: FloatArray) -> tupl
     share, most = 100 * float(changed.mean()), float(np.max(difference))
     active = f"actuator limits are active in {share:.3g} % of the samples"
     return (f"{name}: {active} and change the force by up to {most:.3g} N",)
+
+
+def with_motion(problem: Problem, name: str, profile: Profile) -> Profile:
+    """A profile with the travel on the design model and, for a position drive, the command.
+
+    Parameters
+    ----------
+    name : str
+        Of the compensator. "none" knows of no friction: its command is that of springs in series.
+    """
+    reference, actuator = problem.reference, problem.transmission.actuator
+    start = reference.initial_tension_N
+    travel = profile.travel_m
+    if travel is None and reference.periodic:
+        run, _ = steady_response(problem.chain, profile.force_N, reference.step_s, initial_tension_N=start)
+        travel = run.near_position_m - problem.chain.rest_state(start).near_position_m
+    elif travel is None:
+        travel = travel_of(problem.chain, profile.force_N, reference.step_s, start)
+    if actuator.drive is not Drive.POSITION or actuator.servo_stiffness_N_per_m is None or travel is None:
+        return replace(profile, travel_m=travel)
+    moved = travel
+    if name == "none":
+        moved = (profile.force_N - start) * problem.chain.rest_state(1.0).near_position_m
+    command = moved + (profile.force_N - start) / actuator.servo_stiffness_N_per_m
+    return replace(profile, travel_m=travel, command_m=command)
+
+
+def servo(
+    chain: Chain, actuator: Actuator, initial_tension_N: float, command_m: FloatArray
+) -> tuple[Chain, FloatArray]:
+    """The chain behind the servo of a position drive, and the force on it that stands for a command: k_c1 x_c1.
+
+    The command x_c1, shape (n,), counts from the rest under the initial tension [m].
+    """
+    stiffness = actuator.servo_stiffness_N_per_m or 0.0
+    rest = chain.rest_state(initial_tension_N).near_position_m
+    drive: FloatArray = initial_tension_N + stiffness * (rest + command_m)
+    return chain.with_end_stiffness(stiffness, chain.far.stiffness_N_per_m), drive

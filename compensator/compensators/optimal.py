@@ -4,14 +4,7 @@ Here, and nowhere else, it is decided whether the profile is made for the nomina
 scenario's uncertainty admits.
 """
 
-from tendonff.compensator.compensators.base import (
-    CModule,
-    Compensator,
-    Problem,
-    Profile,
-    ProfileStatus,
-    Style,
-)
+from tendonff.compensator.compensators.base import CModule, Compensator, Problem, Profile, ProfileStatus, Style
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.reporting.colours import VERMILION
 from tendonff.models.chain import Chain

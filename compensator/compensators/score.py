@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.compensator.compensators.base import FloatArray, Problem, Profile
-from tendonff.compensator.compensators.motion import servo
+from tendonff.compensator.compensators.base import FloatArray, Problem, Profile, servo
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level

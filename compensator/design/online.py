@@ -22,7 +22,8 @@ from tendonff.compensator.compensators.stream.run import (
 from tendonff.compensator.export.text.c_text import accepted_range
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.reporting.plots import GREY, INK, legend_below, new_figure, save_figure
+from tendonff.compensator.reporting.colours import GREY, INK
+from tendonff.compensator.reporting.plots import legend_below, new_figure, save_figure
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import CapstanLaw
 from tendonff.ocp.errors import SolveError

@@ -27,12 +27,10 @@ class Design(DesignData):
     """A design that can be written."""
 
     def write(self, folder: str | os.PathLike[str], *, interactive: bool = False) -> None:
-        """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing.
+        """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing, into a folder, which is made.
 
         Parameters
         ----------
-        folder : str or path
-            Made where it is missing.
         interactive : bool, optional
             Put a view with zoom, hover and a legend that hides curves into the report; needs Bokeh.
         """

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, ProfileStatus
-from tendonff.compensator.compensators.motion import with_motion
+from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, ProfileStatus, with_motion
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import (
     SimulatedPlant,
@@ -43,7 +42,6 @@ def design(
 
     Parameters
     ----------
-    scenario : Scenario
     compensators : sequence of Compensator, optional
         Default: all; the one named "none" is what the others are compared with.
     options : TrackOptions, optional

@@ -34,6 +34,7 @@ from tendonff.compensator.experiment.rig import RigSpec
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.scenario.experiment import EndTension, Experiment, ExperimentState, Hold, MotorMode
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.assembly import End
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.parameters import Transmission
 
@@ -113,19 +114,20 @@ def plan_experiment(scenario: Scenario) -> Plan:
             f"{scenario.run.step_s:g}; a faster force_rate_max_N_per_s, shorter states or a larger step make it shorter"
         )
     hold = settings.hold_stiffness_N_per_m or 10 * transmission.tendon.quick_stiffness_N_per_m
-    damping = {
-        name: transmission.actuator.damping_N_s_per_m if (value := getattr(settings, name)) is None else value
-        for name in ("act_damping_N_s_per_m", "load_damping_N_s_per_m", "hold_damping_N_s_per_m")
+    mass, usual = transmission.actuator.mass_kg, transmission.actuator.damping_N_s_per_m
+
+    def end(damping: float | None, stiffness: float) -> End:
+        return End(mass_kg=mass, damping_N_s_per_m=usual if damping is None else damping, stiffness_N_per_m=stiffness)
+
+    act = end(settings.act_damping_N_s_per_m, 0.0)
+    ends = {
+        MotorMode.ACT: act,
+        MotorMode.HOLD_FORCE: act,
+        MotorMode.LOAD: end(settings.load_damping_N_s_per_m, spring),
+        MotorMode.HOLD: end(settings.hold_damping_N_s_per_m, hold),
     }
     return Plan(
-        rig=RigSpec(
-            transmission=transmission,
-            step_s=scenario.run.step_s,
-            start_tension_N=low,
-            load_stiffness_N_per_m=spring,
-            hold_stiffness_N_per_m=hold,
-            **damping,
-        ),
+        rig=RigSpec(transmission=transmission, step_s=scenario.run.step_s, start_tension_N=low, ends=ends),
         states=states,
         blend_s=blend,
         rest_s=settings.rest_s,

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.experiment.figures import experiment_figures
-from tendonff.compensator.experiment.measured import deviations
 from tendonff.compensator.experiment.numbers import (
+    deviations,
     law_deviation,
     refinement,
     relaxation,
@@ -30,12 +30,8 @@ class ExperimentResult(ExperimentData):
     """A test that can be written."""
 
     def write(self, folder: str | os.PathLike[str]) -> None:
-        """Write `experiment_<level>.csv`, `summary.json`, figures and `report.html`, all or nothing.
-
-        Parameters
-        ----------
-        folder : str or path
-            Made where it is missing.
+        """Write `experiment_<level>.csv`, `summary.json`, figures and `report.html`, all or nothing, into a folder,
+        which is made.
         """
         figures = experiment_figures(self)
         with atomic_directory(folder) as partial:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.experiment.machine import Machine, Plan, Schedule, StatePass, plan_experiment
-from tendonff.compensator.experiment.measured import read_measured
+from tendonff.compensator.experiment.numbers import read_measured
 from tendonff.compensator.experiment.output import ExperimentResult
 from tendonff.compensator.experiment.result import ExperimentRun
 from tendonff.compensator.experiment.rig import Rig, RigRows
@@ -88,8 +88,6 @@ def experiment(
         Its [experiment] table may be missing.
     measured : str or path, optional
         Tensions of the same test on a rig: columns `time_s` and any of `tension_1_N` .. `tension_7_N`.
-    progress : callable, optional
-        Told parts done and parts in all.
 
     Raises
     ------

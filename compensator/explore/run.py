@@ -6,8 +6,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.compensator.adapt.setup import tuned_chain, tuning_of
-from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, ProfileStatus, Style
-from tendonff.compensator.compensators.motion import with_motion
+from tendonff.compensator.compensators.base import (
+    Compensator,
+    FloatArray,
+    Problem,
+    Profile,
+    ProfileStatus,
+    Style,
+    with_motion,
+)
 from tendonff.compensator.compensators.optimal import Optimal
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import Score, SimulatedPlant, score, verify

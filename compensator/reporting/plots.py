@@ -11,37 +11,21 @@ from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import matplotlib.style
+import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.writing import atomic_file
 from tendonff.compensator.reporting.colours import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, VERMILION
 
 if TYPE_CHECKING:
-    import numpy as np
+    import control
     from numpy.typing import NDArray
 
     from tendonff.models.path import JointMotion
-
-__all__ = [
-    "BLUE",
-    "GREEN",
-    "GREY",
-    "INK",
-    "LINE_STYLES",
-    "ORANGE",
-    "PAGE_WIDTH_IN",
-    "VERMILION",
-    "coinciding",
-    "draw_joints",
-    "figure_style",
-    "legend_below",
-    "new_figure",
-    "save_figure",
-    "thinned",
-]
 
 CYCLE = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, INK)
 LINE_STYLES = ("-", "--", "-.", ":")
@@ -115,7 +99,6 @@ def new_figure(
 
     Returns
     -------
-    figure : Figure
     axes : ndarray of Axes, shape (rows, columns)
     """
     with figure_style():
@@ -162,7 +145,7 @@ def legend_below(figure: Figure, panel: Axes, columns: int = 5) -> None:
     figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=columns)
 
 
-def draw_joints(panel: Axes, motion: "JointMotion", time_s: "NDArray[np.float64]") -> None:
+def draw_joints(panel: Axes, motion: "JointMotion", time_s: "FloatArray") -> None:
     """The joint angles under what else a figure shows over time."""
     rows = thinned(len(time_s))
     for k, (name, angle) in enumerate(zip(motion.names, motion.at(time_s).T, strict=True)):
@@ -191,3 +174,30 @@ def save_figure(figure: Figure, path: Path, formats: Sequence[str] = ("png", "pd
                 figure.savefig(partial, format=kind, metadata=undated.get(kind))
             written.append(target)
     return written
+
+
+def bode_figure(systems: "Mapping[str, control.LTI]", frequencies_Hz: FloatArray, *, ylabel: str) -> Figure:
+    """Gain and phase over frequency, one curve for each system.
+
+    Parameters
+    ----------
+    systems : mapping of str to control.LTI
+        By label; one input, one output each.
+    frequencies_Hz : ndarray, shape (n,)
+        Where to evaluate [Hz], > 0, rising.
+    ylabel : str
+        What the gain is, with unit.
+    """
+    with figure_style():
+        figure, axes = new_figure(2, 1, share_x=True, height_in=4.4)
+        for k, (label, system) in enumerate(systems.items()):
+            response = np.asarray(system(2j * np.pi * frequencies_Hz)).ravel()
+            style = LINE_STYLES[k % len(LINE_STYLES)]
+            axes[0, 0].loglog(frequencies_Hz, np.abs(response), style, label=label)
+            axes[1, 0].semilogx(frequencies_Hz, np.degrees(np.unwrap(np.angle(response))), style)
+        axes[0, 0].set(ylabel=ylabel)
+        for axis in (axes[0, 0].yaxis, axes[1, 0].xaxis):
+            axis.set_major_formatter("{x:g}")
+        axes[1, 0].set(ylabel="phase [deg]", xlabel="frequency [Hz]")
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    return figure

@@ -24,6 +24,22 @@ def _require_tension(name: str, value: float) -> None:
     require(name, value, least=0, hint="a tendon cannot push, so the wanted tension cannot lie below 0")
 
 
+def require_waypoints(times_s: tuple[float, ...], name: str, values: tuple[float, ...]) -> None:
+    """Refuse times that do not rise from 0, or are not as many as the values of that name, at least two."""
+    if len(times_s) < 2 or len(times_s) != len(values):
+        raise ParameterError(
+            f"times_s must be as many as {name} and at least two, got {len(times_s)} and {len(values)}; give one value "
+            "for each time"
+        )
+    for k, time in enumerate(times_s):
+        require(f"times_s[{k}]", time, least=0, hint="waypoints are counted from the start of the run")
+    if times_s[0] != 0:
+        raise ParameterError(f"times_s must start at 0, got {times_s[0]}; the run starts at time 0")
+    for earlier, later in pairwise(times_s):
+        if not later > earlier:
+            raise ParameterError(f"times_s must increase, got {later} after {earlier}; sort the waypoints")
+
+
 class Hold(StrEnum):
     """What the force does while the reference rests."""
 
@@ -59,7 +75,12 @@ class Wish:
     hold: Hold = Hold.EXACT
     least_tension_N: float | None = None
 
-    def _check_quantity(self) -> None:
+    def _check(self) -> None:
+        initial: float | None = getattr(self, "initial_tension_N", None)
+        if initial is not None:
+            _require_tension("initial_tension_N", initial)
+        elif self.wants_position:
+            raise ParameterError('initial_tension_N is missing: quantity = "position" counts from a rest under it')
         require_given("least_tension_N", self.least_tension_N, above=0, hint="a tendon cannot push")
         if self.periodic and self.hold is Hold.KEEP:
             raise ParameterError('hold = "keep" is for references that come to rest; leave it out with periodic = true')
@@ -71,8 +92,6 @@ class Wish:
             raise ParameterError(f'{wanted} is missing: quantity = "{self.quantity}" asks for it')
         if getattr(self, other) is not None:
             raise ParameterError(f'{other} is not for quantity = "{self.quantity}"; give {wanted} alone')
-        if self.wants_position and getattr(self, "initial_tension_N", None) is None:
-            raise ParameterError('initial_tension_N is missing: quantity = "position" counts from a rest under it')
 
     @property
     def wants_position(self) -> bool:
@@ -111,8 +130,7 @@ class SineReference(Wish):
         return (self.amplitudes_m if self.wants_position else self.amplitudes_N) or ()
 
     def __post_init__(self) -> None:
-        self._check_quantity()
-        _require_tension("initial_tension_N", self.initial_tension_N)
+        self._check()
         self._check_series("amplitudes_N", "amplitudes_m")
         name = "amplitudes_m" if self.wants_position else "amplitudes_N"
         if not self.amplitudes or len(self.amplitudes) != len(self.frequencies_Hz):
@@ -157,28 +175,15 @@ class WaypointReference(Wish):
         return (self.positions_m if self.wants_position else self.tensions_N) or ()
 
     def __post_init__(self) -> None:
-        self._check_quantity()
+        self._check()
         self._check_series("tensions_N", "positions_m")
         name = "positions_m" if self.wants_position else "tensions_N"
-        if len(self.times_s) < 2 or len(self.times_s) != len(self.values):
-            raise ParameterError(
-                f"times_s must be as many as {name} and at least two, got {len(self.times_s)} and "
-                f"{len(self.values)}; give one value for each time"
-            )
-        for k, time in enumerate(self.times_s):
-            require(f"times_s[{k}]", time, least=0, hint="waypoints are counted from the start of the run")
-        if self.times_s[0] != 0:
-            raise ParameterError(f"times_s must start at 0, got {self.times_s[0]}; the run starts at time 0")
-        for earlier, later in pairwise(self.times_s):
-            if not later > earlier:
-                raise ParameterError(f"times_s must increase, got {later} after {earlier}; sort the waypoints")
+        require_waypoints(self.times_s, name, self.values)
         for k, value in enumerate(self.values):
             if self.wants_position:
                 require(f"positions_m[{k}]", value, hint="it counts from the start at rest")
             else:
                 _require_tension(f"tensions_N[{k}]", value)
-        if self.initial_tension_N is not None:
-            _require_tension("initial_tension_N", self.initial_tension_N)
 
 
 class Interpolation(StrEnum):
@@ -216,16 +221,10 @@ class CsvReference(Wish):
     interpolation: Interpolation = Interpolation.MONOTONE
 
     def __post_init__(self) -> None:
-        self._check_quantity()
-        if self.wants_position and self.initial_tension_N is None:
-            raise ParameterError(
-                'initial_tension_N is missing: quantity = "position" counts from a rest under a tension'
-            )
+        self._check()
         if not self.file.strip() or "\0" in self.file:
             raise ParameterError(f"file must name a CSV file, got {self.file!r}; it is relative to the scenario file")
         require_given("cutoff_Hz", self.cutoff_Hz, above=0, hint="leave it out to take the samples as they are")
-        if self.initial_tension_N is not None:
-            _require_tension("initial_tension_N", self.initial_tension_N)
 
 
 ReferenceSpec = SineReference | WaypointReference | CsvReference

@@ -20,7 +20,15 @@ from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec, SineReference, WaypointReference
 from tendonff.compensator.scenario.settings import Adaptation, OptimalSettings, Run, Stream
 from tendonff.compensator.scenario.shorthand import expand, further_keys
-from tendonff.compensator.scenario.tables import check_names, missing_keys, read_table, show, toml_table, toml_value
+from tendonff.compensator.scenario.tables import (
+    check_names,
+    missing_keys,
+    read_kind,
+    read_table,
+    show,
+    toml_table,
+    toml_value,
+)
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Actuator, Friction, Load, Tendon, Transmission
 from tendonff.models.parameters import Path as TendonPath
@@ -29,11 +37,7 @@ from tendonff.models.path import Section
 
 SCHEMA = 1
 
-_KINDS: dict[str, type[SineReference] | type[WaypointReference] | type[CsvReference]] = {
-    "sine": SineReference,
-    "waypoints": WaypointReference,
-    "csv": CsvReference,
-}
+_KINDS: dict[str, type[ReferenceSpec]] = {"sine": SineReference, "waypoints": WaypointReference, "csv": CsvReference}
 _TABLES: dict[str, type] = {
     "path": TendonPath,
     "tendon": Tendon,
@@ -175,7 +179,7 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
     scenario = Scenario(
         name=name,
         transmission=transmission,
-        reference=_read_reference(raw["reference"], file),
+        reference=read_kind(_KINDS, raw["reference"], file=file, table="reference"),
         run=run,  # type: ignore[arg-type]
         source=source,
         joints=joints,
@@ -277,19 +281,6 @@ def _complete(raw: Mapping[str, object], file: str) -> dict[str, object]:
         rope = "; elastic_modulus_Pa, length_m and diameter_m may stand for stiffness_N_per_m" if stiffness else ""
         raise InputError(f'{file}: missing: {listed}{rope}; "tendonff new" writes a file that explains every key')
     return complete
-
-
-def _read_reference(raw: object, file: str) -> ReferenceSpec:
-    where = f"{file} [reference]"
-    kinds = ", ".join(f'"{kind}"' for kind in _KINDS)
-    if not isinstance(raw, Mapping):
-        raise InputError(f"{file}: reference must be a table, got {show(raw)}; write [reference] on a line of its own")
-    kind = raw.get("kind")
-    if kind is None:
-        raise InputError(f'{where}: key "kind" is missing; it is one of {kinds}')
-    if not isinstance(kind, str) or kind not in _KINDS:
-        raise InputError(f"{where}: kind must be one of {kinds}, got {show(kind)}")
-    return read_table(_KINDS[kind], raw, file=file, table="reference", extra_keys=("kind",))
 
 
 def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | None = None) -> str:

@@ -48,6 +48,18 @@ def read_table(cls: type[T], raw: object, *, file: str, table: str, extra_keys: 
         raise InputError(f"{where}: {error}") from None
 
 
+def read_kind(kinds: Mapping[str, type[T]], raw: object, *, file: str, table: str) -> T:
+    """Build the dataclass that the key `kind` of a table names; InputError as `read_table`."""
+    if isinstance(raw, Mapping):
+        kind, known = raw.get("kind"), ", ".join(f'"{kind}"' for kind in kinds)
+        if kind is None:
+            raise InputError(f'{file} [{table}]: key "kind" is missing; it is one of {known}')
+        if not isinstance(kind, str) or kind not in kinds:
+            raise InputError(f"{file} [{table}]: kind must be one of {known}, got {show(kind)}")
+        return read_table(kinds[kind], raw, file=file, table=table, extra_keys=("kind",))
+    raise InputError(f"{file}: {table} must be a table, got {show(raw)}; write [{table}] on a line of its own")
+
+
 def check_names(cls: type, raw: object, *, file: str, table: str, extra_keys: tuple[str, ...] = ()) -> None:
     """Refuse what is no table, and keys known neither to the dataclass nor as `extra_keys`."""
     if not isinstance(raw, Mapping):

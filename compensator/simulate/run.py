@@ -8,16 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from tendonff.compensator.compensators.motion import servo
+from tendonff.compensator.compensators.base import servo
 from tendonff.compensator.files.progress import Progress, silent
-from tendonff.compensator.files.quantities import (
-    FORCE_UNITS,
-    LENGTH_UNITS,
-    TIME_UNITS,
-    TIME_WORDS,
-    Quantity,
-    read_quantities,
-)
+from tendonff.compensator.files.quantities import FORCE_UNITS, LENGTH_UNITS, Quantity, read_quantities, time_quantity
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.tables import table_dialect
 from tendonff.compensator.files.writing import open_csv
@@ -92,7 +85,7 @@ def read_force(path: Path, column: str | None = None, drive: Drive = Drive.FORCE
         others = ", ".join(name for name in profiles if name != column)
         note = (f"{path.name}: simulating {column}" + (f" (--force-column for {others})" if others else ""),)
     wanted = (
-        Quantity(name="time_s", words=TIME_WORDS, units=TIME_UNITS, option='the name "time_s"'),
+        time_quantity('the name "time_s"'),
         Quantity(
             name=plain,
             words=(word, f"actuator_{word}", *(name.removesuffix(f"_{unit}") for name in profiles)),

@@ -20,14 +20,10 @@ class Tables(TablesData):
     """Tables that can be written."""
 
     def write(self, folder: str | os.PathLike[str], *, prefix: str = "tff") -> None:
-        """Write `table.csv`, `table.json`, `table.h`, a figure and `report.html`, all or nothing.
+        """Write `table.csv`, `table.json`, `table.h`, a figure and `report.html`, all or nothing, into a folder, which
+        is made.
 
-        Parameters
-        ----------
-        folder : str or path
-            Made where it is missing.
-        prefix : str, optional
-            Prefix of the names in `table.h`.
+        The names in `table.h` begin with `prefix`.
         """
         with atomic_directory(folder) as partial:
             write_text(partial / "table.csv", table_csv(self))

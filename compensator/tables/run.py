@@ -4,8 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
-from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.compensators.motion import with_motion
+from tendonff.compensator.compensators.base import Problem, with_motion
 from tendonff.compensator.compensators.score import SimulatedPlant, scale_N, verify
 from tendonff.compensator.compensators.table import CompensationTable, table_of, table_range
 from tendonff.compensator.compensators.uncertain import doubt, error_bands
@@ -30,7 +29,6 @@ def make_tables(
 
     Parameters
     ----------
-    scenario : Scenario
     level : Level, optional
         Default: the scenario's own.
     bound_N : float, optional

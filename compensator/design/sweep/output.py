@@ -16,14 +16,9 @@ class Sweep(SweepData):
     """A sweep that can be written."""
 
     def write(self, folder: str | os.PathLike[str], *, parquet: bool = False) -> None:
-        """Write `samples.csv`, `summary.json`, figures and `report.html`, all or nothing.
+        """Write `samples.csv`, with `parquet` as `samples.parquet` too, `summary.json`, figures and `report.html`.
 
-        Parameters
-        ----------
-        folder : str or path
-            Made where it is missing.
-        parquet : bool, optional
-            Write `samples.parquet` too, with the same columns.
+        All or nothing, into a folder, which is made.
         """
         figures = sweep_figures(self)
         with atomic_directory(folder) as partial:

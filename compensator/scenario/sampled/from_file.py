@@ -6,14 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tendonff.compensator.files.quantities import (
-    FORCE_UNITS,
-    LENGTH_UNITS,
-    TIME_UNITS,
-    TIME_WORDS,
-    Quantity,
-    read_quantities,
-)
+from tendonff.compensator.files.quantities import FORCE_UNITS, LENGTH_UNITS, Quantity, read_quantities, time_quantity
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.reference import CsvReference, Interpolation
@@ -42,9 +35,7 @@ class Samples:
 def read_samples(spec: CsvReference, path: Path, step_s: float) -> Samples:
     """Read the trace of a reference; InputError where the file is refused or seems to count milliseconds as seconds."""
     wanted = (
-        Quantity(
-            name="time_s", words=TIME_WORDS, units=TIME_UNITS, option=_COLUMN.format("time"), column=spec.time_column
-        ),
+        time_quantity(_COLUMN.format("time"), spec.time_column),
         Quantity(
             name="position_m",
             words=("position", "load_position", "weg"),

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from tendonff.compensator.files.quantities import ANGLE_UNITS, TIME_UNITS, TIME_WORDS, Quantity, read_quantities
+from tendonff.compensator.files.quantities import ANGLE_UNITS, Quantity, read_quantities, time_quantity
 from tendonff.compensator.files.reading import FloatArray, suggestion
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, Joint, SineJoint, WaypointJoint
@@ -110,7 +110,7 @@ def read_motion(path: Path, name: str, time_s: FloatArray, end_s: float) -> Floa
     InputError where the file is refused, or ends before `end_s` [s].
     """
     wanted = (
-        Quantity(name="time_s", words=TIME_WORDS, units=TIME_UNITS, option='a column "time_s" instead of "{}"'),
+        time_quantity('a column "time_s" instead of "{}"'),
         Quantity(
             name=f"{name}_rad",
             words=(name.lower(),),

@@ -1,7 +1,7 @@
 """The desired tension at the far end, sampled on the grid of the run."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import assert_never
 
 import numpy as np
@@ -76,7 +76,6 @@ def sample_reference(scenario: Scenario, *, strict: bool = True) -> Reference:
 
     Parameters
     ----------
-    scenario : Scenario
     strict : bool, optional
         Refuse a reference out of reach; otherwise it is a warning.
 
@@ -86,11 +85,10 @@ def sample_reference(scenario: Scenario, *, strict: bool = True) -> Reference:
         The reference reaches 0 or below, or, strictly, above the largest tension that force_max_N delivers through
         the friction.
     """
-    spec, step = scenario.reference, scenario.run.step_s
-    sampled = _sample(scenario)
-    time, tension, initial, notes = sampled.time_s, sampled.tension_N, sampled.initial_N, list(sampled.notes)
-    removed = sampled.removed
-    beyond = _check_deliverable(scenario.transmission, time, tension, scenario.source.name)
+    spec, sampled = scenario.reference, _sample(scenario)
+    tension, initial, removed = sampled.tension_N, sampled.initial_tension_N, sampled.removed_noise_N
+    notes = list(sampled.warnings)
+    beyond = _check_deliverable(scenario.transmission, sampled.time_s, tension, scenario.source.name)
     if beyond and strict:
         raise InputError(beyond)
     notes += [beyond] if beyond else []
@@ -105,23 +103,12 @@ def sample_reference(scenario: Scenario, *, strict: bool = True) -> Reference:
         notes.append(
             f"the reference starts at {tension[0]:.4g} N but initial_tension_N is {initial:.4g} N: it jumps at t = 0"
         )
-    return Reference(
-        time_s=time,
-        tension_N=tension,
-        step_s=step,
-        initial_tension_N=initial,
-        removed_noise_N=removed,
-        sample_interval_s=sampled.interval_s,
-        position_m=sampled.position_m,
-        periodic=spec.periodic,
-        hold=spec.hold,
-        warnings=tuple(notes),
-    )
+    return replace(sampled, warnings=tuple(notes))
 
 
 def initial_tension(scenario: Scenario) -> float:
     """Uniform tension at rest before the start [N], without checking the rest of the reference."""
-    return _sample(scenario).initial_N
+    return _sample(scenario).initial_tension_N
 
 
 def work_ahead(scenario: Scenario) -> str | None:
@@ -144,20 +131,8 @@ def work_ahead(scenario: Scenario) -> str | None:
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Sampled:
-    """The wanted quantity on the grid of the run, before it is checked."""
-
-    time_s: FloatArray
-    tension_N: FloatArray
-    position_m: FloatArray | None
-    initial_N: float
-    removed: float
-    interval_s: float
-    notes: tuple[str, ...]
-
-
-def _sample(scenario: Scenario) -> _Sampled:
+def _sample(scenario: Scenario) -> Reference:
+    """The reference before it is checked against what the transmission can deliver."""
     spec, step, file = scenario.reference, scenario.run.step_s, scenario.source.name
     removed, interval, notes = 0.0, 0.0, list[str]()
     match spec:
@@ -193,14 +168,17 @@ def _sample(scenario: Scenario) -> _Sampled:
     # The first sample of the filtered course, where there is a filter: the run then starts without a jump.
     initial = float(course[0]) if spec.initial_tension_N is None else spec.initial_tension_N
     tension, floor, note = keep_taut(course, spec.least_tension_N)
-    return _Sampled(
+    return Reference(
         time_s=time,
         tension_N=tension,
+        step_s=step,
+        initial_tension_N=max(initial, floor),
+        removed_noise_N=removed,
+        sample_interval_s=interval,
         position_m=position,
-        initial_N=max(initial, floor),
-        removed=removed,
-        interval_s=interval,
-        notes=(*notes, *note),
+        periodic=spec.periodic,
+        hold=spec.hold,
+        warnings=(*notes, *note),
     )
 
 

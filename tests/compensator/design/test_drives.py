@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
-from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.compensators.motion import with_motion
+from tendonff.compensator.compensators.base import Problem, with_motion
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import SimulatedPlant, verify
 from tendonff.compensator.design.drive_use import DriveUse
