@@ -100,13 +100,7 @@ class Simulator:
         self._memory = replace(memory, x=memory.x.copy(), x_old=memory.x_old.copy())
 
     def advance(self, inputs: ChainInputs, record: bool = False) -> Rows:
-        """Advance over inputs at the ends of the coming steps.
-
-        Returns
-        -------
-        Rows
-            Fewer than asked for where a step fails for good.
-        """
+        """Advance over inputs at the ends of the coming steps; fewer rows where a step fails for good."""
         return self._stepper.advance(self._memory, inputs, record)
 
 

@@ -48,15 +48,9 @@ def opened(
 ) -> Iterator[tuple["Scenario", Path]]:
     """Scenario and result folder, before a command imports what it computes with, which takes a second.
 
-    A scenario that is not valid, a reference that is infeasible and a folder that cannot be written are refused at
-    once; the folder appears when the block ends without an error. The length of a long run is said before it starts.
-
-    Parameters
-    ----------
-    follows_reference : bool, optional
-        Whether the command uses the scenario's reference.
-    strict : bool, optional
-        Refuse a reference out of reach.
+    A scenario that is not valid, a reference (where the command follows it) that is infeasible, if `strict` out of
+    reach, and a folder that cannot be written are refused at once; the folder appears when the block ends without an
+    error. The length of a long run is said before it starts.
     """
     from tendonff.compensator.files.writing import atomic_directory
     from tendonff.compensator.scenario.sampled.sampling import sample_reference, work_ahead

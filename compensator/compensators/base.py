@@ -271,10 +271,7 @@ def limit_warnings(name: str, before_N: FloatArray, after_N: FloatArray) -> tupl
 def with_motion(problem: Problem, name: str, profile: Profile) -> Profile:
     """A profile with the travel on the design model and, for a position drive, the command.
 
-    Parameters
-    ----------
-    name : str
-        Of the compensator. "none" knows of no friction: its command is that of springs in series.
+    "none" knows of no friction: its command is that of springs in series.
     """
     reference, actuator = problem.reference, problem.transmission.actuator
     start = reference.initial_tension_N

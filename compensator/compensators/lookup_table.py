@@ -84,12 +84,9 @@ class LookupTable:
         return result
 
     def force_N(self, reference_N: FloatArray, branch: Branch, share: FloatArray) -> FloatArray:
-        """Force by bilinear interpolation of the ratio, for many points at once [N].
+        """Force by bilinear interpolation of the ratio at points inside the table's range, shape (n,) [N].
 
-        Parameters
-        ----------
-        reference_N, share : ndarray, shape (n,)
-            Inside the table's range; a share beyond the last node means that the transition is over.
+        A share beyond the last node means that the transition is over.
         """
         table = self.branch(branch)
         row, a = _locate(self.reference_N, reference_N)

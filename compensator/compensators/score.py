@@ -68,15 +68,8 @@ def simulate_profile(
 ) -> Simulation:
     """Simulate a plant under a profile, from rest at the reference's initial tension; a cycle in its steady state.
 
-    Parameters
-    ----------
-    profile : Profile
-        Rows of the reference's grid: its command where it has one, else its force.
-
-    Returns
-    -------
-    Simulation
-        On the plant's own grid, every `refinement`-th row of which is a row of the reference.
+    The profile's command counts where it has one, else its force. The result is on the plant's own grid, every
+    `refinement`-th row of which is a row of the reference.
     """
     chain = Chain.of(transmission, plant.level, plant.segments)
     drive = profile.force_N

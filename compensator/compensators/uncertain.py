@@ -31,12 +31,9 @@ class Doubt:
 
 
 def doubt(transmission: Transmission, uncertainty: Uncertainty) -> Doubt:
-    """What may be the real transmission.
+    """What may be the real transmission, by the scenario's uncertainty.
 
-    Parameters
-    ----------
-    uncertainty : Uncertainty
-        The scenario's; where it says that all is certain, or takes a single sample, `ASSUMED` instead.
+    Where that says that all is certain, or takes a single sample, it is `ASSUMED` instead.
     """
     is_assumed = uncertainty.is_certain or uncertainty.samples == 1
     stated = ASSUMED if is_assumed else uncertainty

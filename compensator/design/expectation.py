@@ -89,12 +89,8 @@ def expect(
 ) -> Expectation:
     """Try every profile on the samples that the scenario's uncertainty admits, or on those that are assumed.
 
-    Parameters
-    ----------
-    forces_N : mapping of str to ndarray, shape (n,)
-        By name of the compensator; those that may be used.
-    found : Robustness or None
-        The bands over the scenario's own samples, where it has any.
+    Of the forces, by name of the compensator, those that may be used; of the scenario's own samples, where it has any,
+    the bands are known.
     """
     reference, level = problem.reference, problem.level
     span = scale_N(reference.tension_N)

@@ -87,10 +87,7 @@ class Online:
 def study_online(scenario: Scenario, optimum_percent: float | None = None) -> Online:
     """Try filters on the scenario's reference with the noise of a converter; SolveError if none can be simulated.
 
-    Parameters
-    ----------
-    optimum_percent : float, optional
-        RMS error of the optimal profile on the same model, for comparison [% of range].
+    Beside them stands the RMS error of the optimal profile on the same model [% of range], where it is given.
     """
     if scenario.joints:
         raise InputError(

@@ -59,7 +59,6 @@ class Plan:
     # blend_s, rest_s: time in which a command takes up and gives up its rate, and rest after that [s]
     blend_s: float
     rest_s: float
-    high_tension_N: float  # top of the default ramps [N]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,10 +85,7 @@ class Schedule:
 def plan_experiment(scenario: Scenario) -> Plan:
     """The test of a scenario: its [experiment] table, completed by what its transmission suggests.
 
-    Raises
-    ------
-    InputError
-        The tensions asked for are not low < high within the actuator's range, or a rate exceeds the actuator's.
+    InputError if the tensions are not low < high within the actuator's range, or a rate exceeds the actuator's.
     """
     settings, transmission = scenario.experiment, scenario.transmission
     where = f"{scenario.source.name} [experiment]"
@@ -131,7 +127,6 @@ def plan_experiment(scenario: Scenario) -> Plan:
         states=states,
         blend_s=blend,
         rest_s=settings.rest_s,
-        high_tension_N=high,
     )
 
 

@@ -270,10 +270,7 @@ class Deviation:
 def read_measured(path: Path) -> MeasuredTensions:
     """Read a file with `time_s` and any of `tension_1_N` .. `tension_7_N`; its time counts from the start of the test.
 
-    Raises
-    ------
-    InputError
-        If the file has no time or none of the tensions, or starts after the test.
+    InputError if it has no time or none of the tensions, or starts after the test.
     """
     table = read_table(path, ("time_s", *COLUMNS))
     there = [k for k, name in enumerate(COLUMNS) if name in table.columns]
@@ -294,13 +291,7 @@ def read_measured(path: Path) -> MeasuredTensions:
 
 
 def deviations(run: ExperimentRun, measured: MeasuredTensions) -> tuple[Deviation, ...]:
-    """Difference of each measured tension from a run.
-
-    Raises
-    ------
-    InputError
-        If no measured row lies within the test.
-    """
+    """Difference of each measured tension from a run; InputError if no measured row lies within the test."""
     inside = (measured.time_s >= run.time_s[0]) & (measured.time_s <= run.time_s[-1])
     if not inside.any():
         raise InputError(

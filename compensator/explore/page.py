@@ -255,19 +255,9 @@ def _log_slider(title: str, value: float, decades: float) -> Slider:
 
 
 def make_server(scenario: Scenario, port: int) -> Server:
-    """Server of the page, on this machine only; not started yet.
+    """Server of the page, on this machine only, at a port (0: any that is free); not started yet.
 
-    Parameters
-    ----------
-    port : int
-        0 for any that is free.
-
-    Raises
-    ------
-    InputError
-        If the port is taken.
-    TendonffError
-        If the scenario itself cannot be computed.
+    InputError if the port is taken, TendonffError if the scenario itself cannot be computed.
     """
     explorer = Explorer(scenario)
     explorer.at(explorer.start)  # what is wrong with the scenario is said here, not in the browser

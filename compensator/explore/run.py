@@ -90,16 +90,8 @@ class Explorer:
     ) -> Exploration:
         """Design and simulate with changed parameters.
 
-        Parameters
-        ----------
-        design_knows : bool, optional
-            The design is made for the changed transmission; else it is made for the scenario's own and tried on the
-            changed one, with the changed actuator.
-
-        Raises
-        ------
-        TendonffError
-            When the changed transmission cannot deliver the reference, or a value is out of bounds.
+        The design is made for the changed transmission; else for the scenario's own, and tried on the changed one, with
+        the changed actuator. TendonffError when the reference cannot be delivered, or a value is out of bounds.
         """
         changed = self.scenario_at(parameters)
         known = self._scenario.transmission

@@ -58,17 +58,9 @@ def is_comment(line: str) -> bool:
 
 
 def find_dialect(path: Path, expected: Sequence[str] = ()) -> Dialect:
-    """Find out from its first lines how a table is written.
+    """Find out from its first lines how a table is written; `expected` names tell its header from a heading.
 
-    Parameters
-    ----------
-    expected : sequence of str
-        Names of columns that the header may have; they tell it from a heading.
-
-    Raises
-    ------
-    InputError
-        The file is empty, is no text, or its first line is a row of numbers.
+    InputError if the file is empty, is no text, or its first line is a row of numbers.
     """
     lines = _first_lines(path)
     try:

@@ -51,17 +51,9 @@ def time_quantity(option: str, column: str | None = None) -> Quantity:
 
 
 def read_quantities(path: Path, wanted: Sequence[Quantity], *, starts_at_zero: bool = False) -> Quantities:
-    """Read quantities from a table, the first of which must increase from row to row.
+    """Read quantities from a table, the first of which must increase from row to row, or start at 0 too.
 
-    Parameters
-    ----------
-    starts_at_zero : bool
-        The first quantity must start at 0.
-
-    Raises
-    ------
-    InputError
-        A column or its unit cannot be told, with the way to say it; or what `read_csv` refuses.
+    InputError if a column or its unit cannot be told, with the way to say it; or what `read_csv` refuses.
     """
     named = [q.column for q in wanted if q.column is not None]
     dialect = table_dialect(path, (*named, *(q.name for q in wanted)))

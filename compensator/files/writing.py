@@ -104,9 +104,26 @@ def _remove_empty(folders: Sequence[Path]) -> None:
             return  # somebody else put something there
 
 
-def _sibling(target: Path) -> Path:
+@contextmanager
+def _appearing(
+    target: Path, make: Callable[[Path], None], place: Callable[[Path], None], remove: Callable[[Path], None]
+) -> Iterator[Path]:
+    """A sibling of `target`, made, then placed when the block ends without an error, else removed."""
+    made = _make_parents(target.parent)
     remove_leftovers(target.parent, target.name)
-    return target.with_name(temporary_name(target.name))
+    partial = target.with_name(temporary_name(target.name))
+    try:
+        try:
+            make(partial)
+        except OSError as error:
+            raise InputError(f"{target} cannot be written: {error.strerror or error}") from None
+        yield partial
+        with _uninterrupted():
+            place(partial)
+    except BaseException:
+        remove(partial)
+        _remove_empty(made)
+        raise
 
 
 @contextmanager
@@ -134,23 +151,14 @@ def atomic_file(target: Path) -> Iterator[Path]:
     if mode is not None and not stat.S_ISREG(mode):
         yield target
         return
-    target = resolved
-    made = _make_parents(target.parent)
-    partial = _sibling(target)
-    try:
-        try:
-            partial.touch()
-        except OSError as error:
-            raise InputError(f"{target} cannot be written: {error.strerror or error}") from None
+
+    def place(partial: Path) -> None:
+        if mode is not None:
+            partial.chmod(stat.S_IMODE(mode))
+        partial.replace(resolved)
+
+    with _appearing(resolved, Path.touch, place, lambda partial: partial.unlink(missing_ok=True)) as partial:
         yield partial
-        with _uninterrupted():
-            if mode is not None:
-                partial.chmod(stat.S_IMODE(mode))
-            partial.replace(target)
-    except BaseException:
-        partial.unlink(missing_ok=True)
-        _remove_empty(made)
-        raise
 
 
 @contextmanager
@@ -171,23 +179,15 @@ def atomic_directory(target: str | os.PathLike[str]) -> Iterator[Path]:
     target = Path(os.path.abspath(target))  # noqa: PTH100 - `resolve` would replace a linked folder by its target
     if target.exists() and not target.is_dir():
         raise InputError(f"{target} is a file; name a folder to write")
-    made = _make_parents(target.parent)
-    partial = _sibling(target)
-    try:
-        try:
-            partial.mkdir()
-        except OSError as error:
-            raise InputError(f"{target} cannot be written: {error.strerror or error}") from None
+
+    def place(partial: Path) -> None:
+        if target.exists():
+            _merge(partial, target)
+        else:
+            partial.rename(target)
+
+    with _appearing(target, Path.mkdir, place, lambda partial: shutil.rmtree(partial, ignore_errors=True)) as partial:
         yield partial
-        with _uninterrupted():
-            if target.exists():
-                _merge(partial, target)
-            else:
-                partial.rename(target)
-    except BaseException:
-        shutil.rmtree(partial, ignore_errors=True)
-        _remove_empty(made)
-        raise
 
 
 def _merge(source: Path, target: Path) -> None:
@@ -216,10 +216,7 @@ def write_text(path: Path, text: str) -> None:
 def write_json(path: Path, value: Mapping[str, Any]) -> None:
     """Write `value` as indented JSON, whole or not at all; numpy scalars and arrays become numbers and lists.
 
-    Raises
-    ------
-    ValueError
-        When a number is not finite: JSON has no NaN, and a result should say what is missing instead.
+    ValueError when a number is not finite: JSON has no NaN, and a result should say what is missing instead.
     """
     write_text(path, json.dumps(value, indent=2, allow_nan=False, ensure_ascii=False, default=_plain) + "\n")
 

@@ -14,18 +14,9 @@ Curves = Mapping[str, tuple[FloatArray, Style]]
 
 
 def interactive_view(time_s: FloatArray, panels: Mapping[str, Curves]) -> str:
-    """HTML of panels over one time axis; nothing in it is loaded from elsewhere.
+    """HTML of panels over one time axis, by the label of the vertical axis; nothing in it is loaded from elsewhere.
 
-    Parameters
-    ----------
-    time_s : ndarray, shape (n,)
-    panels : mapping of str to curves
-        By the label of the vertical axis; curves by their names in the legend.
-
-    Raises
-    ------
-    InputError
-        If Bokeh is not installed.
+    Curves are shape (n,), by their names in the legend. InputError if Bokeh is not installed.
     """
     try:
         from bokeh.embed import components

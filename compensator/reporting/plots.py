@@ -84,18 +84,10 @@ def new_figure(
     share_y: bool = False,
     height_ratios: Sequence[float] | None = None,
 ) -> tuple[Figure, "NDArray[np.object_]"]:
-    """An empty figure in our style, without touching matplotlib's global state or a display.
+    """An empty figure in our style and its panels, without touching matplotlib's global state or a display.
 
-    Parameters
-    ----------
-    rows, columns : int
-        Panels.
-    width_in, height_in : float, optional
-        Size [in]; default: a printed page's width, and 2.2 in for each row and another 0.4.
-    share_x, share_y : bool, optional
-        Panels of one column share the abscissa, panels of one row the ordinate.
-    height_ratios : sequence of float, optional
-        Relative heights of the rows.
+    By default it is as wide as a printed page, and 2.2 in high for each row and another 0.4. Panels of one column may
+    share the abscissa, panels of one row the ordinate.
 
     Returns
     -------
@@ -121,14 +113,9 @@ def thinned(rows: int, most: int = _MOST_POINTS) -> slice:
 
 
 def coinciding(curves: "Mapping[str, NDArray[np.float64]]", span: float) -> dict[str, str]:
-    """Curves that would hide another one, each with the first that it lies on.
+    """Curves, shape (n,), that would hide another one, each with the first that it lies on, in the order of drawing.
 
-    Parameters
-    ----------
-    curves : mapping of str to ndarray, shape (n,)
-        By name, in the order in which they are drawn.
-    span : float
-        Drawn range; what differs by less than 0.4 % of it looks the same.
+    What differs by less than 0.4 % of the drawn range looks the same.
     """
     found: dict[str, str] = {}
     names = list(curves)
@@ -156,15 +143,7 @@ def draw_joints(panel: Axes, motion: "JointMotion", time_s: "FloatArray") -> Non
 
 
 def save_figure(figure: Figure, path: Path, formats: Sequence[str] = ("png", "pdf")) -> list[Path]:
-    """Write a figure in each format, whole or not at all; equal figures give equal files.
-
-    Parameters
-    ----------
-    path : Path
-        Without a suffix: `DIR/name` becomes `DIR/name.png` and `DIR/name.pdf`.
-    formats : sequence of str, optional
-        "png", "pdf" or "svg".
-    """
+    """Write a figure as `DIR/name.png` and so on, whole or not at all; equal figures give equal files."""
     undated = {"png": {"Software": None}, "pdf": {"CreationDate": None, "ModDate": None}, "svg": {"Date": None}}
     written = []
     with figure_style():
@@ -177,16 +156,9 @@ def save_figure(figure: Figure, path: Path, formats: Sequence[str] = ("png", "pd
 
 
 def bode_figure(systems: "Mapping[str, control.LTI]", frequencies_Hz: FloatArray, *, ylabel: str) -> Figure:
-    """Gain and phase over frequency, one curve for each system.
+    """Gain and phase over frequency [Hz], shape (n,), > 0, rising: one curve for each system, by label.
 
-    Parameters
-    ----------
-    systems : mapping of str to control.LTI
-        By label; one input, one output each.
-    frequencies_Hz : ndarray, shape (n,)
-        Where to evaluate [Hz], > 0, rising.
-    ylabel : str
-        What the gain is, with unit.
+    Every system has one input and one output; `ylabel` says what the gain is, with its unit.
     """
     with figure_style():
         figure, axes = new_figure(2, 1, share_x=True, height_in=4.4)

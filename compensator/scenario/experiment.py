@@ -160,13 +160,7 @@ class Experiment:
         self.own_states()  # so that a mistake is found when the file is read
 
     def own_states(self) -> tuple[ExperimentState, ...] | None:
-        """The state machine of the columns; None where there are none.
-
-        Raises
-        ------
-        ParameterError
-            A column is missing or of another length, or an entry is not understood.
-        """
+        """The state machine of the columns; None where there are none, ParameterError where they make no sense."""
         columns = {name: getattr(self, name) for name in _COLUMNS}
         given = [name for name, column in columns.items() if column is not None]
         if not given:

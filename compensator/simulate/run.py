@@ -63,17 +63,8 @@ class ForceProfile:
 def read_force(path: Path, column: str | None = None, drive: Drive = Drive.FORCE) -> ForceProfile:
     """Read what drives the actuator: columns time_s and force_N, or command_m for a position drive, first row at 0.
 
-    Parameters
-    ----------
-    column : str, optional
-        Column of the force or command. Default: force_N or command_m, and of a `profile.csv` the optimal one.
-    drive : Drive, optional
-        What the actuator is told.
-
-    Raises
-    ------
-    InputError
-        The file is refused, or its columns do not tell which is the force.
+    In a `profile.csv` the optimal one is taken, unless a column is named. InputError where the file is refused, or its
+    columns do not tell which is the force.
     """
     word, unit, units = ("force", "N", FORCE_UNITS) if drive is Drive.FORCE else ("command", "m", LENGTH_UNITS)
     plain, usual = f"{word}_{unit}", f"{word}_optimal_{unit}"

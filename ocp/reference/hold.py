@@ -75,20 +75,10 @@ def keep_force(
     *,
     initial_tension_N: float | None = None,
 ) -> KeptForce:
-    """Exact inverse of a reference between its holds, and a constant force in them.
+    """Exact inverse of a reference, shape (n,) [N], > 0, between its holds, and a constant force in them.
 
-    Parameters
-    ----------
-    chain : Chain
-        Its near end must act.
-    reference_N : ndarray, shape (n,)
-        Wanted output tension at 0, h, 2 h ... [N], > 0.
-    step_s : float
-        h [s], > 0.
-    holds : tuple of (int, int)
-        First and last row of each hold, in order and apart.
-    initial_tension_N : float, optional
-        Uniform tension of the start at rest [N]; default: the first reference.
+    The chain's near end must act. Holds are first and last rows, in order and apart. The start is at rest under the
+    initial tension, by default the first reference [N].
 
     Raises
     ------

@@ -52,12 +52,8 @@ def choose_stream(
 ) -> StreamChoice | None:
     """Try filters of all lengths that lag or preview admit, and pick one; None where no force can be simulated.
 
-    Parameters
-    ----------
-    accepted_N : tuple of float
-        References that the exported modules accept [N].
-    with_ramps : bool, optional
-        Preview also helps against a rate limit that binds.
+    References are accepted from `accepted_N[0]` to `accepted_N[1]`. With ramps, preview also helps against a rate limit
+    that binds.
     """
     step, still = problem.reference.step_s, problem.chain.motion is None  # nobody knows where joints will be
     binds = with_ramps and still and rate_binds(problem)

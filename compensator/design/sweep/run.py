@@ -29,10 +29,7 @@ from tendonff.ocp.tracking.robust import transmission_at
 def executor_of(address: str | None) -> Iterator[Executor | None]:
     """An executor on the cluster at an address such as tcp://host:8786, which stays up; None for this machine.
 
-    Raises
-    ------
-    InputError
-        If Dask is not installed, or no cluster answers.
+    InputError if Dask is not installed, or no cluster answers.
     """
     if address is None:
         yield None

@@ -56,10 +56,7 @@ def _need_joints(scenario: Scenario, option: str) -> None:
 def sample_joints(scenario: Scenario, end_s: float, *, periodic: bool = False) -> JointMotion | None:
     """Angles of all joints at the steps of the run until `end_s` [s], their period or not; None for no joints.
 
-    Raises
-    ------
-    InputError
-        If a file of motion is too short, or the path has no meaning under the motion.
+    InputError if a file of motion is too short, or the path has no meaning under the motion.
     """
     transmission, file = scenario.transmission, scenario.source.name
     if not scenario.joints:

@@ -198,10 +198,7 @@ def _closed(course: FloatArray, file: str) -> FloatArray:
 def keep_taut(tension_N: FloatArray, least_N: float | None) -> tuple[FloatArray, float, tuple[str, ...]]:
     """A reference, shape (n,), that touches zero, lifted to a least tension; that tension, and what to say.
 
-    Parameters
-    ----------
-    least_N : float or None
-        Tension to be kept [N]; None: 2 % of the range where the reference touches zero, else none.
+    By default the least tension is 2 % of the range where the reference touches zero, else none.
     """
     lowest, span = float(np.min(tension_N)), float(np.ptp(tension_N))
     if lowest < -1e-6 * span or (least_N is None and lowest > 0) or (least_N is not None and lowest >= least_N):
