@@ -13,6 +13,8 @@ from tendonff.models.fidelity import Level
 
 CAPSTAN_PLANT: Literal["capstan"] = "capstan"
 """Name of the static law as a plant."""
+PLANTS = (*(level.value for level in Level), CAPSTAN_PLANT)
+"""Names of the plants: the levels, then the static law."""
 
 ENOUGH_PERCENT = 0.5
 """A simpler level is enough if its design costs no more than this on the most detailed plant [% of range]."""
@@ -57,8 +59,3 @@ class ComparisonData:
         """One cell of the matrix."""
         wanted = (name, design_level, plant_level)
         return next(e for e in self.entries if (e.compensator, e.design_level, e.plant_level) == wanted)
-
-
-def plants() -> tuple[str, ...]:
-    """Names of the plants: the levels, then the static law."""
-    return (*(level.value for level in Level), CAPSTAN_PLANT)

@@ -8,7 +8,7 @@ import numpy as np
 
 from tendonff.compensator.compare.levels import level_cost, level_traits
 from tendonff.compensator.compare.output import Comparison
-from tendonff.compensator.compare.result import CAPSTAN_PLANT, ENOUGH_PERCENT, Entry, plants
+from tendonff.compensator.compare.result import CAPSTAN_PLANT, ENOUGH_PERCENT, PLANTS, Entry
 from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, ProfileStatus, with_motion
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import (
@@ -65,7 +65,7 @@ def compare(
     reference = sample_reference(scenario)
     transmission = moved(scenario, float(reference.time_s[-1]), periodic=scenario.reference.periodic)
     warnings = list(reference.warnings)
-    parts = Parts(progress, len(Level) * (len(compensators) + len(plants()) + 2))
+    parts = Parts(progress, len(Level) * (len(compensators) + len(PLANTS) + 2))
     entries: list[Entry] = []
     outputs: dict[tuple[str, Level, str], FloatArray] = {}
     forces_of: dict[tuple[str, Level], FloatArray] = {}
@@ -81,7 +81,7 @@ def compare(
             profiles[compensator.name] = with_motion(problem, compensator.name, profile)
             forces_of[compensator.name, level] = profile.force_N
             parts.done()
-        for plant in plants():
+        for plant in PLANTS:
             for name, profile in profiles.items():
                 command = b"" if profile.command_m is None else profile.command_m.tobytes()
                 key = (profile.force_N.tobytes() + command, plant)
