@@ -75,23 +75,22 @@ class Wish:
     hold: Hold = Hold.EXACT
     least_tension_N: float | None = None
 
-    def _check(self) -> None:
+    def _check(self, tensions: str | None = None, positions: str | None = None) -> None:
+        """What all kinds ask for; of the series of those names exactly that of the wanted quantity is given."""
+        require_given("least_tension_N", self.least_tension_N, above=0, hint="a tendon cannot push")
+        if self.periodic and self.hold is Hold.KEEP:
+            raise ParameterError('hold = "keep" is for references that come to rest; leave it out with periodic = true')
+        if tensions is not None and positions is not None:
+            wanted, other = (positions, tensions) if self.wants_position else (tensions, positions)
+            if getattr(self, wanted) is None:
+                raise ParameterError(f'{wanted} is missing: quantity = "{self.quantity}" asks for it')
+            if getattr(self, other) is not None:
+                raise ParameterError(f'{other} is not for quantity = "{self.quantity}"; give {wanted} alone')
         initial: float | None = getattr(self, "initial_tension_N", None)
         if initial is not None:
             _require_tension("initial_tension_N", initial)
         elif self.wants_position:
             raise ParameterError('initial_tension_N is missing: quantity = "position" counts from a rest under it')
-        require_given("least_tension_N", self.least_tension_N, above=0, hint="a tendon cannot push")
-        if self.periodic and self.hold is Hold.KEEP:
-            raise ParameterError('hold = "keep" is for references that come to rest; leave it out with periodic = true')
-
-    def _check_series(self, tensions: str, positions: str) -> None:
-        """Exactly the series of the wanted quantity is given."""
-        wanted, other = (positions, tensions) if self.wants_position else (tensions, positions)
-        if getattr(self, wanted) is None:
-            raise ParameterError(f'{wanted} is missing: quantity = "{self.quantity}" asks for it')
-        if getattr(self, other) is not None:
-            raise ParameterError(f'{other} is not for quantity = "{self.quantity}"; give {wanted} alone')
 
     @property
     def wants_position(self) -> bool:
@@ -130,8 +129,7 @@ class SineReference(Wish):
         return (self.amplitudes_m if self.wants_position else self.amplitudes_N) or ()
 
     def __post_init__(self) -> None:
-        self._check()
-        self._check_series("amplitudes_N", "amplitudes_m")
+        self._check("amplitudes_N", "amplitudes_m")
         name = "amplitudes_m" if self.wants_position else "amplitudes_N"
         if not self.amplitudes or len(self.amplitudes) != len(self.frequencies_Hz):
             raise ParameterError(
@@ -175,8 +173,7 @@ class WaypointReference(Wish):
         return (self.positions_m if self.wants_position else self.tensions_N) or ()
 
     def __post_init__(self) -> None:
-        self._check()
-        self._check_series("tensions_N", "positions_m")
+        self._check("tensions_N", "positions_m")
         name = "positions_m" if self.wants_position else "tensions_N"
         require_waypoints(self.times_s, name, self.values)
         for k, value in enumerate(self.values):
