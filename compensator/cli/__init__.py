@@ -63,7 +63,8 @@ def _root(
 
 
 _COMMANDS = (new, example, simulate, design, experiment, compare, adapt, explore, path, identify, sweep, table)
-for _command in (*_COMMANDS, export_c, export_fmu):
+_EXPORTS = (export_c, export_fmu)
+for _command in (*_COMMANDS, *_EXPORTS):
     app.command()(_command)
 
 

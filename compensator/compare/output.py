@@ -16,9 +16,7 @@ class Comparison(ComparisonData):
     """A comparison that can be written."""
 
     def write(self, folder: str | os.PathLike[str]) -> None:
-        """Write `matrix.csv`, `summary.json`, figures and `report.html`, all or nothing, into a folder, which
-        is made.
-        """
+        """Write `matrix.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
         figures = compare_figures(self)
         with atomic_directory(folder) as partial:
             names, rows = [field.name for field in fields(Entry)], map(astuple, self.entries)

@@ -154,9 +154,7 @@ class Problem:
         return self.in_cycle(limit, force_N)
 
     def in_cycle(self, causal: Callable[[FloatArray], FloatArray], rows: FloatArray) -> FloatArray:
-        """What a causal map makes of rows, shape (n,), from rest on or, of a periodic reference, in its
-        steady cycle.
-        """
+        """What a causal map makes of rows, shape (n,), from rest or, of a periodic reference, in its steady cycle."""
         if not self.reference.periodic:
             return causal(rows)
         # Friction and limits forget within a cycle: the third period is that of the steady state.
@@ -271,7 +269,9 @@ def limit_warnings(name: str, before_N: FloatArray, after_N: FloatArray) -> tupl
 def with_motion(problem: Problem, name: str, profile: Profile) -> Profile:
     """A profile with the travel on the design model and, for a position drive, the command.
 
-    "none" knows of no friction: its command is that of springs in series.
+    A force F and a command x_c1 behind the servo's stiffness k_c1 are two names of one motion, x_c1 = q_a + F/k_c1: so
+    every compensator answers with a force, and here it becomes the command, relative to the start at rest. "none" knows
+    of no friction: its command is that of springs in series.
     """
     reference, actuator = problem.reference, problem.transmission.actuator
     start = reference.initial_tension_N

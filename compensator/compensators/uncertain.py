@@ -50,10 +50,9 @@ def error_bands(
 ) -> dict[K, ErrorBand]:
     """Errors of each force, shape (n,), over samples of the transmission; equal forces are tried once."""
     tension, step, start = reference.tension_N, reference.step_s, reference.initial_tension_N
+    unique = {force.tobytes(): force for force in forces_N.values()}
     seen = {
-        force.tobytes(): error_band(
-            samples, level, force, tension, step, initial_tension_N=start, periodic=reference.periodic
-        )
-        for force in {force.tobytes(): force for force in forces_N.values()}.values()
+        key: error_band(samples, level, force, tension, step, initial_tension_N=start, periodic=reference.periodic)
+        for key, force in unique.items()
     }
     return {name: seen[force.tobytes()] for name, force in forces_N.items()}

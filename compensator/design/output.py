@@ -27,7 +27,7 @@ class Design(DesignData):
     """A design that can be written."""
 
     def write(self, folder: str | os.PathLike[str], *, interactive: bool = False) -> None:
-        """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing, into a folder, which is made.
+        """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder.
 
         Parameters
         ----------

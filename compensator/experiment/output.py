@@ -30,8 +30,8 @@ class ExperimentResult(ExperimentData):
     """A test that can be written."""
 
     def write(self, folder: str | os.PathLike[str]) -> None:
-        """Write `experiment_<level>.csv`, `summary.json`, figures and `report.html`, all or nothing, into a folder,
-        which is made.
+        """Write `experiment_<level>.csv`, `summary.json`, figures and `report.html`, all or nothing; makes
+        the folder.
         """
         figures = experiment_figures(self)
         with atomic_directory(folder) as partial:

@@ -20,8 +20,7 @@ class Tables(TablesData):
     """Tables that can be written."""
 
     def write(self, folder: str | os.PathLike[str], *, prefix: str = "tff") -> None:
-        """Write `table.csv`, `table.json`, `table.h`, a figure and `report.html`, all or nothing, into a folder, which
-        is made.
+        """Write `table.csv`, `table.json`, `table.h`, a figure and `report.html`, all or nothing; makes the folder.
 
         The names in `table.h` begin with `prefix`.
         """

@@ -17,7 +17,13 @@ _FREQUENCIES = 1024
 
 @dataclass(frozen=True, kw_only=True)  # without slots: the taps are computed once
 class StreamFilter:
-    """A symmetric filter, and the samples by which the caller hands the reference over ahead."""
+    """A symmetric filter, whose lag is the same for all frequencies, and the samples of the reference handed over
+    ahead.
+
+    Of all symmetric filters of a length that leave a constant (and, where asked, a parabola) as it is, the one that
+    passes the least noise to the force: white noise in the reference reaches the force through the inertia of the
+    moving masses, with the gain 1 + (w/w_m)^2, w_m^2 = 1/(m (1/k_load + 1/k_1)).
+    """
 
     half: int  # taps on either side of the middle: the delay in samples
     is_flat: bool  # parabolas pass unchanged too: less error, more noise
@@ -74,7 +80,14 @@ SLACK = 1 / 16
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ramp:
-    """How far ahead the inverse runs, and what is made of it."""
+    """Preview against a rate limit: how far ahead the inverse runs, and what is made of it.
+
+    At a reversal the exact force changes faster than the actuator can, and the output stands still until the force has
+    arrived. With preview the inverse runs ahead of the time that its forces are due at, so that what cannot be reached
+    in time is seen. The force then leaves its course at once, at the largest rate, and the output stands still before
+    the reference turns as well as after. Before that the force goes beyond its course for a moment, so that the output
+    stands between the level that it set out from and the one at which the reference turns.
+    """
 
     samples: int  # samples between the newest force of the inverse and the one that is due, >= 1
     # where the output stands, on the way from the level that the force sets out from (0) to the turn (1) [-]

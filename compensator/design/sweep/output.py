@@ -16,9 +16,8 @@ class Sweep(SweepData):
     """A sweep that can be written."""
 
     def write(self, folder: str | os.PathLike[str], *, parquet: bool = False) -> None:
-        """Write `samples.csv`, with `parquet` as `samples.parquet` too, `summary.json`, figures and `report.html`.
-
-        All or nothing, into a folder, which is made.
+        """Write `samples.csv` (and `samples.parquet`), `summary.json`, figures and `report.html`, all or nothing; makes
+        the folder.
         """
         figures = sweep_figures(self)
         with atomic_directory(folder) as partial:
