@@ -58,21 +58,8 @@ class Simulation:
 class Simulator:
     """A chain in motion: feed it inputs, chunk by chunk, in bounded memory.
 
-    Parameters
-    ----------
-    step_s : float
-        h [s], > 0.
-    state : ChainState
-        Where it starts.
-    inputs : ChainInputs
-        Those at that state: one row.
-
-    Raises
-    ------
-    ParameterError
-        If the step is not a positive number.
-    CodeError
-        If the compiled engine was asked for and no compiler works.
+    It starts at a state, with the inputs there in one row, and goes on in steps of h [s] > 0, else ParameterError.
+    CodeError if the compiled engine was asked for and no compiler works.
     """
 
     def __init__(
@@ -105,13 +92,9 @@ class Simulator:
 
 
 def tensions_of(chain: Chain, states: Array, time_s: Array | float = 0.0) -> Array:
-    """Tensions of recorded states, shape (rows, N + 1) [N].
+    """Tensions of recorded states, shape (rows, size), as shape (rows, N + 1) [N].
 
-    Parameters
-    ----------
-    states : ndarray, shape (rows, size)
-    time_s : float or ndarray of shape (rows,), optional
-        When: it matters where the path moves. The rate of that motion, which acts by the damping alone, is left out.
+    The time [s] matters where the path moves. The rate of that motion, which acts by the damping alone, is left out.
     """
     layout, x = chain.layout, np.atleast_2d(states)
     v, own = x[:, layout.part("v")], tuple(x[:, layout.part(name)] for name in layout.link_states)

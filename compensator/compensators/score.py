@@ -126,6 +126,7 @@ def verify(
     rest = Chain.of(transmission, plant.level, plant.segments).rest_state(reference.initial_tension_N)
     travel = run.near_position_m[:: plant.refinement] - rest.near_position_m
     load = run.far_position_m[:: plant.refinement] - rest.far_position_m
+    off = None if reference.position_m is None else load - reference.position_m
     return Verified(
         compensator=compensator,
         plant=plant,
@@ -133,7 +134,7 @@ def verify(
         travel_m=travel,
         load_m=load,
         score=score(reference.tension_N, output),
-        position_error_m=None if reference.position_m is None else _position_error(load - reference.position_m),
+        position_error_m=None if off is None else (float(np.sqrt(np.mean(off**2))), float(np.max(np.abs(off)))),
         slack=Slack.of(run),
     )
 
@@ -158,10 +159,6 @@ def slack_warnings(slack: Mapping[tuple[str, str], Slack]) -> list[str]:
             f"{names[0]} on {plant}: {found.message}"
         )
     return lines
-
-
-def _position_error(error_m: FloatArray) -> tuple[float, float]:
-    return float(np.sqrt(np.mean(error_m**2))), float(np.max(np.abs(error_m)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

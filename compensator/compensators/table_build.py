@@ -74,23 +74,11 @@ def usual_rate(reference_N: FloatArray, step_s: float) -> float:
 def build_table(
     chain: Chain, range_N: tuple[float, float], *, bound_N: float, rate_N_per_s: float, step_s: float
 ) -> BuiltTable:
-    """Sweep reversals and store the fewest nodes that keep the interpolation error under the bound.
+    """Sweep reversals and store the fewest nodes that keep the interpolation error under the bound [N], > 0.
 
-    Parameters
-    ----------
-    range_N : tuple of float
-        Least and largest reference tension [N], 0 < least < largest.
-    bound_N : float
-        Largest interpolation error [N], > 0.
-    rate_N_per_s : float
-        Rate of the reference in the sweeps [N/s], > 0.
-    step_s : float
-        Sample time of the controller [s], > 0: the table resolves a quarter of a sample's travel at that rate.
-
-    Raises
-    ------
-    ParameterError
-        If a number is out of bounds.
+    The references reach from the least to the largest tension, 0 < least < largest [N], at a rate [N/s]. At that rate
+    the table resolves a quarter of a sample's travel, of the controller's sample time `step_s` [s]. ParameterError if a
+    number is out of bounds.
     """
     low, high = range_N
     if not 0 < low < high < math.inf:

@@ -59,12 +59,7 @@ class RigRows:
 class Rig:
     """The rig at one fidelity level, at rest under uniform tension when it is made.
 
-    Parameters
-    ----------
-    modes : tuple of 2 MotorMode
-        What the motors do at first.
-    segments : int, optional
-        Number of masses on the path; default: the path's own.
+    `modes` is what the motors do at first; by default the number of masses is the path's own.
     """
 
     def __init__(self, spec: RigSpec, level: Level, modes: Modes, segments: int | None = None) -> None:
@@ -122,10 +117,7 @@ class Rig:
     def advance(self, rates: FloatArray) -> RigRows:
         """Move the commands at given rates; the rows at the ends of the steps. SolveError when a step cannot be solved.
 
-        Parameters
-        ----------
-        rates : ndarray, shape (n, 2)
-            Of the motors' commands during each step: N/s where a motor acts, else m/s; positive tightens the tendon.
+        The rates, shape (n, 2), are N/s where a motor acts, else m/s; positive tightens the tendon.
         """
         outward = [1.0 if mode.by_force else _OUTWARD[k] for k, mode in enumerate(self._modes)]
         commands = self._command + np.cumsum(rates * outward, axis=0) * self._spec.step_s

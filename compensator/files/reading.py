@@ -63,7 +63,11 @@ def read_csv(
     for name in wanted:
         if names.count(name) > 1:
             raise InputError(f'{path.name}: column "{name}" appears {names.count(name)} times; keep one')
-    columns = _unpacked(path, wanted) if is_packed(path) else _parse(path, dialect, wanted)
+    if is_packed(path):
+        table = read_table(path)
+        columns = {name: table.numbers(name) for name in wanted}
+    else:
+        columns = _parse(path, dialect, wanted)
     if columns[wanted[0]].size == 0:
         raise InputError(f"{path.name} has a header but no rows; add at least one")
     for name, values in columns.items():
@@ -90,12 +94,6 @@ def check_increasing(path: Path, name: str, time: FloatArray, first: int, *, sta
 def nearest_column(name: str, names: Sequence[str]) -> str:
     """What the file's columns have instead of a missing one."""
     return suggestion(name, [other or "(empty)" for other in names])
-
-
-def _unpacked(path: Path, wanted: Sequence[str]) -> dict[str, FloatArray]:
-    """Numbers of the wanted columns of a table that is no text."""
-    table = read_table(path)
-    return {name: table.numbers(name) for name in wanted}
 
 
 def _parse(path: Path, dialect: Dialect, wanted: Sequence[str]) -> dict[str, FloatArray]:

@@ -24,10 +24,7 @@ T = TypeVar("T")
 def read_table(cls: type[T], raw: object, *, file: str, table: str, extra_keys: tuple[str, ...] = ()) -> T:
     """Build the frozen dataclass `cls` from what tomllib read; `extra_keys`, such as `kind`, were read already.
 
-    Raises
-    ------
-    InputError
-        Unknown key, missing key, wrong type or a value out of bounds: `file [table]: message`.
+    InputError `file [table]: message` for an unknown key, a missing one, a wrong type or a value out of bounds.
     """
     where = f"{file} [{table}]"
     check_names(cls, raw, file=file, table=table, extra_keys=extra_keys)

@@ -106,19 +106,9 @@ def simulate_force(
 ) -> SimulatedForce:
     """Simulate the chain under a force file, from rest at the scenario's initial tension, and write the rows.
 
-    Parameters
-    ----------
-    out : Path
-        File to write: `time_s,force_N,tension_1_N,...,actuator_position_m,load_position_m`.
-    check : bool
-        Run with a half and a quarter of the step as well and state the error estimate.
-    progress : callable, optional
-        Told rows done and rows in all.
-
-    Raises
-    ------
-    SolveError
-        When a step cannot be solved; nothing is written then.
+    The file has the columns `time_s,force_N,tension_1_N,...,actuator_position_m,load_position_m`. A check runs with a
+    half and a quarter of the step as well and states the error estimate. SolveError when a step cannot be solved;
+    nothing is written then.
     """
     step = scenario.run.step_s
     total = profile.steps(step) + 1

@@ -98,23 +98,10 @@ def sweep(
 ) -> Sweep:
     """Design and score over a grid, or score the scenario's design on units drawn from its uncertainty.
 
-    Parameters
-    ----------
-    folder : str or path
-        Where rows are kept as they come; a sweep that was killed goes on there.
-    over : sequence of Axis, optional
-        Keys and values: at every point the profiles are made for that point.
-    samples : int, optional
-        Units to draw: the profiles are those of the scenario, as `design` makes them.
-    executor : concurrent.futures.Executor, optional
-        Where units are computed; default: all cores.
-    progress : callable, optional
-        Callback(completed, total), in units.
-
-    Raises
-    ------
-    InputError
-        If neither or both of `over` and `samples` are given, or the folder holds another sweep.
+    Over keys and values the profiles are made for every point; on samples they are those of the scenario, as `design`
+    makes them. Rows are kept in the folder as they come; a sweep that was killed goes on there. Units are computed by
+    the executor, by default on all cores. InputError if neither or both of `over` and `samples` are given, or the
+    folder holds another sweep.
     """
     if bool(over) == (samples > 0):
         raise InputError("a sweep needs either --over KEY=FROM:TO:COUNT or --samples N, and not both")

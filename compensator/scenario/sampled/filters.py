@@ -47,18 +47,12 @@ def noise_advice(
     file: str = "reference",
     share: float = 0.05,
 ) -> NoiseAdvice | None:
-    """Propose a cut-off where noise in the reference would dominate the force.
+    """Propose a cut-off where noise in the reference would dominate the force; None when the noise does not matter.
 
     The inverse differentiates its reference twice and reverses the friction with every change of direction, so noise
-    that is hard to see in the tension can rule the force. The samples are compared with themselves after the gentlest
-    low-pass that removes the noise; both go through the inverse.
-
-    Parameters
-    ----------
-    force_of : callable
-        The inverse: wanted tension [N], shape (n + 1,), to force [N], shape (n + 1,).
-    share : float
-        How much of the force's range the noise may make up before it is worth a warning [-].
+    that is hard to see in the tension can rule the force. The samples, shape (n + 1,), are compared with themselves
+    after the gentlest low-pass that removes the noise; both go through the inverse `force_of`. The noise may make up a
+    share of the force's range before it is worth a warning.
     """
     tension, rate = tension_N, 1 / step_s
     found = _cutoff_at_the_noise_floor(tension, rate)
