@@ -26,8 +26,7 @@ from bokeh.plotting import figure
 from bokeh.server.server import Server
 from jinja2 import Template
 
-from tendonff.compensator.explore.parameters import ExploreParameters
-from tendonff.compensator.explore.run import FAST, SLOW, Curve, Exploration, Explorer
+from tendonff.compensator.explore.run import FAST, SLOW, Curve, Exploration, ExploreParameters, Explorer
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.scenario import Scenario, scenario_to_toml
 from tendonff.models.errors import TendonffError

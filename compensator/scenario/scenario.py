@@ -19,9 +19,10 @@ from tendonff.compensator.scenario.joints import Joint, read_joints
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec, SineReference, WaypointReference
 from tendonff.compensator.scenario.settings import Adaptation, OptimalSettings, Run, Stream
-from tendonff.compensator.scenario.shorthand import expand, further_keys
 from tendonff.compensator.scenario.tables import (
     check_names,
+    expand,
+    further_keys,
     missing_keys,
     read_kind,
     read_table,

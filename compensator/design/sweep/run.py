@@ -13,8 +13,7 @@ from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
 from tendonff.compensator.compensators.score import SimulatedPlant, verify
 from tendonff.compensator.design.sweep.output import Sweep
 from tendonff.compensator.design.sweep.plan import FACTORS, Axis, Unit, factors_of, grid_units, random_units
-from tendonff.compensator.design.sweep.result import Row
-from tendonff.compensator.design.sweep.store import Store
+from tendonff.compensator.design.sweep.result import Row, Store
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
