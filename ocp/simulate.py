@@ -156,10 +156,7 @@ def simulate(
         row = int(np.flatnonzero(~np.isfinite(force))[0])
         raise ParameterError(f"force_N must be finite, got {force[row]} at t = {row * step_s:g} s; repair the profile")
     if state is None:
-        start = float(force[0]) if initial_tension_N is None else initial_tension_N
-        if not 0 <= start < math.inf:
-            raise ParameterError(f"initial_tension_N must be a finite number >= 0, got {start}; a tendon cannot push")
-        state = chain.rest_state(start)
+        state = at_rest(chain, float(force[0]) if initial_tension_N is None else initial_tension_N)
     inputs = ChainInputs.of_force(force)
     simulator = Simulator(chain, step_s, state, inputs[:1], engine)
     first = state.vector()
@@ -181,6 +178,13 @@ def simulate(
         iterations=rows.iterations,
         splits=rows.splits,
     )
+
+
+def at_rest(chain: Chain, tension_N: float) -> ChainState:
+    """The chain at rest under a uniform tension [N]; ParameterError where it is below 0 or not finite."""
+    if not 0 <= tension_N < math.inf:
+        raise ParameterError(f"initial_tension_N must be a finite number >= 0, got {tension_N}; a tendon cannot push")
+    return chain.rest_state(tension_N)
 
 
 def outcome_of(chain: Chain, rows: Rows, tension_N: Array, complete: bool, step_s: float) -> tuple[Outcome, str]:

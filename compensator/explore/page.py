@@ -28,13 +28,13 @@ from jinja2 import Template
 
 from tendonff.compensator.explore.run import FAST, SLOW, Curve, Exploration, ExploreParameters, Explorer
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.reporting.interactive import DASHES
 from tendonff.compensator.scenario.scenario import Scenario, scenario_to_toml
 from tendonff.models.errors import TendonffError
 
 ADDRESS = "127.0.0.1"
 """The only address that the page is served on."""
 
-_DASHES = {":": "dotted", "-.": "dashdot", "-": "solid", "--": "dashed"}
 _STALE = 0.25  # opacity of what was computed for other values
 _EMPTY: dict[str, Any] = {"time": [], "force": [], "output": [], "error": []}
 _PANELS = {
@@ -225,7 +225,7 @@ class ExplorerPage:
                     y,
                     source=self._sources[curve.name],
                     color=curve.style.color,
-                    line_dash=_DASHES[curve.style.linestyle],
+                    line_dash=DASHES[curve.style.linestyle],
                     line_width=1.8,
                 )
                 tips = [("", curve.label), (x_label, f"@{x}{{0.000}}"), (y_label, f"@{y}{{0.000}}")]

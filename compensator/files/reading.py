@@ -28,30 +28,13 @@ def read_csv(
     starts_at_zero: bool = False,
     dialect: Dialect | None = None,
 ) -> dict[str, FloatArray]:
-    """Read named columns of numbers and refuse anything doubtful.
+    """Read named columns of numbers, shape (rows,), and refuse anything doubtful.
 
-    Parameters
-    ----------
-    path : Path
-        Table with one header line; separator, decimal mark, remarks and a line of units as the file has them.
-    required, optional : sequence of str
-        Columns to read; other columns are ignored, whatever they hold.
-    increasing : str or None
-        Column that must increase strictly from row to row.
-    starts_at_zero : bool
-        The increasing column must start at 0.
-    dialect : Dialect, optional
-        How the file is written, if known.
+    The file has one header line; separator, decimal mark, remarks and a line of units are found out, where no dialect
+    is given. Other columns are ignored, whatever they hold, and an optional one that the file lacks is left out. One
+    column must increase strictly from row to row, and may have to start at 0.
 
-    Returns
-    -------
-    dict of str to ndarray, shape (rows,)
-        Finite numbers, by column name; an optional column that the file lacks is left out.
-
-    Raises
-    ------
-    InputError
-        One message with file, row (as an editor counts: the header is row 1), column, and what was found.
+    InputError is one message with file, row (as an editor counts: the header is row 1), column, and what was found.
     """
     if dialect is None:
         dialect = table_dialect(path, (*required, *optional))

@@ -130,16 +130,8 @@ def _appearing(
 def atomic_file(target: Path) -> Iterator[Path]:
     """Path to write to; it becomes `target` when the block ends without an error, else it vanishes.
 
-    Parameters
-    ----------
-    target : Path
-        File to write; one that exists is replaced on success only. Missing folders are made. A device or pipe
-        (`/dev/null`) is written to directly.
-
-    Raises
-    ------
-    InputError
-        At entry, before any work, when `target` is a folder or cannot be written.
+    A file that exists is replaced on success only; missing folders are made; a device or pipe (`/dev/null`) is written
+    to directly. InputError at entry, before any work, when `target` is a folder or cannot be written.
     """
     try:
         mode = target.stat().st_mode if target.exists() else None
@@ -165,16 +157,8 @@ def atomic_file(target: Path) -> Iterator[Path]:
 def atomic_directory(target: str | os.PathLike[str]) -> Iterator[Path]:
     """Empty folder to fill; its contents become `target` when the block ends without an error, else it vanishes.
 
-    Parameters
-    ----------
-    target : str or path
-        Folder to write. Files of an earlier run with the same names are replaced, on success only; files that this
-        run does not write stay, for they may be the user's.
-
-    Raises
-    ------
-    InputError
-        At entry, before any work, when `target` is a file or cannot be written.
+    Files of an earlier run with the same names are replaced, on success only; files that this run does not write stay,
+    for they may be the user's. InputError at entry, before any work, when `target` is a file or cannot be written.
     """
     target = Path(os.path.abspath(target))  # noqa: PTH100 - `resolve` would replace a linked folder by its target
     if target.exists() and not target.is_dir():

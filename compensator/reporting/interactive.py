@@ -8,7 +8,7 @@ from tendonff.compensator.compensators.base import FloatArray, Style
 from tendonff.compensator.files.text import InputError
 
 _MOST_POINTS = 2000
-_DASHES = {":": "dotted", "-.": "dashdot", "-": "solid", "--": "dashed"}
+DASHES = {":": "dotted", "-.": "dashdot", "-": "solid", "--": "dashed"}
 
 Curves = Mapping[str, tuple[FloatArray, Style]]
 
@@ -50,7 +50,7 @@ def interactive_view(time_s: FloatArray, panels: Mapping[str, Curves]) -> str:
                 "value",
                 source=source,
                 color=style.color,
-                line_dash=_DASHES[style.linestyle],
+                line_dash=DASHES[style.linestyle],
                 line_width=1.8,
                 legend_label=name,
             )

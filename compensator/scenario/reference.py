@@ -168,6 +168,11 @@ class WaypointReference(Wish):
     initial_tension_N: float | None = None
 
     @property
+    def duration_s(self) -> float:
+        """Length of the reference [s]."""
+        return self.times_s[-1]
+
+    @property
     def values(self) -> tuple[float, ...]:
         """Values of the wanted quantity [N or m]."""
         return (self.positions_m if self.wants_position else self.tensions_N) or ()

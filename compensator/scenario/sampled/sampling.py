@@ -114,15 +114,10 @@ def initial_tension(scenario: Scenario) -> float:
 def work_ahead(scenario: Scenario) -> str | None:
     """What to say before a long run starts; None for an ordinary one."""
     step, spec = scenario.run.step_s, scenario.reference
-    match spec:
-        case SineReference():
-            duration = spec.duration_s
-        case WaypointReference():
-            duration = spec.times_s[-1]
-        case CsvReference():
-            duration = float(read_samples(spec, scenario.source.parent / spec.file, step).time_s[-1])
-        case _:
-            assert_never(spec)
+    if isinstance(spec, CsvReference):
+        duration = float(read_samples(spec, scenario.source.parent / spec.file, step).time_s[-1])
+    else:
+        duration = spec.duration_s
     if not duration > _LONG_RUN * step:
         return None
     return (
@@ -148,7 +143,7 @@ def _sample(scenario: Scenario) -> Reference:
             start = 0.0 if spec.wants_position else spec.initial_tension_N
             course = start + along_sines(spec.amplitudes, spec.frequencies_Hz, spec.fade_in_s, time)
         case WaypointReference():
-            time = _grid(spec.times_s[-1], step, file)
+            time = _grid(spec.duration_s, step, file)
             course = along_waypoints(spec.times_s, spec.values, spec.shape, time)
         case CsvReference():
             samples = read_samples(spec, scenario.source.parent / spec.file, step)
