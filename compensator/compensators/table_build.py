@@ -53,15 +53,6 @@ class _Samples:
     low_N: FloatArray  # least and largest force within the resolution
     high_N: FloatArray
 
-    def cut(self, last: int) -> "_Samples":
-        """The first `last` shares."""
-        return _Samples(
-            share=self.share[:last],
-            force_N=self.force_N[:, :last],
-            low_N=self.low_N[:, :last],
-            high_N=self.high_N[:, :last],
-        )
-
 
 def usual_rate(reference_N: FloatArray, step_s: float) -> float:
     """Median rate of a reference, shape (n,), while it moves [N/s]: what a table is made for unless told otherwise."""
@@ -151,7 +142,9 @@ def _sample_branch(
         over = np.all(np.abs(samples.force_N - samples.force_N[:, -1:]) <= 0.25 * bound, axis=0)
         last = int(np.flatnonzero(~over)[-1]) + 2 if not over.all() else 2
         if samples.share[last - 1] > 0.6 * most or most < _LEAST_SHARE:
-            return samples.cut(max(2, min(last, samples.share.size)))
+            kept = slice(max(2, min(last, samples.share.size)))
+            force, low, high = (each[:, kept] for each in (samples.force_N, samples.low_N, samples.high_N))
+            return _Samples(share=samples.share[kept], force_N=force, low_N=low, high_N=high)
         most = max(1.5 * float(samples.share[last - 1]), 0.5 * _LEAST_SHARE)
 
 

@@ -19,7 +19,7 @@ from tendonff.compensator.design.output import Design
 from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.scenario.reference import CsvReference, Hold
-from tendonff.compensator.scenario.sampled.filters import noise_advice, ripple_advice
+from tendonff.compensator.scenario.sampled.from_file import noise_advice, ripple_advice
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level

@@ -19,7 +19,7 @@ from tendonff.compensator.scenario.reference import (
     SineReference,
     WaypointReference,
 )
-from tendonff.compensator.scenario.sampled.filters import low_pass, noise_advice, ripple_advice
+from tendonff.compensator.scenario.sampled.from_file import low_pass, noise_advice, ripple_advice
 from tendonff.compensator.scenario.sampled.sampling import (
     Reference,
     initial_tension,
