@@ -8,17 +8,8 @@ import numpy as np
 from tendonff.compensator.identification.measured.reading import Array
 from tendonff.compensator.identification.result import IdentificationData, PieceComparison
 from tendonff.compensator.identification.suggest import Excitation
-from tendonff.compensator.reporting.plots import (
-    BLUE,
-    GREY,
-    INK,
-    ORANGE,
-    VERMILION,
-    figure_style,
-    new_figure,
-    save_figure,
-    thinned,
-)
+from tendonff.compensator.reporting.colours import BLUE, GREY, INK, ORANGE, VERMILION
+from tendonff.compensator.reporting.plots import figure_style, new_figure, save_figure, thinned
 from tendonff.compensator.scenario.measurement import Explain
 
 MOST_PANELS = 4

@@ -4,11 +4,9 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.options import LevelOption, OutFolderOption, ScenarioArgument
+from tendonff.compensator.cli.options import LevelOption, OutFolderOption, PrefixOption, ScenarioArgument, opened
 from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.ocp.codegen.precision import Precision
-
-PrefixOption = Annotated[str, typer.Option("--prefix", metavar="NAME", help="Prefix of every C name and file.")]
 
 
 def export_c(
@@ -27,8 +25,6 @@ def export_c(
 
     Inverse, capstan law, table, optimal profile, and the chain itself for tests.
     """
-    from tendonff.compensator.cli.opening import opened
-
     with opened(scenario, out) as (loaded, folder):
         from tendonff.compensator.export.c_project import export_project
         from tendonff.compensator.export.judgement import score_lines
@@ -38,10 +34,7 @@ def export_c(
                 loaded, precision=precision, prefix=prefix, level=level, force_export=force_export
             )
             exported.write(folder)
-    for note in exported.notes:
-        say(note)
-    for warning in exported.warnings:
-        warn(warning)
-    for line in score_lines(exported.judged):
-        say(line)
+    say(*exported.notes)
+    warn(*exported.warnings)
+    say(*score_lines(exported.judged))
     say(f"{len(exported.files)} files in {out}; `make test` there compares them with the Python model")
