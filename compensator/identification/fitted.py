@@ -47,13 +47,7 @@ class Fitted:
 def carried_on(
     scenario: Scenario, law: DynamicFit | StaticFit, records: Sequence[Record], *, static_only: bool
 ) -> Fitted:
-    """The scenario with the values of the law that won, and its own error on the records.
-
-    Parameters
-    ----------
-    static_only : bool
-        No simulation: the scenario's own level stays.
-    """
+    """The scenario with the values of the law that won, and its own error; with `static_only` nothing is simulated."""
     if isinstance(law, DynamicFit):
         fitted = scenario_of_chain(scenario, law, records)
         return replace(fitted, percent=_percent(_chain_of(fitted, law.explain), records))

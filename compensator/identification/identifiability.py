@@ -67,12 +67,8 @@ def reason(
 ) -> str:
     """Why a value is not identifiable, with the way out.
 
-    Parameters
-    ----------
-    relative_error : float, optional
-        Standard error it has or would have, as a share of the value.
-    fitted : bool, optional
-        It is part of the law, and doubtful; else it does not reduce the validation error.
+    `relative_error` is the standard error that it has or would have; a value that is `fitted` is part of the law and
+    doubtful, another does not reduce the validation error.
     """
     tau = transmission.tendon.relaxation_time_s
     known = relative_error is not None and np.isfinite(relative_error)

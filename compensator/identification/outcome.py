@@ -36,12 +36,8 @@ def compared(
 ) -> tuple[CandidateLaw, ...]:
     """All laws on one measure: the same rows, RMS, the same range; the best is chosen.
 
-    The chain is kept where it is at least as good as the best static law where neither was fitted.
-
-    Parameters
-    ----------
-    stage : StaticSelection or None
-        None where nothing was measured at the far end.
+    The chain is kept where it is at least as good as the best static law where neither was fitted. Without a static
+    stage nothing was measured at the far end.
     """
     if chain is None:
         return () if stage is None else stage.laws

@@ -213,13 +213,7 @@ class _Information:
 
 
 def draw_plan(scenario: Scenario, plan: Plan, low_N: float) -> Excitation:
-    """The force of a plan.
-
-    Raises
-    ------
-    InputError
-        If the limits leave no room.
-    """
+    """The force of a plan; InputError if the limits leave no room."""
     t = scenario.transmission
     law, low = CapstanLaw.of(t), low_N
     high = FORCE_SHARE * t.actuator.force_max_N

@@ -141,13 +141,7 @@ class ChainModel:
         }
 
     def whole(self, values: Mapping[DynamicParameter, float]) -> Whole:
-        """The undivided tendon with given values.
-
-        Parameters
-        ----------
-        values : mapping of DynamicParameter to float
-            All of them.
-        """
+        """The undivided tendon with given values, all of them."""
         mu_pull = values[D.MU_PULL]
         mu_release = mu_pull if self.symmetric else values[D.MU_RELEASE]
         excess = 1 + values[D.STATIC_EXCESS]
@@ -164,17 +158,8 @@ class ChainModel:
     def respond(
         self, values: Mapping[DynamicParameter, float], drive: Drive, over: Sequence[DynamicParameter] = ()
     ) -> ChainResponse:
-        """Simulate a drive, with derivatives over the parameters asked for.
-
-        Parameters
-        ----------
-        values : mapping of DynamicParameter to float
-            All of them.
-
-        Raises
-        ------
-        SolveError
-            If the simulation fails.
+        """Simulate a drive with all values, with derivatives over the parameters asked for; SolveError if that
+        fails.
         """
         whole, run_up = self.whole(values), self.with_lead_in(values, drive)
         chain = self.chain(whole, run_up.motion)

@@ -47,12 +47,7 @@ def _bristle() -> ca.Function:
 
 
 def bristle_force(position_m: Array, coulomb_N: float, bristle_stiffness_N_per_m: float) -> tuple[Array, Array]:
-    """Friction force along a travel that starts at rest, and its slope over coulomb_N.
-
-    Parameters
-    ----------
-    position_m : ndarray, shape (n,)
-    """
+    """Friction force along a travel, shape (n,), that starts at rest, and its slope over coulomb_N."""
     rows = len(position_m) - 1
     numbers = [np.diff(position_m), np.full(rows, coulomb_N), np.full(rows, bristle_stiffness_N_per_m)]
     found = np.asarray(_bristle().mapaccum(rows)([0.0, 0.0], np.stack(numbers)))
@@ -63,16 +58,8 @@ def bristle_force(position_m: Array, coulomb_N: float, bristle_stiffness_N_per_m
 def fit_drive(
     runs: Sequence[DriveRun], mass_kg: float, bristle_stiffness_N_per_m: float, start_N: float, noise_N: float
 ) -> Solution:
-    """Fit friction of slip, damping and the offset between both force readings.
-
-    Parameters
-    ----------
-    mass_kg, bristle_stiffness_N_per_m : float
-        Of the drive; not fitted.
-    start_N : float
-        First guess of the friction [N].
-    noise_N : float
-        Size of a usual residual [N], > 0.
+    """Fit friction of slip, damping and the offset between both force readings; a usual residual has the size
+    `noise_N`.
     """
     balances = []
     for run in runs:

@@ -39,19 +39,8 @@ def input_windows(
     window_s: float,
     before_s: float,
 ) -> Iterator[InputWindow]:
-    """Windows of a drive, one after the other.
-
-    Parameters
-    ----------
-    values : mapping of DynamicParameter to float
-        All of them.
-    knot_s, window_s, before_s : float
-        Distance of knots, length of windows, and how much earlier their knots begin, about.
-
-    Raises
-    ------
-    SolveError
-        If the simulation fails.
+    """Windows of a drive of about `window_s`, with knots from about `before_s` earlier on; SolveError if the run
+    fails.
     """
     run_up = model.with_lead_in(values, drive)
     chain = model.chain(model.whole(values), run_up.motion)

@@ -89,15 +89,7 @@ def solve(
 ) -> Solution:
     """Minimise the residuals: soft-l1 loss (quadratic below one unit, linear above) or plain squares.
 
-    Parameters
-    ----------
-    most : int, optional
-        Largest number of evaluations.
-
-    Raises
-    ------
-    SolveError
-        If the residuals are not finite at the start.
+    At most so many evaluations; SolveError if the residuals are not finite at the start.
     """
     low = np.array([u.inside(u.low) if u.low > 0 or not u.logarithmic else -np.inf for u in unknowns])
     high = np.array([u.inside(u.high) for u in unknowns])
@@ -146,18 +138,9 @@ def solve(
 
 
 def block_covariance(residuals: Residuals, *, robust: bool) -> tuple[Array, int]:
-    """Covariance of the values that stands correlated residuals: H^-1 (sum over blocks of g g') H^-1, g = J' r.
+    """Covariance of the values that stands correlated residuals, and its degrees of freedom, >= 1.
 
-    Parameters
-    ----------
-    robust : bool
-        The loss was soft-l1.
-
-    Returns
-    -------
-    covariance : ndarray, shape (k, k)
-    degrees : int
-        Degrees of freedom, >= 1.
+    H^-1 (sum over blocks of g g') H^-1, g = J' r; shape (k, k). The loss was soft-l1 where `robust`.
     """
     r, jacobian = residuals.values, residuals.slopes
     weight = 1 / np.sqrt(1 + r * r) if robust else np.ones_like(r)

@@ -75,13 +75,9 @@ class Response:
 
 
 def output_from_input(values: Mapping[StaticParameter, float], input_N: Array, first_output_N: float) -> Response:
-    """T_out by the play law from the history of T_in.
+    """T_out by the play law from the history of T_in, shape (n,).
 
-    Parameters
-    ----------
-    input_N : ndarray, shape (n,)
-    first_output_N : float
-        Measured output at the first sample: the memory starts there, within its bounds.
+    The memory starts at the output that was measured at the first sample, within its bounds.
     """
     signals = np.stack([input_N, np.full_like(input_N, first_output_N)])
     spread = any(values.get(k, NEUTRAL[k]) for k in SPREADS[1:])
@@ -91,15 +87,9 @@ def output_from_input(values: Mapping[StaticParameter, float], input_N: Array, f
 def input_from_output(
     values: Mapping[StaticParameter, float], output_N: Array, input_m: Array, first_input_N: float
 ) -> Response:
-    """T_in from T_out and the motion of the input end.
+    """T_in from T_out and the motion of the input end, shapes (n,); positive is towards the actuator.
 
-    Parameters
-    ----------
-    output_N : ndarray, shape (n,)
-    input_m : ndarray, shape (n,)
-        Measured position of the input end, positive towards the actuator; the guide's force is zero at 0.
-    first_input_N : float
-        Measured input at the first sample: the bristle starts there.
+    The guide's force is zero at 0; the bristle starts at the input that was measured at the first sample.
     """
     before = np.concatenate([input_m[:1], input_m[:-1]])
     signals = np.stack([output_N, input_m, before, np.full_like(output_N, first_input_N)])

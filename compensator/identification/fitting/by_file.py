@@ -36,12 +36,8 @@ class ByFile:
 
 
 def file_estimates(task: ChainResiduals, found: Residuals, solution: Solution) -> tuple[ByFile, ...]:
-    """One Gauss-Newton step from the joint solution for each file alone; none for a single file.
-
-    Parameters
-    ----------
-    found : Residuals
-        At the joint solution, its first columns over the values of `solution`.
+    """One Gauss-Newton step for each file alone from the joint solution, where the residuals are `found`; none for
+    one file.
     """
     names = list(dict.fromkeys(run.record.name for run in task.pieces))
     if len(names) < 2:

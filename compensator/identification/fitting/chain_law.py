@@ -164,16 +164,10 @@ def choose_law(
     *,
     biases: bool,
 ) -> ChosenLaw:
-    """Add to the law what the data supports.
+    """Add to the law of a task on few masses what the data supports.
 
-    Parameters
-    ----------
-    task : ChainResiduals
-        On few masses, its residuals in units of their size.
-    validation : sequence of FitPiece
-        Rows that judge; without them the last third of each piece does.
-    biases : bool
-        The cells' offsets may be free.
+    The rows of `validation` judge, or without them the last third of each piece; with `biases` the cells' offsets may
+    be free.
     """
     scenario = task.model.values()
     base = tuple(n for n in (D.ADHESION, D.STATIC_EXCESS) if scenario[n] > 0 and n not in task.free)

@@ -55,13 +55,7 @@ class ChainLaw:
     explain: Explain  # OUTPUT or POSITION
 
     def predicted(self, record: Record) -> list[Prediction]:
-        """Prediction of every piece of a record, low-passed as what was measured.
-
-        Raises
-        ------
-        SolveError
-            If a simulation fails.
-        """
+        """Prediction of every piece of a record, low-passed as what was measured; SolveError if a simulation fails."""
         found = []
         for run in fit_pieces([record], self.explain):
             response = self.model.respond(self.values, run.drive)
@@ -117,16 +111,10 @@ def fit_coarse(
     *,
     several: bool = True,
 ) -> CoarseFit:
-    """Fit friction and presliding, and the tendon where positions exist, from several stiffnesses of the bristle.
+    """Fit friction and presliding, and the tendon where positions exist, from what is known.
 
-    Parameters
-    ----------
-    start : mapping of DynamicParameter to float
-        From the stages before; the rest comes from `transmission`.
-    explain : Explain, optional
-        OUTPUT, or POSITION where nothing was measured at the far end.
-    several : bool, optional
-        Start from several values of the bristle, and of mu where nothing was measured at the far end.
+    With `several` it starts from several stiffnesses of the bristle and, where nothing was measured at the far end
+    (POSITION is explained), from several mu.
     """
     pieces = fit_pieces(records, explain)
     span, span_m = spans_of(pieces)
@@ -173,14 +161,8 @@ def fit_dynamic(
 ) -> DynamicFit:
     """Choose the law, then fit the chain at its presliding level, from coarse to fine.
 
-    Parameters
-    ----------
-    validation : sequence of Record, optional
-        Files that decide which law is chosen; without them the last third of the fitted ones does.
-    biases : bool, optional
-        The input cell's bias may be free.
-    offsets : bool, optional
-        The output cell may have an offset that the files tell.
+    The files of `validation` judge the laws, or without them the last third of the fitted ones. With `biases` the input
+    cell's bias may be free, with `offsets` the output cell may have an offset that the files tell.
     """
     task = coarse.task.continued(coarse.solution)
     transmission, explain, tension = task.model.transmission, task.pieces[0].explain, _tension_N(task.pieces)

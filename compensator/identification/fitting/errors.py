@@ -65,13 +65,7 @@ def span_of(records: Sequence[Record], explain: Explain) -> float:
 
 
 def errors_of(law: FittedLaw, records: Sequence[Record]) -> tuple[FileError, ...]:
-    """Error of a law over the whole of each record.
-
-    Raises
-    ------
-    SolveError
-        If a simulation fails.
-    """
+    """Error of a law over the whole of each record; SolveError if a simulation fails."""
     found = []
     for record in records:
         wanted = [explained(p, law.explain) for p in record.pieces]

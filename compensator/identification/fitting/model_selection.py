@@ -47,12 +47,8 @@ def choose_explain(
     """Channel that the laws can explain, and the chain's first fit where it was tried.
 
     The output is explained where the chain, driven by the measured input, gives it; forces that change sign cannot
-    drive a chain. Else the input is, where the motion and the output explain it better.
-
-    Raises
-    ------
-    InputError
-        If the input is to be explained and its position was not measured.
+    drive a chain. Else the input is, where the motion and the output explain it better; InputError if it is asked for
+    and its position was not measured.
     """
     positions = all(r.has_input_position for r in records)
     if wanted is Explain.INPUT and not positions:
@@ -120,14 +116,8 @@ def _doubted(fit: StaticFit, chosen: StaticFit, rivals: Sequence[StaticFit]) -> 
 
     A bristle that gives before it slides shows alike after every reversal, which the scatter between blocks does not
     see: each direction's error is that of rows that are all wrong alike, hence the scatter of what single rows say. The
-    constants that a law does without move it as well: the rivals tell by how much.
-
-    Parameters
-    ----------
-    fit : StaticFit
-        The chosen law, fitted to all rows.
-    chosen, rivals : StaticFit
-        That law and others as they were fitted to the rows that train.
+    constants that a law does without move it as well: `rivals` tell by how much, against the `chosen` law as it was
+    fitted to the same rows, those that train.
     """
     if fit.model.presliding:
         return fit

@@ -58,19 +58,8 @@ def friction_by_section(
 ) -> tuple[SectionFriction, ...]:
     """Friction between each pair of neighbouring cells; none where nothing was measured between the ends.
 
-    Parameters
-    ----------
-    how : Measurement
-        Names the cells between the ends and their places.
-    theta_rad : float
-        Wrap angle of the whole path.
-    adhesion_N : float
-        Load-independent tension p of the whole, which two neighbouring cells do not tell.
-
-    Raises
-    ------
-    InputError
-        If a column is missing, or too few strokes slip.
+    Two neighbouring cells do not tell the load-independent tension `adhesion_N`; InputError if a column is missing, or
+    too few strokes slip.
     """
     if not how.tension_columns or not how.tension_angles_rad:
         return ()

@@ -76,12 +76,7 @@ def _sliding(piece: Piece, step_s: float, branch: Branch) -> Mask:
 
 
 def last_reversal(q: Array) -> NDArray[np.int64]:
-    """Row of the last reversal of a motion, shape (n,), whose chatter below 2 % of the stroke does not count.
-
-    Returns
-    -------
-    ndarray of int, shape (n,)
-    """
+    """Row of the last reversal of a motion, shape (n,); chatter below 2 % of the stroke does not count."""
     dead = 0.02 * float(np.ptp(q))
     rows = np.zeros(len(q), dtype=np.int64)
     extreme, direction, start = 0, 0, 0

@@ -91,14 +91,8 @@ def middle_of(records: Sequence[Record]) -> float:
 def respond(
     values: Mapping[StaticParameter, float], piece: Piece, explain: Explain, middle_m: float, thin: int = 1
 ) -> Response:
-    """Prediction of the explained channel of one piece.
-
-    Parameters
-    ----------
-    middle_m : float
-        Where the guide's force is zero [m].
-    thin : int, optional
-        Take every so many rows.
+    """Prediction of the explained channel in every `thin`-th row of a piece; the guide's force is zero at
+    `middle_m`.
     """
     if explain is Explain.OUTPUT:
         return output_from_input(values, piece.input_N[::thin], float(piece.output_N[0]))

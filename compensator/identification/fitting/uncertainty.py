@@ -67,20 +67,11 @@ def with_other_laws(
 ) -> tuple[Solution, float]:
     """Add to the covariance what laws with one more effect make doubtful, each weighted by what the data say of it.
 
-    One Gauss-Newton step from the solution tells where the answer would go with the effect and how much the error would
-    fall; Akaike's weights follow, with as many samples as there are independent ones. A path whose wrap angle is not
-    even along its length is one of the effects: it shows in the elongation and moves the stiffness most.
-
-    Parameters
-    ----------
-    found : Residuals or None
-        At the solution, with slopes over `names`.
-
-    Returns
-    -------
-    solution : Solution
-    concentration : float
-        By how much more of the wrap angle the nearer half carries than half [-]; 0 where the data do not tell.
+    One Gauss-Newton step from the solution, where `found` has slopes over `names`, tells where the answer would go with
+    the effect and how much the error would fall; Akaike's weights follow, with as many samples as there are independent
+    ones. A path whose wrap angle is not even along its length is one of the effects: it shows in the elongation and
+    moves the stiffness most. Returned with the solution: by how much more of the wrap angle the nearer half carries
+    than half [-]; 0 where the data do not tell.
     """
     if found is None:
         return solution, 0.0

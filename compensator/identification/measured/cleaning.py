@@ -142,13 +142,7 @@ def spikes(x: Array) -> Mask:
 
 
 def clean(raw: RawMeasurement, how: Measurement) -> Record:
-    """Evenly sampled, filtered pieces of one file, with a list of all that was found.
-
-    Raises
-    ------
-    InputError
-        If no piece is long enough to use.
-    """
+    """Evenly sampled, filtered pieces of one file, with all that was found; InputError if no piece is long enough."""
     findings = Findings(raw.findings)
     intervals = np.diff(raw.time_s)
     step = float(f"{np.median(intervals):.6g}")

@@ -25,12 +25,8 @@ ROOM = 2.0
 def switched_on_s(time_s: Array, input_N: Array, output_N: Array) -> float:
     """Length of the start that shows a load being switched on [s]; 0 where there is none.
 
-    The jump is seen at sampling rates up to some 1 kHz, where it takes a row or two, and in records of at least 4 s.
-
-    Parameters
-    ----------
-    time_s, input_N, output_N : ndarray, shape (n,)
-        Rows in the order of time.
+    The jump is seen at sampling rates up to some 1 kHz, where it takes a row or two, and in records, shape (n,), of at
+    least 4 s.
     """
     start = time_s < time_s[0] + LONGEST_S
     count = int(start.sum())

@@ -30,15 +30,7 @@ def check_plan(
 ) -> None:
     """Say what was read, in which units, and how many steps a simulation of it takes; ask where these are very many.
 
-    Parameters
-    ----------
-    static_only : bool
-        The static law steps from sample to sample.
-
-    Raises
-    ------
-    InputError
-        If `confirm` declines.
+    The static law steps from sample to sample. InputError if `confirm` declines.
     """
     steps = 0
     slow = False
@@ -65,11 +57,8 @@ def check_plan(
 
 
 def check_question(scenario: Scenario, fit_files: Sequence[Path], judging: Sequence[Path]) -> None:
-    """Refuse what cannot be answered: no file, a straight path, two relaxation times, cells beyond the path.
-
-    Raises
-    ------
-    InputError
+    """Refuse by InputError: no file, a straight path, two relaxation times, cells beyond the path, a file that
+    judges itself.
     """
     if not fit_files:
         raise InputError("no measured file given; name at least one with --data")

@@ -88,12 +88,8 @@ class Findings(list[Finding]):
     def note(
         self, issue: DataIssue, action: str, times_s: Sequence[float] | Array = (), count: int | None = None
     ) -> None:
-        """Add a finding, with its count (default: the number of times) and first times [s] in the text.
-
-        Parameters
-        ----------
-        action : str
-            What was done.
+        """Add what was done about an issue, with its count (default: the number of times) and first times [s] in the
+        text.
         """
         number = len(times_s) if count is None else count
         first = tuple(float(t) for t in times_s[:5])
@@ -224,17 +220,8 @@ def _zeroed(name: str, data: dict[str, Array], how: Measurement, findings: Findi
 def read_measurement(path: Path, how: Measurement, joints: Sequence[str] = ()) -> RawMeasurement:
     """Read one measured file, tolerant of data issues but never silent about them.
 
-    Parameters
-    ----------
-    how : Measurement
-        Names of columns, units, rows to skip.
-    joints : sequence of str, optional
-        Joints of the path: their angles are read from the columns NAME_rad.
-
-    Raises
-    ------
-    InputError
-        If columns are missing or fewer than ten rows are usable.
+    The angles of joints of the path are read from the columns NAME_rad. InputError if columns are missing or fewer than
+    ten rows are usable.
     """
     path = Path(path)
     columns = {key: getattr(how, f"{key}_column") or usual.name for key, usual in _USUAL.items()}

@@ -69,14 +69,7 @@ def with_input_estimated(
 ) -> Solution:
     """Values with the input estimated besides, their covariance that of values and input together.
 
-    Parameters
-    ----------
-    task : ChainResiduals
-        On many masses, with the free parameters of `solution`.
-    rounds : int, optional
-        Most steps.
-    signed : bool, optional
-        What may vanish may fall below nothing: its scatter shows then.
+    The task is on many masses. With `signed`, what may vanish may fall below nothing: its scatter shows then.
     """
     if all(run.record.input_noise_N <= 0 for run in task.pieces):
         return solution

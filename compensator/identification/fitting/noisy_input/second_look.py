@@ -25,14 +25,8 @@ SURE_OF_OFFSET, SURE_OF_ADHESION, SURE_OF_DIRECTION = 4.0, 2.0, 4.0
 def look_again(
     law: ChosenLaw, task: ChainResiduals, solution: Solution, *, offsets: bool
 ) -> tuple[ChosenLaw, ChainResiduals, Solution]:
-    """The law with the constants that the data tell, and its values with the input estimated.
-
-    Parameters
-    ----------
-    task : ChainResiduals
-        Of that law, on many masses.
-    offsets : bool
-        The output cell may have an offset.
+    """The law, its task on many masses, with the constants that the data tell, and its values with the input
+    estimated.
     """
     proximal = task.pieces[0].explain is Explain.POSITION
     if D.INPUT_BIAS in task.free or all(run.record.input_noise_N <= 0 for run in task.pieces):

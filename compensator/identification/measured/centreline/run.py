@@ -50,18 +50,11 @@ def read_centreline(file: str | os.PathLike[str], *, tolerance_rad: float = 0.05
 
 
 def centreline_of(points_m: FloatArray, *, file: str = "points", tolerance_rad: float = 0.05) -> Centreline:
-    """Sections of the path through points.
+    """Sections of the path through points, shape (n, 3), in their order from the actuator to the load.
 
-    Noise turns a curve to and fro and so adds to its angle. How much is seen on curves with known angle: the smooth
-    one with new noise of the measured size. Their spread is the random part of the uncertainty; what half of the
-    resolution changes is the other part, for what the curve does between the points.
-
-    Parameters
-    ----------
-    points_m : ndarray, shape (n, 3)
-        In their order from the actuator to the load.
-    tolerance_rad : float, optional
-        As in `read_centreline`.
+    Noise turns a curve to and fro and so adds to its angle. How much is seen on curves with known angle: the smooth one
+    with new noise of the measured size. Their spread is the random part of the uncertainty; what half of the resolution
+    changes is the other part, for what the curve does between the points.
     """
     curve = smooth_curve(points_m)
     length, turned = curve.turning()
