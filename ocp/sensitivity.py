@@ -71,13 +71,17 @@ class Sensitivity:
 class _Directions:
     """What the directions change: element numbers and start, or the knots of the force."""
 
-    width: int
-    numbers: Array | None
-    start: Array
-    knot: NDArray[np.intc] | None
-    weight: Array | None
-    forgotten: NDArray[np.intc] | None
+    start: Array  # shape (state, directions)
+    numbers: Array | None = None
+    knot: NDArray[np.intc] | None = None
+    weight: Array | None = None
+    forgotten: NDArray[np.intc] | None = None
     watched: NDArray[np.int_] = field(default_factory=lambda: np.empty(0, dtype=np.int_))
+
+    @property
+    def width(self) -> int:
+        """Number of directions."""
+        return int(self.start.shape[1])
 
     def drive(self, rows: int) -> Array:
         """Change of f_c1 at the end of each step, shape (rows, width)."""
@@ -125,7 +129,7 @@ def force_sensitivity(
     watched_rows: NDArray[np.int_] | None = None,
     engine: Engine = Engine.AUTO,
 ) -> Sensitivity:
-    """How the tensions change with the force at the knots of a piecewise linear profile.
+    """How the tensions change with the force at the knots of a piecewise linear profile, in N per N.
 
     Parameters
     ----------
@@ -133,19 +137,12 @@ def force_sensitivity(
         f_c1 at 0, h, 2 h ... [N].
     knot_rows : ndarray of int, shape (k,)
         Rows of the knots: strictly increasing from 0 to n - 1.
-    state : ChainState
-        Start.
     ends : bool, optional
         Report the positions of the ends too.
     wiped_rows : ndarray of int, shape (k,), optional
         Never falling: from this row on a knot's influence is forgotten; default: it is followed to the end.
     watched_rows : ndarray of int, shape (w,), optional
         Different rows > 0 in which all links are reported, whatever `links` says.
-
-    Returns
-    -------
-    Sensitivity
-        One direction per knot, in N per N.
     """
     rows = np.asarray(knot_rows, dtype=np.int64)
     if rows[0] != 0 or rows[-1] != len(force_N) - 1 or np.any(np.diff(rows) <= 0):
@@ -154,8 +151,6 @@ def force_sensitivity(
     left = np.clip(np.searchsorted(rows, at, side="right") - 1, 0, len(rows) - 2)
     weight = (at - rows[left]) / (rows[left + 1] - rows[left])
     directions = _Directions(
-        width=len(rows),
-        numbers=None,
         start=np.zeros((chain.layout.size, len(rows))),
         knot=np.ascontiguousarray(left, dtype=np.intc),
         weight=np.ascontiguousarray(weight),
@@ -181,21 +176,10 @@ def parameter_sensitivity(
     links: Links = Links.OUTPUT,
     engine: Engine = Engine.AUTO,
 ) -> Sensitivity:
-    """How the tensions and the end positions change with parameters of the whole tendon.
+    """How the tensions and the end positions change with parameters of the whole tendon, per SI unit of each.
 
-    Parameters
-    ----------
-    whole : Whole
-        The parameters, of which `chain` is made.
-    force_N : ndarray, shape (n,)
-        f_c1 at 0, h, 2 h ... [N].
-    initial_tension_N : float
-        T0 of the start at rest [N].
-
-    Returns
-    -------
-    Sensitivity
-        One direction per parameter, per its SI unit.
+    The chain is that of `whole`; the force is f_c1 at 0, h, 2 h ..., shape (n,), and the start is at rest under
+    `initial_tension_N`.
     """
     symbols: dict[str, ca.SX] = {name: ca.SX.sym(name) for name in parameters}
     rubs = isinstance(chain.near, RubbingEnd)
@@ -216,9 +200,7 @@ def parameter_sensitivity(
     start = ca.vertcat(ca.SX.zeros(chain.count + 2), near, *by_link, masses, ends)
     slopes = ca.Function("slopes", [unknowns], [ca.jacobian(numbers, unknowns), ca.jacobian(start, unknowns)])
     by_number, by_start = (np.ascontiguousarray(np.asarray(m.full())) for m in slopes(at))
-    directions = _Directions(
-        width=len(parameters), numbers=by_number, start=by_start, knot=None, weight=None, forgotten=None
-    )
+    directions = _Directions(start=by_start, numbers=by_number)
     state = chain.rest_state(initial_tension_N)
     if resolve_engine(engine) is Engine.CASADI or chain.moving:  # C knows the parameters of pieces, not of the whole
         free = _Numbers(chain=symbolic, symbols=unknowns, values=np.array(at))
