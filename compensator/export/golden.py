@@ -1,6 +1,5 @@
 """Golden vectors: what the exported C must answer, computed by the Python model."""
 
-import bisect
 import math
 from dataclasses import dataclass, replace
 
@@ -19,9 +18,11 @@ from tendonff.compensator.export.text.table_index import rounded
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
+from tendonff.models.layout import ChainInputs
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.inverse import InverseStatus, Inversion, invert
-from tendonff.ocp.simulate import Simulation, simulate
+from tendonff.ocp.simulate import Simulation, Simulator, simulate
+from tendonff.ocp.step.target import plant_limits
 
 _ROWS = 1000
 _REVERSAL_ROWS = 240
@@ -32,6 +33,10 @@ _OTHER_ADHESION, _MOST_ADHESION_N = 0.1, 900.0  # more of it: share of the tensi
 _OTHER_RELEASE = 0.9
 _NUDGE, _GROWTH = 1e-9, 1.0
 """Relative change of the force from row to row, and how much larger its effect may get before comparing ends."""
+
+_SHARE_OF_WORK = (
+    1 / 3
+)  # of what the exported plant may do in one call: its search gives up sooner than the simulation's
 
 _LOST = slice(200, 240)
 _LEGS = tuple(0.6**k for k in (0, 3, 1, 4, 2, 6, 3, 8, 1, 5, 2, 7))  # of the range: reversals at many depths
@@ -197,18 +202,29 @@ def _moving(problem: Problem, rows: NDArray[np.int_], count: int, precision: Pre
 def _repeatable(problem: Problem, course: Course) -> Course:
     """The course with the plant's answers as far as small differences stay small, which falling friction may end.
 
-    And as far as no step has to be split, which the exported plant with its bounded work may give up.
+    And as far as no step takes long, which the exported plant with its bounded work may give up.
     """
     force, plant, start = course.plant_force_N, course.columns["plant"], float(course.reference_N[0])
     nudged = force + _NUDGE * float(np.abs(force).max()) * np.where(np.arange(len(force)) % 2, 1, -1)
     other = respond(problem, nudged, start, course.chain)
     rows = min(len(other.tension_N), len(plant))
     apart = np.abs(other.output_tension_N[:rows] - plant[:rows]) > _GROWTH * _NUDGE * course.scale_N
-    kept = int(np.argmax(apart)) if apart.any() else rows
-    whole = range(2, kept + 1)
-    split = bisect.bisect_left(whole, 1, key=lambda n: respond(problem, force[:n], start, course.chain).splits)
-    kept = min(kept, whole[split] - 1 if split < len(whole) else kept)
+    kept = min(int(np.argmax(apart)) if apart.any() else rows, _easy_rows(problem, course))
     return replace(course, columns={**course.columns, "plant": plant[: max(kept, 2)]})
+
+
+def _easy_rows(problem: Problem, course: Course) -> int:
+    """Rows of the plant's course before a step that is split or takes long."""
+    start = float(course.reference_N[0])
+    chain, force = _drive(problem, course.plant_force_N, start, course.chain)
+    inputs = ChainInputs.of_force(force)
+    simulator = Simulator(chain, problem.reference.step_s, chain.rest_state(start), inputs[:1])
+    most = _SHARE_OF_WORK * plant_limits(Precision.DOUBLE).evaluations
+    for row in range(1, len(force)):
+        step = simulator.advance(inputs[row : row + 1])
+        if step.splits or step.evaluations > most:
+            return row
+    return len(force)
 
 
 def to_and_fro(course_N: FloatArray, *, step_N: float | None = None, rows: int = _REVERSAL_ROWS) -> FloatArray:
@@ -349,9 +365,15 @@ def respond(problem: Problem, drive: FloatArray, start_N: float, chain: Chain) -
     chain : Chain
         With the motion of the course.
     """
-    if servo_of(problem) is not None:
-        chain, drive = servo(chain, problem.transmission.actuator, start_N, drive)
+    chain, drive = _drive(problem, drive, start_N, chain)
     return simulate(chain, drive, problem.reference.step_s, initial_tension_N=start_N)
+
+
+def _drive(problem: Problem, drive: FloatArray, start_N: float, chain: Chain) -> tuple[Chain, FloatArray]:
+    """The chain that forces or commands act on, and the force on it that stands for them [N]."""
+    if servo_of(problem) is None:
+        return chain, drive
+    return servo(chain, problem.transmission.actuator, start_N, drive)
 
 
 def _invert(problem: Problem, chain: Chain, reference_N: FloatArray) -> Inversion:

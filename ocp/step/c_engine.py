@@ -27,6 +27,7 @@ class ReportStruct(ctypes.Structure):
         ("residual_N", ctypes.c_double),
         ("iterations", ctypes.c_long),
         ("splits", ctypes.c_long),
+        ("evaluations", ctypes.c_long),
     )
 
 
@@ -214,6 +215,7 @@ class CompiledStepper:
             states=None if states is None else states[:done],
             iterations=report.iterations,
             splits=report.splits,
+            evaluations=report.evaluations,
             residual_N=report.residual_N,
             worst_mass=worst.value,
         )

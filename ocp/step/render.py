@@ -276,6 +276,7 @@ class StepCode:
             minus_one=number(-1.0),
             bdf2_carry=number(BDF2_CARRY),
             bdf2_weight=number(BDF2_WEIGHT),
+            counted=self.host or limits.evaluations > 0,
             limits={
                 "iterations": limits.iterations,
                 "halvings": limits.halvings,
