@@ -15,10 +15,12 @@ from pathlib import Path
 import jinja2
 
 from tendonff._version import __version__
-from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.base import CModule, Problem
 from tendonff.compensator.compensators.table import table_of
+from tendonff.compensator.compensators.table_build import BuiltTable
+from tendonff.compensator.export.judgement import Judged, chosen, forces_of, judge
 from tendonff.compensator.export.kinds import FmiVersion, Kind
-from tendonff.compensator.export.modules import c_modules, check_prefix, check_tuning
+from tendonff.compensator.export.modules import ADAPTIVE, PLANT, c_modules, check_prefix, check_tuning
 from tendonff.compensator.export.text.c_text import c_sources, table_context
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_file
@@ -66,6 +68,8 @@ class Fmu:
     name: str  # file name
     content: bytes  # the archive
     has_binary: bool  # whether it holds a binary for this machine; the sources are always there
+    judged: tuple[Judged, ...]  # what it is worth on the scenario's reference, after no compensation; empty for a plant
+    warnings: tuple[str, ...]  # what the user should know
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write the unit under its name, whole or not at all.
@@ -87,8 +91,12 @@ def build_fmu(
     prefix: str = "tff",
     level: Level | None = None,
     everywhere: bool = False,
+    force_export: bool = False,
 ) -> Fmu:
     """Wrap the exported C of a scenario.
+
+    What follows a reference is simulated on the scenario's first; one whose error is above that of no compensation is
+    refused.
 
     Parameters
     ----------
@@ -102,9 +110,15 @@ def build_fmu(
         Fidelity level; default: the scenario's own.
     everywhere : bool, optional
         Binaries for Windows and macOS too, built here by ziglang; what is run here are those of this machine alone.
+    force_export : bool, optional
+        Make a unit all the same that is worse than no compensation.
 
     Raises
     ------
+    InputError
+        If the scenario has no unit of this kind.
+    SolveError
+        If the unit is worse than no compensation.
     CodeError
         If a compiler refuses the sources, or is missing.
     """
@@ -113,12 +127,16 @@ def build_fmu(
         raise InputError(f"{scenario.source.name}: table [adaptation] is missing; --kind adaptive needs its sensor")
     check_tuning(scenario)
     problem = Problem.of(scenario, level=level)
-    module = next(module for module in c_modules(scenario) if module.name == kind.value)
+    module = next((module for module in c_modules(scenario) if module.name == kind.value), None)
+    if module is None:
+        raise InputError(f"{scenario.source.name}: no {kind} serves this drive and path; use --kind inverse")
     identifier = f"{prefix}_{kind}"
     path = ("path",) if problem.chain.moving else ()
     compiled = [f"{prefix}_{name}.c" for name in ("parameters", "limits", *path, kind)]
     wrapper = "fmi2.c" if fmi is FmiVersion.V2 else "fmi3.c"
-    further = table_context(table_of(problem), Precision.DOUBLE) if kind is Kind.TABLE else {}
+    built = table_of(problem) if kind is Kind.TABLE else None
+    judged, warnings = _judged(problem, built, module, force_export=force_export)
+    further = {} if built is None else table_context(built, Precision.DOUBLE)
     sources = c_sources(scenario, problem, (module,), Precision.DOUBLE, prefix, further)
     headers = files("tendonff.compensator.export").joinpath("templates", "fmu", "headers")
     for name in fmi.headers:
@@ -139,7 +157,24 @@ def build_fmu(
         members[f"binaries/{_platform(fmi)}/{identifier}.so"] = binary
     if everywhere:
         members |= _binaries_elsewhere(sources, compiled, identifier, fmi)
-    return Fmu(name=f"{identifier}_fmi{fmi.value[0]}.fmu", content=_archive(members), has_binary=binary is not None)
+    return Fmu(
+        name=f"{identifier}_fmi{fmi.value[0]}.fmu",
+        content=_archive(members),
+        has_binary=binary is not None,
+        judged=judged,
+        warnings=warnings,
+    )
+
+
+def _judged(
+    problem: Problem, built: BuiltTable | None, module: CModule, *, force_export: bool
+) -> tuple[tuple[Judged, ...], tuple[str, ...]]:
+    """What the unit is worth, as `export-c` judges it; the adaptive one counts as the inverse that it tunes."""
+    if module == PLANT:
+        return (), ()
+    name = "inverse" if module == ADAPTIVE else module.name
+    judged = judge(problem, forces_of(problem, built, names=(name,)))
+    return judged, chosen(judged, (module,), force_export=force_export)[1]
 
 
 def stubs(header: str, implemented: set[str]) -> str:

@@ -9,6 +9,9 @@ from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.ocp.codegen.precision import Precision
 
 PrefixOption = Annotated[str, typer.Option("--prefix", metavar="NAME", help="Prefix of every C name and file.")]
+ForceOption = Annotated[
+    bool, typer.Option("--force-export", help="Export modules all the same that are worse than no compensation.")
+]
 
 
 def export_c(
@@ -19,9 +22,7 @@ def export_c(
     ] = Precision.DOUBLE,
     prefix: PrefixOption = "tff",
     level: LevelOption = None,
-    force_export: Annotated[
-        bool, typer.Option("--force-export", help="Export modules all the same that are worse than no compensation.")
-    ] = False,
+    force_export: ForceOption = False,
 ) -> None:
     """Write C99 for the controller.
 
