@@ -16,7 +16,7 @@ from tendonff.models.layout import fields_of
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.adaptation.recursion import covariance_names, return_law, trust_law, update_law
 from tendonff.ocp.adaptation.tuning import DOUBTED, GATE, MAX_DELAY, PEAK, Tunable
-from tendonff.ocp.codegen.compiler import find_compiler, load_library
+from tendonff.ocp.codegen.compiler import find_compiler, load_library, why_no_compiler
 from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
 from tendonff.ocp.codegen.precision import Precision
@@ -297,8 +297,8 @@ def host_library(tuned: TunedChain) -> ctypes.CDLL:
     """
     if find_compiler() is None:
         raise CodeError(
-            "self-tuning runs as compiled C only, and no C compiler works here; `pip install ziglang` brings one "
-            "(whatever has no [adaptation] works without, several times slower)"
+            f"self-tuning runs as compiled C only: {why_no_compiler()} (whatever has no [adaptation] works without, "
+            "several times slower)"
         )
     return _loaded(_host_text(tuned)) if tuned.chain.moving else _cached(tuned)
 

@@ -70,6 +70,17 @@ def find_compiler() -> tuple[str, ...] | None:
     return next((command for command in _candidates() if _works(command)), None)
 
 
+def why_no_compiler() -> str:
+    """Why `find_compiler` found none, and the way out."""
+    try:
+        _cache_folder()
+    except OSError as error:
+        return f"C cannot be compiled here ({error.strerror}); set TMPDIR or XDG_CACHE_HOME to a folder to write to"
+    wanted = os.environ.get("CC", "").strip()
+    where = f"CC is {wanted!r}" if wanted else "looked for cc, gcc, clang and the package ziglang"
+    return f"no C compiler found that works ({where}); `pip install ziglang` brings one"
+
+
 @functools.cache
 def _works(compiler: tuple[str, ...]) -> bool:
     """Whether it makes a library that loads: a name on the path may stand for tools that are not installed."""
@@ -158,9 +169,7 @@ def load_library(source: str) -> ctypes.CDLL:
     """
     compiler = find_compiler()
     if compiler is None:
-        wanted = os.environ.get("CC", "").strip()
-        where = f"CC is {wanted!r}" if wanted else "looked for cc, gcc, clang and the package ziglang"
-        raise CodeError(f"no C compiler found that works ({where}); pip install ziglang, or use the CasADi engine")
+        raise CodeError(f"{why_no_compiler()}, or use the CasADi engine")
     return ctypes.CDLL(str(_built(source, compiler)))
 
 
