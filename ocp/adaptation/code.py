@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 import jinja2
-import numpy as np
 
 from tendonff.models.chain import Chain
 from tendonff.models.elements import Whole, whole_of
@@ -23,6 +22,7 @@ from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal, real_type
 from tendonff.ocp.errors import CodeError
 from tendonff.ocp.step.c_engine import PREFIX, host_source
+from tendonff.ocp.step.folding import rest_statements
 from tendonff.ocp.step.laws import ElementLaws
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.step.render import law_calls
@@ -136,27 +136,6 @@ def rest_on_spring(chain: Chain, tension_N: float) -> Array:
     return chain.rest_state(tension_N, anchor).vector()
 
 
-def rest_statements(at_zero: Array, at_one: Array, array: str, precision: Precision) -> str:
-    """C statements that fill a state which is affine in `tension`; an int j must be there.
-
-    Parameters
-    ----------
-    at_zero, at_one : ndarray, shape (size,)
-        State at tensions of 0 and 1 N.
-    array : str
-        C text.
-    """
-    slopes, lines, first = np.asarray(at_one) - np.asarray(at_zero), [], 0
-    while first < len(slopes):
-        last = first + 1
-        while last < len(slopes) and slopes[last] == slopes[first]:
-            last += 1
-        text = f"tension * {literal(float(slopes[first]), precision)}" if slopes[first] else literal(0.0, precision)
-        lines.append(f"    for (j = {first}; j < {last}; j++) {{\n        {array}[j] = {text};\n    }}")
-        first = last
-    return "\n".join(lines)
-
-
 def tuner_context(tuned: TunedChain, precision: Precision, *, prefix: str, past: int) -> dict[str, object]:
     """What the template `tuner.c.j2` needs, whatever it is rendered for.
 
@@ -168,8 +147,7 @@ def tuner_context(tuned: TunedChain, precision: Precision, *, prefix: str, past:
         Samples to remember.
     """
     chain, (law, names) = tuned.chain, tuned.retuned_numbers()
-    zero, one = tuned.rest(0.0), tuned.rest(1.0)
-    layout = chain.layout
+    slopes, layout = tuned.rest(1.0) - tuned.rest(0.0), chain.layout
     return {
         "prefix": prefix,
         "upper": f"{prefix.upper()}_TUNER",
@@ -201,7 +179,7 @@ def tuner_context(tuned: TunedChain, precision: Precision, *, prefix: str, past:
         ),
         "q_a": layout.part("q_a").start,
         "q_l": layout.part("q_l").start,
-        "rest": lambda array: rest_statements(zero, one, array, precision),
+        "rest": lambda array: rest_statements(slopes, precision, array),
         "moving": chain.moving,
         "types": "",
         "far_driven": chain.far_joint is not None,
@@ -230,7 +208,7 @@ def _host_text(tuned: TunedChain) -> str:
     scheme = host_source(chain, every, templates, ways_differ=Tunable.MU not in tuned.parameters)
     printer = Specialiser(prefix=PREFIX, precision=precision, parameters={})
     own = {law.name: printer.fold(law) for law in tuner_laws(tuned)}
-    zero, one = (chain.rest_state(value).vector() for value in (0.0, 1.0))
+    slopes = chain.rest_state(1.0).vector() - chain.rest_state(0.0).vector()
     gain = f"{PREFIX}_link_gain({', '.join(_gain_arguments(laws))}, &rows[k].gain)"
     context = tuner_context(tuned, precision, prefix=PREFIX, past=MAX_DELAY) | {
         "model": PREFIX,
@@ -239,7 +217,7 @@ def _host_text(tuned: TunedChain) -> str:
         "kinds": 2,
         "inverse_rows": 4,
         "shifted": False,
-        "inverse_rest": lambda array: rest_statements(zero, one, array, precision),
+        "inverse_rest": lambda array: rest_statements(slopes, precision, array),
         "gain_calls": {PREFIX: gain},
         "work_argument": f", {real_type(precision)} *memory",
         "work_declaration": f"{PREFIX}_work work_area = {PREFIX}_work_of(memory, {PREFIX.upper()}_TUNER_COUNT);",
