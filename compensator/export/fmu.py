@@ -12,8 +12,6 @@ from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 
-import jinja2
-
 from tendonff._version import __version__
 from tendonff.compensator.compensators.base import CModule, Problem
 from tendonff.compensator.compensators.table import table_of
@@ -32,16 +30,11 @@ from tendonff.ocp.adaptation.tuning import Sensor
 from tendonff.ocp.codegen.compiler import find_compiler, run_compiler
 from tendonff.ocp.codegen.cross import Target, cross_compile
 from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.codegen.templates import environment
 from tendonff.ocp.errors import CodeError
 from tendonff.ocp.step.joints import Joints
 
-_TEMPLATES = jinja2.Environment(  # noqa: S701 - the one place with markup escapes what it inserts
-    loader=jinja2.PackageLoader("tendonff.compensator.export", "templates/fmu"),
-    undefined=jinja2.StrictUndefined,
-    keep_trailing_newline=True,
-    trim_blocks=True,
-    lstrip_blocks=True,
-)
+_TEMPLATES = environment("tendonff.compensator.export", "templates/fmu")
 _ELSEWHERE = (  # target, folder in FMI 2.0 (empty: it has no name for it) and 3.0
     (Target(triple="x86_64-windows-gnu", suffix=".dll"), "win64", "x86_64-windows"),
     (Target(triple="x86_64-macos", suffix=".dylib"), "darwin64", "x86_64-darwin"),

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import casadi as ca
-import jinja2
 
 from tendonff.models.chain import Chain
 from tendonff.models.elements import Whole, whole_of
@@ -20,6 +19,7 @@ from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal, real_type
+from tendonff.ocp.codegen.templates import environment
 from tendonff.ocp.errors import CodeError
 from tendonff.ocp.step.c_engine import PREFIX, host_source
 from tendonff.ocp.step.folding import rest_statements
@@ -27,12 +27,7 @@ from tendonff.ocp.step.laws import ElementLaws
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.step.render import law_calls
 
-_TEMPLATES = jinja2.Environment(  # noqa: S701 - C, not HTML
-    loader=jinja2.PackageLoader("tendonff.ocp.adaptation"),
-    undefined=jinja2.StrictUndefined,
-    keep_trailing_newline=True,
-    trim_blocks=True,
-)
+_TEMPLATES = environment("tendonff.ocp.adaptation")
 _FRICTION = ("mu_dynamic_pull", "mu_static_pull"), ("mu_dynamic_release", "mu_static_release")
 _SCALED: dict[Tunable, tuple[str, ...]] = {
     Tunable.MU: _FRICTION[0] + _FRICTION[1],

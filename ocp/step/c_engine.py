@@ -3,8 +3,10 @@
 import ctypes
 import functools
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonff.models.chain import Chain
 from tendonff.models.layout import ChainInputs
@@ -155,7 +157,7 @@ def _library_of(chain: Chain) -> ctypes.CDLL:
     return library
 
 
-def pointer(values: Array | None) -> ctypes.c_void_p:
+def pointer(values: NDArray[Any] | None) -> ctypes.c_void_p:
     """Address of a contiguous array, or null."""
     return ctypes.c_void_p(None if values is None else values.ctypes.data)
 
@@ -190,20 +192,10 @@ class CompiledStepper:
         report, worst = ReportStruct(), ctypes.c_int()
         places = places_of(self._chain, memory.time_s, self._step_s, rows)
         done = self._library.tff_run(
-            ctypes.byref(self._struct),
-            ctypes.c_double(self._step_s),
-            pointer(table),
-            ctypes.c_long(rows),
-            ctypes.c_int(memory.fresh),
-            *map(pointer, places),
-            pointer(memory.x),
-            pointer(memory.x_old),
-            pointer(self._work),
-            pointer(tension),
-            pointer(ends),
-            pointer(states),
-            ctypes.byref(report),
-            ctypes.byref(worst),
+            *(ctypes.byref(self._struct), ctypes.c_double(self._step_s), pointer(table)),
+            *(ctypes.c_long(rows), ctypes.c_int(memory.fresh)),
+            *map(pointer, (*places, memory.x, memory.x_old, self._work, tension, ends, states)),
+            *map(ctypes.byref, (report, worst)),
         )
         if done:
             memory.fresh = False
@@ -249,16 +241,8 @@ class CompiledInverse:
         places = places_of(self._chain, time_s, self._step_s, rows)
         work = np.empty(self._library.tff_work_reals(ctypes.c_int(self._chain.count)))
         self._library.tff_invert_run(
-            ctypes.byref(self._struct),
-            ctypes.c_double(self._step_s),
-            pointer(reference),
-            ctypes.c_long(rows),
-            ctypes.c_int(1),
-            *map(pointer, [*places, work] if places else []),
-            pointer(now),
-            pointer(old),
-            pointer(force),
-            pointer(least),
-            pointer(states),
+            *(ctypes.byref(self._struct), ctypes.c_double(self._step_s), pointer(reference)),
+            *(ctypes.c_long(rows), ctypes.c_int(1), *map(pointer, [*places, work] if places else [])),
+            *map(pointer, (now, old, force, least, states)),
         )
         return InverseRows(force_N=force, least_tension_N=least, states=states)

@@ -3,12 +3,11 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-import jinja2
-
 from tendonff.models.layout import INPUT_NAMES, StateLayout
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal, real_type
+from tendonff.ocp.codegen.templates import environment
 from tendonff.ocp.step.scheme import (
     BDF2_CARRY,
     BDF2_WEIGHT,
@@ -23,12 +22,7 @@ from tendonff.ocp.step.scheme import (
     RESIDUAL_TOLERANCE_N,
 )
 
-_TEMPLATES = jinja2.Environment(  # noqa: S701 - C, not HTML
-    loader=jinja2.PackageLoader("tendonff.ocp.step"),
-    undefined=jinja2.StrictUndefined,
-    keep_trailing_newline=True,
-    trim_blocks=True,
-)
+_TEMPLATES = environment("tendonff.ocp.step")
 
 _ALL_LINKS = (("c", "for (i = 0; i <= n; i++)"),)
 _LINKS_BY_KIND = (("c", "for (i = 1; i < n; i++)"), ("(&c[1])", "for (i = 0; i <= n; i += n)"))
