@@ -119,13 +119,7 @@ def information_figure(result: AdaptationData) -> Figure:
 
 
 def bounds_figure(result: AdaptationData, spread: float) -> Figure:
-    """The certified interval of the output tension along the reference.
-
-    Parameters
-    ----------
-    spread : float
-        Relative half-width of mu theta that it admits.
-    """
+    """The certified interval of the output tension along the reference, with the spread of mu theta that it admits."""
     reference, (low, high) = result.reference, result.bounds_N or (np.empty(0), np.empty(0))
     rows = thinned(len(reference.time_s))
     figure, axes = new_figure(height_in=2.8)

@@ -64,34 +64,15 @@ class Case:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AdaptationData:
-    """The whole study.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    reference : Reference
-    tuning : Tuning
-    information : Information
-        Along the reference, on the scenario's own plant.
-    certificate : FeedbackCertificate or None
-        Of the integral action; None without a measured output tension.
-    interval : CertifiedInterval or None
-        What two plays can promise along the reference; None where the path moves.
-    bounds_N : tuple of 2 ndarray of shape (n,), or None
-        That interval for the design's force.
-    cases : tuple of Case
-    headline : str
-        One sentence.
-    warnings : tuple of str
-    """
+    """The whole study."""
 
     scenario: Scenario
     reference: Reference
     tuning: Tuning
-    information: Information
-    certificate: FeedbackCertificate | None
-    interval: CertifiedInterval | None
-    bounds_N: tuple[FloatArray, FloatArray] | None
+    information: Information  # along the reference, on the scenario's own plant
+    certificate: FeedbackCertificate | None  # of the integral action; None without a measured output tension
+    interval: CertifiedInterval | None  # along the reference; None where the path moves
+    bounds_N: tuple[FloatArray, FloatArray] | None  # that interval for the design's force, shape (n,) each
     cases: tuple[Case, ...]
     headline: str
     warnings: tuple[str, ...]

@@ -171,15 +171,7 @@ def _judged(
 
 
 def stubs(header: str, implemented: set[str]) -> str:
-    """Definitions that refuse, for every function of a header that a wrapper leaves out.
-
-    Parameters
-    ----------
-    header : str
-        Text of fmi2FunctionTypes.h or fmi3FunctionTypes.h.
-    implemented : set of str
-        Functions that exist already.
-    """
+    """Definitions that refuse, for every function in the text of a header that a wrapper does not implement."""
     code = re.sub(r"/\*.*?\*/", "", header, flags=re.DOTALL)
     found = re.findall(r"typedef\s+(fmi[23]Status)\s+(fmi[23]\w+)TYPE\s*\(([^;]*?)\)\s*;", code)
     lines = []

@@ -98,12 +98,7 @@ def answers(
 ) -> tuple[FloatArray, dict[str, FloatArray]]:
     """Force for the plant, and the answer of each module to a reference that starts at rest at its first row.
 
-    Parameters
-    ----------
-    table : LookupTable, optional
-        The one that is exported, where one is.
-    reference_N : ndarray, shape (rows,)
-        Exact in the real type.
+    The table is the one that is exported, where one is; the reference is exact in the real type.
     """
     course = _course(problem, table, reference_N, precision, with_plant=True)
     return course.plant_force_N, course.columns
@@ -228,19 +223,10 @@ def _easy_rows(problem: Problem, course: Course) -> int:
 
 
 def to_and_fro(course_N: FloatArray, *, step_N: float | None = None, rows: int = _REVERSAL_ROWS) -> FloatArray:
-    """A way on from the end of a course that turns round at many depths of the transition, within the course's range.
+    """A way on from the end of a course that turns round at many depths of the transition, within its range [N].
 
-    Parameters
-    ----------
-    course_N : ndarray, shape (n,)
-        What comes before [N].
-    step_N : float, optional
-        Largest change from row to row; legs that would need more rows are shortened [N]. Default: what the rows need.
-
-    Returns
-    -------
-    ndarray, shape (m,)
-        Tension [N]; nothing where the course never moves.
+    Legs that would need more rows than there are at the largest change from row to row (default: what the rows need)
+    are shortened; nothing comes back where the course never moves.
     """
     low, high = float(course_N.min()), float(course_N.max())
     if not high > low:
@@ -264,17 +250,10 @@ def to_and_fro(course_N: FloatArray, *, step_N: float | None = None, rows: int =
 def golden_vectors(
     problem: Problem, table: LookupTable | None, precision: Precision, *, stream: StreamDesign | None = None
 ) -> Golden:
-    """Golden vectors along the scenario's own reference, then over reversals, then over jumps.
+    """Golden vectors along the scenario's own reference, then over reversals, then over jumps; live ones with a stream.
 
     The reference is thinned so that its whole course fits, and the reversals are quick. Where the tendon cannot follow
     that, the course is the beginning of the reference as it is, with reversals no faster than its own motion.
-
-    Parameters
-    ----------
-    table : LookupTable, optional
-        The one that is exported, where one is.
-    stream : StreamDesign, optional
-        Of the stream module, where there is one.
     """
     tension = problem.reference.tension_N
     stride = max(1, -(-len(tension) // _ROWS))
@@ -336,14 +315,9 @@ def servo_of(problem: Problem) -> float | None:
 
 
 def told(problem: Problem, inversion: Inversion, force_N: FloatArray) -> FloatArray:
-    """Command of a position drive as exported code tells it: the inverse's travel plus the limited force's stretch [m].
+    """Command of a position drive as exported code tells it [m].
 
-    Parameters
-    ----------
-    inversion : Inversion
-        With states.
-    force_N : ndarray, shape (rows,)
-        Within the limits.
+    The travel of the inverse, whose states are needed, plus the stretch of the force within the limits.
     """
     stiffness = servo_of(problem)
     if inversion.states is None or stiffness is None:
@@ -355,16 +329,7 @@ def told(problem: Problem, inversion: Inversion, force_N: FloatArray) -> FloatAr
 
 
 def respond(problem: Problem, drive: FloatArray, start_N: float, chain: Chain) -> Simulation:
-    """The chain under forces [N], or under commands of its servo [m], from rest.
-
-    Parameters
-    ----------
-    drive : ndarray, shape (rows,)
-    start_N : float
-        Uniform tension at rest [N].
-    chain : Chain
-        With the motion of the course.
-    """
+    """The chain, with the motion of the course, under forces [N], or under commands of its servo [m], from rest."""
     chain, drive = _drive(problem, drive, start_N, chain)
     return simulate(chain, drive, problem.reference.step_s, initial_tension_N=start_N)
 

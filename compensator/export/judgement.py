@@ -31,18 +31,7 @@ class Judged:
 
 
 def judge(problem: Problem, forces_N: Mapping[str, FloatArray]) -> tuple[Judged, ...]:
-    """Simulate each module's force on the chain of the problem's level.
-
-    Parameters
-    ----------
-    forces_N : mapping of str to ndarray, shape (n,)
-        Force of each module at the samples of the reference, within the limits [N], or command [m].
-
-    Returns
-    -------
-    tuple of Judged
-        "none" first, then the modules in the order given.
-    """
+    """Simulate each module's force [N] or command [m] on the chain of the problem's level; none comes first."""
     nothing = _score(problem, answer_of(problem, UNCOMPENSATED, compensator(UNCOMPENSATED).profile(problem)))
     if nothing is None:
         raise SolveError(
@@ -119,13 +108,7 @@ def chosen(
 
 
 def judge_stream(judged: Sequence[Judged], choice: StreamChoice | None, problem: Problem) -> Judged:
-    """The stream module, against the reference delayed by its stated lag; it needs the inverse.
-
-    Parameters
-    ----------
-    judged : sequence of Judged
-        Of the other modules, no compensation first.
-    """
+    """The stream module, against the reference delayed by its stated lag; it needs the inverse among those judged."""
     fault = next((each.fault for each in judged if each.module == "inverse"), "")
     if choice is None:
         return Judged(module="stream", score=None, fault="the chain cannot be simulated under its force")

@@ -38,12 +38,9 @@ class FloatLoss:
 
 
 def float_losses(course: Course, found_N: Mapping[str, FloatArray], problem: Problem) -> tuple[FloatLoss, ...]:
-    """What single precision costs each module.
+    """What single precision costs each module, from the answers of the exported code to the course [N].
 
-    Parameters
-    ----------
-    found_N : mapping of str to ndarray, shape (rows,)
-        Answers of the exported code to the course [N]; commands [m] count as the tension that they are worth at rest.
+    Commands [m] count as the tension that they are worth at rest.
     """
     losses = []
     for module, found in found_N.items():

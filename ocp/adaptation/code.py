@@ -132,15 +132,7 @@ def rest_on_spring(chain: Chain, tension_N: float) -> Array:
 
 
 def tuner_context(tuned: TunedChain, precision: Precision, *, prefix: str, past: int) -> dict[str, object]:
-    """What the template `tuner.c.j2` needs, whatever it is rendered for.
-
-    Parameters
-    ----------
-    prefix : str
-        Of the tuner's own C names.
-    past : int
-        Samples to remember.
-    """
+    """What the template `tuner.c.j2` needs, whatever it is rendered for; `past` samples are remembered."""
     chain, (law, names) = tuned.chain, tuned.retuned_numbers()
     slopes, layout = tuned.rest(1.0) - tuned.rest(0.0), chain.layout
     return {

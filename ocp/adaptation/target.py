@@ -56,15 +56,7 @@ def inverse_free_code(
     names: tuple[str, ...],
     contact: Contact | None = None,
 ) -> FreeCode:
-    """The exact inverse with free numbers.
-
-    Parameters
-    ----------
-    names : tuple of str
-        The free numbers, as in `Chain.numbers`.
-    contact : Contact, optional
-        Friction of the bends of a path in sections.
-    """
+    """The exact inverse with free numbers, named as in `Chain.numbers`."""
     chain, relative = tuned.chain, precision is Precision.FLOAT
     weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY))
     folder = chain_specialiser(chain, weights, prefix, precision, contact, names)
@@ -120,13 +112,7 @@ def _every_symbol(laws: ElementLaws) -> tuple[ca.SX, ...]:
 
 
 def tuner_code(tuned: TunedChain, step_s: float, prefix: str, precision: Precision, delay: int) -> TunerCode:
-    """All of the tuner for a controller.
-
-    Parameters
-    ----------
-    delay : int
-        Age of a measurement when it arrives, in steps.
-    """
+    """All of the tuner for a controller; `delay` is the age of a measurement when it arrives, in steps."""
     model_prefix, inverse_prefix = f"{prefix}_model", f"{prefix}_inverse"
     context = tuner_context(tuned, precision, prefix=prefix, past=delay + 1)
     names, chain, limits = tuned.retuned_numbers()[1], tuned.chain, controller_limits(precision)

@@ -112,13 +112,7 @@ class SimulatedRig:
         self.struct = _RigStruct(step_s / substeps, substeps, 1, initial_tension_N, start, initial_tension_N)
 
     def change(self, chain: Chain) -> None:
-        """Other parameters from here on; the load's spring keeps its anchor.
-
-        Parameters
-        ----------
-        chain : Chain
-            With the same number of masses and the same laws.
-        """
+        """Another chain of the same size and laws from here on; the spring of the load keeps its anchor."""
         if chain.layout != self.chain.layout:
             raise ParameterError("a rig must keep its number of masses and its laws in mid-run; start another one")
         self.chain = chain

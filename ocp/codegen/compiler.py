@@ -57,11 +57,6 @@ def _candidates() -> list[tuple[str, ...]]:
 def find_compiler() -> tuple[str, ...] | None:
     """Command of the first C compiler that works: CC from the environment, else cc, gcc, clang, the package ziglang.
 
-    Returns
-    -------
-    tuple of str or None
-        None where there is none.
-
     Raises
     ------
     CodeError
@@ -92,13 +87,7 @@ def _works(compiler: tuple[str, ...]) -> bool:
 
 
 def run_compiler(compiler: tuple[str, ...], arguments: Sequence[str], folder: Path | None = None) -> str | None:
-    """Run the C compiler; None where it succeeds, else what it said.
-
-    Parameters
-    ----------
-    compiler : tuple of str
-        From `find_compiler`.
-    """
+    """Run the C compiler that `find_compiler` gave; None where it succeeds, else what it said."""
     environment = dict(os.environ)
     if compiler[1:3] == _PACKAGED[:2]:  # it would leave its caches where it runs
         for name in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"):
@@ -155,12 +144,7 @@ def _compiler_version(compiler: tuple[str, ...]) -> str:
 
 
 def load_library(source: str) -> ctypes.CDLL:
-    """Compile C source into a shared library, or take it from the cache, and load it.
-
-    Parameters
-    ----------
-    source : str
-        C99.
+    """Compile C99 into a shared library, or take it from the cache, and load it.
 
     Raises
     ------

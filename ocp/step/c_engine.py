@@ -49,13 +49,7 @@ def chain_struct(chain: Chain) -> ctypes.Structure:
 
 
 def link_ratios(ratio: Array) -> tuple[float, float]:
-    """Length of the whole over that of an inner link, and over that of an end link, where all masses are alike.
-
-    Parameters
-    ----------
-    ratio : ndarray, shape (N + 1,)
-        As `Elements.ratio`.
-    """
+    """Length of the whole over that of an inner link, and over that of an end link, where all masses are alike."""
     return float(ratio[1]) if len(ratio) > 2 else float(ratio[0]), float(ratio[0])
 
 
@@ -76,15 +70,7 @@ def _struct_type(names: tuple[str, ...]) -> type[ctypes.Structure]:
 def places_of(chain: Chain, time_s: float, step_s: float, rows: int) -> list[Array]:
     """Where the path is one step before an instant, at it, and at the ends of the steps that follow; as arguments in C.
 
-    Parameters
-    ----------
-    rows : int
-        Steps.
-
-    Returns
-    -------
-    list
-        Empty where all masses are alike and nothing moves.
+    None where all masses are alike and nothing moves.
     """
     if not chain.moving:
         return []
@@ -93,15 +79,7 @@ def places_of(chain: Chain, time_s: float, step_s: float, rows: int) -> list[Arr
 
 
 def host_source(chain: Chain, laws: tuple[Law, ...], templates: tuple[str, ...], *, ways_differ: bool = False) -> str:
-    """C for chains of any size with the laws of this one.
-
-    Parameters
-    ----------
-    templates : tuple of str
-        What follows the laws.
-    ways_differ : bool, optional
-        Friction of the two directions may be set apart.
-    """
+    """C for chains of any size with the laws of this one; friction of the two directions may be set apart."""
     printer = Specialiser(prefix=PREFIX, precision=Precision.DOUBLE, parameters={})
     elements = ElementLaws.of(chain, folded=True)
     moved = (elements.contact(twins_of(chain, ways_differ=ways_differ)),) if chain.moving else ()
@@ -124,13 +102,7 @@ def host_source(chain: Chain, laws: tuple[Law, ...], templates: tuple[str, ...],
 
 
 def library_of(chain: Chain, make_source: Callable[[Chain], str]) -> ctypes.CDLL:
-    """The library for the laws of a chain; chains that differ in numbers alone share it.
-
-    Parameters
-    ----------
-    make_source : callable
-        Chain to C source.
-    """
+    """The library for the laws of a chain; chains that differ in numbers alone share it."""
     aliases = frozenset(chain.friction.aliases().items())
     twins = frozenset(twins_of(chain).items()) if chain.moving else None
     key = (make_source.__name__, type(chain.friction), type(chain.link), type(chain.near), aliases, twins)
@@ -164,12 +136,6 @@ def pointer(values: NDArray[Any] | None) -> ctypes.c_void_p:
 
 class CompiledStepper:
     """Advance one chain in compiled C; releases the interpreter lock while it runs.
-
-    Parameters
-    ----------
-    chain : Chain
-    step_s : float
-        h [s].
 
     Raises
     ------
@@ -215,12 +181,6 @@ class CompiledStepper:
 
 class CompiledInverse:
     """The exact inverse of one chain in compiled C.
-
-    Parameters
-    ----------
-    chain : Chain
-    step_s : float
-        h [s].
 
     Raises
     ------

@@ -32,18 +32,10 @@ def chain_specialiser(
     floors: Mapping[str, float] | None = None,
     whole: bool = True,
 ) -> Specialiser:
-    """What folds the laws of a chain.
+    """What folds the laws of a chain for the rows of a scheme.
 
-    Parameters
-    ----------
-    weights : tuple
-        Rows of the scheme.
-    contact : Contact, optional
-        On a path in sections; then a link is the whole tendon, or with `whole` unset its ratio is unknown.
-    free : tuple of str, optional
-        Numbers that are known at run time only.
-    floors : mapping of str to float, optional
-        Lower bounds of some of these that the caller keeps.
+    On a path in sections (`contact`) a link is the whole tendon, or with `whole` unset its ratio is unknown. Numbers
+    that are `free` are known at run time only; of some of them the caller keeps `floors`.
     """
     reorder = precision is Precision.FLOAT or contact is not None
     ratios = link_ratios(chain.elements.ratio) if contact is None else (1.0,)
@@ -80,13 +72,7 @@ def _snapped(chain: Chain) -> dict[str, float]:
 
 
 def weighted_sum(law: Law, *names: str) -> Law:
-    """A law that is linear in these arguments as their weighted sum: the weights are numbers of the chain.
-
-    Parameters
-    ----------
-    *names : str
-        Its arguments; the others are such numbers.
-    """
+    """A law that is linear in these arguments as their weighted sum: the weights are numbers of the chain."""
     over = [s for s in law.inputs if s.name() in names]
     outputs = {
         name: sum((ca.jacobian(value, s) * s for s in over), start=ca.SX(0)) for name, value in law.outputs.items()

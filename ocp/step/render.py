@@ -66,12 +66,8 @@ def law_calls(
 ) -> Callable[..., str]:
     """How generated code calls its laws: see `StepCode.call`.
 
-    Parameters
-    ----------
-    laws : mapping of str to SpecialisedLaw
-        By their names; those of an end mass that differ between the ends with "_near" or "_far" behind.
-    own_names : tuple of str, optional
-        How the names of what each mass has for itself begin.
+    Laws of an end mass that differ between the ends are named with "_near" or "_far" behind; what each mass has for
+    itself has a name that begins as `own_names` say.
     """
 
     def call(law: str, *parts: Mapping[str, str], end: str = "", link: str = "c", own: str = "", mass: str = "") -> str:
@@ -125,18 +121,9 @@ class StepCode:
     ) -> str:
         """C text of a call: arguments by name, parameters from the record `c`, or each mass's own where masses differ.
 
-        Parameters
-        ----------
-        *parts : mapping of str to str
-            Text of inputs that are no parameters, and of outputs; what the law does not take is left out.
-        end : str, optional
-            "near" or "far" for the laws of an end mass.
-        link : str, optional
-            Record of the link that the law is for.
-        mass : str, optional
-            Index of the mass that the law is for.
-        own : str, optional
-            Each mass's own numbers, by {name} and {mass}.
+        `parts` are texts of inputs that are no parameters, and of outputs; what the law does not take is left out.
+        `end` is "near" or "far" for the laws of an end mass, `link` the record of the link and `mass` the index of the
+        mass that the law is for, `own` the text of a mass's own number by {name} and {mass}.
         """
         given = {name: name for name in self.free}
         if self.on_joints is not None:

@@ -80,15 +80,7 @@ SETTABLE = (
 def inverse_code(
     chain: Chain, step_s: float, prefix: str, precision: Precision, *, settable: bool = False
 ) -> ChainCode:
-    """The exact inverse.
-
-    Parameters
-    ----------
-    prefix : str
-        Prefix of every C name in the file.
-    settable : bool, optional
-        Leave those of `SETTABLE` that the laws need to the caller.
-    """
+    """The exact inverse; where it is settable, those of `SETTABLE` that the laws need are left to the caller."""
     weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY))
     left = SETTABLE if settable else ()
     contact = _contact(chain, prefix, precision, settable=settable)
@@ -114,13 +106,7 @@ def inverse_code(
 
 
 def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -> ChainCode:
-    """The time step.
-
-    Parameters
-    ----------
-    prefix : str
-        Prefix of every C name in the file.
-    """
+    """The time step."""
     limits = plant_limits(precision)
     pieces = tuple((step_s / 2**k, 0.0) for k in range(1, limits.splits + 1))
     weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY), *pieces)
@@ -154,11 +140,8 @@ def folded_inverse(
 ) -> tuple[SpecialisedLaw, ...]:
     """The laws of the exact inverse, with everything folded in but numbers of the ends that are free.
 
-    Parameters
-    ----------
-    relative : bool
-        States are kept relative to what the tension alone would cause: then the laws depend on tension and position
-        through their balance only.
+    Where states are kept relative to what the tension alone would cause, the laws depend on tension and position
+    through their balance only.
     """
     far, rate = {"f_c": 0.0, "x_c": 0.0, "pull": 1.0}, {}
     if relative:
@@ -188,13 +171,7 @@ def step_code(
     free: tuple[str, ...] = (),
     tuned: bool = False,
 ) -> StepCode:
-    """What the templates need to know of a chain on a controller.
-
-    Parameters
-    ----------
-    tuned : bool, optional
-        One of the schemes of a tuner, whose friction carries factors that are known at run time only.
-    """
+    """What the templates need to know of a chain on a controller; `tuned` for one of the schemes of a tuner."""
     on_joints = None
     if contact is not None:
         types = prefix.rpartition("_")[0]
@@ -236,13 +213,7 @@ def _text(folded: tuple[SpecialisedLaw, ...], contact: Contact | None) -> str:
 
 
 def compliances_of(chain: Chain, precision: Precision, load: str = "") -> Compliances:
-    """What a lasting newton does to the load and to the states of a link [m/N].
-
-    Parameters
-    ----------
-    load : str, optional
-        C text of the load's part; default: its number.
-    """
+    """What a lasting newton does to the load (default: its number) and to the states of a link [m/N]."""
     links = link_compliances(chain, precision)
     if chain.far_joint:
         return links
