@@ -100,32 +100,41 @@ def answers(
 
     The table is the one that is exported, where one is; the reference is exact in the real type.
     """
-    course = _course(problem, table, reference_N, precision, with_plant=True)
+    course = _course(problem, table, reference_N, precision, problem.chain)
     return course.plant_force_N, course.columns
 
 
 def _course(
-    problem: Problem,
-    table: LookupTable | None,
-    reference_N: FloatArray,
-    precision: Precision,
-    *,
-    with_plant: bool,
-    chain: Chain | None = None,
+    problem: Problem, table: LookupTable | None, reference_N: FloatArray, precision: Precision, chain: Chain
 ) -> Course:
-    step, start = problem.reference.step_s, float(reference_N[0])
-    chain = chain or problem.chain
-    time = np.arange(len(reference_N), dtype=np.float64) * step
-    course = replace(
-        problem.reference, time_s=time, tension_N=reference_N, initial_tension_N=start, periodic=False, position_m=None
+    """Answers to a reference, and that of the plant to the force of the inverse."""
+    course = _answered(_following(problem, reference_N, chain), table, precision)
+    run = respond(problem, course.plant_force_N, float(reference_N[0]), chain).require()
+    return replace(course, columns={**course.columns, "plant": run.output_tension_N})
+
+
+def _following(problem: Problem, reference_N: FloatArray, chain: Chain | None) -> Problem:
+    """The problem of a reference of its own, from rest at its first row."""
+    reference = replace(
+        problem.reference,
+        time_s=np.arange(len(reference_N), dtype=np.float64) * problem.reference.step_s,
+        tension_N=reference_N,
+        initial_tension_N=float(reference_N[0]),
+        periodic=False,
+        position_m=None,
     )
-    followed = replace(problem, reference=course, live=True, model=chain)
+    return replace(problem, reference=reference, live=True, model=chain)
+
+
+def _answered(followed: Problem, table: LookupTable | None, precision: Precision) -> Course:
     columns = _answers(followed, table)
-    force = rounded(columns["inverse"], precision)
-    if with_plant:
-        columns["plant"] = respond(problem, force, start, chain).require().output_tension_N
-    scale = float(np.abs(followed.inversion.force_N).max())
-    return Course(reference_N=reference_N, plant_force_N=force, columns=columns, scale_N=scale, chain=chain)
+    return Course(
+        reference_N=followed.reference.tension_N,
+        plant_force_N=rounded(columns["inverse"], precision),
+        columns=columns,
+        scale_N=float(np.abs(followed.inversion.force_N).max()),
+        chain=followed.chain,
+    )
 
 
 def _answers(followed: Problem, table: LookupTable | None) -> dict[str, FloatArray]:
@@ -146,8 +155,7 @@ def _other(problem: Problem, course: Course, precision: Precision) -> Other | No
     if problem.chain.moving:
         return None
     reference, friction = course.reference_N[-_OTHER_ROWS:], problem.transmission.friction
-    start, time = float(reference[0]), problem.reference.step_s * np.arange(len(reference), dtype=np.float64)
-    more = min(_OTHER_ADHESION * start, _MOST_ADHESION_N)
+    more = min(_OTHER_ADHESION * float(reference[0]), _MOST_ADHESION_N)
     less = _OTHER_RELEASE if CapstanLaw.of(problem.transmission).plays is None else 1.0  # plays keep their wrap angles
     adhesion, release = (
         float(rounded(np.array([value]), precision)[0])
@@ -159,26 +167,11 @@ def _other(problem: Problem, course: Course, precision: Precision) -> Other | No
         mu_dynamic_release=release,
         mu_static_release=max(release, less * friction.release_static),
     )
-    followed = replace(
-        problem,
-        transmission=replace(problem.transmission, friction=changed),
-        reference=replace(
-            problem.reference,
-            time_s=time,
-            tension_N=reference,
-            initial_tension_N=start,
-            periodic=False,
-            position_m=None,
-        ),
-        live=True,
-        model=None,
-    )
+    transmission = replace(problem.transmission, friction=changed)
+    followed = _following(replace(problem, transmission=transmission), reference, None)
     if followed.inversion.status is not InverseStatus.EXACT:
         return None
-    scale = float(np.abs(followed.inversion.force_N).max())
-    columns = _answers(followed, None)
-    end = Course(reference_N=reference, plant_force_N=reference, columns=columns, scale_N=scale, chain=followed.chain)
-    return Other(mu_release=release, adhesion_N=adhesion, course=end)
+    return Other(mu_release=release, adhesion_N=adhesion, course=_answered(followed, None, precision))
 
 
 def _moving(problem: Problem, rows: NDArray[np.int_], count: int, precision: Precision) -> Chain:
@@ -268,18 +261,12 @@ def golden_vectors(
         chain = _moving(problem, samples[:_ROWS], len(reference), precision)
     low, high = float(reference.min()), float(reference.max())
     jumps = rounded(low + np.array(_JUMPS) * (high - low), precision)
-    course = _course(problem, table, reference, precision, with_plant=True, chain=chain)
+    course = _course(problem, table, reference, precision, chain)
+    at_jumps = _moving(problem, samples[: len(jumps)], len(jumps), precision)
     return Golden(
         stride=stride,
         course=_repeatable(problem, course),
-        jumps=_course(
-            problem,
-            table,
-            jumps,
-            precision,
-            with_plant=False,
-            chain=_moving(problem, samples[: len(jumps)], len(jumps), precision),
-        ),
+        jumps=_answered(_following(problem, jumps, at_jumps), table, precision),
         live=None if stream is None else _live(problem, stream, reference, chain, precision),
         other=_other(problem, course, precision),
     )
