@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
+import numpy as np
+
 from tendonff.compensator.adapt.feedback import FeedbackCertificate
 from tendonff.compensator.adapt.plants import Variation
 from tendonff.compensator.compensators.base import FloatArray
@@ -15,8 +17,17 @@ from tendonff.ocp.adaptation.tuning import Tuning
 SETTLED_S = 2.0
 """Errors after this time count as settled [s]."""
 
+WINDOW_S = 0.25
+"""Over which errors are averaged where they are shown over time [s]."""
+
 WORSE = 1.3
 """A plant on which self-tuning has more than this times the plain error, and more than 1 %, is named as a limit."""
+
+
+def moving_rms(error: FloatArray, step_s: float) -> FloatArray:
+    """RMS error over the last `WINDOW_S` at every sample."""
+    window = max(round(WINDOW_S / step_s), 1)
+    return np.sqrt(np.convolve(error**2, np.ones(window) / window)[: len(error)])
 
 
 class Scheme(StrEnum):

@@ -145,15 +145,12 @@ def build_fmu(
     members["modelDescription.xml"] = _render(f"modelDescription{fmi.value[0]}.xml.j2", context).encode()
     if fmi is FmiVersion.V3:
         members["sources/buildDescription.xml"] = _render("buildDescription.xml.j2", context).encode()
-    binary = _compile(sources, compiled)
-    if binary is not None:
-        members[f"binaries/{_platform(fmi)}/{identifier}.so"] = binary
-    if everywhere:
-        members |= _binaries_elsewhere(sources, compiled, identifier, fmi)
+    libraries = _libraries(sources, compiled, fmi, everywhere=everywhere)
+    members |= {f"binaries/{place}/{identifier}{suffix}": content for (place, suffix), content in libraries.items()}
     return Fmu(
         name=f"{identifier}_fmi{fmi.value[0]}.fmu",
         content=_archive(members),
-        has_binary=binary is not None,
+        has_binary=any(suffix == ".so" for _, suffix in libraries),
         judged=judged,
         warnings=warnings,
     )
@@ -279,35 +276,26 @@ def _platform(fmi: FmiVersion) -> str:
     return f"{machine}-linux"
 
 
-def _compile(sources: dict[str, str], compiled: list[str]) -> bytes | None:
-    """A shared library for this machine, or None where there is no compiler or the system is not Linux."""
-    compiler = find_compiler()
-    if compiler is None or not sys.platform.startswith("linux") or platform.machine() not in _MACHINES:
-        return None
-    with tempfile.TemporaryDirectory() as folder:
-        for name, text in sources.items():
-            (Path(folder) / name).write_text(text, encoding="utf-8")
-        arguments = [
-            *("-std=c99", "-O2", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno"),
-            *("-Wno-unused-parameter", "-s", "-Wl,--build-id=none", "-o", "unit.so", *compiled, "-lm"),
-        ]
-        if complaint := run_compiler(compiler, arguments, Path(folder)):
-            raise CodeError(f"the unit's sources: {complaint}")
-        return (Path(folder) / "unit.so").read_bytes()
-
-
-def _binaries_elsewhere(
-    sources: dict[str, str], compiled: list[str], identifier: str, fmi: FmiVersion
-) -> dict[str, bytes]:
-    """Libraries for other systems, by their place in the archive."""
-    made = {}
+def _libraries(
+    sources: dict[str, str], compiled: list[str], fmi: FmiVersion, *, everywhere: bool
+) -> dict[tuple[str, str], bytes]:
+    """Shared libraries by folder and suffix: of this machine where it is Linux with a compiler, of others if asked."""
+    compiler, made = find_compiler(), {}
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         for name, text in sources.items():
             (folder / name).write_text(text, encoding="utf-8")
-        for target, *places in _ELSEWHERE:
+        if compiler is not None and sys.platform.startswith("linux") and platform.machine() in _MACHINES:
+            arguments = [
+                *("-std=c99", "-O2", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno"),
+                *("-Wno-unused-parameter", "-s", "-Wl,--build-id=none", "-o", "unit.so", *compiled, "-lm"),
+            ]
+            if complaint := run_compiler(compiler, arguments, folder):
+                raise CodeError(f"the unit's sources: {complaint}")
+            made[_platform(fmi), ".so"] = (folder / "unit.so").read_bytes()
+        for target, *places in _ELSEWHERE if everywhere else ():
             if place := places[0 if fmi is FmiVersion.V2 else 1]:
-                made[f"binaries/{place}/{identifier}{target.suffix}"] = cross_compile(target, compiled, folder)
+                made[place, target.suffix] = cross_compile(target, compiled, folder)
     return made
 
 
