@@ -55,13 +55,7 @@ class FeedbackCertificate:
 def transmission_dynamics(
     transmission: Transmission, tendon: float = 1.0, load: float = 1.0
 ) -> control.TransferFunction:
-    """Output tension over actuator force without friction: two masses joined by the tendon.
-
-    Parameters
-    ----------
-    tendon, load : float, optional
-        Factors on the stiffness of tendon and load [-].
-    """
+    """Output tension over actuator force without friction: two masses joined by the tendon, stiffness times factors."""
     s = control.tf("s")
     t, a, far = transmission.tendon, transmission.actuator, transmission.load
     viscous = transmission.friction.viscous_N_s_per_m / 2
@@ -74,13 +68,7 @@ def transmission_dynamics(
 def feedback_certificate(
     transmission: Transmission, step_s: float, delay_samples: int, gain_per_s: float
 ) -> FeedbackCertificate:
-    """Bound the gain of the integral action.
-
-    Parameters
-    ----------
-    gain_per_s : float
-        k that is wanted [1/s], >= 0.
-    """
+    """Bound the gain of the integral action; `gain_per_s` is the one that is wanted."""
     omega = np.geomspace(1e-3, 1, _FREQUENCIES) * np.pi / step_s
     z = np.exp(1j * omega * step_s)
     integrator = step_s * z ** -(delay_samples + 1.0) / (1 - 1 / z)

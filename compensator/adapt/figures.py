@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tendonff.compensator.adapt.result import AdaptationData, Case, Scheme
+from tendonff.compensator.adapt.result import AdaptationData, Case, Scheme, moving_rms
 from tendonff.compensator.reporting.colours import BLUE, GREEN, INK, ORANGE, VERMILION
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure, thinned
 
@@ -13,7 +13,6 @@ STYLES = {
     Scheme.FEEDBACK: (ORANGE, "-.", "feedback alone"),
     Scheme.SELF_TUNING: (BLUE, "-", "self-tuning"),
 }
-_WINDOW_S = 0.25
 
 
 def adaptation_figures(result: AdaptationData) -> dict[str, Figure]:
@@ -60,18 +59,13 @@ def overview_figure(result: AdaptationData) -> Figure:
     return figure
 
 
-def _rms(error: np.ndarray, step_s: float) -> np.ndarray:
-    window = max(round(_WINDOW_S / step_s), 1)
-    return np.sqrt(np.convolve(error**2, np.ones(window) / window)[: len(error)])
-
-
 def case_figure(result: AdaptationData, case: Case) -> Figure:
     """Error and estimate over time on one plant."""
     figure, axes = new_figure(2, 1, share_x=True, height_in=4.2)
     rows, scale = thinned(len(case.time_s)), result.reference.range_N / 100
     for scheme, trace in case.traces.items():
         colour, line, label = STYLES[scheme]
-        error = _rms(trace.tension_N - case.reference_N, result.reference.step_s) / scale
+        error = moving_rms(trace.tension_N - case.reference_N, result.reference.step_s) / scale
         axes[0, 0].plot(case.time_s[rows], np.maximum(error[rows], 1e-3), color=colour, linestyle=line, label=label)
     axes[0, 0].set(yscale="log", ylabel="error, % of range", title=f"Error (RMS over 0.25 s): {case.variation.name}")
     axes[0, 0].yaxis.set_major_formatter("{x:g}")
@@ -110,13 +104,7 @@ def information_figure(result: AdaptationData) -> Figure:
 
 
 def bounds_figure(result: AdaptationData, spread: float) -> Figure:
-    """The certified interval of the output tension along the reference.
-
-    Parameters
-    ----------
-    spread : float
-        Relative half-width of mu theta that it admits.
-    """
+    """The certified interval of the output tension along the reference, with the spread of mu theta that it admits."""
     reference, (low, high) = result.reference, result.bounds_N or (np.empty(0), np.empty(0))
     rows = thinned(len(reference.time_s))
     figure, axes = new_figure(height_in=2.8)

@@ -52,10 +52,7 @@ class Variation:
 def variations(sensor: Sensor) -> tuple[Variation, ...]:
     """The plants of the study, the scenario's own first.
 
-    Parameters
-    ----------
-    sensor : Sensor
-        An offset means nothing for a position that is relative to the start, but drift of its zero does.
+    An offset means nothing for a position that is relative to the start, but drift of its zero does.
     """
     friction = tuple(
         Variation(name=f"friction {100 * (mu - 1):+.0f} %".replace("-", "\N{MINUS SIGN}"), mu=mu)

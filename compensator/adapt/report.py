@@ -26,13 +26,7 @@ _CAPTIONS = {
 
 
 def adaptation_report(result: AdaptationData, figures: dict[str, Figure]) -> Report:
-    """The page of the study.
-
-    Parameters
-    ----------
-    figures : dict of str to Figure
-        From `adaptation_figures`.
-    """
+    """The page of the study, with the figures of `adaptation_figures`."""
     pictures = pictures_of(figures, _CAPTIONS)
     interval, known = result.interval, result.information
     feedback = (

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
+import numpy as np
+
 from tendonff.compensator.adapt.feedback import FeedbackCertificate
 from tendonff.compensator.adapt.plants import Variation
 from tendonff.compensator.compensators.base import FloatArray
@@ -15,8 +17,17 @@ from tendonff.ocp.adaptation.tuning import Tuning
 SETTLED_S = 2.0
 """Errors after this time count as settled [s]."""
 
+WINDOW_S = 0.25
+"""Over which errors are averaged where they are shown over time [s]."""
+
 WORSE = 1.3
 """A plant on which self-tuning has more than this times the plain error, and more than 1 %, is named as a limit."""
+
+
+def moving_rms(error: FloatArray, step_s: float) -> FloatArray:
+    """RMS error over the last `WINDOW_S` at every sample."""
+    window = max(round(WINDOW_S / step_s), 1)
+    return np.sqrt(np.convolve(error**2, np.ones(window) / window)[: len(error)])
 
 
 class Scheme(StrEnum):
@@ -64,34 +75,15 @@ class Case:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AdaptationData:
-    """The whole study.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    reference : Reference
-    tuning : Tuning
-    information : Information
-        Along the reference, on the scenario's own plant.
-    certificate : FeedbackCertificate or None
-        Of the integral action; None without a measured output tension.
-    interval : CertifiedInterval or None
-        What two plays can promise along the reference; None where the path moves.
-    bounds_N : tuple of 2 ndarray of shape (n,), or None
-        That interval for the design's force.
-    cases : tuple of Case
-    headline : str
-        One sentence.
-    warnings : tuple of str
-    """
+    """The whole study."""
 
     scenario: Scenario
     reference: Reference
     tuning: Tuning
-    information: Information
-    certificate: FeedbackCertificate | None
-    interval: CertifiedInterval | None
-    bounds_N: tuple[FloatArray, FloatArray] | None
+    information: Information  # along the reference, on the scenario's own plant
+    certificate: FeedbackCertificate | None  # of the integral action; None without a measured output tension
+    interval: CertifiedInterval | None  # along the reference; None where the path moves
+    bounds_N: tuple[FloatArray, FloatArray] | None  # that interval for the design's force, shape (n,) each
     cases: tuple[Case, ...]
     headline: str
     warnings: tuple[str, ...]

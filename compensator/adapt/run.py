@@ -10,7 +10,7 @@ import numpy as np
 from tendonff.compensator.adapt.feedback import FeedbackCertificate, feedback_certificate
 from tendonff.compensator.adapt.output import AdaptationStudy
 from tendonff.compensator.adapt.plants import Change, Variation, variations
-from tendonff.compensator.adapt.result import SETTLED_S, Case, Scheme, Trace
+from tendonff.compensator.adapt.result import SETTLED_S, WINDOW_S, Case, Scheme, Trace, moving_rms
 from tendonff.compensator.adapt.setup import certified, learnt, tuned_chain, tuning_of
 from tendonff.compensator.compensators.base import FloatArray, Problem
 from tendonff.compensator.files.progress import Progress, silent
@@ -26,7 +26,6 @@ from tendonff.ocp.adaptation.tuning import Sensor, Tunable, Tuning
 PLANT_MASSES = 40
 PLANT_SUBSTEPS = 4
 _SEGMENTS_OF_A_DRIFT = 120
-_WINDOW_S = 0.25
 _VARIED = (Tunable.MU, Tunable.TENDON_STIFFNESS, Tunable.LOAD_STIFFNESS)
 
 
@@ -202,9 +201,7 @@ def _extended(problem: Problem, duration_s: float) -> tuple[Problem, FloatArray]
 def _trace(scheme: Scheme, run: TunedRun, wanted: FloatArray, reference: Reference) -> Trace:
     error, step, scale = run.tension_N - wanted[1:], reference.step_s, reference.range_N
     settled = error[round(SETTLED_S / step) :] if len(error) * step > 2 * SETTLED_S else error[len(error) // 2 :]
-    window = max(round(_WINDOW_S / step), 1)
-    mean = np.sqrt(np.convolve(error**2, np.ones(window) / window)[: len(error)])
-    bad = np.flatnonzero(mean > 0.01 * scale)
+    bad = np.flatnonzero(moving_rms(error, step) > 0.01 * scale)
     last = int(bad[-1]) + 1 if bad.size else 0
     frozen = np.flatnonzero(run.status & TunerStatus.FROZEN)
     tuning = scheme is Scheme.SELF_TUNING
@@ -215,7 +212,7 @@ def _trace(scheme: Scheme, run: TunedRun, wanted: FloatArray, reference: Referen
         deviation=run.deviation,
         rmse_percent=100 * float(np.sqrt(np.mean(error**2))) / scale,
         settled_percent=100 * float(np.sqrt(np.mean(settled**2))) / scale,
-        time_to_one_percent_s=last * step if last < len(error) - window else None,
+        time_to_one_percent_s=last * step if last < len(error) - max(round(WINDOW_S / step), 1) else None,
         frozen_after_s=float(frozen[0]) * step if tuning and frozen.size else None,
     )
 

@@ -40,6 +40,9 @@ LevelOption = Annotated[
 ]
 OutFolderOption = Annotated[Path, option("--out", "DIR", "Folder for the results.")]
 PrefixOption = Annotated[str, typer.Option("--prefix", metavar="NAME", help="Prefix of every C name and file.")]
+ForceOption = Annotated[
+    bool, typer.Option("--force-export", help="Export modules all the same that are worse than no compensation.")
+]
 
 
 @contextmanager

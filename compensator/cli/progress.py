@@ -31,10 +31,11 @@ def warn(*messages: str) -> None:
 @functools.cache
 def _note_engine() -> None:
     """Say once where work will be slow for want of a compiler."""
+    from tendonff.ocp.codegen.compiler import why_no_compiler
     from tendonff.ocp.codegen.engine import Engine, resolve_engine
 
     if not os.environ.get("TENDONFF_ENGINE") and resolve_engine(Engine.AUTO) is Engine.CASADI:
-        say("no C compiler works here: same results, several times slower; `pip install ziglang` brings one")
+        say(f"{why_no_compiler()}. Results are the same, several times slower")
 
 
 @contextmanager

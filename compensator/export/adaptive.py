@@ -87,13 +87,7 @@ def _bounds(bounds: Certified) -> dict[str, object]:
 
 
 def adaptive_golden(problem: Problem, settings: Adaptation, course: Course, precision: Precision) -> AdaptiveGolden:
-    """Golden vectors: the tuner on a rig with more friction, and the interval.
-
-    Parameters
-    ----------
-    course : Course
-        That of the other modules.
-    """
+    """Golden vectors along the course of the other modules: the tuner on a rig with more friction, and the interval."""
     reference_N = course.reference_N
     tuning, step, start = tuning_of(problem, settings), problem.reference.step_s, float(reference_N[0])
     moved = replace(problem.transmission, motion=course.chain.motion)

@@ -13,20 +13,13 @@ from tendonff.compensator.adapt.setup import learnt, tuning_of
 from tendonff.compensator.compensators.base import CModule, FloatArray, Problem
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.stream.run import StreamChoice, choose_stream
-from tendonff.compensator.compensators.table import CompensationTable, table_of
+from tendonff.compensator.compensators.table import table_of
 from tendonff.compensator.compensators.table_build import BuiltTable
 from tendonff.compensator.export.adaptive import adaptive_golden
 from tendonff.compensator.export.golden import golden_vectors
 from tendonff.compensator.export.host import run_on_host
-from tendonff.compensator.export.judgement import Judged, answer_of, judge, judge_stream
-from tendonff.compensator.export.modules import (
-    ADAPTIVE_MODULES,
-    PLANT,
-    c_modules,
-    check_prefix,
-    check_tuning,
-    exportable,
-)
+from tendonff.compensator.export.judgement import Judged, answer_of, chosen, forces_of, judge, judge_stream
+from tendonff.compensator.export.modules import ADAPTIVE_MODULES, c_modules, check_prefix, check_tuning
 from tendonff.compensator.export.self_test import FloatLoss, float_losses, loss_warnings, self_test_context
 from tendonff.compensator.export.text.c_text import (
     accepted_range,
@@ -41,7 +34,6 @@ from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.errors import SolveError
 from tendonff.ocp.step.joints import Joints
 
 
@@ -116,7 +108,7 @@ def export_project(
         profile_N, warnings = answer_of(problem, "optimal", profile), (*warnings, *profile.warnings)
     built = None if scenario.joints else table_of(problem)
     table = None if built is None else built.table
-    forces = _forces(problem, built, profile_N)
+    forces = forces_of(problem, built, profile_N)
     if problem.reference.periodic:
         profile_N = profile_N[:-1]  # its last row is the first of the next period
     numbers: dict[str, object] = {
@@ -145,7 +137,7 @@ def export_project(
             forces |= found[3]
     judged = judge(problem, forces)
     judged = (*judged, judge_stream(judged, choice, problem))
-    modules, faults = _chosen(judged, c_modules(scenario, stream is not None), force_export=force_export)
+    modules, faults = chosen(judged, c_modules(scenario, stream is not None), force_export=force_export)
     further: dict[str, object] = {
         **numbers,
         **self_test_context(problem, table, profile_N, golden, precision, found, accepted_N=accepted_range(problem)),
@@ -186,38 +178,6 @@ def _joint_rad(problem: Problem) -> FloatArray:
     """Joint angles at the samples of the reference, shape (n, joints) [rad]."""
     motion = problem.chain.motion
     return np.empty(0) if motion is None else motion.at(problem.reference.time_s)
-
-
-def _forces(problem: Problem, built: BuiltTable | None, profile_N: FloatArray) -> dict[str, FloatArray]:
-    """Force [N] or command [m] of each module at the samples of the reference; no profile of another length."""
-    forces = {}
-    for each, module in exportable(problem.transmission, moving=built is None):
-        if module.plays_back:
-            if len(profile_N) == len(problem.reference.tension_N):
-                forces[module.name] = profile_N
-        else:
-            exported = CompensationTable(built.table) if built and isinstance(each, CompensationTable) else each
-            forces[module.name] = answer_of(problem, each.name, exported.profile(problem))
-    return forces
-
-
-def _chosen(
-    judged: Sequence[Judged], every: tuple[CModule, ...], *, force_export: bool
-) -> tuple[tuple[CModule, ...], tuple[str, ...]]:
-    """Modules to export, and warnings of those that do harm."""
-    faults = {each.module: each.fault for each in judged if each.fault}
-    if force_export:
-        kept = (f"{module}: {fault}; exported because of --force-export" for module, fault in faults.items())
-        return every, tuple(kept)
-    modules = tuple(module for module in every if module.name not in faults)
-    if modules == (PLANT,):
-        said = "; ".join(f"{module}: {fault}" for module, fault in faults.items())
-        raise SolveError(
-            f"nothing to export: {said}. Let the reference move more slowly, raise the actuator's limits, "
-            "or export all the same with --force-export"
-        )
-    left = (f"{module} is not exported: {fault}; --force-export exports it" for module, fault in faults.items())
-    return modules, tuple(left)
 
 
 def _design_json(

@@ -39,14 +39,8 @@ class LimitCase:
 def limit_cases(low_N: float, high_N: float, change_N: float, precision: Precision) -> list[LimitCase]:
     """Calls of the limiter that reach each of its branches, with the right answers.
 
-    The last output is set by hand, so that the rate binds also where no course of forces could make it.
-
-    Parameters
-    ----------
-    low_N, high_N : float
-        Range of the force [N].
-    change_N : float
-        Largest change per sample [N].
+    The range is that of the force, the change the largest per sample. The last output is set by hand, so that the rate
+    binds also where no course of forces could make it.
     """
     real = np.float32 if precision is Precision.FLOAT else np.float64
     given = (float(np.clip(v, -1e30, 1e30)) for v in (low_N, high_N, change_N))
@@ -91,13 +85,7 @@ def checksum(values: Iterable[float], precision: Precision) -> int:
 
 
 def integer_checksum(values: Iterable[int]) -> int:
-    """FNV-1a over integers as two bytes each, least significant first.
-
-    Parameters
-    ----------
-    values : iterable of int
-        Below 65536.
-    """
+    """FNV-1a over integers below 65536 as two bytes each, least significant first."""
     return _fnv(np.asarray(list(values), dtype="<u2").tobytes())
 
 
@@ -109,16 +97,9 @@ def _fnv(data: bytes) -> int:
 
 
 def seen(force_N: FloatArray, limited_N: FloatArray, low_N: float, high_N: float) -> Status:
-    """Bits that a course must have set: those beyond doubt, a hundredth of the range past the bound.
+    """Bits that a course must have set, from its forces before and after the limits.
 
-    Parameters
-    ----------
-    force_N : ndarray, shape (n,)
-        Before the limits [N].
-    limited_N : ndarray, shape (n,)
-        After them [N].
-    low_N, high_N : float
-        Range of the force [N].
+    Those beyond doubt, a hundredth of the range past the bound.
     """
     margin = 0.01 * min(high_N - low_N, 1e6)
     found = Status.OK

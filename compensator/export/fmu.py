@@ -12,13 +12,13 @@ from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 
-import jinja2
-
 from tendonff._version import __version__
-from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.base import CModule, Problem
 from tendonff.compensator.compensators.table import table_of
+from tendonff.compensator.compensators.table_build import BuiltTable
+from tendonff.compensator.export.judgement import Judged, chosen, forces_of, judge
 from tendonff.compensator.export.kinds import FmiVersion, Kind
-from tendonff.compensator.export.modules import c_modules, check_prefix, check_tuning
+from tendonff.compensator.export.modules import ADAPTIVE, PLANT, c_modules, check_prefix, check_tuning
 from tendonff.compensator.export.text.c_text import c_sources, table_context
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_file
@@ -30,16 +30,11 @@ from tendonff.ocp.adaptation.tuning import Sensor
 from tendonff.ocp.codegen.compiler import find_compiler, run_compiler
 from tendonff.ocp.codegen.cross import Target, cross_compile
 from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.codegen.templates import environment
 from tendonff.ocp.errors import CodeError
 from tendonff.ocp.step.joints import Joints
 
-_TEMPLATES = jinja2.Environment(  # noqa: S701 - the one place with markup escapes what it inserts
-    loader=jinja2.PackageLoader("tendonff.compensator.export", "templates/fmu"),
-    undefined=jinja2.StrictUndefined,
-    keep_trailing_newline=True,
-    trim_blocks=True,
-    lstrip_blocks=True,
-)
+_TEMPLATES = environment("tendonff.compensator.export", "templates/fmu")
 _ELSEWHERE = (  # target, folder in FMI 2.0 (empty: it has no name for it) and 3.0
     (Target(triple="x86_64-windows-gnu", suffix=".dll"), "win64", "x86_64-windows"),
     (Target(triple="x86_64-macos", suffix=".dylib"), "darwin64", "x86_64-darwin"),
@@ -66,6 +61,8 @@ class Fmu:
     name: str  # file name
     content: bytes  # the archive
     has_binary: bool  # whether it holds a binary for this machine; the sources are always there
+    judged: tuple[Judged, ...]  # what it is worth on the scenario's reference, after no compensation; empty for a plant
+    warnings: tuple[str, ...]  # what the user should know
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write the unit under its name, whole or not at all.
@@ -87,8 +84,12 @@ def build_fmu(
     prefix: str = "tff",
     level: Level | None = None,
     everywhere: bool = False,
+    force_export: bool = False,
 ) -> Fmu:
     """Wrap the exported C of a scenario.
+
+    What follows a reference is simulated on the scenario's first; one whose error is above that of no compensation is
+    refused.
 
     Parameters
     ----------
@@ -102,9 +103,15 @@ def build_fmu(
         Fidelity level; default: the scenario's own.
     everywhere : bool, optional
         Binaries for Windows and macOS too, built here by ziglang; what is run here are those of this machine alone.
+    force_export : bool, optional
+        Make a unit all the same that is worse than no compensation.
 
     Raises
     ------
+    InputError
+        If the scenario has no unit of this kind.
+    SolveError
+        If the unit is worse than no compensation.
     CodeError
         If a compiler refuses the sources, or is missing.
     """
@@ -113,12 +120,16 @@ def build_fmu(
         raise InputError(f"{scenario.source.name}: table [adaptation] is missing; --kind adaptive needs its sensor")
     check_tuning(scenario)
     problem = Problem.of(scenario, level=level)
-    module = next(module for module in c_modules(scenario) if module.name == kind.value)
+    module = next((module for module in c_modules(scenario) if module.name == kind.value), None)
+    if module is None:
+        raise InputError(f"{scenario.source.name}: no {kind} serves this drive and path; use --kind inverse")
     identifier = f"{prefix}_{kind}"
     path = ("path",) if problem.chain.moving else ()
     compiled = [f"{prefix}_{name}.c" for name in ("parameters", "limits", *path, kind)]
     wrapper = "fmi2.c" if fmi is FmiVersion.V2 else "fmi3.c"
-    further = table_context(table_of(problem), Precision.DOUBLE) if kind is Kind.TABLE else {}
+    built = table_of(problem) if kind is Kind.TABLE else None
+    judged, warnings = _judged(problem, built, module, force_export=force_export)
+    further = {} if built is None else table_context(built, Precision.DOUBLE)
     sources = c_sources(scenario, problem, (module,), Precision.DOUBLE, prefix, further)
     headers = files("tendonff.compensator.export").joinpath("templates", "fmu", "headers")
     for name in fmi.headers:
@@ -134,24 +145,30 @@ def build_fmu(
     members["modelDescription.xml"] = _render(f"modelDescription{fmi.value[0]}.xml.j2", context).encode()
     if fmi is FmiVersion.V3:
         members["sources/buildDescription.xml"] = _render("buildDescription.xml.j2", context).encode()
-    binary = _compile(sources, compiled)
-    if binary is not None:
-        members[f"binaries/{_platform(fmi)}/{identifier}.so"] = binary
-    if everywhere:
-        members |= _binaries_elsewhere(sources, compiled, identifier, fmi)
-    return Fmu(name=f"{identifier}_fmi{fmi.value[0]}.fmu", content=_archive(members), has_binary=binary is not None)
+    libraries = _libraries(sources, compiled, fmi, everywhere=everywhere)
+    members |= {f"binaries/{place}/{identifier}{suffix}": content for (place, suffix), content in libraries.items()}
+    return Fmu(
+        name=f"{identifier}_fmi{fmi.value[0]}.fmu",
+        content=_archive(members),
+        has_binary=any(suffix == ".so" for _, suffix in libraries),
+        judged=judged,
+        warnings=warnings,
+    )
+
+
+def _judged(
+    problem: Problem, built: BuiltTable | None, module: CModule, *, force_export: bool
+) -> tuple[tuple[Judged, ...], tuple[str, ...]]:
+    """What the unit is worth, as `export-c` judges it; the adaptive one counts as the inverse that it tunes."""
+    if module == PLANT:
+        return (), ()
+    name = "inverse" if module == ADAPTIVE else module.name
+    judged = judge(problem, forces_of(problem, built, names=(name,)))
+    return judged, chosen(judged, (module,), force_export=force_export)[1]
 
 
 def stubs(header: str, implemented: set[str]) -> str:
-    """Definitions that refuse, for every function of a header that a wrapper leaves out.
-
-    Parameters
-    ----------
-    header : str
-        Text of fmi2FunctionTypes.h or fmi3FunctionTypes.h.
-    implemented : set of str
-        Functions that exist already.
-    """
+    """Definitions that refuse, for every function in the text of a header that a wrapper does not implement."""
     code = re.sub(r"/\*.*?\*/", "", header, flags=re.DOTALL)
     found = re.findall(r"typedef\s+(fmi[23]Status)\s+(fmi[23]\w+)TYPE\s*\(([^;]*?)\)\s*;", code)
     lines = []
@@ -259,35 +276,26 @@ def _platform(fmi: FmiVersion) -> str:
     return f"{machine}-linux"
 
 
-def _compile(sources: dict[str, str], compiled: list[str]) -> bytes | None:
-    """A shared library for this machine, or None where there is no compiler or the system is not Linux."""
-    compiler = find_compiler()
-    if compiler is None or not sys.platform.startswith("linux") or platform.machine() not in _MACHINES:
-        return None
-    with tempfile.TemporaryDirectory() as folder:
-        for name, text in sources.items():
-            (Path(folder) / name).write_text(text, encoding="utf-8")
-        arguments = [
-            *("-std=c99", "-O2", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno"),
-            *("-Wno-unused-parameter", "-s", "-Wl,--build-id=none", "-o", "unit.so", *compiled, "-lm"),
-        ]
-        if complaint := run_compiler(compiler, arguments, Path(folder)):
-            raise CodeError(f"the unit's sources: {complaint}")
-        return (Path(folder) / "unit.so").read_bytes()
-
-
-def _binaries_elsewhere(
-    sources: dict[str, str], compiled: list[str], identifier: str, fmi: FmiVersion
-) -> dict[str, bytes]:
-    """Libraries for other systems, by their place in the archive."""
-    made = {}
+def _libraries(
+    sources: dict[str, str], compiled: list[str], fmi: FmiVersion, *, everywhere: bool
+) -> dict[tuple[str, str], bytes]:
+    """Shared libraries by folder and suffix: of this machine where it is Linux with a compiler, of others if asked."""
+    compiler, made = find_compiler(), {}
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         for name, text in sources.items():
             (folder / name).write_text(text, encoding="utf-8")
-        for target, *places in _ELSEWHERE:
+        if compiler is not None and sys.platform.startswith("linux") and platform.machine() in _MACHINES:
+            arguments = [
+                *("-std=c99", "-O2", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno"),
+                *("-Wno-unused-parameter", "-s", "-Wl,--build-id=none", "-o", "unit.so", *compiled, "-lm"),
+            ]
+            if complaint := run_compiler(compiler, arguments, folder):
+                raise CodeError(f"the unit's sources: {complaint}")
+            made[_platform(fmi), ".so"] = (folder / "unit.so").read_bytes()
+        for target, *places in _ELSEWHERE if everywhere else ():
             if place := places[0 if fmi is FmiVersion.V2 else 1]:
-                made[f"binaries/{place}/{identifier}{target.suffix}"] = cross_compile(target, compiled, folder)
+                made[place, target.suffix] = cross_compile(target, compiled, folder)
     return made
 
 

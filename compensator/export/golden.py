@@ -1,6 +1,5 @@
 """Golden vectors: what the exported C must answer, computed by the Python model."""
 
-import bisect
 import math
 from dataclasses import dataclass, replace
 
@@ -18,9 +17,11 @@ from tendonff.compensator.export.text.table_index import rounded
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
+from tendonff.models.layout import ChainInputs
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.inverse import InverseStatus, Inversion, invert
-from tendonff.ocp.simulate import Simulation, simulate
+from tendonff.ocp.simulate import Simulation, Simulator, simulate
+from tendonff.ocp.step.target import plant_limits
 
 _ROWS = 1000
 _REVERSAL_ROWS = 240
@@ -31,6 +32,10 @@ _OTHER_ADHESION, _MOST_ADHESION_N = 0.1, 900.0  # more of it: share of the tensi
 _OTHER_RELEASE = 0.9
 _NUDGE, _GROWTH = 1e-9, 1.0
 """Relative change of the force from row to row, and how much larger its effect may get before comparing ends."""
+
+_SHARE_OF_WORK = (
+    1 / 3
+)  # of what the exported plant may do in one call: its search gives up sooner than the simulation's
 
 _LOST = slice(200, 240)
 _LEGS = tuple(0.6**k for k in (0, 3, 1, 4, 2, 6, 3, 8, 1, 5, 2, 7))  # of the range: reversals at many depths
@@ -92,39 +97,43 @@ def answers(
 ) -> tuple[FloatArray, dict[str, FloatArray]]:
     """Force for the plant, and the answer of each module to a reference that starts at rest at its first row.
 
-    Parameters
-    ----------
-    table : LookupTable, optional
-        The one that is exported, where one is.
-    reference_N : ndarray, shape (rows,)
-        Exact in the real type.
+    The table is the one that is exported, where one is; the reference is exact in the real type.
     """
-    course = _course(problem, table, reference_N, precision, with_plant=True)
+    course = _course(problem, table, reference_N, precision, problem.chain)
     return course.plant_force_N, course.columns
 
 
 def _course(
-    problem: Problem,
-    table: LookupTable | None,
-    reference_N: FloatArray,
-    precision: Precision,
-    *,
-    with_plant: bool,
-    chain: Chain | None = None,
+    problem: Problem, table: LookupTable | None, reference_N: FloatArray, precision: Precision, chain: Chain
 ) -> Course:
-    step, start = problem.reference.step_s, float(reference_N[0])
-    chain = chain or problem.chain
-    time = np.arange(len(reference_N), dtype=np.float64) * step
-    course = replace(
-        problem.reference, time_s=time, tension_N=reference_N, initial_tension_N=start, periodic=False, position_m=None
+    """Answers to a reference, and that of the plant to the force of the inverse."""
+    course = _answered(_following(problem, reference_N, chain), table, precision)
+    run = respond(problem, course.plant_force_N, float(reference_N[0]), chain).require()
+    return replace(course, columns={**course.columns, "plant": run.output_tension_N})
+
+
+def _following(problem: Problem, reference_N: FloatArray, chain: Chain | None) -> Problem:
+    """The problem of a reference of its own, from rest at its first row."""
+    reference = replace(
+        problem.reference,
+        time_s=np.arange(len(reference_N), dtype=np.float64) * problem.reference.step_s,
+        tension_N=reference_N,
+        initial_tension_N=float(reference_N[0]),
+        periodic=False,
+        position_m=None,
     )
-    followed = replace(problem, reference=course, live=True, model=chain)
+    return replace(problem, reference=reference, live=True, model=chain)
+
+
+def _answered(followed: Problem, table: LookupTable | None, precision: Precision) -> Course:
     columns = _answers(followed, table)
-    force = rounded(columns["inverse"], precision)
-    if with_plant:
-        columns["plant"] = respond(problem, force, start, chain).require().output_tension_N
-    scale = float(np.abs(followed.inversion.force_N).max())
-    return Course(reference_N=reference_N, plant_force_N=force, columns=columns, scale_N=scale, chain=chain)
+    return Course(
+        reference_N=followed.reference.tension_N,
+        plant_force_N=rounded(columns["inverse"], precision),
+        columns=columns,
+        scale_N=float(np.abs(followed.inversion.force_N).max()),
+        chain=followed.chain,
+    )
 
 
 def _answers(followed: Problem, table: LookupTable | None) -> dict[str, FloatArray]:
@@ -145,8 +154,7 @@ def _other(problem: Problem, course: Course, precision: Precision) -> Other | No
     if problem.chain.moving:
         return None
     reference, friction = course.reference_N[-_OTHER_ROWS:], problem.transmission.friction
-    start, time = float(reference[0]), problem.reference.step_s * np.arange(len(reference), dtype=np.float64)
-    more = min(_OTHER_ADHESION * start, _MOST_ADHESION_N)
+    more = min(_OTHER_ADHESION * float(reference[0]), _MOST_ADHESION_N)
     less = _OTHER_RELEASE if CapstanLaw.of(problem.transmission).plays is None else 1.0  # plays keep their wrap angles
     adhesion, release = (
         float(rounded(np.array([value]), precision)[0])
@@ -158,26 +166,11 @@ def _other(problem: Problem, course: Course, precision: Precision) -> Other | No
         mu_dynamic_release=release,
         mu_static_release=max(release, less * friction.release_static),
     )
-    followed = replace(
-        problem,
-        transmission=replace(problem.transmission, friction=changed),
-        reference=replace(
-            problem.reference,
-            time_s=time,
-            tension_N=reference,
-            initial_tension_N=start,
-            periodic=False,
-            position_m=None,
-        ),
-        live=True,
-        model=None,
-    )
+    transmission = replace(problem.transmission, friction=changed)
+    followed = _following(replace(problem, transmission=transmission), reference, None)
     if followed.inversion.status is not InverseStatus.EXACT:
         return None
-    scale = float(np.abs(followed.inversion.force_N).max())
-    columns = _answers(followed, None)
-    end = Course(reference_N=reference, plant_force_N=reference, columns=columns, scale_N=scale, chain=followed.chain)
-    return Other(mu_release=release, adhesion_N=adhesion, course=end)
+    return Other(mu_release=release, adhesion_N=adhesion, course=_answered(followed, None, precision))
 
 
 def _moving(problem: Problem, rows: NDArray[np.int_], count: int, precision: Precision) -> Chain:
@@ -196,34 +189,36 @@ def _moving(problem: Problem, rows: NDArray[np.int_], count: int, precision: Pre
 def _repeatable(problem: Problem, course: Course) -> Course:
     """The course with the plant's answers as far as small differences stay small, which falling friction may end.
 
-    And as far as no step has to be split, which the exported plant with its bounded work may give up.
+    And as far as no step takes long, which the exported plant with its bounded work may give up.
     """
     force, plant, start = course.plant_force_N, course.columns["plant"], float(course.reference_N[0])
     nudged = force + _NUDGE * float(np.abs(force).max()) * np.where(np.arange(len(force)) % 2, 1, -1)
     other = respond(problem, nudged, start, course.chain)
     rows = min(len(other.tension_N), len(plant))
     apart = np.abs(other.output_tension_N[:rows] - plant[:rows]) > _GROWTH * _NUDGE * course.scale_N
-    kept = int(np.argmax(apart)) if apart.any() else rows
-    whole = range(2, kept + 1)
-    split = bisect.bisect_left(whole, 1, key=lambda n: respond(problem, force[:n], start, course.chain).splits)
-    kept = min(kept, whole[split] - 1 if split < len(whole) else kept)
+    kept = min(int(np.argmax(apart)) if apart.any() else rows, _easy_rows(problem, course))
     return replace(course, columns={**course.columns, "plant": plant[: max(kept, 2)]})
 
 
+def _easy_rows(problem: Problem, course: Course) -> int:
+    """Rows of the plant's course before a step that is split or takes long."""
+    start = float(course.reference_N[0])
+    chain, force = _drive(problem, course.plant_force_N, start, course.chain)
+    inputs = ChainInputs.of_force(force)
+    simulator = Simulator(chain, problem.reference.step_s, chain.rest_state(start), inputs[:1])
+    most = _SHARE_OF_WORK * plant_limits(Precision.DOUBLE).evaluations
+    for row in range(1, len(force)):
+        step = simulator.advance(inputs[row : row + 1])
+        if step.splits or step.evaluations > most:
+            return row
+    return len(force)
+
+
 def to_and_fro(course_N: FloatArray, *, step_N: float | None = None, rows: int = _REVERSAL_ROWS) -> FloatArray:
-    """A way on from the end of a course that turns round at many depths of the transition, within the course's range.
+    """A way on from the end of a course that turns round at many depths of the transition, within its range [N].
 
-    Parameters
-    ----------
-    course_N : ndarray, shape (n,)
-        What comes before [N].
-    step_N : float, optional
-        Largest change from row to row; legs that would need more rows are shortened [N]. Default: what the rows need.
-
-    Returns
-    -------
-    ndarray, shape (m,)
-        Tension [N]; nothing where the course never moves.
+    Legs that would need more rows than there are at the largest change from row to row (default: what the rows need)
+    are shortened; nothing comes back where the course never moves.
     """
     low, high = float(course_N.min()), float(course_N.max())
     if not high > low:
@@ -247,17 +242,10 @@ def to_and_fro(course_N: FloatArray, *, step_N: float | None = None, rows: int =
 def golden_vectors(
     problem: Problem, table: LookupTable | None, precision: Precision, *, stream: StreamDesign | None = None
 ) -> Golden:
-    """Golden vectors along the scenario's own reference, then over reversals, then over jumps.
+    """Golden vectors along the scenario's own reference, then over reversals, then over jumps; live ones with a stream.
 
     The reference is thinned so that its whole course fits, and the reversals are quick. Where the tendon cannot follow
     that, the course is the beginning of the reference as it is, with reversals no faster than its own motion.
-
-    Parameters
-    ----------
-    table : LookupTable, optional
-        The one that is exported, where one is.
-    stream : StreamDesign, optional
-        Of the stream module, where there is one.
     """
     tension = problem.reference.tension_N
     stride = max(1, -(-len(tension) // _ROWS))
@@ -272,18 +260,12 @@ def golden_vectors(
         chain = _moving(problem, samples[:_ROWS], len(reference), precision)
     low, high = float(reference.min()), float(reference.max())
     jumps = rounded(low + np.array(_JUMPS) * (high - low), precision)
-    course = _course(problem, table, reference, precision, with_plant=True, chain=chain)
+    course = _course(problem, table, reference, precision, chain)
+    at_jumps = _moving(problem, samples[: len(jumps)], len(jumps), precision)
     return Golden(
         stride=stride,
         course=_repeatable(problem, course),
-        jumps=_course(
-            problem,
-            table,
-            jumps,
-            precision,
-            with_plant=False,
-            chain=_moving(problem, samples[: len(jumps)], len(jumps), precision),
-        ),
+        jumps=_answered(_following(problem, jumps, at_jumps), table, precision),
         live=None if stream is None else _live(problem, stream, reference, chain, precision),
         other=_other(problem, course, precision),
     )
@@ -319,14 +301,9 @@ def servo_of(problem: Problem) -> float | None:
 
 
 def told(problem: Problem, inversion: Inversion, force_N: FloatArray) -> FloatArray:
-    """Command of a position drive as exported code tells it: the inverse's travel plus the limited force's stretch [m].
+    """Command of a position drive as exported code tells it [m].
 
-    Parameters
-    ----------
-    inversion : Inversion
-        With states.
-    force_N : ndarray, shape (rows,)
-        Within the limits.
+    The travel of the inverse, whose states are needed, plus the stretch of the force within the limits.
     """
     stiffness = servo_of(problem)
     if inversion.states is None or stiffness is None:
@@ -338,19 +315,16 @@ def told(problem: Problem, inversion: Inversion, force_N: FloatArray) -> FloatAr
 
 
 def respond(problem: Problem, drive: FloatArray, start_N: float, chain: Chain) -> Simulation:
-    """The chain under forces [N], or under commands of its servo [m], from rest.
-
-    Parameters
-    ----------
-    drive : ndarray, shape (rows,)
-    start_N : float
-        Uniform tension at rest [N].
-    chain : Chain
-        With the motion of the course.
-    """
-    if servo_of(problem) is not None:
-        chain, drive = servo(chain, problem.transmission.actuator, start_N, drive)
+    """The chain, with the motion of the course, under forces [N], or under commands of its servo [m], from rest."""
+    chain, drive = _drive(problem, drive, start_N, chain)
     return simulate(chain, drive, problem.reference.step_s, initial_tension_N=start_N)
+
+
+def _drive(problem: Problem, drive: FloatArray, start_N: float, chain: Chain) -> tuple[Chain, FloatArray]:
+    """The chain that forces or commands act on, and the force on it that stands for them [N]."""
+    if servo_of(problem) is None:
+        return chain, drive
+    return servo(chain, problem.transmission.actuator, start_N, drive)
 
 
 def _invert(problem: Problem, chain: Chain, reference_N: FloatArray) -> Inversion:

@@ -3,10 +3,13 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
-from tendonff.compensator.compensators.base import FloatArray, Problem, Profile, with_motion
+from tendonff.compensator.compensators.base import CModule, FloatArray, Problem, Profile, with_motion
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import Score, SimulatedPlant, is_worse, verify
 from tendonff.compensator.compensators.stream.run import StreamChoice
+from tendonff.compensator.compensators.table import CompensationTable
+from tendonff.compensator.compensators.table_build import BuiltTable
+from tendonff.compensator.export.modules import ADAPTIVE, BOUNDS, PLANT, exportable
 from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.errors import SolveError
 
@@ -27,18 +30,7 @@ class Judged:
 
 
 def judge(problem: Problem, forces_N: Mapping[str, FloatArray]) -> tuple[Judged, ...]:
-    """Simulate each module's force on the chain of the problem's level.
-
-    Parameters
-    ----------
-    forces_N : mapping of str to ndarray, shape (n,)
-        Force of each module at the samples of the reference, within the limits [N], or command [m].
-
-    Returns
-    -------
-    tuple of Judged
-        "none" first, then the modules in the order given.
-    """
+    """Simulate each module's force [N] or command [m] on the chain of the problem's level; none comes first."""
     nothing = _score(problem, answer_of(problem, UNCOMPENSATED, compensator(UNCOMPENSATED).profile(problem)))
     if nothing is None:
         raise SolveError(
@@ -60,14 +52,62 @@ def judge(problem: Problem, forces_N: Mapping[str, FloatArray]) -> tuple[Judged,
     return tuple(judged)
 
 
-def judge_stream(judged: Sequence[Judged], choice: StreamChoice | None, problem: Problem) -> Judged:
-    """The stream module, against the reference delayed by its stated lag; it needs the inverse.
+def forces_of(
+    problem: Problem, built: BuiltTable | None, profile_N: FloatArray | None = None, names: Sequence[str] = ()
+) -> dict[str, FloatArray]:
+    """Force [N] or command [m] of each module at the samples of the reference, for `judge`.
 
     Parameters
     ----------
-    judged : sequence of Judged
-        Of the other modules, no compensation first.
+    built : BuiltTable, optional
+        The table that is exported, where one is.
+    profile_N : ndarray, optional
+        The profile that is exported; left out where it has another length than the reference.
+    names : sequence of str, optional
+        Modules; default: all that there are.
     """
+    forces = {}
+    for each, module in exportable(problem.transmission, moving=problem.chain.motion is not None):
+        if names and module.name not in names:
+            continue
+        if module.plays_back:
+            if profile_N is not None and len(profile_N) == len(problem.reference.tension_N):
+                forces[module.name] = profile_N
+        else:
+            exported = CompensationTable(built.table) if built and isinstance(each, CompensationTable) else each
+            forces[module.name] = answer_of(problem, each.name, exported.profile(problem))
+    return forces
+
+
+def chosen(
+    judged: Sequence[Judged], every: Sequence[CModule], *, force_export: bool
+) -> tuple[tuple[CModule, ...], tuple[str, ...]]:
+    """Modules to export, and warnings of those that do harm.
+
+    Raises
+    ------
+    SolveError
+        If nothing is left that follows a reference; the message says why.
+    """
+    faults = {each.module: each.fault for each in judged if each.fault}
+    if "inverse" in faults and ADAPTIVE in every:  # what it tunes
+        faults[ADAPTIVE.name] = faults["inverse"]
+    if force_export:
+        kept = (f"{module}: {fault}; exported because of --force-export" for module, fault in faults.items())
+        return tuple(every), tuple(kept)
+    modules = tuple(module for module in every if module.name not in faults)
+    if all(module in (PLANT, BOUNDS) for module in modules):
+        said = "; ".join(f"{module}: {fault}" for module, fault in faults.items())
+        raise SolveError(
+            f"nothing to export: {said}. Let the reference move more slowly, raise the actuator's limits, "
+            "or export all the same with --force-export"
+        )
+    left = (f"{module} is not exported: {fault}; --force-export exports it" for module, fault in faults.items())
+    return modules, tuple(left)
+
+
+def judge_stream(judged: Sequence[Judged], choice: StreamChoice | None, problem: Problem) -> Judged:
+    """The stream module, against the reference delayed by its stated lag; it needs the inverse among those judged."""
     fault = next((each.fault for each in judged if each.module == "inverse"), "")
     if choice is None:
         return Judged(module="stream", score=None, fault="the chain cannot be simulated under its force")

@@ -36,12 +36,7 @@ _KEYWORDS = frozenset(
 
 
 def check_tuning(scenario: Scenario) -> None:
-    """Refuse self-tuning behind a position servo: the tuner's model is driven by the force that was applied.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse self-tuning behind a position servo: the model of the tuner is driven by the force that was applied."""
     if scenario.adaptation is not None and scenario.transmission.actuator.drive is Drive.POSITION:
         raise InputError(
             f'{scenario.source.name} [adaptation]: self-tuning needs a force drive; leave it out, or use "force"'
@@ -60,13 +55,7 @@ def check_prefix(prefix: str) -> str:
 
 
 def c_modules(scenario: Scenario, with_stream: bool = False) -> tuple[CModule, ...]:
-    """Modules of the compensators that can be exported, in the order of the registry, of the plant, and of the tuner.
-
-    Parameters
-    ----------
-    with_stream : bool, optional
-        The module for live references too.
-    """
+    """Modules of the compensators that can be exported, then those for live references, the plant, the tuner."""
     stream = (STREAM,) if with_stream else ()
     tuned = (ADAPTIVE,) if scenario.joints else ADAPTIVE_MODULES  # no total angle to certify where joints move
     more = () if scenario.adaptation is None else tuned
@@ -75,13 +64,7 @@ def c_modules(scenario: Scenario, with_stream: bool = False) -> tuple[CModule, .
 
 
 def exportable(transmission: Transmission, *, moving: bool) -> tuple[tuple[Compensator, CModule], ...]:
-    """Compensators with a module that serves this drive and path, in the order of the registry.
-
-    Parameters
-    ----------
-    moving : bool
-        Joints move the path.
-    """
+    """Compensators with a module that serves this drive and path (`moving`: by joints), in the order they are shown."""
     servo = transmission.actuator.drive is Drive.POSITION
     pairs = ((each, each.c_module) for each in COMPENSATORS)
     return tuple(

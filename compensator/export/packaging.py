@@ -30,14 +30,6 @@ _EVERY = (
 
 
 def packed(modules: Sequence[str], follower: str, prefix: str) -> dict[str, str]:
-    """Template of each file, by its path below the exported folder.
-
-    Parameters
-    ----------
-    modules : sequence of str
-        Names of what is exported.
-    follower : str
-        The one that a controller wraps; empty where none follows a reference.
-    """
+    """Template of each file, by its path below the exported folder; `follower` is what a controller wraps, or empty."""
     there = {"", *modules, *(("follower",) if follower else ())}
     return {each.path.format(p=prefix): each.template for each in _EVERY if each.needs in there}

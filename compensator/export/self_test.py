@@ -9,7 +9,7 @@ import numpy as np
 from tendonff.compensator.compensators.base import FloatArray, Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.score import scale_N
-from tendonff.compensator.export.checks import Status, checksum, integer_checksum, limit_cases, seen
+from tendonff.compensator.export.checks import checksum, integer_checksum, limit_cases, seen
 from tendonff.compensator.export.golden import Course, Golden, respond, servo_of
 from tendonff.compensator.export.text.parameters import settable_numbers
 from tendonff.compensator.export.text.table_index import share_index
@@ -38,12 +38,9 @@ class FloatLoss:
 
 
 def float_losses(course: Course, found_N: Mapping[str, FloatArray], problem: Problem) -> tuple[FloatLoss, ...]:
-    """What single precision costs each module.
+    """What single precision costs each module, from the answers of the exported code to the course [N].
 
-    Parameters
-    ----------
-    found_N : mapping of str to ndarray, shape (rows,)
-        Answers of the exported code to the course [N]; commands [m] count as the tension that they are worth at rest.
+    Commands [m] count as the tension that they are worth at rest.
     """
     losses = []
     for module, found in found_N.items():
@@ -102,42 +99,40 @@ def self_test_context(
     force = course.plant_force_N[: len(course.columns["plant"])]
     ends = respond(problem, force, start, course.chain).require()
     still = course.chain.at_rest()
-    lowest = -start if servo_of(problem) is None else -3 * start * per_newton(problem)
-    rest = start if servo_of(problem) is None else 0.0
+    unit = per_newton(problem)
+    lowest, rest = (-start, start) if servo_of(problem) is None else (-3 * start * unit, 0.0)
     pushed = respond(problem, np.append(rest, np.full(_SLACK_ROWS, lowest)), start, still)
     slack = len(pushed.tension_N) > _SLACK_ROWS and float(pushed.output_tension_N[-1]) <= 0
     stiffness = min(problem.transmission.load.stiffness_N_per_m, problem.transmission.tendon.stiffness_N_per_m)
-    unit = per_newton(problem)
-    tolerances = _tolerances(course, precision, None if found_N is None else found_N[0], unit)
-    bits = {}
+    found = dict(zip(("course", "jumps", "live"), found_N or (None, None, None), strict=False))
+    tolerances = _tolerances(course, precision, found["course"], unit)
     least, most = actuator.force_min_N, actuator.force_max_N
     exact = invert(jumps.chain, jumps.reference_N, step, initial_tension_N=float(jumps.reference_N[0]))
     high, low_end = float(course.reference_N.max()), 1.02 * accepted_N[0]
     dropped = (np.array([high, drop, drop]) for drop in (low_end, 2 * low_end))  # the second: beyond doubt
     pushes = all((invert(still, fall, step, initial_tension_N=high).least_tension_N <= 0).any() for fall in dropped)
-    for name, limited in jumps.columns.items():
-        bits[name] = Status.OK
-        if name == "inverse":
-            bits[name] = seen(exact.force_N, limited, least, most)
     change = actuator.force_rate_max_N_per_s * step
     ramps = live is not None and bool(np.any(np.abs(np.diff(live.plant_force_N)) > 0.999 * change))
     return {
         "golden": golden,
         "start_force_N": _start_force_N(problem, start),
         "live_ramps": ramps and servo_of(problem) is None,
-        "limit_cases": limit_cases(least, most, actuator.force_rate_max_N_per_s * step, precision),
+        "limit_cases": limit_cases(least, most, change, precision),
         "checksums": {
             "profile": checksum(profile_N, precision),
             **({} if table is None else _table_checksums(table, precision)),
         },
         "tolerances": {
             "course": tolerances,
-            "jumps": _tolerances(jumps, precision, None if found_N is None else found_N[1], unit),
+            "jumps": _tolerances(jumps, precision, found["jumps"], unit),
             "other": _other_tolerances(golden, precision, tolerances, unit),
-            "live": {} if live is None else _tolerances(live, precision, None if found_N is None else found_N[2], unit),
+            "live": {} if live is None else _tolerances(live, precision, found["live"], unit),
             "position": tolerances["plant"] / stiffness + _summed_m(ends, precision),
         },
-        "jump_bits": {name: int(value) for name, value in bits.items()},
+        "jump_bits": {
+            name: int(seen(exact.force_N, limited, least, most)) if name == "inverse" else 0
+            for name, limited in jumps.columns.items()
+        },
         "plant_ends": (float(ends.near_position_m[-1]), float(ends.far_position_m[-1])),
         "settable": {
             "capstan": (*_bounds(CapstanLaw.of(problem.transmission)), "adhesion"),

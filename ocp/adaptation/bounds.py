@@ -52,14 +52,9 @@ class CertifiedInterval:
         return self._with(-self.spread, self.spread)
 
     def history_N(self, force_N: Array, initial_N: float | None = None) -> tuple[Array, Array]:
-        """Lower and upper bound of the output tension for a force history, each of shape (n,) [N].
+        """Lower and upper bound of the output tension for a force history from t = 0, each of shape (n,) [N].
 
-        Parameters
-        ----------
-        force_N : ndarray, shape (n,)
-            As it is known, from t = 0.
-        initial_N : float, optional
-            Output tension before; default: the first force (uniform tension).
+        The output tension before is that of the first force (uniform tension), unless it is given.
         """
         force = np.asarray(force_N, dtype=np.float64)
         start, p = float(force[0]) if initial_N is None else initial_N, self.law.adhesion_N
@@ -69,13 +64,9 @@ class CertifiedInterval:
         return np.maximum((low + p) * narrow - p, 0.0), (high + p) * wide - p
 
     def with_margin_for(self, force_N: Array, outputs_N: Array) -> "CertifiedInterval":
-        """The same interval, with the least margin that holds outputs of a richer model.
+        """The same interval, with the least margin that holds outputs of a richer model, shape (m, n) [N].
 
-        Parameters
-        ----------
-        force_N : ndarray, shape (n,)
-        outputs_N : ndarray, shape (m, n)
-            Output tensions of simulations with that force, at values of mu theta within the spread [N].
+        They are simulations with that force at values of mu theta within the spread.
         """
         p = self.law.adhesion_N
         bare = replace(self, margin=0.0)

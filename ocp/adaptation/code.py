@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import casadi as ca
-import jinja2
-import numpy as np
 
 from tendonff.models.chain import Chain
 from tendonff.models.elements import Whole, whole_of
@@ -16,23 +14,20 @@ from tendonff.models.layout import fields_of
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.adaptation.recursion import covariance_names, return_law, trust_law, update_law
 from tendonff.ocp.adaptation.tuning import DOUBTED, GATE, MAX_DELAY, PEAK, Tunable
-from tendonff.ocp.codegen.compiler import find_compiler, load_library
+from tendonff.ocp.codegen.compiler import find_compiler, load_library, why_no_compiler
 from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal, real_type
+from tendonff.ocp.codegen.templates import environment
 from tendonff.ocp.errors import CodeError
 from tendonff.ocp.step.c_engine import PREFIX, host_source
+from tendonff.ocp.step.folding import rest_statements
 from tendonff.ocp.step.laws import ElementLaws
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.step.render import law_calls
 
-_TEMPLATES = jinja2.Environment(  # noqa: S701 - C, not HTML
-    loader=jinja2.PackageLoader("tendonff.ocp.adaptation"),
-    undefined=jinja2.StrictUndefined,
-    keep_trailing_newline=True,
-    trim_blocks=True,
-)
+_TEMPLATES = environment("tendonff.ocp.adaptation")
 _FRICTION = ("mu_dynamic_pull", "mu_static_pull"), ("mu_dynamic_release", "mu_static_release")
 _SCALED: dict[Tunable, tuple[str, ...]] = {
     Tunable.MU: _FRICTION[0] + _FRICTION[1],
@@ -136,40 +131,10 @@ def rest_on_spring(chain: Chain, tension_N: float) -> Array:
     return chain.rest_state(tension_N, anchor).vector()
 
 
-def rest_statements(at_zero: Array, at_one: Array, array: str, precision: Precision) -> str:
-    """C statements that fill a state which is affine in `tension`; an int j must be there.
-
-    Parameters
-    ----------
-    at_zero, at_one : ndarray, shape (size,)
-        State at tensions of 0 and 1 N.
-    array : str
-        C text.
-    """
-    slopes, lines, first = np.asarray(at_one) - np.asarray(at_zero), [], 0
-    while first < len(slopes):
-        last = first + 1
-        while last < len(slopes) and slopes[last] == slopes[first]:
-            last += 1
-        text = f"tension * {literal(float(slopes[first]), precision)}" if slopes[first] else literal(0.0, precision)
-        lines.append(f"    for (j = {first}; j < {last}; j++) {{\n        {array}[j] = {text};\n    }}")
-        first = last
-    return "\n".join(lines)
-
-
 def tuner_context(tuned: TunedChain, precision: Precision, *, prefix: str, past: int) -> dict[str, object]:
-    """What the template `tuner.c.j2` needs, whatever it is rendered for.
-
-    Parameters
-    ----------
-    prefix : str
-        Of the tuner's own C names.
-    past : int
-        Samples to remember.
-    """
+    """What the template `tuner.c.j2` needs, whatever it is rendered for; `past` samples are remembered."""
     chain, (law, names) = tuned.chain, tuned.retuned_numbers()
-    zero, one = tuned.rest(0.0), tuned.rest(1.0)
-    layout = chain.layout
+    slopes, layout = tuned.rest(1.0) - tuned.rest(0.0), chain.layout
     return {
         "prefix": prefix,
         "upper": f"{prefix.upper()}_TUNER",
@@ -201,7 +166,7 @@ def tuner_context(tuned: TunedChain, precision: Precision, *, prefix: str, past:
         ),
         "q_a": layout.part("q_a").start,
         "q_l": layout.part("q_l").start,
-        "rest": lambda array: rest_statements(zero, one, array, precision),
+        "rest": lambda array: rest_statements(slopes, precision, array),
         "moving": chain.moving,
         "types": "",
         "far_driven": chain.far_joint is not None,
@@ -230,7 +195,7 @@ def _host_text(tuned: TunedChain) -> str:
     scheme = host_source(chain, every, templates, ways_differ=Tunable.MU not in tuned.parameters)
     printer = Specialiser(prefix=PREFIX, precision=precision, parameters={})
     own = {law.name: printer.fold(law) for law in tuner_laws(tuned)}
-    zero, one = (chain.rest_state(value).vector() for value in (0.0, 1.0))
+    slopes = chain.rest_state(1.0).vector() - chain.rest_state(0.0).vector()
     gain = f"{PREFIX}_link_gain({', '.join(_gain_arguments(laws))}, &rows[k].gain)"
     context = tuner_context(tuned, precision, prefix=PREFIX, past=MAX_DELAY) | {
         "model": PREFIX,
@@ -239,7 +204,7 @@ def _host_text(tuned: TunedChain) -> str:
         "kinds": 2,
         "inverse_rows": 4,
         "shifted": False,
-        "inverse_rest": lambda array: rest_statements(zero, one, array, precision),
+        "inverse_rest": lambda array: rest_statements(slopes, precision, array),
         "gain_calls": {PREFIX: gain},
         "work_argument": f", {real_type(precision)} *memory",
         "work_declaration": f"{PREFIX}_work work_area = {PREFIX}_work_of(memory, {PREFIX.upper()}_TUNER_COUNT);",
@@ -297,8 +262,8 @@ def host_library(tuned: TunedChain) -> ctypes.CDLL:
     """
     if find_compiler() is None:
         raise CodeError(
-            "self-tuning runs as compiled C only, and no C compiler works here; `pip install ziglang` brings one "
-            "(whatever has no [adaptation] works without, several times slower)"
+            f"self-tuning runs as compiled C only: {why_no_compiler()} (whatever has no [adaptation] works without, "
+            "several times slower)"
         )
     return _loaded(_host_text(tuned)) if tuned.chain.moving else _cached(tuned)
 

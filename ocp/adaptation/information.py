@@ -24,13 +24,7 @@ class Information:
     correlation: float  # between the two factors at the end [-]; 0 where there is one
 
     def known_after_s(self, index: int, target: float = TARGET) -> float | None:
-        """Time from which on a factor is known to within `target`; None where it never is.
-
-        Parameters
-        ----------
-        index : int
-            Place among the tuned parameters.
-        """
+        """Time from which on the factor with that index is known to within `target`; None where it never is."""
         rows = np.flatnonzero(self.deviation[:, index] <= target)
         return float(self.time_s[rows[0]]) if rows.size else None
 
@@ -62,13 +56,7 @@ class Information:
 def information(tuning: Tuning, time_s: Array, slopes: Array, weight: Array) -> Information:
     """Add up the information of every sample.
 
-    Parameters
-    ----------
-    time_s : ndarray, shape (n,)
-    slopes : ndarray, shape (n, parameters)
-        Derivative of the measured quantity over each factor.
-    weight : ndarray, shape (n,)
-        Share that each sample counts by, 0 to 1.
+    Slopes are those of the measured quantity over each factor, shape (n, parameters); weights are from 0 to 1.
     """
     each = weight[:, None, None] * slopes[:, :, None] * slopes[:, None, :] / tuning.variance
     total = np.cumsum(each, axis=0) + np.eye(slopes.shape[1]) / tuning.start_deviation**2

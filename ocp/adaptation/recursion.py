@@ -41,13 +41,7 @@ def _indexed(name: str, count: int) -> list[ca.SX]:
 
 
 def covariance_names(count: int) -> tuple[str, ...]:
-    """Names of the entries on and below the diagonal, row by row.
-
-    Parameters
-    ----------
-    count : int
-        Tuned factors.
-    """
+    """Names of the entries on and below the diagonal of the covariance of so many factors, row by row."""
     return tuple(f"P{i}{j}" for i in range(count) for j in range(i + 1))
 
 
@@ -57,19 +51,11 @@ def _covariance(count: int) -> tuple[dict[str, ca.SX], list[list[ca.SX]]]:
 
 
 def trust_law(count: int) -> Law:
-    """How far to go from the safe values to the estimates.
+    """How far to go from the safe values to the estimates of one or two factors.
 
-    Parameters
-    ----------
-    count : int
-        Tuned factors, 1 or 2.
-
-    Returns
-    -------
-    Law
-        `share` is 1 - (TRUST/D^2)^2, not below 0, where D is the distance in standard deviations, with the covariance
-        at the present level plus what `return_law` keeps: a single factor that came back by more than it stands out
-        does not count. Times 1 - (level/lost)^2, not below 0.
+    `share` is 1 - (TRUST/D^2)^2, not below 0, where D is the distance in standard deviations, with the covariance at
+    the present level plus what `return_law` keeps: a single factor that came back by more than it stands out does not
+    count. Times 1 - (level/lost)^2, not below 0.
     """
     d, back, (entries, P) = _indexed("d", count), _indexed("back", count), _covariance(count)
     level, lost = ca.SX.sym("level"), ca.SX.sym("lost")
@@ -92,11 +78,8 @@ def trust_law(count: int) -> Law:
 def return_law() -> Law:
     """How far an estimate went from its safe value and came back.
 
-    Returns
-    -------
-    Law
-        `far_new` is the place farthest out, which follows the estimate at `rate` times RECALL; `back_new` the largest
-        square of the way back from there, forgotten as fast.
+    `far_new` is the place farthest out, which follows the estimate at `rate` times RECALL; `back_new` the largest
+    square of the way back from there, forgotten as fast.
     """
     f, safe, far, back, rate = (ca.SX.sym(name) for name in ("f", "safe", "far", "back", "rate"))
     near, out, slow = f - safe, far - safe, RECALL * rate
@@ -113,16 +96,8 @@ def return_law() -> Law:
 def update_law(count: int) -> Law:
     """Factors and covariance after one measurement.
 
-    Parameters
-    ----------
-    count : int
-        Tuned factors.
-
-    Returns
-    -------
-    Law
-        `mean_new` is the mean of `e` over a short time, in units of `deviation`; `surprise` is the part of its square
-        that the factors' covariance does not explain, within LEAST and MOST.
+    `mean_new` is the mean of `e` over a short time, in units of `deviation`; `surprise` is the part of its square that
+    the covariance of the factors does not explain, within LEAST and MOST.
     """
     e, w, mean, quick, level = (ca.SX.sym(name) for name in ("e", "weight", "mean", "quick", "level"))
     R, deviation, drift, start, low, high = (

@@ -9,7 +9,6 @@ from tendonff.ocp.adaptation.code import (
     LOAD_STIFFNESS,
     TunedChain,
     render_tuner,
-    rest_statements,
     tuner_context,
     tuner_laws,
 )
@@ -17,12 +16,12 @@ from tendonff.ocp.adaptation.tuning import Tunable
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal, real_type
-from tendonff.ocp.step.folding import Weights, chain_specialiser, link_compliances, weighted_sum
+from tendonff.ocp.step.folding import Weights, chain_specialiser, record_code, rest_statements
 from tendonff.ocp.step.joints import Joints, way_of
-from tendonff.ocp.step.laws import ElementLaws, end_mass, end_mass_tangent, far_velocity, near_force
-from tendonff.ocp.step.render import Compliances, Limits, StepCode, law_calls
+from tendonff.ocp.step.laws import ElementLaws, end_mass, end_mass_tangent
+from tendonff.ocp.step.render import Compliances, Limits, law_calls
 from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT
-from tendonff.ocp.step.target import controller_limits, on_joints
+from tendonff.ocp.step.target import compliances_of, controller_limits, folded_inverse, step_code
 from tendonff.ocp.step.target_joints import SLOPE_OF, Contact, contact_code
 
 
@@ -57,48 +56,17 @@ def inverse_free_code(
     names: tuple[str, ...],
     contact: Contact | None = None,
 ) -> FreeCode:
-    """The exact inverse with free numbers.
-
-    Parameters
-    ----------
-    names : tuple of str
-        The free numbers, as in `Chain.numbers`.
-    contact : Contact, optional
-        Friction of the bends of a path in sections.
-    """
-    chain = tuned.chain
+    """The exact inverse with free numbers, named as in `Chain.numbers`."""
+    chain, relative = tuned.chain, precision is Precision.FLOAT
     weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY))
     folder = chain_specialiser(chain, weights, prefix, precision, contact, names)
     laws = ElementLaws.of(chain, folded=True) if contact is None else contact.laws
-    shifted = precision is Precision.FLOAT
-    far: dict[str, float] = {"f_c": 0.0, "x_c": 0.0, "pull": 1.0} | ({"f": 0.0} if shifted else {})
-    numbers = chain.numbers()
-    ends = {
-        which: {
-            f"end_{n[len(which) + 1 :]}": v for n, v in numbers.items() if n.startswith(f"{which}_") and n not in names
-        }
-        for which in ("near", "far")
-    }
-    start = laws.link_start()
-    if folder.reorder:
-        start = weighted_sum(start, "e_base", *(f"{name}_base" for name in chain.link.states))
-    folded = (
-        folder.fold(laws.link_gain()),
-        folder.fold(start),
-        folder.fold(laws.link_rate(), fixed={"force": 0.0} if shifted else {}),
-        folder.fold(laws.link_states()),
-        *(() if chain.far_joint else (folder.fold(far_velocity(), fixed=ends["far"] | far),)),
-        folder.fold(near_force(chain.near), fixed=ends["near"] | {"x_c": 0.0, "pull": -1.0}),
-        folder.fold(laws.path_mass_inverse(drop=shifted)),
-    )
-    compliances: Compliances | None = None
-    if shifted:
-        compliances = link_compliances(chain, precision)
-        if chain.far_joint is None:
-            one, load = literal(1.0, precision), float(chain.far.stiffness_N_per_m)
-            free_load = f"({one} / c->{LOAD_STIFFNESS})"
-            known = free_load if LOAD_STIFFNESS in names else literal(1 / load, precision)
-            compliances = {"q_l": known, **compliances}
+    gain = folder.fold(laws.link_gain())
+    folded = (gain, *folded_inverse(chain, folder, laws, relative=relative, free=names))
+    compliances = None
+    if relative:
+        load = f"({literal(1.0, precision)} / c->{LOAD_STIFFNESS})" if LOAD_STIFFNESS in names else ""
+        compliances = compliances_of(chain, precision, load)
     return _free_code(
         chain, folder, weights, folded, names, ("inverse.c.j2",), compliances=compliances, contact=contact
     )
@@ -144,13 +112,7 @@ def _every_symbol(laws: ElementLaws) -> tuple[ca.SX, ...]:
 
 
 def tuner_code(tuned: TunedChain, step_s: float, prefix: str, precision: Precision, delay: int) -> TunerCode:
-    """All of the tuner for a controller.
-
-    Parameters
-    ----------
-    delay : int
-        Age of a measurement when it arrives, in steps.
-    """
+    """All of the tuner for a controller; `delay` is the age of a measurement when it arrives, in steps."""
     model_prefix, inverse_prefix = f"{prefix}_model", f"{prefix}_inverse"
     context = tuner_context(tuned, precision, prefix=prefix, past=delay + 1)
     names, chain, limits = tuned.retuned_numbers()[1], tuned.chain, controller_limits(precision)
@@ -163,7 +125,7 @@ def tuner_code(tuned: TunedChain, step_s: float, prefix: str, precision: Precisi
     model = model_free_code(tuned, step_s, model_prefix, precision, names, contact)
     inverse = inverse_free_code(tuned, step_s, inverse_prefix, precision, names, contact)
     shifted = precision is Precision.FLOAT
-    zero, one = (chain.rest_state(value).vector() * (0.0 if shifted else 1.0) for value in (0.0, 1.0))
+    slopes = (chain.rest_state(1.0).vector() - chain.rest_state(0.0).vector()) * (0.0 if shifted else 1.0)
     context |= {
         "model": model_prefix,
         "inverse": inverse_prefix,
@@ -171,14 +133,14 @@ def tuner_code(tuned: TunedChain, step_s: float, prefix: str, precision: Precisi
         "model_rows": kinds * (2 + limits.splits),
         "inverse_rows": kinds * 2,
         "shifted": shifted,
-        "inverse_rest": lambda array: rest_statements(zero, one, array, precision),
+        "inverse_rest": lambda array: rest_statements(slopes, precision, array),
         "gain_calls": {model_prefix: model.gain_call, inverse_prefix: inverse.gain_call},
         "work_argument": "",
         "work_declaration": f"{model_prefix}_work work_area;",
         "work": "&work_area",
     }
     counts = [f"#define {p.upper()}_COUNT {chain.count}" for p in (model_prefix, inverse_prefix)]
-    types_code = _code(chain, model_prefix, precision, {}, limits=limits, contact=contact)
+    types_code = step_code(chain, model_prefix, precision, (), limits=limits, contact=contact, tuned=True)
     printer = Specialiser(prefix=prefix, precision=precision, parameters={})
     own = [printer.fold(law).code for law in tuner_laws(tuned, on_target=True)]
     on_path = f"    {real_type(precision)} tension[{chain.count + 1}];\n    {real_type(precision)} last;"
@@ -243,32 +205,6 @@ def _on_path(tuned: TunedChain, contact: Contact, types: str, precision: Precisi
     }
 
 
-def _code(
-    chain: Chain,
-    prefix: str,
-    precision: Precision,
-    laws: dict[str, SpecialisedLaw],
-    *,
-    limits: Limits | None = None,
-    compliances: Compliances | None = None,
-    contact: Contact | None = None,
-) -> StepCode:
-    types = prefix.rpartition("_")[0].rpartition("_")[0]
-    return StepCode(
-        prefix=prefix,
-        precision=precision,
-        layout=chain.layout,
-        laws=laws,
-        count=f"{prefix.upper()}_COUNT",
-        size=f"{prefix.upper()}_COUNT",
-        numbers={name: literal(value, precision) for name, value in chain.numbers().items()},
-        limits=limits or Limits(),
-        compliances=compliances,
-        moving=contact is not None,
-        on_joints=None if contact is None else on_joints(chain, types, contact, factors=True),
-    )
-
-
 def _free_code(
     chain: Chain,
     folder: Specialiser,
@@ -285,27 +221,27 @@ def _free_code(
     gain, linked = laws["link_gain"], any(name.startswith("link_") for name in free)
     by_length = "ratio" in gain.inputs  # then the scheme asks for each link's
     used = [law for law in folded if law is not gain or linked or by_length]
-    code = _code(chain, folder.prefix, folder.precision, laws, limits=limits, compliances=compliances, contact=contact)
-    real, numbers = real_type(folder.precision), chain.numbers()
+    code = step_code(
+        chain,
+        folder.prefix,
+        folder.precision,
+        folded,
+        limits=limits,
+        compliances=compliances,
+        contact=contact,
+        tuned=True,
+    )
+    numbers = chain.numbers()
     weights = tuple(weight for weight in weights for _ in range(1 if contact else 2))  # links inside, at the ends
     columns: dict[str, tuple[float, ...]] = {"H": tuple(w for w, _ in weights), "carry": tuple(c for _, c in weights)}
     columns |= dict(folder.coefficients)
     columns |= {name: (numbers[name],) * len(weights) for name in free}
     if linked and not by_length:  # `retune` fills it in
         columns["gain"] = (0.0,) * len(weights)
-    fields = "\n".join(f"    {real} {name};" for name in columns)
-    rows = "\n".join(
-        f"        {{ {', '.join(literal(column[k], folder.precision) for column in columns.values())} }},"
-        for k in range(len(weights))
-    )
-    name = f"{folder.prefix}_weights"
-    record = f"typedef struct {{\n{fields}\n}} {name};\n"
+    record, rows = record_code(folder, columns)
     return FreeCode(
         record=f"/* What depends on the weight H [s] of the scheme, and what is tuned. */\n{record}",
-        rows=(
-            f"static const {name} *{folder.prefix}_rows(void)\n{{\n    static const {name} rows[{len(weights)}] = {{\n"
-            f"{rows}\n    }};\n    return rows;\n}}\n"
-        ),
+        rows=rows,
         laws="\n".join(law.code for law in used),
         body="\n".join(code.render(template) for template in templates),
         gain_call="" if by_length else law_calls(folder.prefix, laws)("link_gain", {"gain": "&rows[k].gain"}),

@@ -35,6 +35,11 @@ REALS = (
 """Fields of `Tuning` that the C record takes as reals, in its order."""
 
 
+_PER_PARAMETER = ("factors", "deviation", "slopes")
+_FOUND = ("force_N", "tension_N", *_PER_PARAMETER, "moved", "residual", "measured")
+"""Numbers that a run gives step by step, in the order in which the C takes their arrays."""
+
+
 class _TuningStruct(ctypes.Structure):
     _fields_ = (
         ("sensor", ctypes.c_int),
@@ -81,8 +86,7 @@ class TunedRun:
     @classmethod
     def joined(cls, runs: list["TunedRun"]) -> "TunedRun":
         """Runs one after the other."""
-        names = ("force_N", "tension_N", "factors", "deviation", "slopes", "moved", "measured", "residual", "status")
-        return cls(**{name: np.concatenate([getattr(run, name) for run in runs]) for name in names})
+        return cls(**{name: np.concatenate([getattr(run, name) for run in runs]) for name in (*_FOUND, "status")})
 
 
 class SimulatedRig:
@@ -108,13 +112,7 @@ class SimulatedRig:
         self.struct = _RigStruct(step_s / substeps, substeps, 1, initial_tension_N, start, initial_tension_N)
 
     def change(self, chain: Chain) -> None:
-        """Other parameters from here on; the load's spring keeps its anchor.
-
-        Parameters
-        ----------
-        chain : Chain
-            With the same number of masses and the same laws.
-        """
+        """Another chain of the same size and laws from here on; the spring of the load keeps its anchor."""
         if chain.layout != self.chain.layout:
             raise ParameterError("a rig must keep its number of masses and its laws in mid-run; start another one")
         self.chain = chain
@@ -163,14 +161,9 @@ class SelfTuner:
         self._state = ctypes.create_string_buffer(self._library.tff_tuner_bytes())
         first = 0.0 if tuning.sensor is Sensor.ACTUATOR_POSITION else initial_tension_N
         self._late = np.full(tuning.delay_samples + 1, first)
-        places = places_of(tuned.chain, 0.0, step_s, 0)
         self._library.tff_tuner_begin(
-            self._state,
-            ctypes.byref(self._numbers),
-            ctypes.c_double(step_s),
-            ctypes.byref(self._struct),
-            ctypes.c_double(initial_tension_N),
-            *map(pointer, places),
+            *(self._state, ctypes.byref(self._numbers), ctypes.c_double(step_s), ctypes.byref(self._struct)),
+            *(ctypes.c_double(initial_tension_N), *map(pointer, places_of(tuned.chain, 0.0, step_s, 0))),
         )
 
     def step(self, reference_N: float, measured: float) -> float:
@@ -187,13 +180,9 @@ class SelfTuner:
         places = places_of(self._chain, (self._rows + 1) * self._step_s, self._step_s, 0)  # begins with this row
         return float(
             self._library.tff_tuner_step(
-                self._state,
-                ctypes.byref(self._struct),
-                ctypes.byref(self._limits),
-                ctypes.c_double(reference_N),
-                ctypes.c_double(measured),
-                pointer(self._memory),
-                *map(pointer, places),
+                *(self._state, ctypes.byref(self._struct), ctypes.byref(self._limits)),
+                *map(ctypes.c_double, (reference_N, measured)),
+                *map(pointer, (self._memory, *places)),
             )
         )
 
@@ -216,14 +205,8 @@ class SelfTuner:
         f, deviation, s = (np.empty(self._count) for _ in range(3))
         moved, residual, status = ctypes.c_double(), ctypes.c_double(), ctypes.c_int()
         self._library.tff_tuner_report(
-            self._state,
-            ctypes.byref(self._struct),
-            pointer(f),
-            pointer(deviation),
-            pointer(s),
-            ctypes.byref(moved),
-            ctypes.byref(residual),
-            ctypes.byref(status),
+            *(self._state, ctypes.byref(self._struct), *map(pointer, (f, deviation, s))),
+            *(ctypes.byref(moved), ctypes.byref(residual), ctypes.byref(status)),
         )
         return f, deviation, TunerStatus(status.value)
 
@@ -248,8 +231,7 @@ class SelfTuner:
         """
         rows, count = len(reference_N), self._count
         reference, noise = (np.ascontiguousarray(a, dtype=np.float64) for a in (reference_N, noise))
-        force, tension, moved, measured, residual = (np.empty(rows) for _ in range(5))
-        factors, deviation, slopes = (np.empty((rows, count)) for _ in range(3))
+        found = {name: np.empty((rows, count) if name in _PER_PARAMETER else rows) for name in _FOUND}
         status = np.zeros(rows, dtype=np.intc)
         memory = np.empty(self._library.tff_work_reals(ctypes.c_int(rig.chain.count)))
         fine = rig.struct.step_s
@@ -260,30 +242,11 @@ class SelfTuner:
         if len(places) == 1:
             raise ParameterError("rig and tuner must both be on a path that moves, or neither; give both the same path")
         done = self._library.tff_tuner_run(
-            self._state,
-            ctypes.byref(self._struct),
-            ctypes.byref(self._limits),
-            ctypes.c_int(not adapt),
-            ctypes.byref(chain_struct(rig.chain)),
-            ctypes.byref(rig.struct),
-            pointer(rig.x),
-            pointer(rig.x_old),
-            pointer(memory),
-            pointer(self._memory),
-            pointer(self._late),
-            pointer(reference),
-            pointer(noise),
-            ctypes.c_long(rows),
-            pointer(force),
-            pointer(tension),
-            pointer(factors),
-            pointer(deviation),
-            pointer(slopes),
-            pointer(moved),
-            pointer(residual),
-            pointer(measured),
-            ctypes.c_void_p(status.ctypes.data),
-            *(pointer(table) for table in places),
+            *(self._state, ctypes.byref(self._struct), ctypes.byref(self._limits), ctypes.c_int(not adapt)),
+            *map(ctypes.byref, (chain_struct(rig.chain), rig.struct)),
+            *map(pointer, (rig.x, rig.x_old, memory, self._memory, self._late, reference, noise)),
+            *(ctypes.c_long(rows), *map(pointer, found.values()), pointer(status)),
+            *map(pointer, places),
         )
         self._rows += rows
         rig.rows += rows
@@ -292,14 +255,4 @@ class SelfTuner:
                 f"the simulated rig failed in step {done}: its chain did not converge; "
                 "use more substeps, or a reference that falls more slowly"
             )
-        return TunedRun(
-            force_N=force,
-            tension_N=tension,
-            factors=factors,
-            deviation=deviation,
-            slopes=slopes,
-            moved=moved,
-            measured=measured,
-            residual=residual,
-            status=status,
-        )
+        return TunedRun(**found, status=status)

@@ -184,11 +184,5 @@ class Tuning:
         )
 
     def with_integral_gain(self, gain_per_s: float) -> "Tuning":
-        """The same with another integral action.
-
-        Parameters
-        ----------
-        gain_per_s : float
-            [1/s], 0 for none.
-        """
+        """The same with another integral action; 0 for none."""
         return replace(self, integral_gain=gain_per_s * self.step_s)

@@ -57,17 +57,23 @@ def _candidates() -> list[tuple[str, ...]]:
 def find_compiler() -> tuple[str, ...] | None:
     """Command of the first C compiler that works: CC from the environment, else cc, gcc, clang, the package ziglang.
 
-    Returns
-    -------
-    tuple of str or None
-        None where there is none.
-
     Raises
     ------
     CodeError
         If CC cannot be read as a command.
     """
     return next((command for command in _candidates() if _works(command)), None)
+
+
+def why_no_compiler() -> str:
+    """Why `find_compiler` found none, and the way out."""
+    try:
+        _cache_folder()
+    except OSError as error:
+        return f"C cannot be compiled here ({error.strerror}); set TMPDIR or XDG_CACHE_HOME to a folder to write to"
+    wanted = os.environ.get("CC", "").strip()
+    where = f"CC is {wanted!r}" if wanted else "looked for cc, gcc, clang and the package ziglang"
+    return f"no C compiler found that works ({where}); `pip install ziglang` brings one"
 
 
 @functools.cache
@@ -81,13 +87,7 @@ def _works(compiler: tuple[str, ...]) -> bool:
 
 
 def run_compiler(compiler: tuple[str, ...], arguments: Sequence[str], folder: Path | None = None) -> str | None:
-    """Run the C compiler; None where it succeeds, else what it said.
-
-    Parameters
-    ----------
-    compiler : tuple of str
-        From `find_compiler`.
-    """
+    """Run the C compiler that `find_compiler` gave; None where it succeeds, else what it said."""
     environment = dict(os.environ)
     if compiler[1:3] == _PACKAGED[:2]:  # it would leave its caches where it runs
         for name in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"):
@@ -144,12 +144,7 @@ def _compiler_version(compiler: tuple[str, ...]) -> str:
 
 
 def load_library(source: str) -> ctypes.CDLL:
-    """Compile C source into a shared library, or take it from the cache, and load it.
-
-    Parameters
-    ----------
-    source : str
-        C99.
+    """Compile C99 into a shared library, or take it from the cache, and load it.
 
     Raises
     ------
@@ -158,9 +153,7 @@ def load_library(source: str) -> ctypes.CDLL:
     """
     compiler = find_compiler()
     if compiler is None:
-        wanted = os.environ.get("CC", "").strip()
-        where = f"CC is {wanted!r}" if wanted else "looked for cc, gcc, clang and the package ziglang"
-        raise CodeError(f"no C compiler found that works ({where}); pip install ziglang, or use the CasADi engine")
+        raise CodeError(f"{why_no_compiler()}, or use the CasADi engine")
     return ctypes.CDLL(str(_built(source, compiler)))
 
 

@@ -24,12 +24,7 @@ def has_cross_compiler() -> bool:
 
 
 def cross_compile(target: Target, sources: Sequence[str], folder: Path) -> bytes:
-    """The shared library of some C sources in a folder; equal sources give equal bytes.
-
-    Parameters
-    ----------
-    folder : Path
-        Where they are, with their headers.
+    """The shared library of some C sources in a folder, where their headers are too; equal sources give equal bytes.
 
     Raises
     ------

@@ -21,12 +21,7 @@ class Engine(StrEnum):
 
 
 def resolve_engine(engine: Engine) -> Engine:
-    """Turn AUTO into what works here.
-
-    Returns
-    -------
-    Engine
-        COMPILED or CASADI.
+    """Turn AUTO into what works here, COMPILED or CASADI.
 
     Raises
     ------

@@ -17,13 +17,7 @@ def temporary_name(stem: str) -> str:
 
 
 def remove_leftovers(folder: Path, stem: str = "") -> None:
-    """Remove what processes of this machine that no longer run left incomplete.
-
-    Parameters
-    ----------
-    stem : str, optional
-        Only leftovers of this name; default: of all.
-    """
+    """Remove what processes of this machine that no longer run left incomplete: all of it, or that of one name."""
     try:
         names = [entry.name for entry in os.scandir(folder) if entry.name.endswith(".partial")]
     except OSError:

@@ -74,15 +74,7 @@ class Specialiser:
         return len(next(iter(self.parameters.values()), (0.0,)))
 
     def fold(self, law: Law, name: str | None = None, fixed: Mapping[str, float] | None = None) -> SpecialisedLaw:
-        """One law as C.
-
-        Parameters
-        ----------
-        name : str, optional
-            C identifier without prefix; default: the law's own.
-        fixed : mapping of str to float, optional
-            Further arguments with a known value, which win over `parameters`.
-        """
+        """One law as C, under its own name or another; known values of `fixed` win over `parameters`."""
         name = name or law.name
         known = dict(self.parameters) | {key: (value,) * self.weights for key, value in (fixed or {}).items()}
         results = _Tape(self.reorder, self.floors, self.steady).run(law, known, self.weights)
@@ -169,17 +161,7 @@ def _is_condition(node: _Node) -> bool:
 
 
 class _Tape:
-    """Runs the instructions of a law on nodes and folds what is known.
-
-    Parameters
-    ----------
-    reorder : bool
-        Gather constants and multiply instead of dividing.
-    floors : mapping of str to float, optional
-        Lower bounds of arguments.
-    steady : sequence of str, optional
-        Arguments that are the same in many calls.
-    """
+    """Runs the instructions of a law on nodes and folds what is known, with the rules of `Specialiser`."""
 
     def __init__(self, reorder: bool, floors: Mapping[str, float] | None = None, steady: Sequence[str] = ()) -> None:
         self._reorder, self._floors, self._steady = reorder, floors or {}, steady

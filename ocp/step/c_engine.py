@@ -3,8 +3,10 @@
 import ctypes
 import functools
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonff.models.chain import Chain
 from tendonff.models.layout import ChainInputs
@@ -27,6 +29,7 @@ class ReportStruct(ctypes.Structure):
         ("residual_N", ctypes.c_double),
         ("iterations", ctypes.c_long),
         ("splits", ctypes.c_long),
+        ("evaluations", ctypes.c_long),
     )
 
 
@@ -46,13 +49,7 @@ def chain_struct(chain: Chain) -> ctypes.Structure:
 
 
 def link_ratios(ratio: Array) -> tuple[float, float]:
-    """Length of the whole over that of an inner link, and over that of an end link, where all masses are alike.
-
-    Parameters
-    ----------
-    ratio : ndarray, shape (N + 1,)
-        As `Elements.ratio`.
-    """
+    """Length of the whole over that of an inner link, and over that of an end link, where all masses are alike."""
     return float(ratio[1]) if len(ratio) > 2 else float(ratio[0]), float(ratio[0])
 
 
@@ -73,15 +70,7 @@ def _struct_type(names: tuple[str, ...]) -> type[ctypes.Structure]:
 def places_of(chain: Chain, time_s: float, step_s: float, rows: int) -> list[Array]:
     """Where the path is one step before an instant, at it, and at the ends of the steps that follow; as arguments in C.
 
-    Parameters
-    ----------
-    rows : int
-        Steps.
-
-    Returns
-    -------
-    list
-        Empty where all masses are alike and nothing moves.
+    None where all masses are alike and nothing moves.
     """
     if not chain.moving:
         return []
@@ -90,15 +79,7 @@ def places_of(chain: Chain, time_s: float, step_s: float, rows: int) -> list[Arr
 
 
 def host_source(chain: Chain, laws: tuple[Law, ...], templates: tuple[str, ...], *, ways_differ: bool = False) -> str:
-    """C for chains of any size with the laws of this one.
-
-    Parameters
-    ----------
-    templates : tuple of str
-        What follows the laws.
-    ways_differ : bool, optional
-        Friction of the two directions may be set apart.
-    """
+    """C for chains of any size with the laws of this one; friction of the two directions may be set apart."""
     printer = Specialiser(prefix=PREFIX, precision=Precision.DOUBLE, parameters={})
     elements = ElementLaws.of(chain, folded=True)
     moved = (elements.contact(twins_of(chain, ways_differ=ways_differ)),) if chain.moving else ()
@@ -121,13 +102,7 @@ def host_source(chain: Chain, laws: tuple[Law, ...], templates: tuple[str, ...],
 
 
 def library_of(chain: Chain, make_source: Callable[[Chain], str]) -> ctypes.CDLL:
-    """The library for the laws of a chain; chains that differ in numbers alone share it.
-
-    Parameters
-    ----------
-    make_source : callable
-        Chain to C source.
-    """
+    """The library for the laws of a chain; chains that differ in numbers alone share it."""
     aliases = frozenset(chain.friction.aliases().items())
     twins = frozenset(twins_of(chain).items()) if chain.moving else None
     key = (make_source.__name__, type(chain.friction), type(chain.link), type(chain.near), aliases, twins)
@@ -154,19 +129,13 @@ def _library_of(chain: Chain) -> ctypes.CDLL:
     return library
 
 
-def pointer(values: Array | None) -> ctypes.c_void_p:
+def pointer(values: NDArray[Any] | None) -> ctypes.c_void_p:
     """Address of a contiguous array, or null."""
     return ctypes.c_void_p(None if values is None else values.ctypes.data)
 
 
 class CompiledStepper:
     """Advance one chain in compiled C; releases the interpreter lock while it runs.
-
-    Parameters
-    ----------
-    chain : Chain
-    step_s : float
-        h [s].
 
     Raises
     ------
@@ -189,20 +158,10 @@ class CompiledStepper:
         report, worst = ReportStruct(), ctypes.c_int()
         places = places_of(self._chain, memory.time_s, self._step_s, rows)
         done = self._library.tff_run(
-            ctypes.byref(self._struct),
-            ctypes.c_double(self._step_s),
-            pointer(table),
-            ctypes.c_long(rows),
-            ctypes.c_int(memory.fresh),
-            *map(pointer, places),
-            pointer(memory.x),
-            pointer(memory.x_old),
-            pointer(self._work),
-            pointer(tension),
-            pointer(ends),
-            pointer(states),
-            ctypes.byref(report),
-            ctypes.byref(worst),
+            *(ctypes.byref(self._struct), ctypes.c_double(self._step_s), pointer(table)),
+            *(ctypes.c_long(rows), ctypes.c_int(memory.fresh)),
+            *map(pointer, (*places, memory.x, memory.x_old, self._work, tension, ends, states)),
+            *map(ctypes.byref, (report, worst)),
         )
         if done:
             memory.fresh = False
@@ -214,6 +173,7 @@ class CompiledStepper:
             states=None if states is None else states[:done],
             iterations=report.iterations,
             splits=report.splits,
+            evaluations=report.evaluations,
             residual_N=report.residual_N,
             worst_mass=worst.value,
         )
@@ -221,12 +181,6 @@ class CompiledStepper:
 
 class CompiledInverse:
     """The exact inverse of one chain in compiled C.
-
-    Parameters
-    ----------
-    chain : Chain
-    step_s : float
-        h [s].
 
     Raises
     ------
@@ -247,16 +201,8 @@ class CompiledInverse:
         places = places_of(self._chain, time_s, self._step_s, rows)
         work = np.empty(self._library.tff_work_reals(ctypes.c_int(self._chain.count)))
         self._library.tff_invert_run(
-            ctypes.byref(self._struct),
-            ctypes.c_double(self._step_s),
-            pointer(reference),
-            ctypes.c_long(rows),
-            ctypes.c_int(1),
-            *map(pointer, [*places, work] if places else []),
-            pointer(now),
-            pointer(old),
-            pointer(force),
-            pointer(least),
-            pointer(states),
+            *(ctypes.byref(self._struct), ctypes.c_double(self._step_s), pointer(reference)),
+            *(ctypes.c_long(rows), ctypes.c_int(1), *map(pointer, [*places, work] if places else [])),
+            *map(pointer, (now, old, force, least, states)),
         )
         return InverseRows(force_N=force, least_tension_N=least, states=states)

@@ -106,14 +106,7 @@ def column(value: object, n: int) -> ca.DM:
 
 
 def path_moves(chain: Chain, places: Array, step_s: float, *, fresh: bool) -> Array:
-    """How the path moves in each step: its place at the end, drifts, and what masses keep of their bristle forces.
-
-    Parameters
-    ----------
-    places : ndarray, shape (rows + 2, 3 N + 3)
-        Rows of `PathRows.table`, the first one step before the start.
-    fresh : bool
-        The first step is implicit Euler.
+    """How the path moves in each step, from rows of `PathRows.table`, the first one step before the start.
 
     Returns
     -------
@@ -148,14 +141,7 @@ class _Outcome:
 
 
 class CasadiStepper:
-    """Advance one chain by CasADi functions alone.
-
-    Parameters
-    ----------
-    chain : Chain
-    step_s : float
-        h [s].
-    """
+    """Advance one chain by CasADi functions alone."""
 
     def __init__(self, chain: Chain, step_s: float) -> None:
         self._chain, self._step_s = chain, step_s

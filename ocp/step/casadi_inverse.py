@@ -23,14 +23,7 @@ def _each(law: Any, count: int) -> list[Any]:
 
 
 class CasadiInverse:
-    """The exact inverse as a mapped CasADi function.
-
-    Parameters
-    ----------
-    chain : Chain
-    step_s : float
-        h [s].
-    """
+    """The exact inverse of one chain as a mapped CasADi function."""
 
     def __init__(self, chain: Chain, step_s: float) -> None:
         self._chain, self._step_s = chain, step_s

@@ -17,18 +17,8 @@ _CHUNK = 128
 class CasadiTangent:
     """A simulation with its derivatives in several directions.
 
-    Parameters
-    ----------
-    chain : Chain
-        The numbers of the simulation.
-    symbolic : Chain
-        The same chain with the entries of `numbers` as CasADi scalars; `chain` itself where no number changes.
-    numbers : ca.SX, shape (p, 1)
-        Symbols in `symbolic`.
-    values : ndarray, shape (p,)
-        Their values.
-    step_s : float
-        h [s].
+    `symbolic` is the chain with the entries of `numbers`, whose values are given, as CasADi scalars; the chain itself
+    where no number changes.
     """
 
     def __init__(self, chain: Chain, symbolic: Chain, numbers: ca.SX, values: Array, step_s: float) -> None:

@@ -1,17 +1,20 @@
 """What is known of a chain before a controller runs: parameters to fold into the laws, row by row of the scheme."""
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import replace
 
 import casadi as ca
+import numpy as np
 
 from tendonff.models.chain import Chain
 from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import Specialiser
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.codegen.printer import literal
+from tendonff.ocp.codegen.printer import literal, real_type
 from tendonff.ocp.step.c_engine import link_ratios
 from tendonff.ocp.step.laws import ElementLaws
+from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.step.target_joints import Contact
 
 Weights = tuple[tuple[float, float], ...]
@@ -29,18 +32,10 @@ def chain_specialiser(
     floors: Mapping[str, float] | None = None,
     whole: bool = True,
 ) -> Specialiser:
-    """What folds the laws of a chain.
+    """What folds the laws of a chain for the rows of a scheme.
 
-    Parameters
-    ----------
-    weights : tuple
-        Rows of the scheme.
-    contact : Contact, optional
-        On a path in sections; then a link is the whole tendon, or with `whole` unset its ratio is unknown.
-    free : tuple of str, optional
-        Numbers that are known at run time only.
-    floors : mapping of str to float, optional
-        Lower bounds of some of these that the caller keeps.
+    On a path in sections (`contact`) a link is the whole tendon, or with `whole` unset its ratio is unknown. Numbers
+    that are `free` are known at run time only; of some of them the caller keeps `floors`.
     """
     reorder = precision is Precision.FLOAT or contact is not None
     ratios = link_ratios(chain.elements.ratio) if contact is None else (1.0,)
@@ -77,13 +72,7 @@ def _snapped(chain: Chain) -> dict[str, float]:
 
 
 def weighted_sum(law: Law, *names: str) -> Law:
-    """A law that is linear in these arguments as their weighted sum: the weights are numbers of the chain.
-
-    Parameters
-    ----------
-    *names : str
-        Its arguments; the others are such numbers.
-    """
+    """A law that is linear in these arguments as their weighted sum: the weights are numbers of the chain."""
     over = [s for s in law.inputs if s.name() in names]
     outputs = {
         name: sum((ca.jacobian(value, s) * s for s in over), start=ca.SX(0)) for name, value in law.outputs.items()
@@ -106,3 +95,29 @@ def link_compliances(chain: Chain, precision: Precision) -> dict[str, tuple[str,
         name: (literal(float(inner), precision), literal(float(ends), precision))
         for name, (inner, ends) in kinds.items()
     }
+
+
+def record_code(folder: Specialiser, columns: Mapping[str, tuple[float, ...]]) -> tuple[str, str]:
+    """Type of the record of what depends on the weight H, and the function that gives its rows."""
+    real, name = real_type(folder.precision), f"{folder.prefix}_weights"
+    fields = "\n".join(f"    {real} {column};" for column in columns)
+    each = [", ".join(literal(v, folder.precision) for v in row) for row in zip(*columns.values(), strict=True)]
+    rows = "\n".join(f"        {{ {row} }}," for row in each)
+    return f"typedef struct {{\n{fields}\n}} {name};\n", (
+        f"static const {name} *{folder.prefix}_rows(void)\n{{\n    static const {name} rows[{len(each)}] = {{\n{rows}\n"
+        "    };\n    return rows;\n}\n"
+    )
+
+
+def rest_statements(slopes: Array, precision: Precision, array: str = "self->x") -> str:
+    """C statements for a state at rest that is so many times `tension`; an int j must be there."""
+    lines = []
+    borders = [0, *(np.flatnonzero(np.abs(np.diff(slopes)) > 1e-14 * np.abs(slopes).max()) + 1).tolist(), len(slopes)]
+    for first, last in itertools.pairwise(borders):
+        slope = float(slopes[first])
+        value = f"tension * {literal(slope, precision)}" if slope else literal(0.0, precision)
+        if last - first == 1:
+            lines.append(f"    {array}[{first}] = {value};")
+        else:
+            lines.append(f"    for (j = {first}; j < {last}; j++) {{\n        {array}[j] = {value};\n    }}")
+    return "\n".join(lines)

@@ -131,13 +131,7 @@ def _ranges(sections: tuple[Section, ...], names: tuple[str, ...]) -> tuple[tupl
 
 
 def way_of(name: str) -> str:
-    """Direction that a coefficient of friction is for, "pull" or "release"; empty for other numbers.
-
-    Parameters
-    ----------
-    name : str
-        A field of the law.
-    """
+    """Direction that a coefficient of friction is for, "pull" or "release"; empty for other fields of the law."""
     way = name.rpartition("_")[2]
     return way if name.startswith("mu_") and way in ("pull", "release") else ""
 
@@ -145,10 +139,7 @@ def way_of(name: str) -> str:
 def equal_numbers(chain: Chain, *, ways_differ: bool = False) -> dict[str, str]:
     """Fields of the law of friction that equal another on every mass, wherever the joints stand.
 
-    Parameters
-    ----------
-    ways_differ : bool, optional
-        Coefficients of the two directions may be set apart.
+    Coefficients of the two directions count as different where they may be set apart.
     """
     contact, path = chain.elements.contact, chain.elements.path
     rows = []

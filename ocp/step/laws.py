@@ -29,24 +29,12 @@ PLAIN_END = End(mass_kg=0, damping_N_s_per_m=0, stiffness_N_per_m=0)
 
 
 def symbols(names: str) -> tuple[ca.SX, ...]:
-    """CasADi scalars.
-
-    Parameters
-    ----------
-    names : str
-        Separated by blanks.
-    """
+    """CasADi scalars with names that blanks separate."""
     return tuple(ca.SX.sym(name) for name in names.split())
 
 
 def symbolic(record: R, prefix: str, aliases: dict[str, str] | None = None) -> R:
-    """The record with a CasADi scalar in the place of each number, named after its field.
-
-    Parameters
-    ----------
-    aliases : dict of str to str, optional
-        Fields that take the symbol of another.
-    """
+    """The record with a CasADi scalar in the place of each number, named after its field or that of its alias."""
     known = {f.name: ca.SX.sym(prefix + f.name) for f in fields(record)}  # type: ignore[arg-type]
     return replace(record, **(known | {name: known[other] for name, other in (aliases or {}).items()}))  # type: ignore[type-var]
 
@@ -54,10 +42,7 @@ def symbolic(record: R, prefix: str, aliases: dict[str, str] | None = None) -> R
 def twins_of(chain: Chain, *, ways_differ: bool = False) -> dict[str, str]:
     """Fields of the law of contact that equal an earlier one on every mass, and the first such.
 
-    Parameters
-    ----------
-    ways_differ : bool, optional
-        Coefficients of the two directions may be set apart.
+    Coefficients of the two directions count as different where they may be set apart.
     """
     known = fields_of(chain.elements.contact)
 
@@ -92,13 +77,7 @@ class ElementLaws:
 
     @classmethod
     def of(cls, chain: Chain, *, folded: bool = False) -> "ElementLaws":
-        """Laws for a chain.
-
-        Parameters
-        ----------
-        folded : bool, optional
-            Leave out what the chain's numbers make superfluous (`FrictionLaw.aliases`).
-        """
+        """Laws for a chain; folded, without what its numbers make superfluous (`FrictionLaw.aliases`)."""
         friction, link = symbolic(chain.friction, "friction_"), symbolic(chain.link, "link_")
         every = tuple(fields_of(friction).values()), tuple(fields_of(link).values())
         if folded:
@@ -240,11 +219,8 @@ class ElementLaws:
     def path_mass_inverse(self, *, drop: bool = False) -> Law:
         """Tension on the actuator's side of a mass whose motion and load side are known.
 
-        Parameters
-        ----------
-        drop : bool, optional
-            Give what the mass adds to the tension instead, f_i = f_{i+1} + drop, for arithmetic with few digits and
-            without the slack.
+        With `drop`, what the mass adds to the tension instead, f_i = f_{i+1} + drop, for arithmetic with few digits and
+        without the slack.
         """
         v, f_far, v_base, step = symbols("v f_far v_base H")
         base, piece = _based(self.friction.states), symbolic(Piece(mass_kg=0, adhesion_N=0), "piece_")
@@ -265,13 +241,7 @@ class ElementLaws:
         )
 
     def contact(self, twins: Mapping[str, str]) -> Law:
-        """The friction's parameters on a piece with a given wrap angle.
-
-        Parameters
-        ----------
-        twins : mapping of str to str
-            Fields of the whole's law that equal another: one evaluation serves both.
-        """
+        """The friction's parameters on a piece with a given wrap angle; one evaluation serves a field and its twins."""
         whole = symbolic(self.friction, "contact_", dict(twins))
         angle, share, length = symbols("angle_rad angle_share length_share")
         outputs = fields_of(whole.on_piece(angle, share, length), "friction_")

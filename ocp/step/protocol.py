@@ -35,6 +35,7 @@ class Rows:
     splits: int
     residual_N: float  # largest force balance of the last step tried [N]
     worst_mass: int  # mass with that balance: 0 actuator, 1 .. N on the path, N + 1 load
+    evaluations: int = 0  # of the balances, tries of the line search among them; CasADi does not count
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

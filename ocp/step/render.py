@@ -3,12 +3,11 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-import jinja2
-
 from tendonff.models.layout import INPUT_NAMES, StateLayout
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal, real_type
+from tendonff.ocp.codegen.templates import environment
 from tendonff.ocp.step.scheme import (
     BDF2_CARRY,
     BDF2_WEIGHT,
@@ -23,12 +22,7 @@ from tendonff.ocp.step.scheme import (
     RESIDUAL_TOLERANCE_N,
 )
 
-_TEMPLATES = jinja2.Environment(  # noqa: S701 - C, not HTML
-    loader=jinja2.PackageLoader("tendonff.ocp.step"),
-    undefined=jinja2.StrictUndefined,
-    keep_trailing_newline=True,
-    trim_blocks=True,
-)
+_TEMPLATES = environment("tendonff.ocp.step")
 
 _ALL_LINKS = (("c", "for (i = 0; i <= n; i++)"),)
 _LINKS_BY_KIND = (("c", "for (i = 1; i < n; i++)"), ("(&c[1])", "for (i = 0; i <= n; i += n)"))
@@ -72,12 +66,8 @@ def law_calls(
 ) -> Callable[..., str]:
     """How generated code calls its laws: see `StepCode.call`.
 
-    Parameters
-    ----------
-    laws : mapping of str to SpecialisedLaw
-        By their names; those of an end mass that differ between the ends with "_near" or "_far" behind.
-    own_names : tuple of str, optional
-        How the names of what each mass has for itself begin.
+    Laws of an end mass that differ between the ends are named with "_near" or "_far" behind; what each mass has for
+    itself has a name that begins as `own_names` say.
     """
 
     def call(law: str, *parts: Mapping[str, str], end: str = "", link: str = "c", own: str = "", mass: str = "") -> str:
@@ -131,18 +121,9 @@ class StepCode:
     ) -> str:
         """C text of a call: arguments by name, parameters from the record `c`, or each mass's own where masses differ.
 
-        Parameters
-        ----------
-        *parts : mapping of str to str
-            Text of inputs that are no parameters, and of outputs; what the law does not take is left out.
-        end : str, optional
-            "near" or "far" for the laws of an end mass.
-        link : str, optional
-            Record of the link that the law is for.
-        mass : str, optional
-            Index of the mass that the law is for.
-        own : str, optional
-            Each mass's own numbers, by {name} and {mass}.
+        `parts` are texts of inputs that are no parameters, and of outputs; what the law does not take is left out.
+        `end` is "near" or "far" for the laws of an end mass, `link` the record of the link and `mass` the index of the
+        mass that the law is for, `own` the text of a mass's own number by {name} and {mass}.
         """
         given = {name: name for name in self.free}
         if self.on_joints is not None:
@@ -276,6 +257,7 @@ class StepCode:
             minus_one=number(-1.0),
             bdf2_carry=number(BDF2_CARRY),
             bdf2_weight=number(BDF2_WEIGHT),
+            counted=self.host or limits.evaluations > 0,
             limits={
                 "iterations": limits.iterations,
                 "halvings": limits.halvings,

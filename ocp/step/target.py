@@ -1,9 +1,7 @@
 """The chain in C for a controller: element laws with the parameters folded in, and the scheme around them."""
 
-import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-
-import numpy as np
 
 from tendonff.models.chain import Chain
 from tendonff.models.friction import COEFFICIENT_FLOOR
@@ -11,7 +9,14 @@ from tendonff.models.layout import fields_of
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal, real_type
-from tendonff.ocp.step.folding import Weights, chain_specialiser, link_compliances, weighted_sum
+from tendonff.ocp.step.folding import (
+    Weights,
+    chain_specialiser,
+    link_compliances,
+    record_code,
+    rest_statements,
+    weighted_sum,
+)
 from tendonff.ocp.step.joints import Joints
 from tendonff.ocp.step.laws import ElementLaws, end_mass, far_velocity, near_force
 from tendonff.ocp.step.render import Compliances, Limits, OnJoints, StepCode
@@ -75,15 +80,7 @@ SETTABLE = (
 def inverse_code(
     chain: Chain, step_s: float, prefix: str, precision: Precision, *, settable: bool = False
 ) -> ChainCode:
-    """The exact inverse.
-
-    Parameters
-    ----------
-    prefix : str
-        Prefix of every C name in the file.
-    settable : bool, optional
-        Leave those of `SETTABLE` that the laws need to the caller.
-    """
+    """The exact inverse; where it is settable, those of `SETTABLE` that the laws need are left to the caller."""
     weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY))
     left = SETTABLE if settable else ()
     contact = _contact(chain, prefix, precision, settable=settable)
@@ -92,23 +89,10 @@ def inverse_code(
     floors = {name: 0.0 if name == "piece_adhesion_N" else COEFFICIENT_FLOOR for name in left}
     folder = chain_specialiser(chain, weights, prefix, precision, contact, left, floors=floors)
     laws = ElementLaws.of(chain, folded=settable) if contact is None else contact.laws
-    compliances = None if precision is Precision.DOUBLE else _compliances(chain, precision)
-    far, rate = {"f_c": 0.0, "x_c": 0.0, "pull": 1.0}, {}
-    if compliances is not None:  # the laws depend on tension and position through their balance only
-        far["f"], rate["force"] = 0.0, 0.0
-    start = laws.link_start()
-    if folder.reorder:
-        start = weighted_sum(start, "e_base", *(f"{name}_base" for name in chain.link.states))
-    folded = (
-        folder.fold(start),
-        folder.fold(laws.link_rate(), fixed=rate),
-        folder.fold(laws.link_states()),
-        *(() if chain.far_joint else (folder.fold(far_velocity(), fixed=_end(chain, "far") | far),)),
-        folder.fold(near_force(chain.near), fixed=_end(chain, "near") | {"x_c": 0.0, "pull": -1.0}),
-        folder.fold(laws.path_mass_inverse(drop=compliances is not None)),
-    )
+    compliances = None if precision is Precision.DOUBLE else compliances_of(chain, precision)
+    folded = folded_inverse(chain, folder, laws, relative=compliances is not None)
     free = tuple(name for name in left if any(name in law.inputs for law in folded))
-    code = _code(chain, folder, folded, compliances=compliances, contact=contact, free=free)
+    code = step_code(chain, folder.prefix, precision, folded, compliances=compliances, contact=contact, free=free)
     return ChainCode(
         header="",
         record=_record(folder, weights),
@@ -122,13 +106,7 @@ def inverse_code(
 
 
 def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -> ChainCode:
-    """The time step.
-
-    Parameters
-    ----------
-    prefix : str
-        Prefix of every C name in the file.
-    """
+    """The time step."""
     limits = plant_limits(precision)
     pieces = tuple((step_s / 2**k, 0.0) for k in range(1, limits.splits + 1))
     weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY), *pieces)
@@ -146,7 +124,7 @@ def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -
         folder.fold(end_mass(), "end_mass_far", fixed=_end(chain, "far") | far),
         *((folder.fold(laws.link_gain()),) if contact else ()),
     )
-    code = _code(chain, folder, folded, limits=limits, contact=contact)
+    code = step_code(chain, folder.prefix, precision, folded, limits=limits, contact=contact)
     return ChainCode(
         header=code.render("types.h.j2") + code.render("target.h.j2"),
         record=_record(folder, weights),
@@ -157,42 +135,67 @@ def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -
     )
 
 
-def _code(
+def folded_inverse(
+    chain: Chain, folder: Specialiser, laws: ElementLaws, *, relative: bool, free: Sequence[str] = ()
+) -> tuple[SpecialisedLaw, ...]:
+    """The laws of the exact inverse, with everything folded in but numbers of the ends that are free.
+
+    Where states are kept relative to what the tension alone would cause, the laws depend on tension and position
+    through their balance only.
+    """
+    far, rate = {"f_c": 0.0, "x_c": 0.0, "pull": 1.0}, {}
+    if relative:
+        far["f"], rate["force"] = 0.0, 0.0
+    start = laws.link_start()
+    if folder.reorder:
+        start = weighted_sum(start, "e_base", *(f"{name}_base" for name in chain.link.states))
+    return (
+        folder.fold(start),
+        folder.fold(laws.link_rate(), fixed=rate),
+        folder.fold(laws.link_states()),
+        *(() if chain.far_joint else (folder.fold(far_velocity(), fixed=_end(chain, "far", free) | far),)),
+        folder.fold(near_force(chain.near), fixed=_end(chain, "near", free) | {"x_c": 0.0, "pull": -1.0}),
+        folder.fold(laws.path_mass_inverse(drop=relative)),
+    )
+
+
+def step_code(
     chain: Chain,
-    folder: Specialiser,
-    laws: tuple[SpecialisedLaw, ...],
+    prefix: str,
+    precision: Precision,
+    laws: Sequence[SpecialisedLaw],
     *,
     limits: Limits | None = None,
     compliances: Compliances | None = None,
     contact: Contact | None = None,
     free: tuple[str, ...] = (),
+    tuned: bool = False,
 ) -> StepCode:
-    types = folder.prefix.rpartition("_")[0]
+    """What the templates need to know of a chain on a controller; `tuned` for one of the schemes of a tuner."""
+    on_joints = None
+    if contact is not None:
+        types = prefix.rpartition("_")[0]
+        on_joints = OnJoints(
+            types=types.rpartition("_")[0] if tuned else types,
+            own=contact.own,
+            joints=chain.motion is not None,
+            far_driven=chain.far_joint is not None,
+            factors=tuned,
+        )
     return StepCode(
-        prefix=folder.prefix,
-        precision=folder.precision,
+        prefix=prefix,
+        precision=precision,
         layout=chain.layout,
         laws={law.name: law for law in laws},
-        count=f"{folder.prefix.upper()}_COUNT",
-        size=f"{folder.prefix.upper()}_COUNT",
-        numbers={name: literal(value, folder.precision) for name, value in chain.numbers().items()},
+        count=f"{prefix.upper()}_COUNT",
+        size=f"{prefix.upper()}_COUNT",
+        numbers={name: literal(value, precision) for name, value in chain.numbers().items()},
         limits=limits or Limits(),
-        free=free,
         compliances=compliances,
+        free=free,
         moving=contact is not None,
-        on_joints=None if contact is None else on_joints(chain, types, contact),
-        held=folder.precision is Precision.FLOAT and chain.near.stiffness_N_per_m > 0,
-    )
-
-
-def on_joints(chain: Chain, types: str, contact: Contact, *, factors: bool = False) -> OnJoints:
-    """What a controller keeps of a chain's path; see `OnJoints`."""
-    return OnJoints(
-        types=types,
-        own=contact.own,
-        joints=chain.motion is not None,
-        far_driven=chain.far_joint is not None,
-        factors=factors,
+        on_joints=on_joints,
+        held=precision is Precision.FLOAT and chain.near.stiffness_N_per_m > 0,
     )
 
 
@@ -209,11 +212,12 @@ def _text(folded: tuple[SpecialisedLaw, ...], contact: Contact | None) -> str:
     return "\n".join(parts)
 
 
-def _compliances(chain: Chain, precision: Precision) -> Compliances:
-    """What a lasting newton does to the load and to the states of a link [m/N]."""
-    known: dict[str, str | tuple[str, str]]
-    known = {} if chain.far_joint else {"q_l": literal(1 / chain.far.stiffness_N_per_m, precision)}
-    return known | link_compliances(chain, precision)
+def compliances_of(chain: Chain, precision: Precision, load: str = "") -> Compliances:
+    """What a lasting newton does to the load (default: its number) and to the states of a link [m/N]."""
+    links = link_compliances(chain, precision)
+    if chain.far_joint:
+        return links
+    return {"q_l": load or literal(1 / float(chain.far.stiffness_N_per_m), precision), **links}
 
 
 def _travel(chain: Chain, precision: Precision, compliances: Compliances | None, prefix: str) -> str:
@@ -266,46 +270,23 @@ def _position(chain: Chain, precision: Precision, compliances: Compliances | Non
     return "\n".join(lines)
 
 
-def _end(chain: Chain, which: str) -> dict[str, float]:
-    return fields_of(chain.near if which == "near" else chain.far, "end_")
+def _end(chain: Chain, which: str, free: Sequence[str] = ()) -> dict[str, float]:
+    known = fields_of(chain.near if which == "near" else chain.far, "end_")
+    return {name: value for name, value in known.items() if name.replace("end", which, 1) not in free}
 
 
 def _record(folder: Specialiser, weights: Weights) -> str:
-    real = real_type(folder.precision)
     kinds = folder.weights // len(weights)
-    fields = ["H", "carry", *folder.coefficients]
-    columns = [
-        tuple(w for w, _ in weights for _ in range(kinds)),
-        tuple(carry for _, carry in weights for _ in range(kinds)),
-        *folder.coefficients.values(),
-    ]
-    lines = [
-        *(_OF_LINKS if kinds == _KINDS else _OF_WEIGHTS),
-        "typedef struct {",
-        *(f"    {real} {name};" for name in fields),
-        f"}} {folder.prefix}_weights;",
-        "",
-        f"static const {folder.prefix}_weights *{folder.prefix}_rows(void)",
-        "{",
-        f"    static const {folder.prefix}_weights rows[{folder.weights}] = {{",
-    ]
-    rows = ([literal(column[k], folder.precision) for column in columns] for k in range(folder.weights))
-    return "\n".join(
-        [*lines, *(f"        {{ {', '.join(row)} }}," for row in rows), "    };", "    return rows;", "}", ""]
-    )
+    columns = {
+        "H": tuple(w for w, _ in weights for _ in range(kinds)),
+        "carry": tuple(carry for _, carry in weights for _ in range(kinds)),
+        **folder.coefficients,
+    }
+    comment = "\n".join(_OF_LINKS if kinds == _KINDS else _OF_WEIGHTS)
+    return "{}\n{}\n{}".format(comment, *record_code(folder, columns))
 
 
 def _rest(chain: Chain, precision: Precision, *, relative: bool = False) -> str:
     """Statements for the state at rest: affine in the tension, so two evaluations of `rest_state` say it all."""
-    zero, one = chain.rest_state(0.0).vector(), chain.rest_state(1.0).vector()
-    slopes = np.zeros(chain.layout.size) if relative else one - zero
-    lines = []
-    borders = [0, *(np.flatnonzero(np.abs(np.diff(slopes)) > 1e-14 * np.abs(slopes).max()) + 1).tolist(), len(slopes)]
-    for first, last in itertools.pairwise(borders):
-        slope = float(slopes[first])
-        value = f"tension * {literal(slope, precision)}" if slope else literal(0.0, precision)
-        if last - first == 1:
-            lines.append(f"    self->x[{first}] = {value};")
-        else:
-            lines.append(f"    for (j = {first}; j < {last}; j++) {{\n        self->x[j] = {value};\n    }}")
-    return "\n".join(lines)
+    slopes = chain.rest_state(1.0).vector() - chain.rest_state(0.0).vector()
+    return rest_statements(slopes * (0.0 if relative else 1.0), precision)

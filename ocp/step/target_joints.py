@@ -58,18 +58,9 @@ def contact_code(
 ) -> Contact:
     """Friction of the bends.
 
-    Parameters
-    ----------
-    joints : Joints
-        Of the chain.
-    prefix : str
-        Prefix of every C name in the file.
-    settable : bool, optional
-        Coefficients carry factors that are known at run time only.
-    slopes : bool, optional
-        The record also holds how those that carry a factor change with it, `SLOPE_OF` in front of their names.
-    types : str, optional
-        Prefix of the C names of the path; default: `prefix` without its last word.
+    Where it is settable, coefficients carry factors that are known at run time only; with `slopes` the record also
+    holds how these change with it, `SLOPE_OF` in front of their names. `types` is the prefix of the C names of the
+    path; default: `prefix` without its last word.
     """
     types = types or prefix.rpartition("_")[0]
     twins = equal_numbers(chain, ways_differ=settable)

@@ -93,6 +93,19 @@ def test_a_start_that_no_tendon_can_have_is_refused(generic: Transmission, bad: 
         invert(Chain.of(generic, Level.ELASTIC), np.full(5, 30.0), STEP, initial_tension_N=bad)
 
 
+def test_half_a_newton_is_a_tension(generic: Transmission) -> None:
+    chain = Chain.of(generic, Level.ELASTIC)
+    inversion = invert(chain, np.full(20, 0.5), STEP, initial_tension_N=0.5)
+    assert inversion.status is InverseStatus.EXACT
+    assert inversion.force_N == pytest.approx(np.full(20, 0.5))
+
+
+@pytest.mark.parametrize("shape", [(0,), (3, 2)])
+def test_a_reference_that_is_no_vector_is_refused(generic: Transmission, shape: tuple[int, ...]) -> None:
+    with pytest.raises(ParameterError, match="reference_N must be a vector with at least one row"):
+        invert(Chain.of(generic, Level.ELASTIC), np.full(shape, 30.0), STEP)
+
+
 def test_a_reference_that_falls_too_fast_is_said_to_push(generic: Transmission) -> None:
     chain = Chain.of(generic, Level.VISCOELASTIC)
     wanted = np.where(np.arange(300) < 100, 30.0, np.maximum(30.0 - 12.0 * (np.arange(300) - 100), 1.0))

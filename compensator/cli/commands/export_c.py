@@ -4,7 +4,14 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.options import LevelOption, OutFolderOption, PrefixOption, ScenarioArgument, opened
+from tendonff.compensator.cli.options import (
+    ForceOption,
+    LevelOption,
+    OutFolderOption,
+    PrefixOption,
+    ScenarioArgument,
+    opened,
+)
 from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.ocp.codegen.precision import Precision
 
@@ -17,9 +24,7 @@ def export_c(
     ] = Precision.DOUBLE,
     prefix: PrefixOption = "tff",
     level: LevelOption = None,
-    force_export: Annotated[
-        bool, typer.Option("--force-export", help="Export modules all the same that are worse than no compensation.")
-    ] = False,
+    force_export: ForceOption = False,
 ) -> None:
     """Write C99 for the controller.
 

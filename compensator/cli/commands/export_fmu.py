@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from tendonff.compensator.cli.options import (
+    ForceOption,
     LevelOption,
     OutFolderOption,
     PrefixOption,
@@ -26,24 +27,31 @@ def export_fmu(
     everywhere: Annotated[
         bool, typer.Option("--everywhere", help="Binaries for Windows and macOS too (needs ziglang); not run here.")
     ] = False,
+    force_export: ForceOption = False,
 ) -> None:
     """Write FMUs for Simulink, dSPACE or Modelica.
 
     Co-simulation units of the exported C, with their sources.
     """
-    complete = True
-    names = []
     with opened(scenario, out) as (loaded, folder):
         from tendonff.compensator.export.fmu import build_fmu
+        from tendonff.compensator.export.judgement import score_lines
 
         with progress("exporting"):
-            for each in FmiVersion if fmi is None else (fmi,):
-                unit = build_fmu(loaded, kind, each, prefix=prefix, level=level, everywhere=everywhere)
+            units = [
+                build_fmu(
+                    loaded, kind, each, prefix=prefix, level=level, everywhere=everywhere, force_export=force_export
+                )
+                for each in (FmiVersion if fmi is None else (fmi,))
+            ]
+            for unit in units:
                 unit.write(folder)
-                names.append(unit.name)
-                complete = complete and unit.has_binary
-    if not complete:
+    for warning in units[0].warnings:
+        warn(warning)
+    for line in score_lines(units[0].judged) if units[0].judged else ():
+        say(line)
+    if not all(unit.has_binary for unit in units):
         warn("no binary was made here (a C compiler on Linux makes one); the unit holds its sources")
     if everywhere:
         say("binaries for Windows and macOS were built, not run: try them on such a machine first")
-    say(f"{', '.join(names)} in {out}")
+    say(f"{', '.join(unit.name for unit in units)} in {out}")

@@ -8,7 +8,6 @@ from importlib.resources import files
 from types import MappingProxyType
 from typing import Any
 
-import jinja2
 import numpy as np
 
 from tendonff._version import __version__
@@ -32,17 +31,12 @@ from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
+from tendonff.ocp.codegen.templates import environment
 from tendonff.ocp.step.joints import Joints
 from tendonff.ocp.step.target import plant_code, plant_limits
 
 _FOLDER_FILES = ("self_test.c", "example_main.c", "Makefile", "CMakeLists.txt", "README.md")
-_TEMPLATES = jinja2.Environment(  # noqa: S701 - C has no markup to escape
-    loader=jinja2.PackageLoader("tendonff.compensator.export", "templates"),
-    undefined=jinja2.StrictUndefined,
-    keep_trailing_newline=True,
-    trim_blocks=True,
-    lstrip_blocks=True,
-)
+_TEMPLATES = environment("tendonff.compensator.export")
 _TEMPLATES.filters["st"] = lambda value: literal(float(value), Precision.DOUBLE)
 
 

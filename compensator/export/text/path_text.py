@@ -10,13 +10,7 @@ from tendonff.ocp.step.target_joints import contact_code
 
 
 def path_context(chain: Chain, joints: Joints | None, prefix: str) -> dict[str, object]:
-    """Names and numbers for the templates.
-
-    Parameters
-    ----------
-    joints : Joints, optional
-        Of the chain; None where all masses are alike and nothing moves.
-    """
+    """Names and numbers for the templates; no joints where all masses are alike and nothing moves."""
     moving = joints is not None and bool(joints.names)
     return {
         "joints": joints,
@@ -30,13 +24,7 @@ def path_context(chain: Chain, joints: Joints | None, prefix: str) -> dict[str, 
 
 
 def path_bytes(chain: Chain, joints: Joints, prefix: str, precision: Precision, *, settable: bool) -> int:
-    """Where the path stands, and friction of its bends, in the state of a module [bytes].
-
-    Parameters
-    ----------
-    settable : bool
-        The module's friction can be changed at run time.
-    """
+    """Where the path stands, and friction of its bends, in the state of a module [bytes]."""
     size = 4 if precision is Precision.FLOAT else 8
     bends = len(joints.bends)
     path = padded(

@@ -29,15 +29,7 @@ def rounded(values: FloatArray, precision: Precision) -> FloatArray:
 
 
 def share_index(share: FloatArray, precision: Precision) -> ShareIndex:
-    """The fewest bins (a power of two) in which at most one cell begins, or the most bins allowed.
-
-    Parameters
-    ----------
-    share : ndarray, shape (m,)
-        Nodes of the share, rising from 0 [-].
-    precision : Precision
-        Real type of the controller.
-    """
+    """The fewest bins (a power of two) in which at most one cell of the share begins, or the most bins allowed."""
     nodes = rounded(share, precision)
     bins = _FEWEST_BINS
     while True:

@@ -16,8 +16,10 @@ from tendonff.compensator.export import fmu
 from tendonff.compensator.export.fmu import build_fmu
 from tendonff.compensator.export.golden import answers
 from tendonff.compensator.export.kinds import FmiVersion, Kind
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.scenario.reference import Shape, WaypointReference
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
 from tendonff.models.chain import Chain
 from tendonff.ocp.codegen.cross import has_cross_compiler
 from tendonff.ocp.codegen.precision import Precision
@@ -206,6 +208,35 @@ def test_equal_scenarios_give_equal_units(finger, unit):
 def test_the_command_writes_a_unit_per_version(examples, tmp_path):
     assert run(["export-fmu", str(examples / "finger.toml"), "--kind", "plant", "--out", str(tmp_path / "f")]) == 0
     assert {p.name for p in (tmp_path / "f").iterdir()} == {"tff_plant_fmi2.fmu", "tff_plant_fmi3.fmu"}
+
+
+def test_a_unit_that_is_worse_than_none_is_refused_unless_forced(finger, examples, tmp_path, capsys):
+    """A drive that is too slow for its moves: the exact inverse within the limits leaves more than nothing does."""
+    moves = WaypointReference(
+        times_s=(0.0, 0.1, 0.2, 0.3, 0.4), tensions_N=(30.0, 45.0, 30.0, 45.0, 30.0), shape=Shape.SMOOTH
+    )
+    slow = replace(finger.transmission.actuator, force_rate_max_N_per_s=50.0)
+    scenario = replace(
+        finger,
+        transmission=replace(finger.transmission, actuator=slow),
+        reference=moves,
+        adaptation=load_scenario(examples / "finger_adaptive.toml").adaptation,
+    )
+    (tmp_path / "slow.toml").write_text(scenario_to_toml(scenario), encoding="utf-8")
+    export = ["export-fmu", str(tmp_path / "slow.toml"), "--fmi", "2.0", "--out", str(tmp_path / "units"), "--kind"]
+    for kind in (Kind.INVERSE, Kind.ADAPTIVE):
+        assert run([*export, kind]) == 1
+        assert "nothing to export: inverse: RMS error" in capsys.readouterr().err
+    assert not (tmp_path / "units").exists()
+    assert run([*export, Kind.INVERSE, "--force-export"]) == 0
+    assert "worse than no compensation" in capsys.readouterr().err
+    assert run([*export, Kind.PLANT]) == 0
+    assert len(list((tmp_path / "units").iterdir())) == 2
+
+
+def test_a_kind_that_the_path_does_not_have_is_refused(examples):
+    with pytest.raises(InputError, match="no table serves this drive and path"):
+        build_fmu(load_scenario(examples / "finger_moving.toml"), Kind.TABLE)
 
 
 @pytest.mark.parametrize("fmi", FmiVersion)

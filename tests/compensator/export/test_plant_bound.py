@@ -8,10 +8,48 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.c_project import export_project
+from tendonff.compensator.export.golden import golden_vectors
+from tendonff.compensator.export.host import run_on_host
+from tendonff.compensator.export.modules import PLANT
 from tendonff.compensator.export.text import c_text
+from tendonff.compensator.export.text.c_text import c_sources
+from tendonff.compensator.scenario.reference import SineReference
 from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.models.fidelity import Level
+from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.step import target
+
+
+def test_golden_rows_end_before_a_step_that_the_plant_may_give_up(examples):
+    """Sticking and slipping at low tension: some steps need more than the bound, and no two compilers agree on all."""
+    finger = load_scenario(examples / "finger.toml")
+    friction = replace(
+        finger.transmission.friction,
+        mu_dynamic=0.32,
+        mu_static=0.32,
+        bristle_stiffness_N_per_m=1e6,
+        soft_bristle_stiffness_N_per_m=2e5,
+        adhesion_N=3.0,
+    )
+    path = replace(finger.transmission.path, total_angle_rad=5.5, segments=10)
+    waves = SineReference(
+        initial_tension_N=6.2, amplitudes_N=(1.1, 0.45), frequencies_Hz=(0.23, 0.75), duration_s=1.0, fade_in_s=0.3
+    )
+    scenario = replace(
+        finger,
+        transmission=replace(finger.transmission, path=path, friction=friction),
+        reference=waves,
+        run=replace(finger.run, step_s=0.002, level=Level.ELASTIC),
+    )
+    problem = Problem.of(scenario)
+    course = golden_vectors(problem, None, Precision.DOUBLE).course
+    expected = course.columns["plant"]
+    sources = c_sources(scenario, problem, (PLANT,), Precision.DOUBLE, "tff")
+    (found,) = run_on_host(sources, "tff", Precision.DOUBLE, [{"plant": course.plant_force_N[: len(expected)]}])
+    assert len(expected) > 200
+    assert found["plant"] == pytest.approx(expected, abs=1e-9 * course.scale_N)
 
 
 @pytest.mark.parametrize(("evaluations", "fails"), [(None, False), (30, True)])

@@ -1,3 +1,4 @@
+import errno
 import os
 import shlex
 import subprocess
@@ -160,6 +161,19 @@ def test_without_a_compiler_the_casadi_engine_takes_over(monkeypatch: pytest.Mon
             compiler.load_library("int a;\n")
     finally:
         engine._has_compiler.cache_clear()
+
+
+def test_a_missing_folder_to_compile_in_is_not_called_a_missing_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full() -> FilePath:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(compiler, "_cache_folder", full)
+    compiler._works.cache_clear()
+    try:
+        with pytest.raises(CodeError, match=r"\(No space left on device\); set TMPDIR or XDG_CACHE_HOME"):
+            compiler.load_library("int a;\n")
+    finally:
+        compiler._works.cache_clear()
 
 
 def fake_compiler(folder: FilePath, name: str = "cc") -> FilePath:
