@@ -38,7 +38,8 @@ from tendonff.ocp.tracking.diagnosis import law_of
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
 from tendonff.ocp.tracking.result import TrackStatus
-from tendonff.ocp.tracking.search.grids import coarse_spacing, even_knots, limited_rows, local_knots, nearest_profile
+from tendonff.ocp.tracking.search.grids import nearest_profile
+from tendonff.ocp.tracking.search.knots import coarse_spacing, even_knots, limited_rows, local_knots
 from tendonff.ocp.tracking.search.sqp import Blocks, SqpSettings, solve_sqp
 from tendonff.ocp.tracking.track import track
 

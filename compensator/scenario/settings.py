@@ -49,8 +49,8 @@ class OptimalSettings:
     max_iterations : int, optional
         Quadratic programs for each window of the horizon, 3 to 10000. Default 400.
     restarts : int, optional
-        Searches from the profile that was found, moved in time, that may be in vain before the search ends, 0 to 100.
-        Default 8, on long horizons 0.
+        Searches from the profile that was found, moved or changed between two reversals, that may be in vain before it
+        is left as it is there, 0 to 100. Default 6, on long horizons 0.
     tolerance_N : float, optional
         Least effort: the output may be so far off the reference [N], > 0, and the force travels as little as can be.
         With `least_time`, how near the output has to stay at the end; default there 1 % of the change.
@@ -87,7 +87,7 @@ class OptimalSettings:
         if self.max_iterations is not None:
             require_whole("max_iterations", self.max_iterations, least=3, most=10000, hint="400 is a good start")
         if self.restarts is not None:
-            require_whole("restarts", self.restarts, least=0, most=100, hint="8 is a good start")
+            require_whole("restarts", self.restarts, least=0, most=100, hint="6 is a good start")
         require_given("tolerance_N", self.tolerance_N, above=0, hint="leave it out to follow the reference")
         require_given("preview_s", self.preview_s, above=0, hint="leave it out where all is known ahead")
         if self.preview_s is not None and (self.least_time or self.tolerance_N is not None):

@@ -58,9 +58,10 @@ class TrackOptions:
     tolerance : float
         Relative decrease of the mean squared error that is not worth another iteration [-].
     restarts : int or None
-        Searches from the profile that was found, moved in time at random, that may bring next to nothing before the
-        search ends; 0 for a single search, which takes a third of the time. None: 8 on a short horizon of one plant,
-        fewer for several plants, none where the horizon is cut in windows.
+        Turns in which the profile between two reversals is moved or changed at random and searched again, that may
+        bring next to nothing in a row before it is left as it is; 0 for a single search, which takes a quarter of the
+        time. None: 6 on a short horizon of one plant, fewer for several plants, none where the horizon is cut in
+        windows.
     window_s : float or None
         Length of the pieces a long horizon is cut into [s]; None: chosen from the reference.
     """

@@ -24,7 +24,8 @@ from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.motion import limit_motion
 from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
-from tendonff.ocp.tracking.search.grids import coarse_spacing, refine
+from tendonff.ocp.tracking.search.grids import refine
+from tendonff.ocp.tracking.search.knots import coarse_spacing
 from tendonff.ocp.tracking.search.receding_horizon import Progress
 from tendonff.ocp.tracking.search.sqp import SqpSettings
 from tendonff.ocp.tracking.track import BLAS, track

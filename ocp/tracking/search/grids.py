@@ -1,6 +1,6 @@
 """From coarse to fine: where the knots of a force profile go (grid refinement), and where the search starts.
 
-First a grid that is coarse in time: it sees over a dead zone, and costs little. Then all rows, with more knots where
+First grids that are coarse in time: they see over a dead zone, and cost little. Then all rows, with more knots where
 the profile meets or leaves a limit. Where limits bind, the profile is straightened between knots before each search,
 so that a ramp may begin and end at a knot; elsewhere it keeps its fine structure.
 """
@@ -13,16 +13,11 @@ import numpy as np
 
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.cost import Evaluation, GaussNewtonModel, Hats, Knots, add_pairs, evaluate
-from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.problem import TrackingProblem, every
+from tendonff.ocp.tracking.search.knots import even_knots, limited_rows, local_knots, straightened
+from tendonff.ocp.tracking.search.moves import Moves, Profile
 from tendonff.ocp.tracking.search.qp import solve_qp, step_bounds
 from tendonff.ocp.tracking.search.sqp import Blocks, SqpResult, SqpSettings, SqpStatus, solve_sqp
-
-KNOTS_PER_SWING = 12
-"""Coarse knots between two reversals of the reference."""
-
-_AT_LIMIT = 1e-3  # a row counts as limited within this share of the limit
-_NEIGHBOURS = 2  # intervals on either side of a limit's end that are refined too
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +33,7 @@ class GridRefinement:
     improved : bool
         Better than the clipped inverse.
     converged : bool
-        Neither the last search nor those from moved profiles were cut short by the iteration limit.
+        The last searches were not cut short by the iteration limit.
     """
 
     force_N: Array
@@ -56,96 +51,6 @@ class GridRefinement:
     def gain(self) -> float:
         """Relative decrease of the merit that the last iteration brought [-]."""
         return self.searches[-1].gain
-
-
-def even_knots(rows: int, spacing: int) -> Knots:
-    """Knots every `spacing` rows, and at the last row."""
-    return np.unique(np.append(np.arange(0, rows - 1, spacing), rows - 1))
-
-
-def coarse_spacing(reference_N: Array) -> int:
-    """Knots between coarse knots: a share of the time between two reversals of the reference.
-
-    Parameters
-    ----------
-    reference_N : ndarray, shape (n,)
-    """
-    n = len(reference_N)
-    change = np.diff(reference_N)
-    moving = np.abs(change) > 1e-9 * max(float(np.ptp(reference_N)), 1e-300)
-    signs = np.sign(change[moving])
-    turns = int(np.count_nonzero(np.diff(signs)))
-    return int(np.clip(n / (KNOTS_PER_SWING * (turns + 1)), 1, max(n // 60, 1)))
-
-
-def limited_rows(force_N: Array, step_s: float, limits: ForceLimits) -> np.typing.NDArray[np.bool_]:
-    """Whether the step into each row 1 .. n - 1 is at a limit, shape (n - 1,).
-
-    Parameters
-    ----------
-    force_N : ndarray, shape (n,)
-    step_s : float
-    limits : ForceLimits
-    """
-    rate, force = np.abs(np.diff(force_N)) / step_s, force_N[1:]
-    margin = _AT_LIMIT * min(limits.maximum_N - limits.minimum_N, float(np.ptp(force_N)) + 1e-12)
-    return np.asarray(
-        (rate > (1 - _AT_LIMIT) * limits.rate_N_per_s)
-        | (force > limits.maximum_N - margin)
-        | (force < limits.minimum_N + margin)
-    )
-
-
-def local_knots(limited: np.typing.NDArray[np.bool_], base: Knots, reach: int, spacing: int) -> Knots:
-    """Knots closer together where a limit begins or ceases to bind, and at those edges.
-
-    Parameters
-    ----------
-    limited : ndarray of bool, shape (n - 1,)
-    base : ndarray of int, shape (k,)
-        Knots everywhere.
-    reach, spacing : int
-        Rows on either side of such an edge, and between the knots there.
-    """
-    n = int(base[-1]) + 1
-    edges = np.flatnonzero(limited[1:] != limited[:-1]) + 1
-    near = np.zeros(n, dtype=bool)
-    for edge in edges.tolist():
-        near[max(edge - reach, 0) : edge + reach + 1] = True
-    rows = np.flatnonzero(near)
-    wanted = np.zeros(n, dtype=bool)
-    wanted[base] = wanted[edges] = True
-    wanted[rows[rows % spacing == 0]] = True
-    kept, last = [0], 0
-    firm = np.zeros(n, dtype=bool)
-    firm[edges] = True
-    for row in np.flatnonzero(wanted)[1:-1].tolist():
-        if row - last >= max(spacing // 2, 1):
-            kept.append(row)
-        elif firm[row] and last and not firm[last]:
-            kept[-1] = row
-        else:
-            continue
-        last = row
-    return np.array([*kept, n - 1])
-
-
-def straightened(force_N: Array, knots: Knots, limited: np.typing.NDArray[np.bool_]) -> Array:
-    """The profile made linear between knots in and next to the intervals where a limit binds.
-
-    Parameters
-    ----------
-    force_N : ndarray, shape (n,)
-    knots : ndarray of int, shape (k,)
-    limited : ndarray of bool, shape (n - 1,)
-    """
-    hit = np.logical_or.reduceat(limited, knots[:-1])
-    near = hit.copy()
-    near[1:] |= hit[:-1]
-    near[:-1] |= hit[1:]
-    rows = np.arange(len(force_N))
-    inside = np.append(False, np.repeat(near, np.diff(knots)))
-    return np.where(inside, np.interp(rows, knots, force_N[knots]), force_N)
 
 
 def nearest_profile(problem: TrackingProblem, wanted_N: Array, knots: Knots) -> Array:
@@ -174,7 +79,7 @@ def early_profile(problem: TrackingProblem, wanted_N: Array) -> Array:
     return problem.clipped(back[::-1])
 
 
-def _taut_start(problem: TrackingProblem, clipped_N: Array) -> tuple[Evaluation, Array]:
+def _taut_start(problem: TrackingProblem, clipped_N: Array) -> Profile:
     """The clipped profile, or the largest share of its changes that breaks no tension bound."""
     first = (evaluate(problem, clipped_N), clipped_N)
     if first[0].beyond_N == 0:
@@ -187,9 +92,7 @@ def _taut_start(problem: TrackingProblem, clipped_N: Array) -> tuple[Evaluation,
     return first
 
 
-def _as_far_as_taut(
-    problem: TrackingProblem, best: tuple[Evaluation, Array], force_N: Array
-) -> tuple[Evaluation, Array]:
+def _as_far_as_taut(problem: TrackingProblem, best: Profile, force_N: Array) -> Profile:
     """The profile, or as much of its difference from the best one as breaks no bound that the best one keeps."""
     for share in (1.0, 0.7, 0.4, 0.1):
         mixed = best[1] + share * (force_N - best[1])
@@ -211,21 +114,23 @@ class _Stage:
         Knots everywhere: so many to a coarse spacing.
     edge : int
         Knots near the edges of limits: so many to a coarse spacing; 0 for none more.
-    iterations : int
-        At most so many.
+    iterations : int or None
+        At most so many; None: all that are left.
     """
 
     rows: int
     base: int
     edge: int
-    iterations: int
+    iterations: int | None
 
 
-_COARSE = _Stage(rows=8, base=2, edge=0, iterations=12)
-_FINE = (
+_SCOUT = _Stage(rows=4, base=1, edge=0, iterations=6)
+_STAGES = (
+    _Stage(rows=8, base=2, edge=0, iterations=12),
     _Stage(rows=0, base=2, edge=4, iterations=12),
-    _Stage(rows=0, base=2, edge=8, iterations=20),
+    _Stage(rows=0, base=2, edge=8, iterations=None),
 )
+_CLOSE = _Stage(rows=0, base=4, edge=16, iterations=None)
 
 
 def refine(
@@ -261,54 +166,58 @@ def refine(
     search = _Search(problem=problem, settings=settings, spacing=spacing, tell=tell)
     first = best = _taut_start(problem, problem.clipped(inverse))
     near = even_knots(len(inverse), max(spacing // 4, 1))
-    starts, alone = [nearest_profile(problem, start, near) for start in starts_N], len(problem.plants) == 1
-    if alone:
-        starts.append(early_profile(problem, inverse))
-    tried = [search.on(_COARSE, start, best) for start in starts]
+    starts = [*(nearest_profile(problem, start, near) for start in starts_N), early_profile(problem, inverse)]
+    lines = search.scouted(starts, best)
     if problem.goal.power > 1:  # the mean is smoother than the worst: what is best for it is a start as well
-        mean = replace(search, problem=replace(problem, goal=replace(problem.goal, power=1.0)))
-        smooth = min((mean.on(_COARSE, start, best) for start in starts), key=lambda result: result.evaluation.merit)
-        smooth_N = _on_rows(smooth.force_N, search.factor(_COARSE), inverse, problem)
-        tried.append(search.on(_COARSE, smooth_N, best))
-    coarse, searches = problem.coarsened(search.factor(_COARSE)), list[SqpResult]()
-    # What is best of all starts on the coarse grid may end in a poorer optimum than the best of the first two.
-    lines = [tried, tried[:2]] if alone and settings.restarts and len(tried) > 2 else [tried]
-    for line in lines:
-        found = reduce(lambda one, other: _best_of_blocks(coarse, one, other), line)
-        found = replace(found, force_N=_on_rows(found.force_N, search.factor(_COARSE), inverse, problem))
-        before, of_line = best[0].merit, [found]
-        for stage in _FINE:
-            found = search.on(stage, found.force_N, best)
-            of_line.append(found)
-            mixed = _best_of_blocks(problem, found, replace(found, evaluation=best[0], force_N=best[1]))
-            if mixed.evaluation.merit < best[0].merit:
-                best = (mixed.evaluation, mixed.force_N)
-        if best[0].merit < before or not searches:
-            searches = of_line
-    ended = found.status is not SqpStatus.ITERATIONS
-    rng, vain = np.random.default_rng(0), 0
-    while vain < settings.restarts and search.left >= 1:
-        moved, held = _moved(problem, best, spacing, rng)
-        again = search.on(_FINE[-1], moved, best, _AGAIN, held)
-        again = _best_of_blocks(problem, again, replace(again, evaluation=best[0], force_N=best[1]))
-        vain = 0 if again.evaluation.merit < (1 - _GAINED) * best[0].merit else vain + 1
-        if again.evaluation.merit < best[0].merit:
-            best = (again.evaluation, again.force_N)
-            searches.append(again)
+        mean = replace(problem, goal=replace(problem.goal, power=1.0))
+        if settings.restarts:
+            smooth = refine(mean, starts_N, settings, spacing, tell).force_N
+            best = min(best, (evaluate(problem, smooth), smooth), key=lambda profile: profile[0].merit)
+        else:
+            smooth = replace(search, problem=mean).scouted(starts, best)[0]
+        lines = search.scouted([lines[0], smooth], best)
+    ends = [search.line(line, best, inverse) for line in (lines if settings.restarts else lines[:1])]
+    searches = min(ends, key=lambda end: end[0][0].merit)[1]
+    best = reduce(lambda one, other: best_of_both(problem, one, other), (end[0] for end in ends), best)
+    ended = searches[-1].status is not SqpStatus.ITERATIONS
+    if settings.restarts and np.isfinite(best[0].merit):
+        best, won, ended = _walked(search, best, [end[0] for end in ends], inverse)
+        searches += won
+    best = _joined(problem, best, inverse)
     force = problem.clipped(best[1])  # what rounding of the quadratic programs left
     return GridRefinement(
         force_N=force,
         evaluation=best[0],
         searches=tuple(searches),
         improved=best is not first,
-        converged=vain == settings.restarts if settings.restarts else ended,
+        converged=ended,
     )
 
 
-_AGAIN = 8  # iterations of a search from a shifted profile
-_GAINED = 0.005  # of the merit: a search that brings less was in vain
-_SPREADS = (0.3, 1.0, 2.0)  # of the coarse spacing: how far profiles are moved in time, one of these at a time
-_MOVED = 0.6  # of the blocks at a time
+def _walked(
+    search: "_Search", best: Profile, ends: list[Profile], inverse_N: Array
+) -> tuple[Profile, list[SqpResult], bool]:
+    """Moves from the end of each line of searches and from the best of all, then searches on the closest knots.
+
+    Returns the best profile, the searches that led to it, and whether the last were not cut short.
+    """
+    problem, spacing, restarts = search.problem, search.spacing, search.settings.restarts
+    moves = Moves(
+        problem=problem,
+        settings=search.settings,
+        prepare=lambda part, force: _knots_and_start(part, force, _STAGES[-1], spacing),
+        spacing=spacing,
+        tell=search.tell,
+    )
+    won: list[SqpResult] = []
+    for seed, end in enumerate([*ends, None]):
+        start, vain, most = (best, restarts, search.left) if end is None else (end, -(-restarts // 2), search.left // 2)
+        walk = moves.improve(_joined(problem, start, inverse_N), vain, most, seed)
+        search.spent += walk.iterations
+        won = list(walk.won) if walk.best[0].merit < best[0].merit else won
+        best = best_of_both(problem, best, walk.best)
+    best, closer, ended = moves.polish(best, lambda part, force: _knots_and_start(part, force, _CLOSE, spacing)[0])
+    return best, [*won, *closer], ended
 
 
 @dataclass(slots=True, kw_only=True)
@@ -329,14 +238,7 @@ class _Search:
         """Rows of time in one of the stage's."""
         return max(self.spacing // stage.rows, 1) if stage.rows else 1
 
-    def on(
-        self,
-        stage: _Stage,
-        force_N: Array,
-        best: tuple[Evaluation, Array],
-        most: int | None = None,
-        held: np.typing.NDArray[np.bool_] | None = None,
-    ) -> SqpResult:
+    def on(self, stage: _Stage, force_N: Array, best: Profile) -> SqpResult:
         """The search on a stage from a profile on all rows."""
         factor = self.factor(stage)
         grid = self.problem.coarsened(factor)
@@ -344,38 +246,65 @@ class _Search:
         evaluation = evaluate(grid, start)
         if factor == 1:
             evaluation, start = _as_far_as_taut(self.problem, best, start)
-        rules = replace(self.settings, iterations=max(min(self.left, most or stage.iterations), 1))
-        found = solve_sqp(grid, start, evaluation, knots, rules, self.tell, held)
+        rules = replace(self.settings, iterations=max(min(self.left, stage.iterations or self.left), 1))
+        found = solve_sqp(grid, start, evaluation, knots, rules, self.tell)
         self.spent += found.iterations
         return found
 
+    def scouted(self, starts: list[Array], best: Profile) -> list[Array]:
+        """What is best of short searches from all starts between each two reversals, and the best start as it is."""
+        problem = self.problem
+        stage = _SCOUT if len(problem.plants) == 1 else _STAGES[0]
+        factor = self.factor(stage)
+        tried = [self.on(stage, start, best) for start in starts]
+        grid = problem.coarsened(factor)
+        found = reduce(lambda one, other: _best_of_blocks(grid, one, other), tried)
+        mixed = np.interp(np.arange(len(starts[0])), np.arange(len(found.force_N)) * factor, found.force_N)
+        return [mixed, min(starts, key=lambda start: evaluate(problem, start).merit)]
 
-_WORTH = 0.01  # of the merit: a block that has less is not searched again
+    def line(self, force_N: Array, best: Profile, inverse_N: Array) -> tuple[Profile, list[SqpResult]]:
+        """The searches on all stages, one from where the other ended."""
+        searches: list[SqpResult] = []
+        for stage in _STAGES:
+            searches.append(self.on(stage, force_N, best))
+            force_N = _on_rows(searches[-1].force_N, self.factor(stage), inverse_N, self.problem)
+            if self.factor(stage) == 1 and searches[-1].evaluation.merit < best[0].merit:
+                best = (searches[-1].evaluation, force_N)
+        if searches[-1].evaluation.merit > best[0].merit and self.problem.goal.power > 1:
+            searches.append(self.on(_STAGES[-1], best[1], best))
+            best = min(best, (searches[-1].evaluation, searches[-1].force_N), key=lambda profile: profile[0].merit)
+        return best, searches
 
 
-def _moved(
-    problem: TrackingProblem, best: tuple[Evaluation, Array], spacing: int, rng: np.random.Generator
-) -> tuple[Array, np.typing.NDArray[np.bool_]]:
-    """The profile moved in time in some blocks where an error is left, and the blocks that are not moved."""
-    evaluation, force = best
-    rows = np.arange(len(force))
-    blocks = Blocks.between_reversals(problem, rows)
-    open_ = blocks.sums(evaluation.density) > _WORTH * evaluation.merit
-    chosen = open_ & (rng.random(blocks.count) < _MOVED)
-    chosen = chosen if chosen.any() else open_
-    shift = np.round(rng.normal(0, rng.choice(_SPREADS) * spacing, blocks.count)).astype(int) * chosen
-    return problem.clipped(force[np.clip(rows + shift[blocks.of_knot], 0, len(force) - 1)]), ~chosen
+_NEAR = (0.003, 0.01, 0.03)  # of the range of the inverse: as good as on it
+
+
+def _joined(problem: TrackingProblem, best: Profile, inverse_N: Array) -> Profile:
+    """The profile on the exact inverse in the blocks where it comes close to that, if that is better."""
+    for share in _NEAR:
+        force = best[1]
+        on = np.abs(force - inverse_N) < share * float(np.ptp(problem.clipped(inverse_N)))
+        joined = problem.clipped(np.where(on, inverse_N, force))
+        evaluation = evaluate(problem, joined)
+        if np.isfinite(evaluation.merit) and np.isfinite(best[0].merit):
+            best = best_of_both(problem, best, (evaluation, joined))
+    return best
 
 
 def _best_of_blocks(problem: TrackingProblem, one: SqpResult, other: SqpResult) -> SqpResult:
-    """The best of two profiles and of what takes the better of them between each two reversals."""
+    """As `best_of_both`, of searches."""
     if not (len(one.evaluation.density) and len(other.evaluation.density)):
         return min(one, other, key=lambda result: result.evaluation.merit)
-    blocks = Blocks.between_reversals(problem, np.arange(len(one.force_N)))
-    better = blocks.sums(other.evaluation.density) < blocks.sums(one.evaluation.density)
-    force = problem.clipped(np.where(better[blocks.of_knot], other.force_N, one.force_N))
-    mixed = replace(one, force_N=force, evaluation=evaluate(problem, force))
-    return min(one, other, mixed, key=lambda result: result.evaluation.merit)
+    evaluation, force = best_of_both(problem, (one.evaluation, one.force_N), (other.evaluation, other.force_N))
+    return replace(one, evaluation=evaluation, force_N=force)
+
+
+def best_of_both(problem: TrackingProblem, one: Profile, other: Profile) -> Profile:
+    """The best of two profiles and of what takes the better of them between each two reversals."""
+    blocks = Blocks.between_reversals(problem, np.arange(len(one[1])))
+    better = blocks.sums(other[0].density) < blocks.sums(one[0].density)
+    force = problem.clipped(np.where(better[blocks.of_knot], other[1], one[1]))
+    return min(one, other, (evaluate(problem, force), force), key=lambda profile: profile[0].merit)
 
 
 def _knots_and_start(grid: TrackingProblem, force_N: Array, stage: _Stage, spacing: int) -> tuple[Knots, Array]:

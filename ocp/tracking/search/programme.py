@@ -16,7 +16,7 @@ from tendonff.models.capstan import CapstanLaw
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.diagnosis import law_of
 from tendonff.ocp.tracking.problem import TrackingProblem
-from tendonff.ocp.tracking.search.grids import coarse_spacing
+from tendonff.ocp.tracking.search.knots import coarse_spacing
 
 _STEPS = 250  # of time at most
 _LEAST_STEP_S = 0.016

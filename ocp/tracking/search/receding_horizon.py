@@ -9,7 +9,8 @@ from tendonff.models.layout import ChainInputs
 from tendonff.ocp.simulate import Simulator
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
-from tendonff.ocp.tracking.search.grids import GridRefinement, coarse_spacing, refine
+from tendonff.ocp.tracking.search.grids import GridRefinement, refine
+from tendonff.ocp.tracking.search.knots import coarse_spacing
 from tendonff.ocp.tracking.search.sqp import SqpSettings
 
 Progress = Callable[[int, int], None]
@@ -20,8 +21,10 @@ KNOTS_PER_WINDOW = 110
 KNOTS_OF_OVERLAP = 30
 """Coarse knots that a piece sees beyond what it keeps."""
 
+KNOTS_ALONE = 190
+"""Coarse knots of a horizon that is one piece: there the search may move what it found."""
 
-_RESTARTS, _RESTARTS_OF_SEVERAL = 8, 5  # unless told otherwise; the latter are shared by the plants
+_RESTARTS, _RESTARTS_OF_SEVERAL = 6, 5  # unless told otherwise; the latter are shared by the plants
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,11 +82,13 @@ def solve(
         The profile, and the search in each window.
     """
     spacing, step_s = coarse_spacing(problem.goal.reference_N), problem.step_s
-    length, overlap = KNOTS_PER_WINDOW * spacing, KNOTS_OF_OVERLAP * spacing
+    rows = len(starts_N[0])
+    length = rows if rows <= KNOTS_ALONE * spacing else KNOTS_PER_WINDOW * spacing
+    overlap = KNOTS_OF_OVERLAP * spacing
     if options.window_s is not None:
         length = max(round(options.window_s / step_s), 2)
         overlap = max(min(overlap, length), 1)
-    pieces = list(windows(len(starts_N[0]), length, overlap))
+    pieces = list(windows(rows, length, overlap))
     start = ChainInputs.of_force(np.array([problem.start_N]))
     simulators = [Simulator(p.chain, step_s, p.state, start) for p in problem.plants]
     static = tuple(p.static.start_N for p in problem.plants)

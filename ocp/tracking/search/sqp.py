@@ -51,7 +51,7 @@ class SqpSettings:
     trust_N : float
         Largest change of the force in the first step [N].
     restarts : int
-        Searches from the profile moved in time that may bring next to nothing before the search ends.
+        Searches from moved profiles in a row that may bring next to nothing before a block is left as it is.
     """
 
     iterations: int
@@ -92,7 +92,8 @@ def solve_sqp(
     knots: Knots,
     settings: SqpSettings,
     tell: Callable[[], None] | None = None,
-    held: np.typing.NDArray[np.bool_] | None = None,
+    held_rows: np.typing.NDArray[np.bool_] | None = None,
+    rival: float = np.inf,
 ) -> SqpResult:
     """Improve a profile until it does not pay any more.
 
@@ -108,8 +109,10 @@ def solve_sqp(
     settings : SqpSettings
     tell : callable, optional
         Called after each iteration.
-    held : ndarray of bool, shape (b,), optional
-        Blocks that stay as they are, of `Blocks.between_reversals`.
+    held_rows : ndarray of bool, shape (n,), optional
+        Blocks that lie in these rows stay as they are.
+    rival : float, optional
+        Merit to beat: a search that is still far from it after a few iterations ends there.
 
     Returns
     -------
@@ -120,8 +123,8 @@ def solve_sqp(
     trust = np.full(blocks.count, settings.trust_N)
     # A block cannot gain more than what it has.
     poor = np.where(blocks.sums(evaluation.density) < settings.tolerance / blocks.count * evaluation.merit, _POOR, 0)
-    if held is not None:
-        poor[held] = _POOR
+    if held_rows is not None:
+        poor[np.logical_and.reduceat(held_rows, blocks.starts)] = _POOR
     promise, iteration, status, gain = np.inf, 0, SqpStatus.ITERATIONS, np.zeros(blocks.count)
     while iteration < settings.iterations and status is SqpStatus.ITERATIONS:
         iteration += 1
@@ -142,6 +145,8 @@ def solve_sqp(
             status = SqpStatus.CONVERGED
         elif stuck:
             status = SqpStatus.STALLED
+        elif any(iteration >= late and evaluation.merit > share * rival for late, share in _HOPELESS):
+            break
     return SqpResult(
         force_N=force_N,
         evaluation=evaluation,
@@ -152,6 +157,7 @@ def solve_sqp(
     )
 
 
+_HOPELESS = ((3, 1.5), (5, 1.15))  # iterations, and how many times the merit to beat
 _POOR = 2  # a block that gains next to nothing so many times in a row is left as it is
 
 
