@@ -20,7 +20,7 @@ import tendonff as tf
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.reference import Shape, SineReference, WaypointReference
 from tendonff.compensator.scenario.scenario import load_scenario
-from tendonff.compensator.scenario.stream import Stream
+from tendonff.compensator.scenario.settings import Stream
 from tendonff.models.errors import ParameterError
 from tendonff.ocp.errors import SolveError
 

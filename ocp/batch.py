@@ -43,21 +43,11 @@ def run_jobs(
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Done[R]]:
-    """Apply a function to many jobs at once; a job that fails does not stop the others.
+    """Apply a function to many jobs at once, results in their order; a job that fails does not stop the others.
 
-    Parameters
-    ----------
-    function : callable
-        For other processes or machines: importable there, and jobs and results can be pickled.
-    executor : concurrent.futures.Executor, optional
-        Where they run; it stays open. Default: one thread per core, for compiled steps leave the interpreter free.
-    progress : callable, optional
-        Told jobs done and jobs in all, in this thread, whenever one ends.
-
-    Returns
-    -------
-    list of Done
-        In the order of the jobs.
+    By default one thread per core runs them, for compiled steps leave the interpreter free. For other processes or
+    machines the function must be importable there, and jobs and results pickled; the executor stays open. Progress is
+    told jobs done and jobs in all, in this thread, whenever one ends.
     """
     if executor is None:
         with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as threads:
@@ -88,7 +78,6 @@ class SimulationJob:
 
     Parameters
     ----------
-    chain : Chain
     force_N : ndarray, shape (n,)
         f_c1 at 0, h, 2 h ... [N].
     step_s : float
@@ -99,7 +88,6 @@ class SimulationJob:
         Start from here instead.
     record : bool, optional
         Keep every state.
-    engine : Engine, optional
     """
 
     chain: Chain
@@ -134,7 +122,6 @@ def simulate_batch(
 
     Parameters
     ----------
-    jobs : sequence of SimulationJob
     executor : concurrent.futures.Executor, optional
         See `run_jobs`.
     progress : callable, optional

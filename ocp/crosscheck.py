@@ -35,9 +35,7 @@ class StepCheck:
     # rms_N, peak_N: output tension with h against h/2
     rms_N: float
     peak_N: float
-    # observed order, log2 of the ratio of two successive rms differences, between 0.5 and 2; NaN where they vanish
-    order: float
-    error_N: float  # estimated rms error of the run with h, extrapolated with that order
+    error_N: float  # estimated rms error of the run with h, extrapolated with the observed order, from 0.5 to 2
     spread_N: float  # largest distance at any instant between runs that a reproducible trajectory would not tell apart
     reproducible: bool
 
@@ -70,15 +68,7 @@ class StepCheck:
 class StepHalving:
     """Runs with h/2, h/4 and a nudged force beside a run with h, chunk by chunk in bounded memory.
 
-    Parameters
-    ----------
-    chain : Chain
-    step_s : float
-        h [s] of the run that is checked.
-    state : ChainState
-        Where it starts.
-    force_N : float
-        Force at the start [N].
+    State and force [N] are those at the start of the run with h that is checked.
     """
 
     def __init__(self, chain: Chain, step_s: float, state: ChainState, force_N: float) -> None:
@@ -93,21 +83,9 @@ class StepHalving:
         self._lowest, self._highest = math.inf, -math.inf
 
     def add(self, time_s: Array, output_N: Array, force_at: Callable[[Array], Array]) -> None:
-        """Check the rows that follow the last ones.
+        """Check the rows, shape (rows,), h apart, that follow the last ones, under the force at any instants [N].
 
-        Parameters
-        ----------
-        time_s : ndarray, shape (rows,)
-            Their instants, h apart.
-        output_N : ndarray, shape (rows,)
-            Output tension of the run with h.
-        force_at : callable
-            Force at an array of instants [N].
-
-        Raises
-        ------
-        SolveError
-            If a step of the finer runs cannot be solved.
+        SolveError if a step of the finer runs cannot be solved.
         """
         outputs = {1: output_N}
         for parts, run in self._runs.items():
@@ -146,7 +124,6 @@ class StepHalving:
             range_N=span,
             rms_N=first,
             peak_N=self._peaks[2],
-            order=order,
             error_N=first * gain / (gain - 1),
             spread_N=self._spread,
             reproducible=not apart,

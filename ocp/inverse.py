@@ -16,7 +16,7 @@ from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.layout import ChainState
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
-from tendonff.ocp.simulate import tensions_of
+from tendonff.ocp.simulate import at_rest, tensions_of
 from tendonff.ocp.step.c_engine import CompiledInverse
 from tendonff.ocp.step.casadi_inverse import CasadiInverse
 from tendonff.ocp.step.protocol import Array, Inverse
@@ -69,11 +69,6 @@ def invert(
         Start from here instead; the first reference is then not used.
     record : bool, optional
         Keep every state.
-    engine : Engine, optional
-
-    Returns
-    -------
-    Inversion
 
     Raises
     ------
@@ -93,9 +88,7 @@ def invert(
         )
     if state is None:
         tension = float(reference[0]) if initial_tension_N is None else initial_tension_N
-        if not 0 <= tension < math.inf:
-            raise ParameterError(f"initial_tension_N must be a finite number >= 0, got {tension}; a tendon cannot push")
-        state, force, least = chain.rest_state(tension), tension, tension
+        state, force, least = at_rest(chain, tension), tension, tension
     else:
         force, least = _at(chain, state)
     first = state.vector()

@@ -40,19 +40,10 @@ class Steadiness:
 
 
 def steady_inverse(chain: Chain, cycle_N: Array, step_s: float) -> tuple[Inversion, Steadiness]:
-    """Exact inverse of a reference that repeats, in its steady state.
+    """Exact inverse of a reference that repeats, in its steady state; the near end of the chain must act.
 
-    Parameters
-    ----------
-    chain : Chain
-        Its near end must act.
-    cycle_N : ndarray, shape (n,)
-        One period of the wanted tension, its last row the first of the next [N].
-
-    Returns
-    -------
-    tuple of Inversion and Steadiness
-        One period, with its states; row 0 is that of the steady cycle and not of a rest.
+    The cycle, shape (n,) [N], is one period, its last row the first of the next. So is what is returned, with its
+    states; row 0 is that of the steady cycle and not of a rest.
     """
 
     def run(state: ChainState) -> tuple[Array, ChainState]:
@@ -82,19 +73,10 @@ def steady_inverse(chain: Chain, cycle_N: Array, step_s: float) -> tuple[Inversi
 def steady_response(
     chain: Chain, cycle_N: Array, step_s: float, *, initial_tension_N: float
 ) -> tuple[Simulation, Steadiness]:
-    """Response to a force that repeats, in its steady state.
+    """Response to a force that repeats, in its steady state; SolveError if a simulation fails.
 
-    Parameters
-    ----------
-    cycle_N : ndarray, shape (n,)
-        One period of the force, its last row the first of the next [N].
-    initial_tension_N : float
-        Uniform tension of the rest that the search starts from [N].
-
-    Raises
-    ------
-    SolveError
-        If a simulation fails.
+    The cycle, shape (n,) [N], is one period, its last row the first of the next. The search starts from rest under the
+    initial tension [N].
     """
     force = np.asarray(cycle_N, dtype=np.float64)
 

@@ -166,7 +166,7 @@ def force_sensitivity(
     )
     if resolve_engine(engine) is Engine.CASADI:
         fixed = _Numbers(chain=chain, symbols=ca.SX(0, 1), values=np.empty(0))
-        return _run_casadi(chain, fixed, force_N, step_s, state, directions, np.empty((0, len(rows))), links)
+        return _run_casadi(chain, fixed, force_N, step_s, state, directions, links)
     return _run(chain, force_N, step_s, state, directions, links, with_ends=ends)
 
 
@@ -222,7 +222,7 @@ def parameter_sensitivity(
     state = chain.rest_state(initial_tension_N)
     if resolve_engine(engine) is Engine.CASADI or chain.moving:  # C knows the parameters of pieces, not of the whole
         free = _Numbers(chain=symbolic, symbols=unknowns, values=np.array(at))
-        return _run_casadi(chain, free, force_N, step_s, state, directions, np.eye(len(parameters)), links)
+        return _run_casadi(chain, free, force_N, step_s, state, directions, links)
     return _run(chain, force_N, step_s, state, directions, links, with_ends=True)
 
 
@@ -310,7 +310,6 @@ def _run_casadi(
     step_s: float,
     state: ChainState,
     directions: _Directions,
-    changes: Array,
     links: Links,
 ) -> Sensitivity:
     inputs, x = ChainInputs.of_force(force_N), state.vector()
@@ -321,7 +320,7 @@ def _run_casadi(
         state.time_s,
         inputs,
         directions.start,
-        changes,
+        np.eye(len(numbers.values), directions.width),
         directions.drive(steps),
         np.zeros(steps, dtype=np.intc) if directions.forgotten is None else directions.forgotten,
     )

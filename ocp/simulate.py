@@ -58,23 +58,8 @@ class Simulation:
 class Simulator:
     """A chain in motion: feed it inputs, chunk by chunk, in bounded memory.
 
-    Parameters
-    ----------
-    chain : Chain
-    step_s : float
-        h [s], > 0.
-    state : ChainState
-        Where it starts.
-    inputs : ChainInputs
-        Those at that state: one row.
-    engine : Engine, optional
-
-    Raises
-    ------
-    ParameterError
-        If the step is not a positive number.
-    CodeError
-        If the compiled engine was asked for and no compiler works.
+    It starts at a state, with the inputs there in one row, and goes on in steps of h [s] > 0, else ParameterError.
+    CodeError if the compiled engine was asked for and no compiler works.
     """
 
     def __init__(
@@ -102,24 +87,14 @@ class Simulator:
         self._memory = replace(memory, x=memory.x.copy(), x_old=memory.x_old.copy())
 
     def advance(self, inputs: ChainInputs, record: bool = False) -> Rows:
-        """Advance over inputs at the ends of the coming steps.
-
-        Returns
-        -------
-        Rows
-            Fewer than asked for where a step fails for good.
-        """
+        """Advance over inputs at the ends of the coming steps; fewer rows where a step fails for good."""
         return self._stepper.advance(self._memory, inputs, record)
 
 
 def tensions_of(chain: Chain, states: Array, time_s: Array | float = 0.0) -> Array:
-    """Tensions of recorded states, shape (rows, N + 1) [N].
+    """Tensions of recorded states, shape (rows, size), as shape (rows, N + 1) [N].
 
-    Parameters
-    ----------
-    states : ndarray, shape (rows, size)
-    time_s : float or ndarray of shape (rows,), optional
-        When: it matters where the path moves. The rate of that motion, which acts by the damping alone, is left out.
+    The time [s] matters where the path moves. The rate of that motion, which acts by the damping alone, is left out.
     """
     layout, x = chain.layout, np.atleast_2d(states)
     v, own = x[:, layout.part("v")], tuple(x[:, layout.part(name)] for name in layout.link_states)
@@ -129,13 +104,7 @@ def tensions_of(chain: Chain, states: Array, time_s: Array | float = 0.0) -> Arr
 
 
 def describe_failure(chain: Chain, rows: Rows, time_s: float, step_s: float) -> str:
-    """Text of a step that failed: when, which mass, how far off, what to try.
-
-    Parameters
-    ----------
-    time_s : float
-        End of the failed step [s].
-    """
+    """Text of a step that failed and ended at `time_s`: when, which mass, how far off, what to try."""
     masses = {0: "the actuator", chain.count + 1: "the load"}
     where = masses.get(rows.worst_mass, f"mass {rows.worst_mass} of {chain.count}")
     return (
@@ -159,7 +128,6 @@ def simulate(
 
     Parameters
     ----------
-    chain : Chain
     force_N : ndarray, shape (n,)
         f_c1 at 0, h, 2 h ... [N].
     step_s : float
@@ -170,7 +138,6 @@ def simulate(
         Start from here instead.
     record : bool, optional
         Keep every state.
-    engine : Engine, optional
 
     Returns
     -------
@@ -189,10 +156,7 @@ def simulate(
         row = int(np.flatnonzero(~np.isfinite(force))[0])
         raise ParameterError(f"force_N must be finite, got {force[row]} at t = {row * step_s:g} s; repair the profile")
     if state is None:
-        start = float(force[0]) if initial_tension_N is None else initial_tension_N
-        if not 0 <= start < math.inf:
-            raise ParameterError(f"initial_tension_N must be a finite number >= 0, got {start}; a tendon cannot push")
-        state = chain.rest_state(start)
+        state = at_rest(chain, float(force[0]) if initial_tension_N is None else initial_tension_N)
     inputs = ChainInputs.of_force(force)
     simulator = Simulator(chain, step_s, state, inputs[:1], engine)
     first = state.vector()
@@ -216,18 +180,15 @@ def simulate(
     )
 
 
-def outcome_of(chain: Chain, rows: Rows, tension_N: Array, complete: bool, step_s: float) -> tuple[Outcome, str]:
-    """Outcome and message of a run.
+def at_rest(chain: Chain, tension_N: float) -> ChainState:
+    """The chain at rest under a uniform tension [N]; ParameterError where it is below 0 or not finite."""
+    if not 0 <= tension_N < math.inf:
+        raise ParameterError(f"initial_tension_N must be a finite number >= 0, got {tension_N}; a tendon cannot push")
+    return chain.rest_state(tension_N)
 
-    Parameters
-    ----------
-    rows : Rows
-        The last chunk.
-    tension_N : ndarray, shape (n, N + 1)
-        From t = 0.
-    complete : bool
-        Every row was reached.
-    """
+
+def outcome_of(chain: Chain, rows: Rows, tension_N: Array, complete: bool, step_s: float) -> tuple[Outcome, str]:
+    """Outcome and message of a run, from its last chunk and all tensions, shape (n, N + 1), complete or not."""
     if not complete:
         return Outcome.FAILED, describe_failure(chain, rows, len(tension_N) * step_s, step_s)
     slack = tension_N <= 0

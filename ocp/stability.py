@@ -11,7 +11,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tendonff.models.chain import Chain
 from tendonff.models.layout import ChainState
@@ -64,16 +63,8 @@ def foresee(
 ) -> Foresight:
     """Linearise the chain along a reference and say where feedforward will not hold it.
 
-    Parameters
-    ----------
-    reference_N : ndarray, shape (n,)
-        Wanted output tension [N], > 0.
-    force_N : ndarray, shape (n,), optional
-        A profile whose error is to be expected; default: the exact inverse.
-    initial_tension_N : float, optional
-        Default: the first reference.
-    inversion : Inversion, optional
-        The exact inverse of the same problem with its states, where it is known already.
+    The reference is the wanted output tension, shape (n,) [N], > 0. Without a force whose error is to be expected,
+    shape (n,) [N], it is that of the exact inverse, which may be known already, with its states.
     """
     reference = np.asarray(reference_N, dtype=np.float64)
     if inversion is None or inversion.states is None:
@@ -85,9 +76,8 @@ def foresee(
         raise AssertionError("the inverse was asked to record its states")
     rows = np.unique(np.linspace(1, len(reference) - 1, min(_SAMPLES, len(reference) - 1)).astype(int))
     linear, layout = Lineariser(chain), chain.layout
-    poles = np.array(
-        [_fastest(linear.at(ChainState.from_vector(states[row], layout, row * step_s)).poles) for row in rows]
-    )
+    all_poles = [linear.at(ChainState.from_vector(states[row], layout, row * step_s)).poles for row in rows]
+    poles = np.array([each[np.argmax(each.real)] for each in all_poles])  # the fastest growing [1/s]
     time_s = rows * step_s
     found = _stretches(time_s, poles)
     duration = float(time_s[-1])
@@ -104,23 +94,13 @@ def foresee(
 def expected_error_N(
     chain: Chain, force_N: Array, reference_N: Array, step_s: float, initial_tension_N: float
 ) -> float:
-    """Error of a force on the same chain with a quarter of the step [N]; NaN if that fails.
-
-    Parameters
-    ----------
-    force_N, reference_N : ndarray, shape (n,)
-    """
+    """Error of a force, shape (n,), on the same chain with a quarter of the step [N]; NaN if that fails."""
     coarse = np.arange(len(force_N)) * step_s
     fine = np.arange((len(force_N) - 1) * _REPLAY_STEPS + 1) * (step_s / _REPLAY_STEPS)
     run = simulate(chain, np.interp(fine, coarse, force_N), step_s / _REPLAY_STEPS, initial_tension_N=initial_tension_N)
     if run.outcome is Outcome.FAILED:
         return math.nan
     return float(np.sqrt(np.mean((run.output_tension_N[::_REPLAY_STEPS] - reference_N) ** 2)))
-
-
-def _fastest(poles: NDArray[np.complex128]) -> complex:
-    """Pole with the largest real part [1/s]."""
-    return complex(poles[int(np.argmax(poles.real))])
 
 
 def _stretches(time_s: Array, poles: Array) -> tuple[UnstableStretch, ...]:

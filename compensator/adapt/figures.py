@@ -5,17 +5,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tendonff.compensator.adapt.result import AdaptationData, Case, Scheme, moving_rms
-from tendonff.compensator.reporting.plots import (
-    BLUE,
-    GREEN,
-    INK,
-    ORANGE,
-    VERMILION,
-    figure_style,
-    legend_below,
-    new_figure,
-    thinned,
-)
+from tendonff.compensator.reporting.colours import BLUE, GREEN, INK, ORANGE, VERMILION
+from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure, thinned
 
 STYLES = {
     Scheme.FEEDFORWARD: (VERMILION, "--", "feedforward alone"),

@@ -9,7 +9,7 @@ from tendonff.compensator.adapt.figures import adaptation_figures
 from tendonff.compensator.adapt.report import adaptation_report
 from tendonff.compensator.adapt.result import AdaptationData, Scheme
 from tendonff.compensator.files.writing import atomic_directory, atomic_file
-from tendonff.compensator.reporting.folder import summary_head, write_pages
+from tendonff.compensator.reporting.page import summary_head, write_pages
 
 _MOST_ROWS = 2000
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonff.compensator.compensators.base import FloatArray, Problem
-from tendonff.compensator.scenario.adaptation import Adaptation
+from tendonff.compensator.scenario.settings import Adaptation
 from tendonff.models.capstan import CapstanLaw
 from tendonff.ocp.adaptation.bounds import CertifiedInterval
 from tendonff.ocp.adaptation.code import TunedChain

@@ -62,30 +62,14 @@ def _root(
     pass
 
 
-app.command()(new)
-app.command()(example)
-app.command()(simulate)
-app.command()(design)
-app.command()(experiment)
-app.command()(compare)
-app.command()(adapt)
-app.command()(explore)
-app.command()(path)
-app.command()(identify)
-app.command()(sweep)
-app.command()(table)
-app.command()(export_c)
-app.command()(export_fmu)
+_COMMANDS = (new, example, simulate, design, experiment, compare, adapt, explore, path, identify, sweep, table)
+_EXPORTS = (export_c, export_fmu)
+for _command in (*_COMMANDS, *_EXPORTS):
+    app.command()(_command)
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run one command and turn what goes wrong into a message and an exit code.
-
-    Parameters
-    ----------
-    arguments : sequence of str
-        What follows `tendonff` on the command line.
-    """
+    """Run one command and turn what goes wrong into a message and an exit code."""
     command = typer.main.get_command(app)
     if not arguments:
         command.main(["--help"], prog_name="tendonff", standalone_mode=False)

@@ -1,17 +1,68 @@
-"""Arguments and options that several commands share."""
+"""What several commands share: arguments and options, and the way they open a scenario and a folder for results."""
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tendonff.compensator.cli.progress import say
+from tendonff.compensator.files.dialect import is_number
+from tendonff.compensator.files.text import InputError
 from tendonff.models.fidelity import Level
+
+if TYPE_CHECKING:
+    from tendonff.compensator.scenario.scenario import Scenario
+
+
+def option(name: str, metavar: str | None, text: str) -> Any:
+    """An option whose default is told in its text, if at all."""
+    return typer.Option(name, metavar=metavar, help=text, show_default=False)
+
+
+def named_numbers(
+    name: str, texts: Sequence[str], form: str, example: str, *, is_named: bool = False
+) -> list[tuple[str, float]]:
+    """What stands before the last "=" of each text of an option, and the number after it; a name may be missing."""
+    found = []
+    for text in texts:
+        before, _, number = text.rpartition("=")
+        if not is_number(number) or (is_named and not before):
+            raise InputError(f'{name} must be {form}, got "{text}"; {name} {example}')
+        found.append((before.strip(), float(number)))
+    return found
+
 
 ScenarioArgument = Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario file (TOML).", show_default=False)]
 LevelOption = Annotated[
-    Level | None,
-    typer.Option("--level", help="Fidelity level of the chain; default: the scenario's own.", show_default=False),
+    Level | None, option("--level", None, "Fidelity level of the chain; default: the scenario's own.")
 ]
-OutFolderOption = Annotated[
-    Path, typer.Option("--out", metavar="DIR", help="Folder for the results.", show_default=False)
+OutFolderOption = Annotated[Path, option("--out", "DIR", "Folder for the results.")]
+PrefixOption = Annotated[str, typer.Option("--prefix", metavar="NAME", help="Prefix of every C name and file.")]
+ForceOption = Annotated[
+    bool, typer.Option("--force-export", help="Export modules all the same that are worse than no compensation.")
 ]
+
+
+@contextmanager
+def opened(
+    scenario: Path, out: Path, *, follows_reference: bool = True, strict: bool = True
+) -> Iterator[tuple["Scenario", Path]]:
+    """Scenario and result folder, before a command imports what it computes with, which takes a second.
+
+    A scenario that is not valid, a reference (where the command follows it) that is infeasible, if `strict` out of
+    reach, and a folder that cannot be written are refused at once; the folder appears when the block ends without an
+    error. The length of a long run is said before it starts.
+    """
+    from tendonff.compensator.files.writing import atomic_directory
+    from tendonff.compensator.scenario.sampled.sampling import sample_reference, work_ahead
+    from tendonff.compensator.scenario.scenario import load_scenario
+
+    loaded = load_scenario(scenario)
+    if follows_reference and loaded.reference_file() is None:  # pandas reads files; the command itself checks those
+        sample_reference(loaded, strict=strict)
+    with atomic_directory(out) as folder:
+        if follows_reference and (note := work_ahead(loaded)) is not None:
+            say(note)
+        yield loaded, folder

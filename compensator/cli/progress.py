@@ -17,14 +17,15 @@ _left: list[threading.Thread] = []
 """Work that Ctrl-C has left behind; Python 3.11 calls a thread stopped whose `join` was interrupted."""
 
 
-def say(message: str) -> None:
-    """One message on standard error."""
-    print(message, file=sys.stderr)  # noqa: T201 - the one place that prints
+def say(*messages: str) -> None:
+    """Messages on standard error, one a line."""
+    for message in messages:
+        print(message, file=sys.stderr)  # noqa: T201 - the one place that prints
 
 
-def warn(message: str) -> None:
-    """One warning on standard error."""
-    say(f"warning: {message}")
+def warn(*messages: str) -> None:
+    """Warnings on standard error, one a line."""
+    say(*(f"warning: {message}" for message in messages))
 
 
 @functools.cache
@@ -39,27 +40,16 @@ def _note_engine() -> None:
 
 @contextmanager
 def progress(description: str) -> Iterator[Progress]:
-    """Bar that shows how much of a long work is done; silent when standard error is not a terminal.
-
-    Yields
-    ------
-    callable
-        To be called with units done and units in all.
-    """
+    """Bar that shows how much of a long work is done; silent when standard error is not a terminal."""
     with _bar(description) as advance:
         yield advance
     _note_engine()  # only after work that was done: a refusal is one message
 
 
 def interruptible(work: Callable[[], T]) -> T:
-    """Result of `work`, left at once by Ctrl-C also while it is in compiled code.
+    """Result of `work`, which writes nothing, left at once by Ctrl-C also while it is in compiled code.
 
     Python's own handler waits until such code returns; here it runs beside a thread that the process does not wait for.
-
-    Parameters
-    ----------
-    work : callable
-        Writes nothing, so that it may be left anywhere.
     """
     results: list[T] = []
     failures: list[BaseException] = []

@@ -6,14 +6,10 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from tendonff.compensator.compare.result import CAPSTAN_PLANT, ComparisonData, Entry, plants
-from tendonff.compensator.reporting.frequency import bode_figure
+from tendonff.compensator.compare.result import CAPSTAN_PLANT, PLANTS, ComparisonData, Entry
+from tendonff.compensator.reporting.colours import BLUE, GREEN, INK, VERMILION
 from tendonff.compensator.reporting.plots import (
-    BLUE,
-    GREEN,
-    INK,
-    PAGE_WIDTH_IN,
-    VERMILION,
+    bode_figure,
     coinciding,
     draw_joints,
     figure_style,
@@ -47,7 +43,7 @@ def matrix_rows(result: ComparisonData) -> list[tuple[str, list[Entry]]]:
     for compensator in result.compensators:
         for level in tuple(Level) if compensator.knows_the_level else (first,):
             label = f"{compensator}, {level}" if compensator.knows_the_level else compensator.name
-            rows.append((label, [result.entry(compensator.name, level, plant) for plant in plants()]))
+            rows.append((label, [result.entry(compensator.name, level, plant) for plant in PLANTS]))
     return rows
 
 
@@ -56,10 +52,10 @@ def matrix_figure(result: ComparisonData) -> Figure:
     rows = matrix_rows(result)
     values = np.array([[entry.rmse_percent_of_range for entry in row] for _, row in rows])
     shown = np.clip(values, 0.01, 100.0)
-    figure, axes = new_figure(width_in=PAGE_WIDTH_IN, height_in=0.36 * len(rows) + 0.9)
+    figure, axes = new_figure(height_in=0.36 * len(rows) + 0.9)
     panel = axes[0, 0]
     image = panel.imshow(shown, norm=LogNorm(0.01, 100.0), cmap="cividis_r", aspect="auto")
-    panel.set_xticks(range(len(plants())), plants())
+    panel.set_xticks(range(len(PLANTS)), PLANTS)
     panel.set_yticks(range(len(rows)), [label for label, _ in rows])
     panel.set(xlabel="plant", ylabel="design", title="RMS error, % of range (± spread over step and tolerance)")
     panel.grid(False)

@@ -72,13 +72,7 @@ def parameters_of(level: Level | None) -> tuple[str, ...]:
 
 
 def level_cost(transmission: Transmission, level: Level | None, reference: Reference) -> LevelCost:
-    """Measure what a level costs; None is the static law.
-
-    Parameters
-    ----------
-    reference : Reference
-        Played as a force.
-    """
+    """Measure what a level costs under the reference as a force; None is the static law."""
     force, step, start = reference.tension_N, reference.step_s, reference.initial_tension_N
     law = CapstanLaw.of(transmission)
     chain = None if level is None else Chain.of(transmission, level)
@@ -98,13 +92,7 @@ def level_cost(transmission: Transmission, level: Level | None, reference: Refer
 
 
 def level_traits(transmission: Transmission, level: Level | None, reference: Reference) -> LevelTraits:
-    """Probe a level; None is the static law.
-
-    Parameters
-    ----------
-    reference : Reference
-        Its extremes set the size of the probes.
-    """
+    """Probe a level as far as the extremes of the reference; None is the static law."""
     law, step, start = CapstanLaw.of(transmission), reference.step_s, reference.initial_tension_N
     low, high = _probe_forces(transmission, law, reference)
     ramp_s = max(_RAMP_S, (high - low) / (0.5 * transmission.actuator.force_rate_max_N_per_s), 20 * step)

@@ -1,16 +1,14 @@
 """The files of a comparison: the matrix as CSV, the summary, figures and the report."""
 
-import csv
 import math
 import os
 from dataclasses import asdict, astuple, dataclass, fields
-from pathlib import Path
 
 from tendonff.compensator.compare.figures import compare_figures
 from tendonff.compensator.compare.report import compare_report
 from tendonff.compensator.compare.result import ENOUGH_PERCENT, ComparisonData, Entry
-from tendonff.compensator.files.writing import atomic_directory, atomic_file
-from tendonff.compensator.reporting.folder import summary_head, write_pages
+from tendonff.compensator.files.writing import atomic_directory, csv_text, write_text
+from tendonff.compensator.reporting.page import summary_head, write_pages
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -18,26 +16,12 @@ class Comparison(ComparisonData):
     """A comparison that can be written."""
 
     def write(self, folder: str | os.PathLike[str]) -> None:
-        """Write `matrix.csv`, `summary.json`, figures and `report.html`, all or nothing.
-
-        Parameters
-        ----------
-        folder : str or path
-            Made where it is missing.
-        """
+        """Write `matrix.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
         figures = compare_figures(self)
         with atomic_directory(folder) as partial:
-            write_matrix(self, partial / "matrix.csv")
+            names, rows = [field.name for field in fields(Entry)], map(astuple, self.entries)
+            write_text(partial / "matrix.csv", csv_text(names, rows))
             write_pages(partial, summary(self), figures, compare_report(self, figures))
-
-
-def write_matrix(result: ComparisonData, path: Path) -> None:
-    """Write `matrix.csv`: compensator, design level, plant level, RMS error, peak error, lag and spread."""
-    with atomic_file(path) as partial, partial.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow([field.name for field in fields(Entry)])
-        for entry in result.entries:
-            writer.writerow(astuple(entry))
 
 
 def summary(result: ComparisonData) -> dict[str, object]:

@@ -3,7 +3,7 @@
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compare.figures import cell_text, matrix_rows
-from tendonff.compensator.compare.result import ComparisonData, plants
+from tendonff.compensator.compare.result import PLANTS, ComparisonData
 from tendonff.compensator.reporting.page import FileNote, Report, Section, Table, Text, pictures_of, provenance_of
 from tendonff.models.fidelity import Level
 
@@ -51,12 +51,12 @@ def compare_report(result: ComparisonData, figures: dict[str, Figure]) -> Report
     rows = matrix_rows(result)
     errors = Table(
         caption="RMS error, % of reference range (± spread)",
-        columns=("design", *(f"on {plant}" for plant in plants())),
+        columns=("design", *(f"on {plant}" for plant in PLANTS)),
         rows=[(label, *(cell_text(entry) for entry in row)) for label, row in rows],
     )
     peaks = Table(
         caption="Largest error [N] and lag [ms]",
-        columns=("design", *(f"on {plant}" for plant in plants())),
+        columns=("design", *(f"on {plant}" for plant in PLANTS)),
         rows=[(label, *(f"{e.peak_error_N:.2f} N, {_milliseconds(e.lag_s)}" for e in row)) for label, row in rows],
     )
     differences = Table(

@@ -13,6 +13,8 @@ from tendonff.models.fidelity import Level
 
 CAPSTAN_PLANT: Literal["capstan"] = "capstan"
 """Name of the static law as a plant."""
+PLANTS = (*(level.value for level in Level), CAPSTAN_PLANT)
+"""Names of the plants: the levels, then the static law."""
 
 ENOUGH_PERCENT = 0.5
 """A simpler level is enough if its design costs no more than this on the most detailed plant [% of range]."""
@@ -36,59 +38,24 @@ class Entry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComparisonData:
-    """All compensators on all levels.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    reference : Reference
-    compensators : tuple of Compensator
-        In the order in which they are shown.
-    entries : tuple of Entry
-        Compensator by compensator, design level by design level, plant by plant.
-    outputs_N : dict of (str, Level, str) to ndarray, shape (n,)
-        Delivered tension by name of the compensator, design level and plant, at the rows of the reference [N].
-    traits : dict of str to LevelTraits
-        What each level and the static law do differently.
-    costs : dict of str to LevelCost
-    doubt : Doubt
-        What may be the real transmission.
-    worst_percent : dict of (str, Level) to float
-        Largest RMS error of a design over what may be the real transmission, on the most detailed level [% of range].
-    recommendation : str
-        One sentence.
-    ignored : IgnoredMotion or None
-        What it would cost to ignore that joints move, on the scenario's level; None where none does.
-    warnings : tuple of str
-    """
+    """All compensators on all levels."""
 
     scenario: Scenario
     reference: Reference
-    compensators: tuple[Compensator, ...]
-    entries: tuple[Entry, ...]
+    compensators: tuple[Compensator, ...]  # in the order in which they are shown
+    entries: tuple[Entry, ...]  # compensator by compensator, design level by design level, plant by plant
+    # shape (n,); delivered tension by name of the compensator, design level and plant, at the rows of the reference [N]
     outputs_N: dict[tuple[str, Level, str], FloatArray]
-    traits: dict[str, LevelTraits]
+    traits: dict[str, LevelTraits]  # what each level and the static law do differently
     costs: dict[str, LevelCost]
-    doubt: Doubt
+    doubt: Doubt  # what may be the real transmission
+    # largest RMS error of a design over what may be the real transmission, on the most detailed level [% of range]
     worst_percent: dict[tuple[str, Level], float]
-    recommendation: str
-    ignored: IgnoredMotion | None
+    recommendation: str  # one sentence
+    ignored: IgnoredMotion | None  # what it would cost to ignore that joints move; None where none does
     warnings: tuple[str, ...]
 
     def entry(self, name: str, design_level: Level, plant_level: str) -> Entry:
-        """One cell of the matrix.
-
-        Parameters
-        ----------
-        name : str
-            Of the compensator.
-        design_level : Level
-        plant_level : str
-        """
+        """One cell of the matrix."""
         wanted = (name, design_level, plant_level)
         return next(e for e in self.entries if (e.compensator, e.design_level, e.plant_level) == wanted)
-
-
-def plants() -> tuple[str, ...]:
-    """Names of the plants: the levels, then the static law."""
-    return (*(level.value for level in Level), CAPSTAN_PLANT)

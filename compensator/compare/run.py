@@ -8,10 +8,8 @@ import numpy as np
 
 from tendonff.compensator.compare.levels import level_cost, level_traits
 from tendonff.compensator.compare.output import Comparison
-from tendonff.compensator.compare.recommendation import recommend
-from tendonff.compensator.compare.result import CAPSTAN_PLANT, ENOUGH_PERCENT, Entry, plants
-from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, ProfileStatus
-from tendonff.compensator.compensators.motion import with_motion
+from tendonff.compensator.compare.result import CAPSTAN_PLANT, ENOUGH_PERCENT, PLANTS, Entry
+from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, ProfileStatus, with_motion
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import (
     SimulatedPlant,
@@ -22,7 +20,7 @@ from tendonff.compensator.compensators.score import (
     simulate_profile,
     slack_warnings,
 )
-from tendonff.compensator.compensators.uncertain import Doubt, doubt
+from tendonff.compensator.compensators.uncertain import doubt, error_bands
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
@@ -32,11 +30,11 @@ from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.crosscheck import NUDGE
 from tendonff.ocp.tracking.problem import TrackOptions
-from tendonff.ocp.tracking.robust import error_band
 
 REFINEMENTS = (4, 2, 1)
 """Steps to a row of the profile; the first gives the figures, the others the spread."""
 
+_SMOOTHED = "smoothed"  # tuned on the level, but no model of it
 _LAG_ROWS = 4000
 _LAG_SHARE = 0.25  # of the duration: a lag is sought within this, either way
 
@@ -52,13 +50,10 @@ def compare(
 
     Parameters
     ----------
-    scenario : Scenario
     compensators : sequence of Compensator, optional
         Default: all; "none", "capstan" and one beside "smoothed" that knows the level must be among them.
     options : TrackOptions, optional
         What the optimal profile is optimised for.
-    progress : callable, optional
-        Told parts done and parts in all.
 
     Raises
     ------
@@ -70,7 +65,7 @@ def compare(
     reference = sample_reference(scenario)
     transmission = moved(scenario, float(reference.time_s[-1]), periodic=scenario.reference.periodic)
     warnings = list(reference.warnings)
-    parts = Parts(progress, len(Level) * (len(compensators) + len(plants()) + 2))
+    parts = Parts(progress, len(Level) * (len(compensators) + len(PLANTS) + 2))
     entries: list[Entry] = []
     outputs: dict[tuple[str, Level, str], FloatArray] = {}
     forces_of: dict[tuple[str, Level], FloatArray] = {}
@@ -86,7 +81,7 @@ def compare(
             profiles[compensator.name] = with_motion(problem, compensator.name, profile)
             forces_of[compensator.name, level] = profile.force_N
             parts.done()
-        for plant in plants():
+        for plant in PLANTS:
             for name, profile in profiles.items():
                 command = b"" if profile.command_m is None else profile.command_m.tobytes()
                 key = (profile.force_N.tobytes() + command, plant)
@@ -96,7 +91,8 @@ def compare(
                 entries.append(replace(found, compensator=name, design_level=level, plant_level=plant))
             parts.done()
     real = doubt(transmission, scenario.robust)
-    worst = worst_percent(real, forces_of, reference)
+    bands = error_bands(real.samples, Level.PRESLIDING, forces_of, reference)  # on the most detailed level
+    worst = {key: 100 * band.worst_rms_N / scale_N(reference.tension_N) for key, band in bands.items()}
     traits, costs = {}, {}
     for model in (*Level, None):
         name = CAPSTAN_PLANT if model is None else model.value
@@ -122,31 +118,52 @@ def compare(
     )
 
 
-def worst_percent(
-    real: Doubt, forces_N: Mapping[tuple[str, Level], FloatArray], reference: Reference
-) -> dict[tuple[str, Level], float]:
-    """Largest RMS error over what may be the real transmission, on the most detailed level [% of range].
+def recommend(
+    entries: Sequence[Entry],
+    compensators: Sequence[Compensator] = COMPENSATORS,
+    worst_percent: Mapping[tuple[str, Level], float] | None = None,
+    doubt: str = "",
+) -> str:
+    """Which level to design on, in one sentence; the most detailed level stands for the real transmission.
 
-    Parameters
-    ----------
-    forces_N : mapping of (str, Level) to ndarray, shape (n,)
-        By name of the compensator and design level.
+    What counts is the error to expect on a rig: the worst over what may be the real transmission [% of range], where it
+    is given, by name of the compensator and design level; `doubt` names it in words.
     """
-    seen: dict[bytes, float] = {}
-    for force in forces_N.values():
-        if force.tobytes() in seen:
-            continue
-        band = error_band(
-            real.samples,
-            Level.PRESLIDING,
-            force,
-            reference.tension_N,
-            reference.step_s,
-            initial_tension_N=reference.initial_tension_N,
-            periodic=reference.periodic,
-        )
-        seen[force.tobytes()] = 100 * band.worst_rms_N / scale_N(reference.tension_N)
-    return {key: seen[force.tobytes()] for key, force in forces_N.items()}
+    fixed = {c.name for c in compensators if not c.knows_the_level}
+    plant = Level.PRESLIDING.value
+    on_plant = [e for e in entries if e.plant_level == plant]
+    worst = worst_percent or {}
+
+    def error(entry: Entry) -> float:
+        return worst.get((entry.compensator, entry.design_level), entry.rmse_percent_of_range)
+
+    def designed(level: Level) -> Entry:
+        models = [e for e in on_plant if e.design_level is level and e.compensator not in {*fixed, _SMOOTHED}]
+        return min(models, key=error)
+
+    smoothed = [e for e in on_plant if e.compensator == _SMOOTHED and e.design_level is Level.PRESLIDING]
+    candidates = [
+        ("No compensation", _first(on_plant, "none")),
+        ("The static capstan law", _first(on_plant, "capstan")),
+        *(("The capstan law with a smoothed sign change", entry) for entry in smoothed),
+        *((f"The {level} level", designed(level)) for level in Level),
+    ]
+    ideal = min((entry for _, entry in candidates), key=error)
+    best = f"{error(ideal):.2g} %"
+    over = f" of range on the {plant} plant{f', for {doubt}' if doubt else ''}"
+    for name, entry in candidates:
+        margin = max(ENOUGH_PERCENT, entry.spread_percent_of_range, ideal.spread_percent_of_range)
+        if error(entry) <= error(ideal) + margin:
+            if entry.plant_level == entry.design_level and entry.compensator not in {*fixed, _SMOOTHED}:
+                break
+            verb = "is needed" if name == "No compensation" else "is enough here"
+            return f"{name} {verb}: RMS error {error(entry):.2g} %{over}; the best design {best}."
+    others = ", ".join(f"{name[0].lower()}{name[1:]} {error(entry):.2g} %" for name, entry in candidates[1:-1])
+    return f"Design on the {plant} level: RMS error {best}{over}, against {others}."
+
+
+def _first(entries: list[Entry], name: str) -> Entry:
+    return next(e for e in entries if e.compensator == name)
 
 
 def _entry(
@@ -208,13 +225,7 @@ def _replays(
 
 
 def lag(reference_N: FloatArray, output_N: FloatArray, step_s: float) -> float:
-    """Shift at which the output resembles the reference most [s], positive when it comes late; 0 for constants.
-
-    Parameters
-    ----------
-    reference_N, output_N : ndarray, shape (n,)
-        Rows at the same times [N].
-    """
+    """Shift at which the output resembles the reference most [s], positive when it comes late; 0 for constants."""
     stride = max(1, len(reference_N) // _LAG_ROWS)
     wanted, got = reference_N[::stride], output_N[::stride]
     most = int(_LAG_SHARE * len(wanted))

@@ -6,7 +6,7 @@ then know it. `export-c` also needs its C template, named by `c_module`.
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
 
@@ -14,21 +14,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.compensator.files.progress import Progress, silent
-from tendonff.compensator.scenario.optimal import OptimalSettings
 from tendonff.compensator.scenario.reference import Hold
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.scenario.settings import OptimalSettings
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
-from tendonff.models.parameters import Transmission
+from tendonff.models.parameters import Actuator, Transmission
+from tendonff.models.parameters.drive import Drive
 from tendonff.models.parameters.uncertainty import Objective
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import Inversion, invert
-from tendonff.ocp.periodic import steady_inverse
+from tendonff.ocp.periodic import steady_inverse, steady_response
 from tendonff.ocp.reference.hold import KeptForce, find_holds, keep_force, last_approach
 from tendonff.ocp.tracking.limits import ForceLimits
-from tendonff.ocp.tracking.motion import limit_motion
+from tendonff.ocp.tracking.motion import limit_motion, travel_of
 from tendonff.ocp.tracking.problem import TrackOptions
 from tendonff.ocp.tracking.result import Tracking
 from tendonff.ocp.tracking.robust import Sample, sample_transmissions
@@ -46,7 +47,6 @@ class Problem:
         Of the design model.
     level : Level
         Fidelity level of the design model.
-    reference : Reference
     samples : tuple of Sample, optional
         Transmissions that the uncertainty admits, the nominal one first; empty where all is certain.
     objective : Objective, optional
@@ -85,7 +85,6 @@ class Problem:
 
         Parameters
         ----------
-        scenario : Scenario
         level : Level, optional
             Default: the scenario's own.
         reference : Reference, optional
@@ -145,12 +144,7 @@ class Problem:
         return invert(self.chain, self.followed_N, reference.step_s, initial_tension_N=start, record=True)
 
     def limited(self, force_N: FloatArray) -> FloatArray:
-        """A force within the actuator's limits, those of its motion too, from the initial tension on [N].
-
-        Parameters
-        ----------
-        force_N : ndarray, shape (n,)
-        """
+        """A force, shape (n,), within the actuator's limits, of its motion too, from the initial tension on [N]."""
         step, start = self.reference.step_s, self.reference.initial_tension_N
 
         def limit(force: FloatArray) -> FloatArray:
@@ -160,14 +154,7 @@ class Problem:
         return self.in_cycle(limit, force_N)
 
     def in_cycle(self, causal: Callable[[FloatArray], FloatArray], rows: FloatArray) -> FloatArray:
-        """What a causal map makes of rows that start at rest or, of a periodic reference, of its steady cycle.
-
-        Parameters
-        ----------
-        causal : callable
-            From rows to rows, from rest on.
-        rows : ndarray, shape (n,)
-        """
+        """What a causal map makes of rows, shape (n,), from rest or, of a periodic reference, in its steady cycle."""
         if not self.reference.periodic:
             return causal(rows)
         # Friction and limits forget within a cycle: the third period is that of the steady state.
@@ -196,7 +183,6 @@ class Profile:
         Travel of the actuator's end from rest that belongs to the force [m]; None where the compensator knows none.
     command_m : ndarray, shape (n,), or None
         Command of a position drive relative to the start [m]; None for a force drive.
-    status : ProfileStatus
     message : str
         Why the status is not good; empty where it is.
     warnings : tuple of str
@@ -248,12 +234,10 @@ class Compensator(ABC):
         Key in files and on the command line.
     label : str
         Name for people.
-    style : Style
     knows_the_level : bool
         The profile depends on the fidelity level of the design model.
     is_fast : bool
         Fast enough to follow a slider.
-    c_module : CModule or None
     """
 
     name: str
@@ -265,26 +249,14 @@ class Compensator(ABC):
 
     @abstractmethod
     def profile(self, problem: Problem, *, progress: Progress = silent) -> Profile:
-        """Answer a problem.
-
-        Parameters
-        ----------
-        problem : Problem
-        progress : callable, optional
-            Told parts done and parts in all.
-        """
+        """Answer a problem."""
 
     def __str__(self) -> str:
         return self.name
 
 
 def limit_warnings(name: str, before_N: FloatArray, after_N: FloatArray) -> tuple[str, ...]:
-    """Say for how long the actuator's limits changed the force, and by how much; nothing where they did not.
-
-    Parameters
-    ----------
-    before_N, after_N : ndarray, shape (n,)
-    """
+    """For how long and by how much the actuator's limits changed a force, shape (n,); nothing where they did not."""
     difference = np.abs(before_N - after_N)
     changed = difference > 1e-6 * max(float(np.max(np.abs(before_N))), 1e-3)  # less is rounding, or a cycle's closing
     if not changed.any():
@@ -292,3 +264,40 @@ def limit_warnings(name: str, before_N: FloatArray, after_N: FloatArray) -> tupl
     share, most = 100 * float(changed.mean()), float(np.max(difference))
     active = f"actuator limits are active in {share:.3g} % of the samples"
     return (f"{name}: {active} and change the force by up to {most:.3g} N",)
+
+
+def with_motion(problem: Problem, name: str, profile: Profile) -> Profile:
+    """A profile with the travel on the design model and, for a position drive, the command.
+
+    A force F and a command x_c1 behind the servo's stiffness k_c1 are two names of one motion, x_c1 = q_a + F/k_c1: so
+    every compensator answers with a force, and here it becomes the command, relative to the start at rest. "none" knows
+    of no friction: its command is that of springs in series.
+    """
+    reference, actuator = problem.reference, problem.transmission.actuator
+    start = reference.initial_tension_N
+    travel = profile.travel_m
+    if travel is None and reference.periodic:
+        run, _ = steady_response(problem.chain, profile.force_N, reference.step_s, initial_tension_N=start)
+        travel = run.near_position_m - problem.chain.rest_state(start).near_position_m
+    elif travel is None:
+        travel = travel_of(problem.chain, profile.force_N, reference.step_s, start)
+    if actuator.drive is not Drive.POSITION or actuator.servo_stiffness_N_per_m is None or travel is None:
+        return replace(profile, travel_m=travel)
+    moved = travel
+    if name == "none":
+        moved = (profile.force_N - start) * problem.chain.rest_state(1.0).near_position_m
+    command = moved + (profile.force_N - start) / actuator.servo_stiffness_N_per_m
+    return replace(profile, travel_m=travel, command_m=command)
+
+
+def servo(
+    chain: Chain, actuator: Actuator, initial_tension_N: float, command_m: FloatArray
+) -> tuple[Chain, FloatArray]:
+    """The chain behind the servo of a position drive, and the force on it that stands for a command: k_c1 x_c1.
+
+    The command x_c1, shape (n,), counts from the rest under the initial tension [m].
+    """
+    stiffness = actuator.servo_stiffness_N_per_m or 0.0
+    rest = chain.rest_state(initial_tension_N).near_position_m
+    drive: FloatArray = initial_tension_N + stiffness * (rest + command_m)
+    return chain.with_end_stiffness(stiffness, chain.far.stiffness_N_per_m), drive

@@ -84,12 +84,9 @@ class LookupTable:
         return result
 
     def force_N(self, reference_N: FloatArray, branch: Branch, share: FloatArray) -> FloatArray:
-        """Force by bilinear interpolation of the ratio, for many points at once [N].
+        """Force by bilinear interpolation of the ratio at points inside the table's range, shape (n,) [N].
 
-        Parameters
-        ----------
-        reference_N, share : ndarray, shape (n,)
-            Inside the table's range; a share beyond the last node means that the transition is over.
+        A share beyond the last node means that the transition is over.
         """
         table = self.branch(branch)
         row, a = _locate(self.reference_N, reference_N)
@@ -107,18 +104,9 @@ def _locate(nodes: FloatArray, values: FloatArray) -> tuple[NDArray[np.int64], F
 
 
 class TableLookup:
-    """The table at work: feed it the reference sample by sample.
+    """The table at work: feed it the reference sample by sample, from rest under an initial tension on [N].
 
-    Parameters
-    ----------
-    table : LookupTable
-    initial_tension_N : float
-        Uniform tension at rest before the start [N]; the force before the first change.
-
-    Raises
-    ------
-    ParameterError
-        If a reference lies outside the table.
+    ParameterError where a reference lies outside the table.
     """
 
     def __init__(self, table: LookupTable, initial_tension_N: float) -> None:
@@ -183,13 +171,7 @@ def _between(near: float, far: float, place: float) -> float:
 
 @cache
 def halves(nodes: int) -> tuple[int, ...]:
-    """Steps of a bisection over the cells between nodes: each is taken or not, and none leads beyond the last cell.
-
-    Parameters
-    ----------
-    nodes : int
-        Number of nodes, >= 2.
-    """
+    """Steps of a bisection over the cells between nodes: each is taken or not, and none leads beyond the last cell."""
     cells, steps = nodes - 1, []
     while cells > 1:
         steps.append(cells // 2)
@@ -198,30 +180,16 @@ def halves(nodes: int) -> tuple[int, ...]:
 
 
 def table_force(table: LookupTable, reference_N: FloatArray, initial_tension_N: float | None = None) -> FloatArray:
-    """Force of the table for a reference course, before actuator limits, shape (n,) [N].
-
-    Parameters
-    ----------
-    reference_N : ndarray, shape (n,)
-        Wanted tension at successive samples [N].
-    initial_tension_N : float, optional
-        Uniform tension at rest before the start [N]; default: the first reference.
-    """
+    """Force of the table for a reference course, from rest on, before actuator limits, shape (n,) [N]."""
     start = float(reference_N[0]) if initial_tension_N is None else initial_tension_N
     lookup = TableLookup(table, start)
     return np.array([lookup.step(float(t)) for t in reference_N])
 
 
 def table_range_N(reference_N: FloatArray, largest_N: float, margin: float = 0.05) -> tuple[float, float]:
-    """Range of reference tension that a table should cover: the reference's own and a margin [N].
+    """Range of tension that a table should cover: the reference's own and a margin at each end [N].
 
-    Parameters
-    ----------
-    reference_N : ndarray, shape (n,)
-    largest_N : float
-        Largest deliverable tension [N]; the range does not exceed it where the reference does not.
-    margin : float, optional
-        Share of the range that is added at each end [-].
+    It does not exceed the largest deliverable tension where the reference, shape (n,), does not.
     """
     low, high = float(np.min(reference_N)), float(np.max(reference_N))
     spread = max(high - low, 0.1 * high)

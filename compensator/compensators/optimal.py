@@ -4,15 +4,7 @@ Here, and nowhere else, it is decided whether the profile is made for the nomina
 scenario's uncertainty admits.
 """
 
-from tendonff.compensator.compensators.base import (
-    CModule,
-    Compensator,
-    FloatArray,
-    Problem,
-    Profile,
-    ProfileStatus,
-    Style,
-)
+from tendonff.compensator.compensators.base import CModule, Compensator, Problem, Profile, ProfileStatus, Style
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.reporting.colours import VERMILION
 from tendonff.models.chain import Chain
@@ -55,89 +47,47 @@ class Optimal(Compensator):
 
 
 def solve(problem: Problem, *, progress: Progress = silent) -> Tracking:
-    """Solve the optimal-control problem, for the nominal transmission or for all samples.
-
-    Parameters
-    ----------
-    progress : callable, optional
-        Told iterations done and iterations at most.
-    """
-    reference = problem.reference
+    """Solve the optimal-control problem, for the nominal transmission or for all samples."""
+    reference, asked = problem.reference, problem.asked
     wanted, step, start = problem.followed_N, reference.step_s, reference.initial_tension_N
+    chain, limits, options = problem.chain, problem.limits, problem.options
+    if asked.least_time:
+        goal, rows = float(wanted[-1]), len(wanted)
+        return track_transition(
+            chain, start, goal, rows, step, limits, options, tolerance_N=asked.tolerance_N, progress=progress
+        )
+    if asked.tolerance_N is not None:
+        given = asked.tolerance_N
+        return track_band(chain, wanted, step, limits, given, options, initial_tension_N=start, progress=progress)
+    if asked.preview_s is not None:
+        given = asked.preview_s
+        return track_preview(chain, wanted, step, limits, given, options, initial_tension_N=start, progress=progress)
+    exact, samples, power = problem.inversion, problem.samples, POWER[problem.objective]
     if reference.periodic:
+        chains = (chain, *(Chain.of(sample.transmission, problem.level) for sample in samples[1:]))
         return track_cycle(
-            (problem.chain, *(Chain.of(sample.transmission, problem.level) for sample in problem.samples[1:])),
+            chains,
             wanted,
             step,
-            problem.limits,
-            problem.options,
+            limits,
+            options,
             initial_tension_N=start,
-            inversion=problem.inversion,
-            power=POWER[problem.objective],
+            inversion=exact,
+            power=power,
             progress=progress,
         )
-    if problem.asked.goal:
-        return _other_goal(problem, wanted, progress)
-    if not problem.samples:
-        return track(
-            problem.chain,
-            wanted,
-            step,
-            problem.limits,
-            problem.options,
-            initial_tension_N=start,
-            inversion=problem.inversion,
-            progress=progress,
-        )
+    if not samples:
+        return track(chain, wanted, step, limits, options, initial_tension_N=start, inversion=exact, progress=progress)
     return track_robust(
-        problem.samples,
+        samples,
         problem.level,
         wanted,
         step,
-        problem.limits,
-        problem.objective,
-        problem.options,
-        initial_tension_N=start,
-        inversion=problem.inversion,
-        progress=progress,
-    )
-
-
-def _other_goal(problem: Problem, wanted_N: FloatArray, progress: Progress) -> Tracking:
-    """What `[optimal]` asks for instead of the least error with all of the reference known."""
-    reference, asked = problem.reference, problem.asked
-    step, start, limits, options = reference.step_s, reference.initial_tension_N, problem.limits, problem.options
-    if asked.least_time:
-        return track_transition(
-            problem.chain,
-            start,
-            float(wanted_N[-1]),
-            len(wanted_N),
-            step,
-            limits,
-            options,
-            tolerance_N=asked.tolerance_N,
-            progress=progress,
-        )
-    if asked.tolerance_N is not None:
-        return track_band(
-            problem.chain,
-            wanted_N,
-            step,
-            limits,
-            asked.tolerance_N,
-            options,
-            initial_tension_N=start,
-            progress=progress,
-        )
-    return track_preview(
-        problem.chain,
-        wanted_N,
-        step,
         limits,
-        asked.preview_s or 0.0,
+        problem.objective,
         options,
         initial_tension_N=start,
+        inversion=exact,
         progress=progress,
     )
 

@@ -1,12 +1,10 @@
 """All compensators, in the order in which they are shown."""
 
 from tendonff.compensator.compensators.base import Compensator
-from tendonff.compensator.compensators.capstan import Capstan
-from tendonff.compensator.compensators.inverse import Inverse
+from tendonff.compensator.compensators.closed_form import Capstan, Inverse, Uncompensated
 from tendonff.compensator.compensators.optimal import Optimal
 from tendonff.compensator.compensators.smoothed import Smoothed
 from tendonff.compensator.compensators.table import CompensationTable
-from tendonff.compensator.compensators.uncompensated import Uncompensated
 from tendonff.compensator.files.reading import InputError, suggestion
 
 COMPENSATORS: tuple[Compensator, ...] = (
@@ -21,18 +19,7 @@ COMPENSATORS: tuple[Compensator, ...] = (
 
 
 def compensator(name: str) -> Compensator:
-    """The compensator of a name.
-
-    Parameters
-    ----------
-    name : str
-        As in the files: "none", "capstan", "smoothed", "inverse", "optimal", "table".
-
-    Raises
-    ------
-    InputError
-        If there is none of that name.
-    """
+    """The compensator of a name, as in the files: "inverse"; InputError if there is none."""
     for each in COMPENSATORS:
         if each.name == name:
             return each

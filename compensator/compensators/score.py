@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.compensator.compensators.base import FloatArray, Problem, Profile
-from tendonff.compensator.compensators.motion import servo
+from tendonff.compensator.compensators.base import FloatArray, Problem, Profile, servo
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
@@ -33,24 +32,13 @@ class Score:
 
 
 def scale_N(reference_N: FloatArray) -> float:
-    """What percentages of a reference refer to: its range, or the height of a constant one [N].
-
-    Parameters
-    ----------
-    reference_N : ndarray, shape (n,)
-    """
+    """What percentages of a reference refer to: its range, or the height of a constant one [N]."""
     span = float(np.ptp(reference_N))
     return span if span > 0 else float(np.max(np.abs(reference_N)))
 
 
 def score(reference_N: FloatArray, output_N: FloatArray) -> Score:
-    """Compare a delivered tension with the wanted one.
-
-    Parameters
-    ----------
-    reference_N, output_N : ndarray, shape (n,)
-        Rows at the same times [N].
-    """
+    """Compare a delivered tension with the wanted one, shape (n,), rows at the same times [N]."""
     error = output_N - reference_N
     rmse = float(np.sqrt(np.mean(error**2)))
     return Score(
@@ -61,12 +49,7 @@ def score(reference_N: FloatArray, output_N: FloatArray) -> Score:
 def is_worse(score: Score, uncompensated: Score, reference_N: FloatArray) -> bool:
     """Whether a compensator does harm: its error is above that of the reference itself as force, by more than 1 %.
 
-    Parameters
-    ----------
-    score, uncompensated : Score
-        On the same plant and reference.
-    reference_N : ndarray, shape (n,)
-        The reference; a millionth of its range is rounding [N].
+    A millionth of the range of the reference is rounding.
     """
     return score.rmse_N > 1.01 * uncompensated.rmse_N + 1e-6 * scale_N(reference_N)
 
@@ -85,15 +68,8 @@ def simulate_profile(
 ) -> Simulation:
     """Simulate a plant under a profile, from rest at the reference's initial tension; a cycle in its steady state.
 
-    Parameters
-    ----------
-    profile : Profile
-        Rows of the reference's grid: its command where it has one, else its force.
-
-    Returns
-    -------
-    Simulation
-        On the plant's own grid, every `refinement`-th row of which is a row of the reference.
+    The profile's command counts where it has one, else its force. The result is on the plant's own grid, every
+    `refinement`-th row of which is a row of the reference.
     """
     chain = Chain.of(transmission, plant.level, plant.segments)
     drive = profile.force_N
@@ -144,18 +120,13 @@ class Verified:
 def verify(
     transmission: Transmission, plant: SimulatedPlant, compensator: str, profile: Profile, reference: Reference
 ) -> Verified:
-    """Simulate a plant under a profile and score what arrives.
-
-    Raises
-    ------
-    SolveError
-        If the simulation fails.
-    """
+    """Simulate a plant under a profile and score what arrives; SolveError if the simulation fails."""
     run = simulate_profile(transmission, plant, profile, reference).require()
     output = run.output_tension_N[:: plant.refinement]
     rest = Chain.of(transmission, plant.level, plant.segments).rest_state(reference.initial_tension_N)
     travel = run.near_position_m[:: plant.refinement] - rest.near_position_m
     load = run.far_position_m[:: plant.refinement] - rest.far_position_m
+    off = None if reference.position_m is None else load - reference.position_m
     return Verified(
         compensator=compensator,
         plant=plant,
@@ -163,7 +134,7 @@ def verify(
         travel_m=travel,
         load_m=load,
         score=score(reference.tension_N, output),
-        position_error_m=None if reference.position_m is None else _position_error(load - reference.position_m),
+        position_error_m=None if off is None else (float(np.sqrt(np.mean(off**2))), float(np.max(np.abs(off)))),
         slack=Slack.of(run),
     )
 
@@ -175,13 +146,7 @@ _CAUSES = {
 
 
 def slack_warnings(slack: Mapping[tuple[str, str], Slack]) -> list[str]:
-    """One line for each cause of slack, on all profiles under which it comes about; none where the tendon stays taut.
-
-    Parameters
-    ----------
-    slack : mapping of (str, str) to Slack
-        By name of the compensator and plant.
-    """
+    """One line for each cause of slack, by compensator and plant, on all profiles under which it comes about."""
     lines = []
     for end, cause in _CAUSES.items():
         those = {key: one for key, one in slack.items() if one.end == end}
@@ -194,10 +159,6 @@ def slack_warnings(slack: Mapping[tuple[str, str], Slack]) -> list[str]:
             f"{names[0]} on {plant}: {found.message}"
         )
     return lines
-
-
-def _position_error(error_m: FloatArray) -> tuple[float, float]:
-    return float(np.sqrt(np.mean(error_m**2))), float(np.max(np.abs(error_m)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

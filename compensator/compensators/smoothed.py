@@ -22,30 +22,14 @@ _TIMES = 12  # tried between a step and a quarter of the duration, in equal rati
 
 
 def lagged(exponent: FloatArray, steps: float) -> FloatArray:
-    """First-order lag, which a controller can compute as it goes.
-
-    Parameters
-    ----------
-    exponent : ndarray, shape (n,)
-        ln of the force over the wanted tension, by the law [-].
-    steps : float
-        Smoothing time over the step.
-    """
+    """First-order lag of ln(force/tension), shape (n,), over `steps`, which a controller can compute as it goes."""
     share = 1 / (1 + steps)
     smooth: FloatArray = lfilter([share], [1, share - 1], exponent)
     return smooth
 
 
 def centred(exponent: FloatArray, steps: float) -> FloatArray:
-    """Moving mean around each row, for a reference that is known beforehand.
-
-    Parameters
-    ----------
-    exponent : ndarray, shape (n,)
-        ln of the force over the wanted tension, by the law [-].
-    steps : float
-        Smoothing time over the step.
-    """
+    """Moving mean of ln(force/tension), shape (n,), over `steps` around each row, for a reference known beforehand."""
     smooth: FloatArray = uniform_filter1d(exponent, max(1, round(steps)), mode="nearest")
     return smooth
 

@@ -52,16 +52,9 @@ def table_of(
     rate_N_per_s: float | None = None,
     range_N: tuple[float, float] | None = None,
 ) -> BuiltTable:
-    """The table for a problem.
+    """The table for a problem; by default with an interpolation error of 0.5 % of the reference's range, at most.
 
-    Parameters
-    ----------
-    bound_N : float, optional
-        Largest interpolation error [N]; default: 0.5 % of the reference's range.
-    rate_N_per_s : float, optional
-        Rate of the reference that the table is for [N/s]; default: the median rate of the problem's.
-    range_N : tuple of float, optional
-        Range of reference tension that it covers [N]; default: the problem's.
+    By default it is made for the median rate of the problem's reference [N/s], and covers the problem's range [N].
     """
     reference = problem.reference
     span = reference.range_N or 0.1 * float(reference.tension_N[0])

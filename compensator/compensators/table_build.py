@@ -53,23 +53,9 @@ class _Samples:
     low_N: FloatArray  # least and largest force within the resolution
     high_N: FloatArray
 
-    def cut(self, last: int) -> "_Samples":
-        """The first `last` shares."""
-        return _Samples(
-            share=self.share[:last],
-            force_N=self.force_N[:, :last],
-            low_N=self.low_N[:, :last],
-            high_N=self.high_N[:, :last],
-        )
-
 
 def usual_rate(reference_N: FloatArray, step_s: float) -> float:
-    """Median rate of a reference while it moves [N/s]: what a table is made for unless told otherwise.
-
-    Parameters
-    ----------
-    reference_N : ndarray, shape (n,)
-    """
+    """Median rate of a reference, shape (n,), while it moves [N/s]: what a table is made for unless told otherwise."""
     rates = np.abs(np.diff(reference_N)) / step_s
     moving = rates[rates > 1e-6 * max(float(rates.max(initial=0.0)), 1e-12)]
     usual = float(np.median(moving)) if moving.size else 1.0
@@ -79,23 +65,11 @@ def usual_rate(reference_N: FloatArray, step_s: float) -> float:
 def build_table(
     chain: Chain, range_N: tuple[float, float], *, bound_N: float, rate_N_per_s: float, step_s: float
 ) -> BuiltTable:
-    """Sweep reversals and store the fewest nodes that keep the interpolation error under the bound.
+    """Sweep reversals and store the fewest nodes that keep the interpolation error under the bound [N], > 0.
 
-    Parameters
-    ----------
-    range_N : tuple of float
-        Least and largest reference tension [N], 0 < least < largest.
-    bound_N : float
-        Largest interpolation error [N], > 0.
-    rate_N_per_s : float
-        Rate of the reference in the sweeps [N/s], > 0.
-    step_s : float
-        Sample time of the controller [s], > 0: the table resolves a quarter of a sample's travel at that rate.
-
-    Raises
-    ------
-    ParameterError
-        If a number is out of bounds.
+    The references reach from the least to the largest tension, 0 < least < largest [N], at a rate [N/s]. At that rate
+    the table resolves a quarter of a sample's travel, of the controller's sample time `step_s` [s]. ParameterError if a
+    number is out of bounds.
     """
     low, high = range_N
     if not 0 < low < high < math.inf:
@@ -136,12 +110,7 @@ def sweep(
 ) -> tuple[FloatArray, FloatArray]:
     """Reference and force from a reversal out of full slip at `turn_N` to `end_N`, samples at equal steps [N].
 
-    Parameters
-    ----------
-    branch : Branch
-        The branch that begins at the reversal.
-    turn_N, end_N : float
-        Reference tension at the reversal and at the end of the sweep [N].
+    `branch` is the one that begins at the reversal.
     """
     p = chain.elements.piece.adhesion_N
     # Long enough a way to the reversal: four fifths of the lifted tension below it, or as much above.
@@ -173,7 +142,9 @@ def _sample_branch(
         over = np.all(np.abs(samples.force_N - samples.force_N[:, -1:]) <= 0.25 * bound, axis=0)
         last = int(np.flatnonzero(~over)[-1]) + 2 if not over.all() else 2
         if samples.share[last - 1] > 0.6 * most or most < _LEAST_SHARE:
-            return samples.cut(max(2, min(last, samples.share.size)))
+            kept = slice(max(2, min(last, samples.share.size)))
+            force, low, high = (each[:, kept] for each in (samples.force_N, samples.low_N, samples.high_N))
+            return _Samples(share=samples.share[kept], force_N=force, low_N=low, high_N=high)
         most = max(1.5 * float(samples.share[last - 1]), 0.5 * _LEAST_SHARE)
 
 

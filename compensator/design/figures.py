@@ -11,10 +11,8 @@ from matplotlib.figure import Figure
 from tendonff.compensator.compensators.base import Compensator, FloatArray
 from tendonff.compensator.design.drive_use import drive_use
 from tendonff.compensator.design.result import DesignData
+from tendonff.compensator.reporting.colours import GREY, INK
 from tendonff.compensator.reporting.plots import (
-    GREY,
-    INK,
-    PAGE_WIDTH_IN,
     coinciding,
     draw_joints,
     figure_style,
@@ -150,7 +148,7 @@ def drive_figure(result: DesignData) -> Figure:
 
 def loop_figure(result: DesignData) -> Figure:
     """Hysteresis: output tension over the force, and over the reference."""
-    figure, axes = new_figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=3.8)
+    figure, axes = new_figure(1, 2, height_in=3.8)
     by_force, by_reference = axes[0]
     rows = thinned(len(result.reference.time_s))
     wanted = result.reference.tension_N[rows]

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.compensators.stream.filter import StreamFilter
+from tendonff.compensator.compensators.stream.model import StreamFilter
 from tendonff.compensator.compensators.stream.run import (
     NOISE_GOAL_DB,
     Candidate,
@@ -22,7 +22,8 @@ from tendonff.compensator.compensators.stream.run import (
 from tendonff.compensator.export.text.c_text import accepted_range
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.reporting.plots import GREY, INK, legend_below, new_figure, save_figure
+from tendonff.compensator.reporting.colours import GREY, INK
+from tendonff.compensator.reporting.plots import legend_below, new_figure, save_figure
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import CapstanLaw
 from tendonff.ocp.errors import SolveError
@@ -84,17 +85,9 @@ class Online:
 
 
 def study_online(scenario: Scenario, optimum_percent: float | None = None) -> Online:
-    """Try filters on the scenario's reference with the noise of a converter.
+    """Try filters on the scenario's reference with the noise of a converter; SolveError if none can be simulated.
 
-    Parameters
-    ----------
-    optimum_percent : float, optional
-        RMS error of the optimal profile on the same model, for comparison [% of range].
-
-    Raises
-    ------
-    SolveError
-        If no filtered force can be simulated.
+    Beside them stands the RMS error of the optimal profile on the same model [% of range], where it is given.
     """
     if scenario.joints:
         raise InputError(

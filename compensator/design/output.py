@@ -1,19 +1,24 @@
-"""The files of a design: profile, summary, figures and report."""
+"""The files of a design: profile, summary, figures and report; and its scores on the terminal."""
 
 import math
 import os
 from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
 
 from tendonff.compensator.compensators.base import FloatArray
 from tendonff.compensator.compensators.score import Verified
 from tendonff.compensator.design.drive_use import drive_columns, drive_summary
+from tendonff.compensator.design.expectation import robustness_summary
 from tendonff.compensator.design.figures import design_figures
-from tendonff.compensator.design.report import design_report, interactive_panels
+from tendonff.compensator.design.report import design_report, headline, interactive_panels
 from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS, DesignData
-from tendonff.compensator.design.robustness import robustness_summary
 from tendonff.compensator.files.writing import atomic_directory, write_csv
-from tendonff.compensator.reporting.folder import summary_head, write_pages
+from tendonff.compensator.reporting.page import summary_head, write_pages
 from tendonff.compensator.scenario.sampled.joint_motion import sample_joints
+from tendonff.models.fidelity import Level
 from tendonff.ocp.tracking.result import Tracking
 
 
@@ -22,12 +27,10 @@ class Design(DesignData):
     """A design that can be written."""
 
     def write(self, folder: str | os.PathLike[str], *, interactive: bool = False) -> None:
-        """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing.
+        """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder.
 
         Parameters
         ----------
-        folder : str or path
-            Made where it is missing.
         interactive : bool, optional
             Put a view with zoom, hover and a legend that hides curves into the report; needs Bokeh.
         """
@@ -111,3 +114,25 @@ def _tracking_summary(tracking: Tracking) -> dict[str, object]:
         "build_s": tracking.build_s,
         "solve_s": tracking.solve_s,
     }
+
+
+def print_scores(result: DesignData, folder: Path) -> None:
+    """Print the error of each compensator on each level, what to expect on a rig, and where the files are."""
+    console = Console()
+    table = Table(title=f"{result.scenario.name}: RMS error, % of reference range", title_justify="left")
+    table.add_column("compensator")
+    table.add_column(f"worst, {result.expectation.doubt.widths}", justify="right")
+    for level in Level:
+        table.add_column(f"{level}*" if level is result.level else level.value, justify="right")
+    table.add_column(f"{FINE_SEGMENTS} masses, step/{FINE_REFINEMENT}", justify="right")
+    for compensator in result.compensators:
+        name = compensator.name
+        scores = [*(result.on_level(name, level).score for level in Level), result.on_proof(name).score]
+        worst = result.expectation.worst_percent.get(name)
+        table.add_row(name, "–" if worst is None else f"{worst:.3g}", *[score.percent for score in scores])
+    console.print(table)
+    console.print(f"* design level, used in the last column too; range {result.reference.range_N:.4g} N")
+    console.print(headline(result), soft_wrap=True, markup=False, highlight=False)
+    if result.tracking is not None:
+        console.print(f"optimal control: {result.tracking.message}", soft_wrap=True)
+    console.print(f"written to {folder}", soft_wrap=True)

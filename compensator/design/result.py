@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 from tendonff.compensator.compensators.base import Compensator, FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.score import IgnoredMotion, Verified
-from tendonff.compensator.design.expectation import Expectation
-from tendonff.compensator.design.robustness import Robustness
+from tendonff.compensator.design.expectation import Expectation, Robustness
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
@@ -20,43 +19,19 @@ FINE_REFINEMENT = 10
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DesignData:
-    """Force profiles for one scenario and what each delivers.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    reference : Reference
-    compensators : tuple of Compensator
-        In the order in which they are shown.
-    profiles : mapping of str to Profile
-        By name of the compensator.
-    verified : tuple of Verified
-        Every compensator on every level.
-    proof : tuple of Verified
-        Every compensator on the design level with more masses and a smaller step.
-    foresight : Foresight
-        Where friction that weakens with speed makes feedforward fail.
-    robustness : Robustness or None
-        Error bands under the scenario's uncertainty; None where all is certain.
-    expectation : Expectation
-        What to expect on a rig, and the profile that does best there.
-    ignored : IgnoredMotion or None
-        What it would cost to ignore that joints move; None where none does.
-    warnings : tuple of str
-        What the user should know.
-    """
+    """Force profiles for one scenario and what each delivers."""
 
     scenario: Scenario
     reference: Reference
-    compensators: tuple[Compensator, ...]
-    profiles: Mapping[str, Profile]
-    verified: tuple[Verified, ...]
-    proof: tuple[Verified, ...]
-    foresight: Foresight
-    robustness: Robustness | None
-    expectation: Expectation
-    ignored: IgnoredMotion | None
-    warnings: tuple[str, ...]
+    compensators: tuple[Compensator, ...]  # in the order in which they are shown
+    profiles: Mapping[str, Profile]  # by name of the compensator
+    verified: tuple[Verified, ...]  # every compensator on every level
+    proof: tuple[Verified, ...]  # every compensator on the design level with more masses and a smaller step
+    foresight: Foresight  # where friction that weakens with speed makes feedforward fail
+    robustness: Robustness | None  # error bands under the scenario's uncertainty; None where all is certain
+    expectation: Expectation  # what to expect on a rig, and the profile that does best there
+    ignored: IgnoredMotion | None  # what it would cost to ignore that joints move; None where none does
+    warnings: tuple[str, ...]  # what the user should know
 
     @property
     def level(self) -> Level:
@@ -84,22 +59,9 @@ class DesignData:
         return all(profile.status is not ProfileStatus.FAILED for profile in self.profiles.values())
 
     def on_level(self, name: str, level: Level) -> Verified:
-        """What a compensator delivers on a level.
-
-        Parameters
-        ----------
-        name : str
-            Of the compensator.
-        level : Level
-        """
+        """What a compensator delivers on a level."""
         return next(v for v in self.verified if v.compensator == name and v.plant.level is level)
 
     def on_proof(self, name: str) -> Verified:
-        """What a compensator delivers on the finer chain.
-
-        Parameters
-        ----------
-        name : str
-            Of the compensator.
-        """
+        """What a compensator delivers on the finer chain."""
         return next(v for v in self.proof if v.compensator == name)

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, ProfileStatus
-from tendonff.compensator.compensators.motion import with_motion
+from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, ProfileStatus, with_motion
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import (
     SimulatedPlant,
@@ -15,13 +14,12 @@ from tendonff.compensator.compensators.score import (
     verify,
 )
 from tendonff.compensator.design.drive_use import drive_warnings
-from tendonff.compensator.design.expectation import expect
+from tendonff.compensator.design.expectation import expect, robustness, robustness_warnings
 from tendonff.compensator.design.output import Design
 from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS
-from tendonff.compensator.design.robustness import robustness, robustness_warnings
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.scenario.reference import CsvReference, Hold
-from tendonff.compensator.scenario.sampled.filters import noise_advice, ripple_advice
+from tendonff.compensator.scenario.sampled.from_file import noise_advice, ripple_advice
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
@@ -44,7 +42,6 @@ def design(
 
     Parameters
     ----------
-    scenario : Scenario
     compensators : sequence of Compensator, optional
         Default: all; the one named "none" is what the others are compared with.
     options : TrackOptions, optional
@@ -65,9 +62,8 @@ def design(
     reference, transmission, level = problem.reference, problem.transmission, problem.level
     shares = {c.name: 1 if c.is_fast else _PARTS_OF_THE_SEARCH for c in compensators}
     parts = Parts(progress, sum(shares.values()) + len(compensators) * (len(Level) + 1))
-    warnings = [*reference.warnings, *(_noise_warning(scenario, problem) or _ripple_warning(scenario, problem))]
-    if problem.kept is not None:
-        warnings += _hold_notes(problem)
+    warnings = [*reference.warnings, *_file_warnings(scenario, problem)]
+    warnings += _hold_notes(problem)
     profiles: dict[str, Profile] = {}
     for compensator in compensators:
         share = shares[compensator.name]
@@ -165,30 +161,23 @@ def _promises(designed: Sequence[Verified], proof: Sequence[Verified], *, is_com
     return found
 
 
-def _noise_warning(scenario: Scenario, problem: Problem) -> list[str]:
-    """Warning of a noisy CSV reference that no filter was asked for."""
-    spec, reference = scenario.reference, problem.reference
-    if not isinstance(spec, CsvReference) or spec.cutoff_Hz is not None:
-        return []
-
-    def force_of(tension: FloatArray) -> FloatArray:
-        if tension is reference.tension_N:
-            return problem.inversion.force_N
-        start = reference.initial_tension_N
-        return invert(problem.chain, tension, reference.step_s, initial_tension_N=start).force_N
-
-    advice = noise_advice(reference.tension_N, reference.step_s, force_of, file=spec.file)
-    return [] if advice is None else [advice.message]
-
-
-def _ripple_warning(scenario: Scenario, problem: Problem) -> list[str]:
-    """Warning of a force rate that swings between the samples of a file."""
+def _file_warnings(scenario: Scenario, problem: Problem) -> list[str]:
+    """Noise of a CSV reference that no filter was asked for, else a force rate that swings between its samples."""
     spec, reference = scenario.reference, problem.reference
     if not isinstance(spec, CsvReference):
         return []
-    force = problem.inversion.force_N
-    advice = ripple_advice(force, reference.step_s, reference.sample_interval_s, file=spec.file)
-    return [] if advice is None else [advice]
+    step, force = reference.step_s, problem.inversion.force_N
+
+    def force_of(tension: FloatArray) -> FloatArray:
+        if tension is reference.tension_N:
+            return force
+        return invert(problem.chain, tension, step, initial_tension_N=reference.initial_tension_N).force_N
+
+    noise = None if spec.cutoff_Hz is not None else noise_advice(reference.tension_N, step, force_of, file=spec.file)
+    if noise is not None:
+        return [noise.message]
+    ripple = ripple_advice(force, step, reference.sample_interval_s, file=spec.file)
+    return [] if ripple is None else [ripple]
 
 
 def _hold_notes(problem: Problem) -> list[str]:

@@ -11,17 +11,8 @@ from tendonff.compensator.experiment.machine import StatePass
 from tendonff.compensator.experiment.numbers import driven_motor, holds, reversals
 from tendonff.compensator.experiment.result import SECTIONS, ExperimentData, ExperimentRun
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.reporting.plots import (
-    BLUE,
-    GREY,
-    INK,
-    LINE_STYLES,
-    VERMILION,
-    figure_style,
-    legend_below,
-    new_figure,
-    thinned,
-)
+from tendonff.compensator.reporting.colours import BLUE, GREY, INK, VERMILION
+from tendonff.compensator.reporting.plots import LINE_STYLES, figure_style, legend_below, new_figure, thinned
 from tendonff.compensator.scenario.experiment import MotorMode
 from tendonff.models.fidelity import Level
 

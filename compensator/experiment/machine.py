@@ -34,6 +34,7 @@ from tendonff.compensator.experiment.rig import RigSpec
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.scenario.experiment import EndTension, Experiment, ExperimentState, Hold, MotorMode
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.assembly import End
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.parameters import Transmission
 
@@ -58,7 +59,6 @@ class Plan:
     # blend_s, rest_s: time in which a command takes up and gives up its rate, and rest after that [s]
     blend_s: float
     rest_s: float
-    high_tension_N: float  # top of the default ramps [N]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,10 +85,7 @@ class Schedule:
 def plan_experiment(scenario: Scenario) -> Plan:
     """The test of a scenario: its [experiment] table, completed by what its transmission suggests.
 
-    Raises
-    ------
-    InputError
-        The tensions asked for are not low < high within the actuator's range, or a rate exceeds the actuator's.
+    InputError if the tensions are not low < high within the actuator's range, or a rate exceeds the actuator's.
     """
     settings, transmission = scenario.experiment, scenario.transmission
     where = f"{scenario.source.name} [experiment]"
@@ -113,23 +110,23 @@ def plan_experiment(scenario: Scenario) -> Plan:
             f"{scenario.run.step_s:g}; a faster force_rate_max_N_per_s, shorter states or a larger step make it shorter"
         )
     hold = settings.hold_stiffness_N_per_m or 10 * transmission.tendon.quick_stiffness_N_per_m
-    damping = {
-        name: transmission.actuator.damping_N_s_per_m if (value := getattr(settings, name)) is None else value
-        for name in ("act_damping_N_s_per_m", "load_damping_N_s_per_m", "hold_damping_N_s_per_m")
+    mass, usual = transmission.actuator.mass_kg, transmission.actuator.damping_N_s_per_m
+
+    def end(damping: float | None, stiffness: float) -> End:
+        return End(mass_kg=mass, damping_N_s_per_m=usual if damping is None else damping, stiffness_N_per_m=stiffness)
+
+    act = end(settings.act_damping_N_s_per_m, 0.0)
+    ends = {
+        MotorMode.ACT: act,
+        MotorMode.HOLD_FORCE: act,
+        MotorMode.LOAD: end(settings.load_damping_N_s_per_m, spring),
+        MotorMode.HOLD: end(settings.hold_damping_N_s_per_m, hold),
     }
     return Plan(
-        rig=RigSpec(
-            transmission=transmission,
-            step_s=scenario.run.step_s,
-            start_tension_N=low,
-            load_stiffness_N_per_m=spring,
-            hold_stiffness_N_per_m=hold,
-            **damping,
-        ),
+        rig=RigSpec(transmission=transmission, step_s=scenario.run.step_s, start_tension_N=low, ends=ends),
         states=states,
         blend_s=blend,
         rest_s=settings.rest_s,
-        high_tension_N=high,
     )
 
 
@@ -155,16 +152,9 @@ def _tensions(settings: Experiment, transmission: Transmission, where: str) -> t
 def ten_states(
     settings: Experiment, transmission: Transmission, low_N: float, high_N: float
 ) -> tuple[ExperimentState, ...]:
-    """The cycle of the module's table.
+    """The cycle of the module's table, between two tensions [N] to which the acting motor moves its own end.
 
-    Parameters
-    ----------
-    settings : Experiment
-        Times.
-    transmission : Transmission
-        The static law of its path says how far S2 and S7 have to go.
-    low_N, high_N : float
-        Tensions between which the acting motor moves its own end [N].
+    The static law of the path says how far S2 and S7 have to go.
     """
     law, actuator = CapstanLaw.of(transmission), transmission.actuator
     span = high_N - low_N
@@ -216,14 +206,7 @@ def ten_states(
 
 
 class Machine:
-    """The state machine in one state: says what the commands do next, from the end tensions it is shown.
-
-    Parameters
-    ----------
-    state : ExperimentState
-    plan : Plan
-        Time step, blend and rest.
-    """
+    """The state machine in one state: says what the commands do next, from the end tensions it is shown."""
 
     def __init__(self, state: ExperimentState, plan: "Plan") -> None:
         step_s = plan.rig.step_s
@@ -238,13 +221,7 @@ class Machine:
         self.met = False
 
     def next_rates(self, ends_N: tuple[float, float]) -> tuple[float, float] | None:
-        """Rates of the commands during the next step, or None when the state is over.
-
-        Parameters
-        ----------
-        ends_N : tuple of 2 float
-            f_1 and f_{N+1} now [N].
-        """
+        """Rates of the commands during the next step, at end tensions f_1, f_{N+1} [N]; None when the state is over."""
         if self.stopped_at is None:
             until = self._state.until
             self.met = until is not None and until.met(ends_N)

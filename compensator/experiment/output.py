@@ -1,15 +1,15 @@
 """The files of a two-motor test: a table for each level, summary, figures and report."""
 
 import os
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from tendonff.compensator.experiment.figures import experiment_figures
-from tendonff.compensator.experiment.measured import deviations
 from tendonff.compensator.experiment.numbers import (
+    deviations,
     law_deviation,
     refinement,
     relaxation,
@@ -21,8 +21,8 @@ from tendonff.compensator.experiment.numbers import (
 )
 from tendonff.compensator.experiment.report import experiment_report
 from tendonff.compensator.experiment.result import SECTIONS, ExperimentData, ExperimentRun
-from tendonff.compensator.files.writing import atomic_directory, atomic_file
-from tendonff.compensator.reporting.folder import write_pages
+from tendonff.compensator.files.writing import atomic_directory, csv_text, write_text
+from tendonff.compensator.reporting.page import write_pages
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,12 +30,8 @@ class ExperimentResult(ExperimentData):
     """A test that can be written."""
 
     def write(self, folder: str | os.PathLike[str]) -> None:
-        """Write `experiment_<level>.csv`, `summary.json`, figures and `report.html`, all or nothing.
-
-        Parameters
-        ----------
-        folder : str or path
-            Made where it is missing.
+        """Write `experiment_<level>.csv`, `summary.json`, figures and `report.html`, all or nothing; makes
+        the folder.
         """
         figures = experiment_figures(self)
         with atomic_directory(folder) as partial:
@@ -46,12 +42,14 @@ class ExperimentResult(ExperimentData):
 
 def write_run(run: ExperimentRun, path: Path) -> None:
     """Write one run: `time_s,state,tension_1_N..tension_7_N,motor_1_position_m,...,motor_2_force_N`."""
-    columns: dict[str, object] = {"time_s": np.round(run.time_s, 12), "state": run.state_names()}
-    columns |= {f"tension_{k + 1}_N": run.tension_N[:, k] for k in range(SECTIONS)}
-    columns |= {f"motor_{k + 1}_position_m": run.position_m[:, k] for k in (0, 1)}
-    columns |= {f"motor_{k + 1}_force_N": run.force_N[:, k] for k in (0, 1)}
-    with atomic_file(path) as partial:
-        pd.DataFrame(columns).to_csv(partial, index=False, lineterminator="\n")
+    columns: dict[str, Sequence[str | float]] = {
+        "time_s": np.round(run.time_s, 12).tolist(),
+        "state": run.state_names(),
+    }
+    columns |= {f"tension_{k + 1}_N": run.tension_N[:, k].tolist() for k in range(SECTIONS)}
+    columns |= {f"motor_{k + 1}_position_m": run.position_m[:, k].tolist() for k in (0, 1)}
+    columns |= {f"motor_{k + 1}_force_N": run.force_N[:, k].tolist() for k in (0, 1)}
+    write_text(path, csv_text(columns, zip(*columns.values(), strict=True)))
 
 
 def summary(result: ExperimentData) -> dict[str, object]:

@@ -2,9 +2,9 @@
 
 from matplotlib.figure import Figure
 
-from tendonff.compensator.experiment.measured import deviations
 from tendonff.compensator.experiment.numbers import (
     MEANINGS,
+    deviations,
     holds,
     law_deviation,
     refinement,

@@ -76,30 +76,14 @@ class MeasuredTensions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExperimentData:
-    """The test on all models.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    plan : Plan
-    lead : Level
-        Level on which the machine ran.
-    runs : dict of Level to ExperimentRun
-        All three levels, on the path's own number of masses.
-    fine : ExperimentRun
-        The leading level with more masses.
-    quasi_static : ExperimentRun
-        The elastic level with a stiffer bristle, no viscous friction and no Stribeck effect: nearest to the static law.
-    quasi_static_factor : float
-        By how much its bristle is stiffer.
-    measured : MeasuredTensions or None
-    """
+    """The test on all models."""
 
     scenario: Scenario
     plan: Plan
-    lead: Level
-    runs: dict[Level, ExperimentRun]
-    fine: ExperimentRun
+    lead: Level  # on which the machine ran
+    runs: dict[Level, ExperimentRun]  # all three levels, on the path's own number of masses
+    fine: ExperimentRun  # the leading level with more masses
+    # the elastic level with a stiffer bristle, no viscous friction and no Stribeck effect: nearest to the static law
     quasi_static: ExperimentRun
-    quasi_static_factor: float
+    quasi_static_factor: float  # by how much its bristle is stiffer
     measured: MeasuredTensions | None = None

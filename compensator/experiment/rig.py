@@ -15,6 +15,7 @@ Each mode has its own damper: against the frame where a force is commanded, else
 A change of mode is bumpless: the new command is the one that carries the present end tension at the present position.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,26 +42,7 @@ class RigSpec:
     transmission: Transmission  # path, tendon and friction; both motors have the mass and damping of its actuator
     step_s: float  # time step [s]
     start_tension_N: float  # uniform tension at rest before the test [N]
-    # load_stiffness_N_per_m, hold_stiffness_N_per_m: springs of the modes L and A_h [N/m]
-    load_stiffness_N_per_m: float
-    hold_stiffness_N_per_m: float
-    # act_damping_N_s_per_m, load_damping_N_s_per_m, hold_damping_N_s_per_m: dampers of the modes A and A_f, L, A_h
-    # [N s/m]
-    act_damping_N_s_per_m: float
-    load_damping_N_s_per_m: float
-    hold_damping_N_s_per_m: float
-
-    def end(self, mode: MotorMode) -> End:
-        """A motor in a mode: its mass, its damper, k_c."""
-        match mode:
-            case MotorMode.ACT | MotorMode.HOLD_FORCE:
-                damping, stiffness = self.act_damping_N_s_per_m, 0.0
-            case MotorMode.LOAD:
-                damping, stiffness = self.load_damping_N_s_per_m, self.load_stiffness_N_per_m
-            case MotorMode.HOLD:
-                damping, stiffness = self.hold_damping_N_s_per_m, self.hold_stiffness_N_per_m
-        mass = self.transmission.actuator.mass_kg
-        return End(mass_kg=mass, damping_N_s_per_m=damping, stiffness_N_per_m=stiffness)
+    ends: Mapping[MotorMode, End]  # a motor in each mode: its mass, its damper, k_c
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,14 +59,7 @@ class RigRows:
 class Rig:
     """The rig at one fidelity level, at rest under uniform tension when it is made.
 
-    Parameters
-    ----------
-    spec : RigSpec
-    level : Level
-    modes : tuple of 2 MotorMode
-        What the motors do at first.
-    segments : int, optional
-        Number of masses on the path; default: the path's own.
+    `modes` is what the motors do at first; by default the number of masses is the path's own.
     """
 
     def __init__(self, spec: RigSpec, level: Level, modes: Modes, segments: int | None = None) -> None:
@@ -127,10 +102,7 @@ class Rig:
     def switch(self, modes: Modes) -> FloatArray:
         """Change what the motors do, without a jump; a motor that keeps its mode keeps its command.
 
-        Returns
-        -------
-        ndarray, shape (2,)
-            Jump of each motor's pull [N].
+        Returns what jump each motor's pull makes all the same, shape (2,) [N].
         """
         before = self._motor_force(self._command[None, :], self._position[None, :])
         if modes != self._modes:
@@ -143,22 +115,9 @@ class Rig:
         return jump
 
     def advance(self, rates: FloatArray) -> RigRows:
-        """Move the commands at given rates.
+        """Move the commands at given rates; the rows at the ends of the steps. SolveError when a step cannot be solved.
 
-        Parameters
-        ----------
-        rates : ndarray, shape (n, 2)
-            Of the motors' commands during each step: N/s where a motor acts, else m/s; positive tightens the tendon.
-
-        Returns
-        -------
-        RigRows
-            At the ends of the steps.
-
-        Raises
-        ------
-        SolveError
-            When a step cannot be solved.
+        The rates, shape (n, 2), are N/s where a motor acts, else m/s; positive tightens the tendon.
         """
         outward = [1.0 if mode.by_force else _OUTWARD[k] for k, mode in enumerate(self._modes)]
         commands = self._command + np.cumsum(rates * outward, axis=0) * self._spec.step_s
@@ -182,11 +141,11 @@ class Rig:
         tension = self.end_tensions_N[k]
         if mode.by_force:
             return tension
-        return float(self._position[k]) + _OUTWARD[k] * tension / self._spec.end(mode).stiffness_N_per_m
+        return float(self._position[k]) + _OUTWARD[k] * tension / self._spec.ends[mode].stiffness_N_per_m
 
     def _new_simulator(self, state: ChainState) -> Simulator:
         """A simulator for the present modes, from a state."""
-        near, far = (self._spec.end(mode) for mode in self._modes)
+        near, far = (self._spec.ends[mode] for mode in self._modes)
         chain = replace(self._chain, near=near, far=far)
         return Simulator(chain, self._spec.step_s, state, self._inputs(self._command[None, :], np.zeros((1, 2))))
 
@@ -199,7 +158,7 @@ class Rig:
                 values[f"{side}_force_N"] = commands[:, k]
             else:
                 values[f"{side}_rest_m"] = commands[:, k]
-                values[f"{side}_force_N"] = rest_damper_force(speeds[:, k], pull, self._spec.end(mode))
+                values[f"{side}_force_N"] = rest_damper_force(speeds[:, k], pull, self._spec.ends[mode])
         return ChainInputs.of(len(commands), **values)
 
     def _motor_force(self, commands: FloatArray, positions: FloatArray) -> FloatArray:
@@ -207,6 +166,6 @@ class Rig:
         force = commands.copy()
         for k, mode in enumerate(self._modes):
             if not mode.by_force:
-                spring = self._spec.end(mode).stiffness_N_per_m
+                spring = self._spec.ends[mode].stiffness_N_per_m
                 force[:, k] = spring * _OUTWARD[k] * (commands[:, k] - positions[:, k])
         return force

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.experiment.machine import Machine, Plan, Schedule, StatePass, plan_experiment
-from tendonff.compensator.experiment.measured import read_measured
+from tendonff.compensator.experiment.numbers import read_measured
 from tendonff.compensator.experiment.output import ExperimentResult
 from tendonff.compensator.experiment.result import ExperimentRun
 from tendonff.compensator.experiment.rig import Rig, RigRows
@@ -29,14 +29,7 @@ _QUASI_STATIC_FACTOR = 1000.0
 
 
 def run_machine(plan: Plan, level: Level) -> tuple[Schedule, ExperimentRun]:
-    """Run the state machine on one model.
-
-    Returns
-    -------
-    schedule : Schedule
-        To be played on other models.
-    run : ExperimentRun
-    """
+    """Run the state machine on one model; what it did, to be played on other models, and the run."""
     rig = Rig(plan.rig, level, plan.states[0].modes)
     pieces, jumps = [rig.now()], []
     passes: list[StatePass] = []
@@ -64,13 +57,7 @@ def run_machine(plan: Plan, level: Level) -> tuple[Schedule, ExperimentRun]:
 
 
 def follow_schedule(plan: Plan, schedule: Schedule, level: Level, segments: int | None = None) -> ExperimentRun:
-    """Give a model the commands of a schedule.
-
-    Parameters
-    ----------
-    segments : int, optional
-        Number of masses on the path; default: the path's own.
-    """
+    """Give a model, of the path's own number of masses or another, the commands of a schedule."""
     rig = Rig(plan.rig, level, plan.states[0].modes, segments)
     pieces, jumps = [rig.now()], []
     for done in schedule.passes:
@@ -101,8 +88,6 @@ def experiment(
         Its [experiment] table may be missing.
     measured : str or path, optional
         Tensions of the same test on a rig: columns `time_s` and any of `tension_1_N` .. `tension_7_N`.
-    progress : callable, optional
-        Told parts done and parts in all.
 
     Raises
     ------

@@ -26,17 +26,15 @@ from bokeh.plotting import figure
 from bokeh.server.server import Server
 from jinja2 import Template
 
-from tendonff.compensator.explore.parameters import ExploreParameters
-from tendonff.compensator.explore.result import Exploration
-from tendonff.compensator.explore.run import FAST, SLOW, Curve, Explorer
+from tendonff.compensator.explore.run import FAST, SLOW, Curve, Exploration, ExploreParameters, Explorer
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.reporting.interactive import DASHES
 from tendonff.compensator.scenario.scenario import Scenario, scenario_to_toml
 from tendonff.models.errors import TendonffError
 
 ADDRESS = "127.0.0.1"
 """The only address that the page is served on."""
 
-_DASHES = {":": "dotted", "-.": "dashdot", "-": "solid", "--": "dashed"}
 _STALE = 0.25  # opacity of what was computed for other values
 _EMPTY: dict[str, Any] = {"time": [], "force": [], "output": [], "error": []}
 _PANELS = {
@@ -55,12 +53,7 @@ link.download = name; link.click(); URL.revokeObjectURL(link.href);"""
 
 
 class ExplorerPage:
-    """One visitor's page.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    """
+    """One visitor's page."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._explorer = Explorer(scenario)
@@ -232,7 +225,7 @@ class ExplorerPage:
                     y,
                     source=self._sources[curve.name],
                     color=curve.style.color,
-                    line_dash=_DASHES[curve.style.linestyle],
+                    line_dash=DASHES[curve.style.linestyle],
                     line_width=1.8,
                 )
                 tips = [("", curve.label), (x_label, f"@{x}{{0.000}}"), (y_label, f"@{y}{{0.000}}")]
@@ -261,19 +254,9 @@ def _log_slider(title: str, value: float, decades: float) -> Slider:
 
 
 def make_server(scenario: Scenario, port: int) -> Server:
-    """Server of the page, on this machine only; not started yet.
+    """Server of the page, on this machine only, at a port (0: any that is free); not started yet.
 
-    Parameters
-    ----------
-    port : int
-        0 for any that is free.
-
-    Raises
-    ------
-    InputError
-        If the port is taken.
-    TendonffError
-        If the scenario itself cannot be computed.
+    InputError if the port is taken, TendonffError if the scenario itself cannot be computed.
     """
     explorer = Explorer(scenario)
     explorer.at(explorer.start)  # what is wrong with the scenario is said here, not in the browser

@@ -9,7 +9,7 @@ from tendonff.compensator.adapt.setup import Certified, certified, tuned_chain, 
 from tendonff.compensator.compensators.base import FloatArray, Problem
 from tendonff.compensator.export.golden import Course
 from tendonff.compensator.export.text.table_index import rounded
-from tendonff.compensator.scenario.adaptation import Adaptation
+from tendonff.compensator.scenario.settings import Adaptation
 from tendonff.ocp.adaptation.code import TunedChain
 from tendonff.ocp.adaptation.target import tuner_code
 from tendonff.ocp.adaptation.tuner import REALS, SelfTuner, SimulatedRig

@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.compensator.compensators.base import FloatArray, Problem
+from tendonff.compensator.compensators.base import FloatArray, Problem, servo
 from tendonff.compensator.compensators.lookup_table import LookupTable
-from tendonff.compensator.compensators.motion import servo
 from tendonff.compensator.compensators.score import scale_N
 from tendonff.compensator.compensators.stream.model import StreamDesign, smoothed, stream_force
 from tendonff.compensator.compensators.stream.run import quantised

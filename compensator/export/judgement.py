@@ -3,8 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
-from tendonff.compensator.compensators.base import CModule, FloatArray, Problem, Profile
-from tendonff.compensator.compensators.motion import with_motion
+from tendonff.compensator.compensators.base import CModule, FloatArray, Problem, Profile, with_motion
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import Score, SimulatedPlant, is_worse, verify
 from tendonff.compensator.compensators.stream.run import StreamChoice

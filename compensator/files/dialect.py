@@ -58,28 +58,16 @@ def is_comment(line: str) -> bool:
 
 
 def find_dialect(path: Path, expected: Sequence[str] = ()) -> Dialect:
-    """Find out from its first lines how a table is written.
+    """Find out from its first lines how a table is written; `expected` names tell its header from a heading.
 
-    Parameters
-    ----------
-    expected : sequence of str
-        Names of columns that the header may have; they tell it from a heading.
-
-    Raises
-    ------
-    InputError
-        The file is empty, is no text, or its first line is a row of numbers.
+    InputError if the file is empty, is no text, or its first line is a row of numbers.
     """
-    lines = _first_lines(path)
+    with user_text(path) as stream:
+        lines = [line.rstrip("\r\n") for line in islice(iter(lambda: stream.readline(_LONGEST), ""), _LOOKED_AT)]
     try:
         return _dialect_of(lines, expected, path.name)
     except csv.Error as error:
         raise InputError(f"{path.name} row 1: the header cannot be read ({error})") from None
-
-
-def _first_lines(path: Path) -> list[str]:
-    with user_text(path) as stream:
-        return [line.rstrip("\r\n") for line in islice(iter(lambda: stream.readline(_LONGEST), ""), _LOOKED_AT)]
 
 
 def _dialect_of(lines: Sequence[str], expected: Sequence[str], file: str) -> Dialect:

@@ -25,12 +25,9 @@ def stopped() -> bool:
 
 
 def raise_if_stopped() -> None:
-    """Stop now if an interrupt was lost: Python discards what is raised inside a callback of a weak reference.
+    """Raise KeyboardInterrupt if an interrupt was lost.
 
-    Raises
-    ------
-    KeyboardInterrupt
-        The user asked to stop before.
+    Python discards what is raised inside a callback of a weak reference.
     """
     if stopped():
         raise KeyboardInterrupt

@@ -11,15 +11,7 @@ def silent(_done: int, _total: int) -> None:
 
 
 class Parts:
-    """Progress of work that consists of parts, some of which report progress of their own.
-
-    Parameters
-    ----------
-    progress : callable
-        Of the whole work.
-    total : int
-        Parts in all.
-    """
+    """Progress of work that consists of `total` parts, some of which report progress of their own."""
 
     _FINE = 100  # steps that a part is reported in
 
@@ -32,13 +24,7 @@ class Parts:
         self._progress(self._FINE * self._done, self._FINE * self._total)
 
     def inside(self, parts: int = 1) -> Progress:
-        """Progress of the next parts, which counts as that of the whole; `done` follows when they are.
-
-        Parameters
-        ----------
-        parts : int, optional
-            How many parts the piece makes up.
-        """
+        """Progress of the next so many parts, which counts as that of the whole; `done` follows when they are."""
 
         def report(done: int, total: int) -> None:
             share = min(done / max(total, 1), 1.0)

@@ -45,18 +45,15 @@ LENGTH_UNITS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "um": 1e-6, "µm": 1e-6}
 TIME_WORDS = ("time", "t", "timestamp", "zeit")
 
 
+def time_quantity(option: str, column: str | None = None) -> Quantity:
+    """The column of time [s]; `option` is how a user names it, or `column` what he named it."""
+    return Quantity(name="time_s", words=TIME_WORDS, units=TIME_UNITS, option=option, column=column)
+
+
 def read_quantities(path: Path, wanted: Sequence[Quantity], *, starts_at_zero: bool = False) -> Quantities:
-    """Read quantities from a table, the first of which must increase from row to row.
+    """Read quantities from a table, the first of which must increase from row to row, or start at 0 too.
 
-    Parameters
-    ----------
-    starts_at_zero : bool
-        The first quantity must start at 0.
-
-    Raises
-    ------
-    InputError
-        A column or its unit cannot be told, with the way to say it; or what `read_csv` refuses.
+    InputError if a column or its unit cannot be told, with the way to say it; or what `read_csv` refuses.
     """
     named = [q.column for q in wanted if q.column is not None]
     dialect = table_dialect(path, (*named, *(q.name for q in wanted)))

@@ -28,30 +28,13 @@ def read_csv(
     starts_at_zero: bool = False,
     dialect: Dialect | None = None,
 ) -> dict[str, FloatArray]:
-    """Read named columns of numbers and refuse anything doubtful.
+    """Read named columns of numbers, shape (rows,), and refuse anything doubtful.
 
-    Parameters
-    ----------
-    path : Path
-        Table with one header line; separator, decimal mark, remarks and a line of units as the file has them.
-    required, optional : sequence of str
-        Columns to read; other columns are ignored, whatever they hold.
-    increasing : str or None
-        Column that must increase strictly from row to row.
-    starts_at_zero : bool
-        The increasing column must start at 0.
-    dialect : Dialect, optional
-        How the file is written, if known.
+    The file has one header line; separator, decimal mark, remarks and a line of units are found out, where no dialect
+    is given. Other columns are ignored, whatever they hold, and an optional one that the file lacks is left out. One
+    column must increase strictly from row to row, and may have to start at 0.
 
-    Returns
-    -------
-    dict of str to ndarray, shape (rows,)
-        Finite numbers, by column name; an optional column that the file lacks is left out.
-
-    Raises
-    ------
-    InputError
-        One message with file, row (as an editor counts: the header is row 1), column, and what was found.
+    InputError is one message with file, row (as an editor counts: the header is row 1), column, and what was found.
     """
     if dialect is None:
         dialect = table_dialect(path, (*required, *optional))
@@ -63,7 +46,11 @@ def read_csv(
     for name in wanted:
         if names.count(name) > 1:
             raise InputError(f'{path.name}: column "{name}" appears {names.count(name)} times; keep one')
-    columns = _unpacked(path, wanted) if is_packed(path) else _parse(path, dialect, wanted)
+    if is_packed(path):
+        table = read_table(path)
+        columns = {name: table.numbers(name) for name in wanted}
+    else:
+        columns = _parse(path, dialect, wanted)
     if columns[wanted[0]].size == 0:
         raise InputError(f"{path.name} has a header but no rows; add at least one")
     for name, values in columns.items():
@@ -88,20 +75,8 @@ def check_increasing(path: Path, name: str, time: FloatArray, first: int, *, sta
 
 
 def nearest_column(name: str, names: Sequence[str]) -> str:
-    """What the file has instead of a missing column.
-
-    Parameters
-    ----------
-    names : sequence of str
-        The file's columns.
-    """
+    """What the file's columns have instead of a missing one."""
     return suggestion(name, [other or "(empty)" for other in names])
-
-
-def _unpacked(path: Path, wanted: Sequence[str]) -> dict[str, FloatArray]:
-    """Numbers of the wanted columns of a table that is no text."""
-    table = read_table(path)
-    return {name: table.numbers(name) for name in wanted}
 
 
 def _parse(path: Path, dialect: Dialect, wanted: Sequence[str]) -> dict[str, FloatArray]:

@@ -81,17 +81,9 @@ def is_packed(path: Path) -> bool:
 
 
 def read_table(path: Path, expected: Sequence[str] = ()) -> Table:
-    """Read a file of any of the known kinds, tolerant of rows and cells that cannot be used.
+    """Read a file of any of the known kinds, tolerant of rows and cells that cannot be used; else InputError.
 
-    Parameters
-    ----------
-    expected : sequence of str, optional
-        Names of columns that the header may have; they tell it from a heading.
-
-    Raises
-    ------
-    InputError
-        One message that says what can be read.
+    `expected` are names of columns that the header may have; they tell it from a heading.
     """
     if path.suffix.lower() == ".mat":
         return _matlab(path)

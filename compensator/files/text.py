@@ -16,13 +16,7 @@ class InputError(TendonffError, ValueError):
 
 
 def suggestion(name: str, valid: Sequence[str]) -> str:
-    """`, did you mean "x"?` for the nearest valid name, else the list of all of them.
-
-    Parameters
-    ----------
-    valid : sequence of str
-        What could have been meant.
-    """
+    """`, did you mean "x"?` for the nearest valid name, else the list of all of them."""
     near = get_close_matches(name, valid, n=1, cutoff=0.6)
     if near:
         return f', did you mean "{near[0]}"?'

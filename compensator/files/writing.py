@@ -4,25 +4,69 @@ Every result goes to a temporary sibling first and takes its name only when it i
 full disk leaves what was there before.
 """
 
+import ctypes
+import functools
 import json
+import math
 import os
 import shutil
 import signal
 import stat
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from tendonff.compensator.files.interrupts import raise_if_stopped
-from tendonff.compensator.files.number_text import BYTES_MORE, BYTES_PER_NUMBER, compiled_writer
 from tendonff.compensator.files.reading import FloatArray, InputError
+from tendonff.ocp.codegen.compiler import load_library
+from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.codegen.leftovers import remove_leftovers, temporary_name
+
+BYTES_PER_NUMBER = 26
+BYTES_MORE = 64
+
+Writer = Callable[[NDArray[np.float64], NDArray[np.uint8]], int]
+
+
+@functools.cache
+def compiled_writer() -> Writer | None:
+    """Function that writes rows of numbers as CSV lines into a buffer and returns the bytes used.
+
+    The buffer must hold `BYTES_PER_NUMBER` a number and `BYTES_MORE`. Every number reads back as the same double. None
+    where no C compiler works, or it knows no integers of 128 bits.
+    """
+    if resolve_engine(Engine.AUTO) is not Engine.COMPILED:
+        return None
+    try:
+        library = load_library(
+            resources.files("tendonff.compensator.files").joinpath("number_text.c").read_text("utf-8")
+        )
+    except (RuntimeError, OSError):
+        return None
+    library.tff_csv_text.restype = ctypes.c_long
+
+    def write(block: NDArray[np.float64], out: NDArray[np.uint8]) -> int:
+        rows, columns = block.shape
+        if out.size < BYTES_PER_NUMBER * block.size + BYTES_MORE:
+            raise ValueError(f"the buffer holds {out.size} bytes, too few for {block.size} numbers")
+        return int(
+            library.tff_csv_text(
+                ctypes.c_void_p(block.ctypes.data),
+                ctypes.c_long(rows),
+                ctypes.c_long(columns),
+                ctypes.c_void_p(out.ctypes.data),
+            )
+        )
+
+    return write
+
 
 _MANY_VALUES = 100_000  # numbers in a block from which it pays to load the compiled writer
 _BLOCK_VALUES = 20_000  # numbers per written block: what stays in the processor's cache writes twice as fast
@@ -66,25 +110,36 @@ def _remove_empty(folders: Sequence[Path]) -> None:
             return  # somebody else put something there
 
 
-def _sibling(target: Path) -> Path:
+@contextmanager
+def _appearing(
+    target: Path, make: Callable[[Path], None], place: Callable[[Path], None], remove: Callable[[Path], None]
+) -> Iterator[Path]:
+    """A sibling of `target`, made, then placed when the block ends without an error, else removed."""
+    made = _make_parents(target.parent)
     remove_leftovers(target.parent, target.name)
-    return target.with_name(temporary_name(target.name))
+    partial = target.with_name(temporary_name(target.name))
+    try:
+        try:
+            make(partial)
+        except OSError as error:
+            raise InputError(
+                f"{target} cannot be written: {error.strerror or error}; name a place that you may write to"
+            ) from None
+        yield partial
+        with _uninterrupted():
+            place(partial)
+    except BaseException:
+        remove(partial)
+        _remove_empty(made)
+        raise
 
 
 @contextmanager
 def atomic_file(target: Path) -> Iterator[Path]:
     """Path to write to; it becomes `target` when the block ends without an error, else it vanishes.
 
-    Parameters
-    ----------
-    target : Path
-        File to write; one that exists is replaced on success only. Missing folders are made. A device or pipe
-        (`/dev/null`) is written to directly.
-
-    Raises
-    ------
-    InputError
-        At entry, before any work, when `target` is a folder or cannot be written.
+    A file that exists is replaced on success only; missing folders are made; a device or pipe (`/dev/null`) is written
+    to directly. InputError at entry, before any work, when `target` is a folder or cannot be written.
     """
     try:
         mode = target.stat().st_mode if target.exists() else None
@@ -96,64 +151,35 @@ def atomic_file(target: Path) -> Iterator[Path]:
     if mode is not None and not stat.S_ISREG(mode):
         yield target
         return
-    target = resolved
-    made = _make_parents(target.parent)
-    partial = _sibling(target)
-    try:
-        try:
-            partial.touch()
-        except OSError as error:
-            raise InputError(
-                f"{target} cannot be written: {error.strerror or error}; name a place that you may write to"
-            ) from None
+
+    def place(partial: Path) -> None:
+        if mode is not None:
+            partial.chmod(stat.S_IMODE(mode))
+        partial.replace(resolved)
+
+    with _appearing(resolved, Path.touch, place, lambda partial: partial.unlink(missing_ok=True)) as partial:
         yield partial
-        with _uninterrupted():
-            if mode is not None:
-                partial.chmod(stat.S_IMODE(mode))
-            partial.replace(target)
-    except BaseException:
-        partial.unlink(missing_ok=True)
-        _remove_empty(made)
-        raise
 
 
 @contextmanager
 def atomic_directory(target: str | os.PathLike[str]) -> Iterator[Path]:
     """Empty folder to fill; its contents become `target` when the block ends without an error, else it vanishes.
 
-    Parameters
-    ----------
-    target : str or path
-        Folder to write. Files of an earlier run with the same names are replaced, on success only; files that this
-        run does not write stay, for they may be the user's.
-
-    Raises
-    ------
-    InputError
-        At entry, before any work, when `target` is a file or cannot be written.
+    Files of an earlier run with the same names are replaced, on success only; files that this run does not write stay,
+    for they may be the user's. InputError at entry, before any work, when `target` is a file or cannot be written.
     """
     target = Path(os.path.abspath(target))  # noqa: PTH100 - `resolve` would replace a linked folder by its target
     if target.exists() and not target.is_dir():
         raise InputError(f"{target} is a file; name a folder to write")
-    made = _make_parents(target.parent)
-    partial = _sibling(target)
-    try:
-        try:
-            partial.mkdir()
-        except OSError as error:
-            raise InputError(
-                f"{target} cannot be written: {error.strerror or error}; name a place that you may write to"
-            ) from None
+
+    def place(partial: Path) -> None:
+        if target.exists():
+            _merge(partial, target)
+        else:
+            partial.rename(target)
+
+    with _appearing(target, Path.mkdir, place, lambda partial: shutil.rmtree(partial, ignore_errors=True)) as partial:
         yield partial
-        with _uninterrupted():
-            if target.exists():
-                _merge(partial, target)
-            else:
-                partial.rename(target)
-    except BaseException:
-        shutil.rmtree(partial, ignore_errors=True)
-        _remove_empty(made)
-        raise
 
 
 def _merge(source: Path, target: Path) -> None:
@@ -182,10 +208,7 @@ def write_text(path: Path, text: str) -> None:
 def write_json(path: Path, value: Mapping[str, Any]) -> None:
     """Write `value` as indented JSON, whole or not at all; numpy scalars and arrays become numbers and lists.
 
-    Raises
-    ------
-    ValueError
-        When a number is not finite: JSON has no NaN, and a result should say what is missing instead.
+    ValueError when a number is not finite: JSON has no NaN, and a result should say what is missing instead.
     """
     write_text(path, json.dumps(value, indent=2, allow_nan=False, ensure_ascii=False, default=_plain) + "\n")
 
@@ -201,14 +224,7 @@ def _plain(value: object) -> object:
 
 
 class CsvStream:
-    """CSV file that grows block by block; made by `open_csv`.
-
-    Parameters
-    ----------
-    stream : binary file
-    names : sequence of str
-        Header.
-    """
+    """CSV file that grows block by block; made by `open_csv`."""
 
     __slots__ = ("_columns", "_stream")
 
@@ -218,12 +234,7 @@ class CsvStream:
         stream.write(",".join(names).encode() + b"\n")
 
     def write(self, block: FloatArray) -> None:
-        """Append rows; every number reads back as the same double.
-
-        Parameters
-        ----------
-        block : ndarray, shape (rows, columns)
-        """
+        """Append rows, shape (rows, columns); every number reads back as the same double."""
         if block.ndim != 2 or block.shape[1] != self._columns:
             raise ValueError(f"block must have {self._columns} columns, got shape {block.shape}")
         rows = max(1, _BLOCK_VALUES // self._columns)
@@ -253,15 +264,19 @@ def open_csv(path: Path, names: Sequence[str]) -> Iterator[CsvStream]:
 
 
 def write_csv(path: Path, columns: Mapping[str, ArrayLike]) -> None:
-    """Write equally long columns of numbers under their names, whole or not at all.
-
-    Parameters
-    ----------
-    columns : mapping of str to array_like, shape (rows,)
-    """
+    """Write columns of numbers, shape (rows,), under their names, whole or not at all."""
     table = np.column_stack([np.asarray(values, dtype=np.float64) for values in columns.values()])
     with open_csv(path, list(columns)) as out:
         out.write(table)
+
+
+def csv_text(names: Iterable[str], rows: Iterable[Iterable[str | float]]) -> str:
+    """CSV of texts and numbers, which read back as the same double; NaN is an empty cell."""
+
+    def cell(value: str | float) -> str:
+        return value if isinstance(value, str) else "" if math.isnan(value) else repr(value)
+
+    return "".join(f"{','.join(line)}\n" for line in (names, *(map(cell, row) for row in rows)))
 
 
 def require_parquet() -> None:

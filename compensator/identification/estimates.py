@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import t as student
 
 from tendonff.compensator.identification.fitting.dynamic import DynamicFit, relevant_size
-from tendonff.compensator.identification.fitting.model_selection import StaticSelection
+from tendonff.compensator.identification.fitting.static import StaticFit
 from tendonff.compensator.identification.identifiability import ExcitationSummary, reason
 from tendonff.compensator.identification.measured.reading import Array
 from tendonff.compensator.identification.result import Estimate
@@ -22,111 +22,137 @@ P, D = StaticParameter, DynamicParameter
 POOR_SHARE = 0.35
 """Standard error over value from which on a value counts as not identified."""
 
+BLIND_SHARE = 1e3
+"""A standard error of so many times the value, and of so many units, is none: the data do not see the value."""
+
 TWINS = 0.985
 """Correlation from which on two values are told only together."""
 
 BIASES = (D.INPUT_BIAS, D.OUTPUT_BIAS)
+CONSTANTS = (P.ADHESION, P.INPUT_BIAS, P.OUTPUT_BIAS)
 EXPONENTS = {"mu_dynamic": "mu_theta", "mu_dynamic_release": "mu_theta_release"}
 
 LOAD_TERMS = (P.PULL, P.RELEASE, P.ADHESION)
+OF_CHAIN = {P.PULL: D.MU_PULL, P.RELEASE: D.MU_RELEASE, P.ADHESION: D.ADHESION, P.BRISTLE: D.BRISTLE}
+"""What the chain calls the values of the static law; the others are told as biases are."""
 
 NOT_DESCRIBED = "no law explains these files, so its parameters mean nothing here"
 
 Answer = tuple[tuple[Estimate, ...], tuple[str, ...], Array]
 
 
-def _scenario_value(scenario: Scenario, name: str) -> float | None:
-    friction, tendon = scenario.transmission.friction, scenario.transmission.tendon
-    if name == "mu_dynamic_release":
-        return friction.release_dynamic
-    if name == "mu_static_release":
-        return friction.release_static
-    value = next((getattr(table, name) for table in (friction, tendon) if hasattr(table, name)), None)
-    return None if value is None else float(value)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Rig:
+    """What the estimates are compared with, and told about."""
+
+    scenario: Scenario
+    now: ExcitationSummary
+    described: bool
+
+    @property
+    def theta_rad(self) -> float:
+        return self.scenario.transmission.path.total_angle_rad
+
+    def own(self, name: str) -> float | None:
+        """The scenario's value; None where it has none of this name."""
+        friction, tendon = self.scenario.transmission.friction, self.scenario.transmission.tendon
+        if name in ("mu_dynamic_release", "mu_static_release"):
+            return friction.release_dynamic if name == "mu_dynamic_release" else friction.release_static
+        value = getattr(friction, name, getattr(tendon, name, None))
+        return None if value is None else float(value)
+
+    def reason(self, name: DynamicParameter, share: float | None = None, *, fitted: bool = False) -> str:
+        return reason(name, self.now, self.scenario.transmission, share, fitted=fitted)
+
+    def kept(self, name: str, value: float, why: str) -> Estimate:
+        """A value that was not fitted."""
+        return Estimate(
+            name=str(name),
+            value=value,
+            standard_error=None,
+            interval=None,
+            identifiable=False,
+            why=why,
+            scenario=self.own(name),
+        )
+
+    def fitted(
+        self, name: str, value: float, error: float, interval: tuple[float, float], *, told: bool, why: str
+    ) -> Estimate:
+        """A value that was fitted; the scenario's own where no law describes the device."""
+        own = self.own(name)
+        seen = error < BLIND_SHARE * max(abs(value), abs(own or 0.0), 1.0)
+        return Estimate(
+            name=name,
+            value=value if self.described or own is None else own,
+            standard_error=error if seen else None,
+            interval=interval if seen else None,
+            identifiable=bool(told and self.described and seen),
+            why=why if self.described else NOT_DESCRIBED,
+            scenario=own,
+            fitted=self.described,
+        )
 
 
-def static_estimates(scenario: Scenario, stage: StaticSelection, now: ExcitationSummary, *, described: bool) -> Answer:
-    """Estimates of the static stage alone.
+def estimates_of(scenario: Scenario, law: DynamicFit | StaticFit, now: ExcitationSummary, *, described: bool) -> Answer:
+    """Estimates of the law that won, names of its free values, their correlation; `described`: it fits the device."""
+    rig = _Rig(scenario=scenario, now=now, described=described)
+    found = _dynamic(rig, law) if isinstance(law, DynamicFit) else _static(rig, law)
+    return (*_exponents(found, rig.theta_rad), *found), tuple(law.solution.values), law.solution.correlation()
 
-    Parameters
-    ----------
-    described : bool
-        The law describes the device.
-    """
-    theta, fit = scenario.transmission.path.total_angle_rad, stage.fit
-    solution = fit.solution
+
+def _static(rig: _Rig, fit: StaticFit) -> list[Estimate]:
+    """Estimates of the static stage alone."""
+    theta, solution = rig.theta_rad, fit.solution
     sliding = dict(zip((P.PULL, P.RELEASE), in_gross_sliding(fit.values), strict=True))
     per_own = {k: v / fit.values[k] / theta if fit.values[k] > 0 else 1 / theta for k, v in sliding.items()}
     names = {
         P.PULL: ("mu_dynamic", per_own[P.PULL]),
         P.RELEASE: ("mu_dynamic_release", per_own[P.RELEASE]),
-        P.ADHESION: ("adhesion_N", 1.0),
-        P.INPUT_BIAS: ("input_bias_N", 1.0),
-        P.OUTPUT_BIAS: ("output_bias_N", 1.0),
-        P.GUIDE: ("guide_stiffness_N_per_m", 1.0),
+        **{k: (k.value, 1.0) for k in (*CONSTANTS, P.GUIDE)},
         P.BRISTLE: ("soft_bristle_stiffness_N_per_m", 1.0),
         **{k: (k.value, 1.0) for k in SPREADS},
     }
     estimates: list[Estimate] = []
-    correlation = solution.correlation()
-    free = list(solution.values)
     for parameter, (name, factor) in names.items():
         source = P.PULL if parameter is P.RELEASE and not fit.model.asymmetric else parameter
-        own = _scenario_value(scenario, name)
-        if source.value not in free:
-            if parameter in (P.ADHESION, P.INPUT_BIAS, P.OUTPUT_BIAS):
-                estimates.append(_kept(name, 0.0, own, _constants(fit.model.constants, parameter)))
+        own = rig.own(name)
+        if source.value not in solution.values:
+            if parameter in CONSTANTS:
+                estimates.append(rig.kept(name, 0.0, _why_no_constant(fit.model.constants, parameter)))
             elif own is not None:
-                estimates.append(_kept(name, own, own, reason(D.BRISTLE, now, scenario.transmission)))
+                estimates.append(rig.kept(name, own, rig.reason(D.BRISTLE)))
             continue
         value, error = solution.values[source.value], solution.standard_error(source.value)
         low, high = solution.interval(source.value)
-        size = abs(value)
-        told = error < POOR_SHARE * size or parameter in (P.INPUT_BIAS, P.OUTPUT_BIAS, P.GUIDE)
-        partner = _partner(free, correlation, source.value)
-        if parameter in LOAD_TERMS and partner in LOAD_TERMS:
-            told = False  # friction that grows with load and friction that does not look the same here
-        if not described:
-            why = NOT_DESCRIBED
-        elif not told or not math.isfinite(error):
-            share = error / size if size > 0 else float("inf")
-            twin = f" It goes with {partner}: the files tell only their combination." if partner else ""
-            key = {P.PULL: D.MU_PULL, P.RELEASE: D.MU_RELEASE, P.ADHESION: D.ADHESION, P.BRISTLE: D.BRISTLE}
-            kind = key.get(parameter, D.INPUT_BIAS)
-            why = reason(kind, now, scenario.transmission, share, fitted=True) + "." + twin
-            if parameter in LOAD_TERMS and partner in LOAD_TERMS:
-                why = f"it goes with {partner}, these files tell only their combination; repeat at several loads"
-        else:
+        partner = _partner(solution.correlation(), list(solution.values), source.value)
+        # Friction that grows with load and friction that does not look the same here.
+        alike = parameter in LOAD_TERMS and partner in LOAD_TERMS
+        told = not alike and (error < POOR_SHARE * abs(value) or parameter in (P.INPUT_BIAS, P.OUTPUT_BIAS, P.GUIDE))
+        if alike:
+            why = f"it goes with {partner}, these files tell only their combination; repeat at several loads"
+        elif told and math.isfinite(error):
             why = "static stage" + (f"; mu theta = {sliding[parameter]:.4g}" if parameter in sliding else "")
-        told = bool(told and described and math.isfinite(error))
-        shown = factor * value if described or own is None else own
-        estimates.append(
-            Estimate(
-                name=name,
-                value=float(shown),
-                standard_error=factor * error,
-                interval=(factor * low, factor * high),
-                identifiable=told,
-                why=why,
-                scenario=own,
-                fitted=described,
-            )
-        )
-    estimates = [*_exponents(estimates, theta), *estimates]
-    if described and P.ADHESION.value in free:
-        estimates.append(_without_load(stage))
-    for dynamic_name in (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME, D.STRIBECK_VELOCITY, D.VISCOUS, D.DAMPING):
-        own = _scenario_value(scenario, dynamic_name)
-        why = reason(dynamic_name, now, scenario.transmission)
-        if fit.explain is Explain.INPUT and dynamic_name is not D.VISCOUS and dynamic_name is not D.STRIBECK_VELOCITY:
-            why = f"the output tension is imposed: what would tell {dynamic_name} needs a load that only follows"
-        estimates.append(_kept(dynamic_name, own or 0.0, own, why if described else NOT_DESCRIBED))
-    return tuple(estimates), tuple(free), correlation
+        else:
+            share = error / abs(value) if value else float("inf")
+            twin = f" It goes with {partner}: the files tell only their combination." if partner else ""
+            why = rig.reason(OF_CHAIN.get(parameter, D.INPUT_BIAS), share, fitted=True) + "." + twin
+        interval = (factor * low, factor * high)
+        estimates.append(rig.fitted(name, float(factor * value), factor * error, interval, told=told, why=why))
+    if rig.described and P.ADHESION.value in solution.values:
+        estimates.append(_without_load(rig, fit))
+    imposed = (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME, D.DAMPING) if fit.explain is Explain.INPUT else ()
+    for name in (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME, D.STRIBECK_VELOCITY, D.VISCOUS, D.DAMPING):
+        why = rig.reason(name)
+        if name in imposed:
+            why = f"the output tension is imposed: what would tell {name} needs a load that only follows"
+        estimates.append(rig.kept(name, rig.own(name) or 0.0, why if rig.described else NOT_DESCRIBED))
+    return estimates
 
 
-def _without_load(stage: StaticSelection) -> Estimate:
+def _without_load(rig: _Rig, fit: StaticFit) -> Estimate:
     """Friction that remains at zero output tension, p (e^{mu theta} - 1), which is told better than its two factors."""
-    solution, names = stage.fit.solution, list(stage.fit.solution.values)
+    solution, names = fit.solution, list(fit.solution.values)
     a, p = solution.values[P.PULL.value], solution.values[P.ADHESION.value]
     gradient = np.zeros(len(names))
     gradient[names.index(P.PULL.value)] = p * np.exp(a)
@@ -135,17 +161,18 @@ def _without_load(stage: StaticSelection) -> Estimate:
     error = math.sqrt(max(float(gradient @ solution.covariance @ gradient), 0.0)) if finite else float("inf")
     reach = error * float(student.ppf(0.975, max(solution.degrees, 1)))
     value = float(p * np.expm1(a))
-    return Estimate(
-        name="load_independent_friction_N",
-        value=value,
-        standard_error=error,
-        interval=(value - reach, value + reach),
-        identifiable=bool(error < POOR_SHARE * value),
+    found = rig.fitted(
+        "load_independent_friction_N",
+        value,
+        error,
+        (value - reach, value + reach),
+        told=error < POOR_SHARE * value,
         why="static stage: adhesion times (e^{mu theta} - 1)",
     )
+    return replace(found, fitted=False)
 
 
-def _constants(chosen: bool, parameter: StaticParameter) -> str:
+def _why_no_constant(chosen: bool, parameter: StaticParameter) -> str:
     if chosen:
         return (
             "only two of adhesion, input bias and output bias can be told from friction loops; this one is held at the "
@@ -155,72 +182,48 @@ def _constants(chosen: bool, parameter: StaticParameter) -> str:
     return f"{what} does not lower the validation error; add strokes at low tension"
 
 
-def _partner(names: Sequence[str], correlation: Array, name: str) -> str:
-    """The value that this one is most correlated with, if nearly fully."""
-    row = np.abs(correlation[list(names).index(name)]).copy()
-    row[list(names).index(name)] = 0
-    best = int(np.argmax(row)) if len(row) > 1 else 0
-    return str(names[best]) if len(row) > 1 and row[best] > TWINS else ""
+def _partner(correlation: Array, names: list[str], name: str) -> str:
+    """The value that this one is most correlated with, if nearly fully; empty where there is none."""
+    row = np.abs(correlation[names.index(name)])
+    row[names.index(name)] = 0
+    best = int(np.argmax(row))
+    return names[best] if row[best] > TWINS else ""
 
 
-def _kept(name: str, value: float, own: float | None, why: str) -> Estimate:
-    return Estimate(
-        name=str(name), value=value, standard_error=None, interval=None, identifiable=False, why=why, scenario=own
-    )
-
-
-def dynamic_estimates(scenario: Scenario, fit: DynamicFit, now: ExcitationSummary, *, described: bool) -> Answer:
-    """Estimates of the dynamic stage, which starts from the others' answers.
-
-    Parameters
-    ----------
-    described : bool
-        The law describes the device.
-    """
+def _dynamic(rig: _Rig, fit: DynamicFit) -> list[Estimate]:
+    """Estimates of the dynamic stage, which starts from the others' answers."""
     solution = fit.solution
     estimates: list[Estimate] = []
     for parameter in DynamicParameter:
         name = "soft_bristle_stiffness_N_per_m" if parameter is D.BRISTLE else str(parameter)
         source = D.MU_PULL if parameter is D.MU_RELEASE and fit.model.symmetric else parameter
-        own = _scenario_value(scenario, name)
+        statics = {"mu_static": fit.values[D.MU_PULL], "mu_static_release": fit.values[D.MU_RELEASE]}
         if source not in solution.values:
-            size = abs(fit.values[parameter])
+            size, own = abs(fit.values[parameter]), rig.own(name)
             expected = fit.expected.get(parameter, float("inf"))
-            why = reason(parameter, now, scenario.transmission, expected / size if size > 0 else None)
+            why = rig.reason(parameter, expected / size if size > 0 else None)
             if parameter is not D.STATIC_EXCESS:
-                estimates.append(_kept(name, fit.values[parameter] if own is None else own, own, why))
+                estimates.append(rig.kept(name, fit.values[parameter] if own is None else own, why))
             else:
-                for static in ("mu_static", "mu_static_release"):
-                    value = _scenario_value(scenario, static)
-                    estimates.append(_kept(static, value or 0.0, value, f"{why}; its ratio to the dynamic one is kept"))
+                why = f"{why}; its ratio to the dynamic one is kept"
+                estimates += [rig.kept(static, rig.own(static) or 0.0, why) for static in statics]
             continue
         value, error = solution.values[source], solution.standard_error(source)
-        interval = solution.interval(source)
-        size = relevant_size(source, value, fit.mean_N)
-        told = described and bool(math.isfinite(error)) and (error < POOR_SHARE * size or source in BIASES)
-        share = error / abs(value) if value else float("inf")
-        why = "dynamic stage" if told else reason(parameter, now, scenario.transmission, share, fitted=True)
-        if not described:
-            why = NOT_DESCRIBED
-        if parameter is D.STATIC_EXCESS:
-            estimates += _static_coefficients(
-                scenario, fit, value, error, interval, told=told, fitted=described, why=why
-            )
-            continue
-        estimates.append(
-            Estimate(
-                name=name,
-                value=value if described or own is None else own,
-                standard_error=error,
-                interval=_feasible(source, interval),
-                identifiable=told,
-                why=why,
-                scenario=own,
-                fitted=described,
-            )
+        low, high = solution.interval(source)
+        if source not in BIASES:
+            low = max(low, 0.0)  # no interval of a positive value reaches below zero
+        told = math.isfinite(error) and (
+            error < POOR_SHARE * relevant_size(source, value, fit.mean_N) or source in BIASES
         )
-    theta = scenario.transmission.path.total_angle_rad
-    return (*_exponents(estimates, theta), *estimates), tuple(solution.values), solution.correlation()
+        share = error / abs(value) if value else float("inf")
+        why = "dynamic stage" if told else rig.reason(parameter, share, fitted=True)
+        if parameter is not D.STATIC_EXCESS:
+            estimates.append(rig.fitted(name, value, error, (low, high), told=told, why=why))
+            continue
+        for static, mu in statics.items():  # both from their common ratio to the dynamic coefficients
+            interval = (mu * (1 + low), mu * (1 + high))
+            estimates.append(rig.fitted(static, mu * (1 + value), mu * error, interval, told=told, why=why))
+    return estimates
 
 
 def _exponents(estimates: Sequence[Estimate], theta: float) -> list[Estimate]:
@@ -237,38 +240,3 @@ def _exponents(estimates: Sequence[Estimate], theta: float) -> list[Estimate]:
         for e in estimates
         if e.name in EXPONENTS
     ]
-
-
-def _feasible(parameter: DynamicParameter, interval: tuple[float, float]) -> tuple[float, float]:
-    """No interval of a positive value reaches below zero."""
-    return interval if parameter in BIASES else (max(interval[0], 0.0), interval[1])
-
-
-def _static_coefficients(
-    scenario: Scenario,
-    fit: DynamicFit,
-    excess: float,
-    error: float,
-    interval: tuple[float, float],
-    *,
-    told: bool,
-    fitted: bool,
-    why: str,
-) -> list[Estimate]:
-    """mu_static of both directions from their common ratio to the dynamic coefficients."""
-    found = []
-    for name, mu in (("mu_static", fit.values[D.MU_PULL]), ("mu_static_release", fit.values[D.MU_RELEASE])):
-        own = _scenario_value(scenario, name)
-        found.append(
-            Estimate(
-                name=name,
-                value=mu * (1 + excess) if fitted or own is None else own,
-                standard_error=mu * error,
-                interval=(mu * (1 + max(interval[0], 0.0)), mu * (1 + interval[1])),
-                identifiable=told,
-                why=why,
-                scenario=own,
-                fitted=fitted,
-            )
-        )
-    return found

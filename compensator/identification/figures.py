@@ -8,20 +8,11 @@ import numpy as np
 from tendonff.compensator.identification.measured.reading import Array
 from tendonff.compensator.identification.result import IdentificationData, PieceComparison
 from tendonff.compensator.identification.suggest import Excitation
-from tendonff.compensator.reporting.plots import (
-    BLUE,
-    GREY,
-    INK,
-    ORANGE,
-    VERMILION,
-    figure_style,
-    new_figure,
-    save_figure,
-)
+from tendonff.compensator.reporting.colours import BLUE, GREY, INK, ORANGE, VERMILION
+from tendonff.compensator.reporting.plots import figure_style, new_figure, save_figure, thinned
 from tendonff.compensator.scenario.measurement import Explain
 
 MOST_PANELS = 4
-MOST_POINTS = 4000
 
 
 def draw(found: IdentificationData, folder: Path) -> list[Path]:
@@ -45,8 +36,8 @@ def _chosen(comparisons: Sequence[PieceComparison]) -> list[PieceComparison]:
 
 
 def _thin(*columns: Array) -> list[Array]:
-    step = max(1, len(columns[0]) // MOST_POINTS)
-    return [c[::step] for c in columns]
+    rows = thinned(len(columns[0]))
+    return [c[rows] for c in columns]
 
 
 CHANNELS = {
@@ -138,25 +129,21 @@ def _relaxation(comparisons: Sequence[PieceComparison], folder: Path) -> list[Pa
 def draw_suggestion(excitation: Excitation, folder: Path) -> list[Path]:
     """Figure of a suggested excitation, its parts marked."""
     with figure_style():
-        return _draw_excitation(excitation, folder)
-
-
-def _draw_excitation(excitation: Excitation, folder: Path) -> list[Path]:
-    figure, axes = new_figure(1, 1, height_in=2.8)
-    ax = axes[0, 0]
-    ax.plot(*_thin(excitation.time_s, excitation.force_N), color=BLUE)
-    for number, part in enumerate(excitation.parts):
-        start = float(part.split(" s:", maxsplit=1)[0])
-        ax.axvline(start, color=ORANGE, lw=0.8, ls=":")
-        ax.annotate(
-            str(number + 1),
-            (start, 1.0),
-            xycoords=("data", "axes fraction"),
-            xytext=(3, -9),
-            textcoords="offset points",
-        )
-    names = [part.split(": ", maxsplit=1)[1].split(":", maxsplit=1)[0] for part in excitation.parts]
-    ax.set_title("; ".join(f"{k + 1} {name}" for k, name in enumerate(names)), fontsize=7)
-    ax.set_xlabel("time [s]")
-    ax.set_ylabel("actuator force [N]")
-    return save_figure(figure, folder / "suggested_force")
+        figure, axes = new_figure(1, 1, height_in=2.8)
+        ax = axes[0, 0]
+        ax.plot(*_thin(excitation.time_s, excitation.force_N), color=BLUE)
+        for number, part in enumerate(excitation.parts):
+            start = float(part.split(" s:", maxsplit=1)[0])
+            ax.axvline(start, color=ORANGE, lw=0.8, ls=":")
+            ax.annotate(
+                str(number + 1),
+                (start, 1.0),
+                xycoords=("data", "axes fraction"),
+                xytext=(3, -9),
+                textcoords="offset points",
+            )
+        names = [part.split(": ", maxsplit=1)[1].split(":", maxsplit=1)[0] for part in excitation.parts]
+        ax.set_title("; ".join(f"{k + 1} {name}" for k, name in enumerate(names)), fontsize=7)
+        ax.set_xlabel("time [s]")
+        ax.set_ylabel("actuator force [N]")
+        return save_figure(figure, folder / "suggested_force")

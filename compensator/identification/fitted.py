@@ -3,15 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from tendonff.compensator.identification.fitting.dynamic import DynamicFit, chain_errors
-from tendonff.compensator.identification.fitting.model_selection import StaticSelection
-from tendonff.compensator.identification.fitting.static import (
-    FileError,
-    StaticFit,
-    errors_of,
-    middle_of,
-    pooled_percent,
-)
+from tendonff.compensator.identification.fitting.dynamic import ChainLaw, DynamicFit
+from tendonff.compensator.identification.fitting.errors import percent_of
+from tendonff.compensator.identification.fitting.static import StaticFit
 from tendonff.compensator.identification.measured.cleaning import Record
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
@@ -26,6 +20,16 @@ P, D = StaticParameter, DynamicParameter
 
 REPLAY_STEP_S = 1e-3
 
+FRICTION_KEYS = (
+    "mu_dynamic_release",
+    "mu_static_release",
+    "stribeck_velocity_m_per_s",
+    "viscous_N_s_per_m",
+    "adhesion_N",
+)
+TENDON_KEYS = ("stiffness_N_per_m", "relaxing_stiffness_N_per_m", "relaxation_time_s", "damping_N_s_per_m")
+"""Values that the scenario and the undivided tendon call alike."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fitted:
@@ -34,55 +38,47 @@ class Fitted:
     scenario: Scenario
     # what the input and the output cell read at zero, beyond what was taken off when the files were read
     offsets_N: tuple[float, float] = (0.0, 0.0)
-    static: StaticFit | None = None  # the static law that was fitted; None where the chain was
+    # error of the scenario's own law, static or of the chain, simulated again [% of range]; None where none was fitted
+    percent: float | None = None
     # what the chain of the scenario leaves where a static law was fitted [% of range]; None where nothing drives it
     chain_percent: float | None = None
 
 
-def scenario_of_chain(scenario: Scenario, fit: DynamicFit, records: Sequence[Record]) -> Fitted:
-    """The scenario with all values of a fitted chain: they were fitted together and belong together.
+def carried_on(
+    scenario: Scenario, law: DynamicFit | StaticFit, records: Sequence[Record], *, static_only: bool
+) -> Fitted:
+    """The scenario with the values of the law that won, and its own error on the records.
 
     Parameters
     ----------
-    records : sequence of Record
-        What it was fitted to.
+    static_only : bool
+        No simulation: the scenario's own level stays.
     """
+    if isinstance(law, DynamicFit):
+        fitted = scenario_of_chain(scenario, law, records)
+        return replace(fitted, percent=_percent(_chain_of(fitted, law.explain), records))
+    fitted = scenario_of_static(scenario, law, records, static_only=static_only)
+    return replace(fitted, percent=percent_of(static_law_of(fitted, law), records))
+
+
+def scenario_of_chain(scenario: Scenario, fit: DynamicFit, records: Sequence[Record]) -> Fitted:
+    """The scenario with all values of a fitted chain: they were fitted together and belong together."""
     t, number = scenario.transmission, fit.model.whole(fit.values).value
     friction = replace(
         t.friction,
         mu_dynamic=number("mu_dynamic_pull"),
         mu_static=number("mu_static_pull"),
-        mu_dynamic_release=number("mu_dynamic_release"),
-        mu_static_release=number("mu_static_release"),
-        stribeck_velocity_m_per_s=number("stribeck_velocity_m_per_s"),
-        viscous_N_s_per_m=number("viscous_N_s_per_m"),
         soft_bristle_stiffness_N_per_m=number("bristle_stiffness_N_per_m"),
-        adhesion_N=number("adhesion_N"),
+        **{name: number(name) for name in FRICTION_KEYS},
     )
-    tendon = replace(
-        t.tendon,
-        stiffness_N_per_m=number("stiffness_N_per_m"),
-        relaxing_stiffness_N_per_m=number("relaxing_stiffness_N_per_m"),
-        relaxation_time_s=number("relaxation_time_s"),
-        damping_N_s_per_m=number("damping_N_s_per_m"),
-    )
+    tendon = replace(t.tendon, **{name: number(name) for name in TENDON_KEYS})
     changed = replace(scenario, transmission=replace(t, friction=friction, tendon=tendon))
     return _fitted(changed, fit.model.level, (fit.values[D.INPUT_BIAS], fit.values[D.OUTPUT_BIAS]), records)
 
 
-def scenario_of_static(
-    scenario: Scenario, stage: StaticSelection, records: Sequence[Record], *, static_only: bool
-) -> Fitted:
-    """The scenario with all values of a fitted static law, at the fidelity level whose chain comes closest.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        What it was fitted to.
-    static_only : bool
-        No simulation: the scenario's own level stays.
-    """
-    t, fit, values = scenario.transmission, stage.fit, stage.fit.values
+def scenario_of_static(scenario: Scenario, fit: StaticFit, records: Sequence[Record], *, static_only: bool) -> Fitted:
+    """The scenario with all values of a fitted static law, at the fidelity level whose chain comes closest."""
+    t, values = scenario.transmission, fit.values
     theta, f = t.path.total_angle_rad, t.friction
     pull, release = (max(exponent, 0.0) / theta for exponent in in_gross_sliding(values))
     ratio = f.mu_static / f.mu_dynamic if f.mu_dynamic > 0 else 1.0
@@ -102,7 +98,7 @@ def scenario_of_static(
         scenario.measurement,
         explain=fit.explain if fit.explain is Explain.INPUT else scenario.measurement.explain,
         guide_stiffness_N_per_m=values[P.GUIDE] or None,
-        guide_zero_m=middle_of(records) if values[P.GUIDE] else None,
+        guide_zero_m=fit.middle_m if values[P.GUIDE] else None,
         bristle_spread=values[P.BRISTLE_SPREAD] or None,
     )
     changed = replace(scenario, transmission=replace(t, friction=friction), measurement=how)
@@ -110,22 +106,16 @@ def scenario_of_static(
     own = scenario.run.level
     driven = static_only or fit.explain is Explain.INPUT or any(r.signed for r in records)
     levels = [Level.PRESLIDING] if fit.model.presliding else [own] if driven else [own, Level.VISCOELASTIC]
-    tried = [replace(_fitted(changed, level, offsets, records), static=fit) for level in dict.fromkeys(levels)]
+    tried = [_fitted(changed, level, offsets, records) for level in dict.fromkeys(levels)]
     if driven:
         return tried[0]
-    left = [pooled_percent(_chain_replay(found, fit.explain, records), records, fit.explain) for found in tried]
+    left = [_percent(_chain_of(found, fit.explain), records) for found in tried]
     best = min(range(len(tried)), key=left.__getitem__)
     return replace(tried[best], chain_percent=left[best])
 
 
 def static_law_of(fitted: Fitted, fit: StaticFit) -> StaticFit:
-    """The static law that a fitted scenario holds, from its own keys.
-
-    Parameters
-    ----------
-    fit : StaticFit
-        For the kind of law.
-    """
+    """The static law that a fitted scenario holds, of the kind of `fit`, from its own keys."""
     t, how = fitted.scenario.transmission, fitted.scenario.measurement
     law, friction = CapstanLaw.of(t), t.friction
     values = {
@@ -142,7 +132,7 @@ def static_law_of(fitted: Fitted, fit: StaticFit) -> StaticFit:
     }
     if fit.model.presliding:
         values[P.BRISTLE] = friction.soft_bristle_stiffness_N_per_m
-    return replace(fit, values=values)
+    return replace(fit, values=values, middle_m=fit.middle_m if how.guide_zero_m is None else how.guide_zero_m)
 
 
 def with_coulomb(scenario: Scenario, coulomb_N: float) -> Scenario:
@@ -163,26 +153,22 @@ def _fitted(scenario: Scenario, level: Level, offsets_N: tuple[float, float], re
     )
 
 
-def replay(fitted: Fitted, explain: Explain, records: Sequence[Record]) -> tuple[FileError, ...]:
-    """Errors of the law that a fitted scenario holds: of its static law, or of its chain, simulated again."""
-    if fitted.static is None:
-        return _chain_replay(fitted, explain, records)
-    zero = fitted.scenario.measurement.guide_zero_m
-    law = static_law_of(fitted, fitted.static)
-    return errors_of(law, records, middle_of(records) if zero is None else zero)
-
-
-def _chain_replay(fitted: Fitted, explain: Explain, records: Sequence[Record]) -> tuple[FileError, ...]:
-    """Errors of the chain with the scenario's own number of masses."""
-    scenario = fitted.scenario
+def _chain_of(fitted: Fitted, explain: Explain) -> ChainLaw:
+    """The chain that a fitted scenario holds, with its own number of masses."""
+    t = fitted.scenario.transmission
     model = ChainModel(
-        transmission=scenario.transmission,
-        level=scenario.run.level,
-        count=scenario.transmission.path.segments,
+        transmission=t,
+        level=fitted.scenario.run.level,
+        count=t.path.segments,
         longest_step_s=REPLAY_STEP_S,
     )
-    values = {**model.values(), D.INPUT_BIAS: fitted.offsets_N[0], D.OUTPUT_BIAS: fitted.offsets_N[1]}
+    offsets = dict(zip((D.INPUT_BIAS, D.OUTPUT_BIAS), fitted.offsets_N, strict=True))
+    return ChainLaw(model=model, values=model.values() | offsets, explain=explain)
+
+
+def _percent(law: ChainLaw, records: Sequence[Record]) -> float:
+    """Error of a chain in percent of range; infinite where it fails."""
     try:
-        return chain_errors(model, values, records, Explain.OUTPUT if explain is Explain.INPUT else explain)
+        return percent_of(law, records)
     except SolveError:
-        return tuple(FileError(name=r.name, rms=float("inf"), span=1.0) for r in records)
+        return float("inf")

@@ -12,6 +12,20 @@ from tendonff.ocp.fits.chain import DynamicParameter
 
 D = DynamicParameter
 
+ADVICE = {
+    D.RELAXING: "the holds show no relaxation beyond the noise; use larger steps before longer holds",
+    D.RELAXATION_TIME: "the holds show no relaxation beyond the noise; use larger steps before longer holds",
+    D.STIFFNESS: "the elongation does not follow the tension; check the positions' units, sign and zero drift",
+    D.VISCOUS: "add faster strokes (10 times)",
+    D.ADHESION: "add strokes at low tension",
+    D.DAMPING: "it acts on fast changes only; add excitation above 20 Hz",
+    D.BRISTLE: "add small reversals that do not reach gross sliding",
+}
+"""What would tell a value; friction coefficients want full strokes."""
+
+EFFECTS = {D.VISCOUS: "adding viscous friction", D.ADHESION: "load-independent friction"}
+"""Values that a law may do without, and what is then said of them."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExcitationSummary:
@@ -65,15 +79,11 @@ def reason(
     doubt = _standard_error(float(relative_error or 0)) if known else ""
     if unmeasured := _unmeasured(name, now, doubt):
         return unmeasured
-    if name in (D.RELAXATION_TIME, D.RELAXING):
-        if now.hold_s < 3 * tau:
-            return (
-                f"no hold longer than {now.hold_s:.2g} s: {name} is not identifiable; "
-                f"add a hold of 3 tau, {3 * tau:.3g} s with the scenario's tau"
-            )
-        return f"{doubt}the holds show no relaxation beyond the noise; use larger steps before longer holds"
-    if name is D.STIFFNESS:
-        return f"{doubt}the elongation does not follow the tension; check the positions' units, sign and zero drift"
+    if name in (D.RELAXATION_TIME, D.RELAXING) and now.hold_s < 3 * tau:
+        return (
+            f"no hold longer than {now.hold_s:.2g} s: {name} is not identifiable; "
+            f"add a hold of 3 tau, {3 * tau:.3g} s with the scenario's tau"
+        )
     if name in (D.STATIC_EXCESS, D.STRIBECK_VELOCITY):
         omega = transmission.friction.stribeck_velocity_m_per_s
         speed = f" (the input end moved at up to {now.speed_m_per_s:.2g} m/s)" if now.speed_m_per_s else ""
@@ -82,18 +92,12 @@ def reason(
             f"{useless}{speed}; "
             f"add strokes at speeds from {0.2 * omega:.2g} to {5 * omega:.2g} m/s, around the Stribeck velocity"
         )
-    if name is D.VISCOUS:
-        useless = "" if fitted else "adding viscous friction does not reduce the validation error; "
-        return f"{doubt}{useless}add faster strokes (10 times)"
-    if name is D.ADHESION:
-        useless = "" if fitted else "load-independent friction does not reduce the validation error; "
-        return f"{doubt}{useless}add strokes at low tension"
-    if name is D.DAMPING:
-        return f"{doubt}it acts on fast changes only; add excitation above 20 Hz"
-    if name is D.BRISTLE:
-        return f"{doubt}add small reversals that do not reach gross sliding"
     if name in (D.INPUT_BIAS, D.OUTPUT_BIAS):
         return "not separable from adhesion and the other cell's offset; read both cells with a slack tendon"
+    if name in EFFECTS and not fitted:
+        doubt += f"{EFFECTS[name]} does not reduce the validation error; "
+    if name in ADVICE:
+        return doubt + ADVICE[name]
     if now.load_swing < 0.3:
         return f"{doubt}the output tension varies too little; repeat at several loads"
     return f"{doubt}repeat with full strokes in both directions at several loads"

@@ -9,10 +9,11 @@ from tendonff.compensator.identification.fitted import Fitted
 from tendonff.compensator.identification.fitting.delay import Delay
 from tendonff.compensator.identification.fitting.dynamic import DynamicFit
 from tendonff.compensator.identification.fitting.sliding_ratio import SlidingRatio
+from tendonff.compensator.identification.fitting.tendon import stretches_within
 from tendonff.compensator.identification.measured.cleaning import Record
 from tendonff.compensator.identification.measured.reading import DataIssue
 from tendonff.compensator.identification.outcome import Outcome
-from tendonff.compensator.identification.result import PieceComparison
+from tendonff.compensator.identification.result import CandidateLaw, PieceComparison
 from tendonff.ocp.fits.static import StaticParameter
 
 Array = NDArray[np.float64]
@@ -35,7 +36,7 @@ def moved_inside(comparisons: Sequence[PieceComparison]) -> list[tuple[str, floa
     found = []
     for piece in comparisons:
         span = float(np.ptp(piece.measured))
-        for start, stop in _held(piece.model, STILL_SHARE * span):
+        for start, stop in stretches_within(piece.model, STILL_SHARE * span):
             time, measured = piece.time_s[start:stop], piece.measured[start:stop]
             if time[-1] - time[0] >= LEAST_S and float(np.ptp(measured)) > MOVED_SHARE * span:
                 row = int(np.argmax(np.abs(measured - measured[0]) > MOVED_SHARE * span / 2))
@@ -43,54 +44,39 @@ def moved_inside(comparisons: Sequence[PieceComparison]) -> list[tuple[str, floa
     return found
 
 
-def _held(x: Array, within: float) -> list[tuple[int, int]]:
-    """Stretches over which a signal stays within a band."""
-    stretches, start, low, high = [], 0, x[0], x[0]
-    for k, value in enumerate(x):
-        low, high = min(low, value), max(high, value)
-        if high - low > within:
-            if k - start > 1:
-                stretches.append((start, k))
-            start, low, high = k, value, value
-    return [*stretches, (start, len(x))]
-
-
-def about_delay(delay: Delay | None) -> list[str]:
-    """What to say where one channel is read later than the other."""
+def about_delay(delay: Delay | None) -> str:
+    """What to say where one channel is read later than the other; empty where none is."""
     if delay is None or not delay.told:
-        return []
-    told = (
+        return ""
+    return (
         f"the output is read {1e3 * abs(delay.seconds):.3g} ms {'later' if delay.seconds > 0 else 'earlier'} than the "
         f"input (+-{1e3 * delay.error_s:.2g} ms), which was taken out before the fit: log both with one clock"
     )
-    return [told]
 
 
-def about_uneven_path(chain: DynamicFit | None, theta: float) -> list[str]:
-    """What to say where the elongation fits an uneven path better."""
+def about_uneven_path(chain: DynamicFit | None, theta: float) -> str:
+    """What to say where the elongation fits an uneven path better; empty where it does not."""
     if chain is None or chain.concentration == 0:
-        return []
+        return ""
     near = float(np.clip((1 + chain.concentration) / 2, 0, 1))
-    told = (
+    return (
         f"the elongation fits better where the half of the path next to the actuator has {near * theta:.3g} of the "
         f"{theta:.3g} rad: the tendon's stiffness and relaxation are doubtful; give the path in [[path.sections]] with "
         "angle_rad and length_m"
     )
-    return [told]
 
 
-def about_moments(outcome: Outcome) -> list[str]:
-    """Moments at which the output moved although the law holds it."""
+def about_moments(outcome: Outcome) -> str:
+    """Moments at which the output moved although the law holds it; empty without any."""
     moments = moved_inside(outcome.comparisons)
     if not moments:
-        return []
+        return ""
     shown = ", ".join(f"{name} {time:.4g} s" for name, time in moments[:MOST_MOMENTS])
     more = " ..." if len(moments) > MOST_MOMENTS else ""
-    told = (
+    return (
         f"the output moves inside the dead band {len(moments)} times ({shown}{more}): was the far end touched or moved "
         "there? Leave these times out, or hold it"
     )
-    return [told]
 
 
 def about_issues(records: Sequence[Record]) -> list[str]:
@@ -111,8 +97,11 @@ def about_issues(records: Sequence[Record]) -> list[str]:
     return lines
 
 
-def about_no_law(outcome: Outcome, failure: str, sliding: Sequence[SlidingRatio], records: Sequence[Record]) -> str:
+def about_no_law(
+    laws: Sequence[CandidateLaw], failure: str, sliding: Sequence[SlidingRatio], records: Sequence[Record]
+) -> str:
     """Why nothing was taken over, and what the files tell all the same."""
+    best = next(law.name for law in laws if law.chosen)
     shown = [
         f"{g.branch} {g.log_ratio:.3g} ({g.interval[0]:.3g} to {g.interval[1]:.3g})"
         for g in sliding
@@ -120,7 +109,7 @@ def about_no_law(outcome: Outcome, failure: str, sliding: Sequence[SlidingRatio]
     ]
     ratios = f"; ln(T_in/T_out) in gross sliding: {', '.join(shown)}" if shown else ""
     return (
-        f"no law explains these files: the best, {outcome.law}, has {failure}. A transmission driven at its input end "
+        f"no law explains these files: the best, {best}, has {failure}. A transmission driven at its input end "
         "alone behaves differently: is the output end, or the path itself, driven, or the loop pre-tensioned? No value "
         f"was taken over into the fitted scenario{ratios}{_positions_wanted(records)}"
     )

@@ -17,13 +17,7 @@ _CAPTIONS = {
 
 
 def identification_report(found: IdentificationData, folder: Path) -> Report:
-    """The page of an identification.
-
-    Parameters
-    ----------
-    folder : Path
-        Where its figures lie.
-    """
+    """The page of an identification whose figures lie in `folder`."""
     validated = found.validation_percent
     judged = "" if validated is None else f", and {validated:.2g} % on validation files"
     verdict = (

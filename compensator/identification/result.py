@@ -6,10 +6,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from tendonff.compensator.identification.fitting.between_files import ByFile
+from tendonff.compensator.identification.fitting.by_file import ByFile
+from tendonff.compensator.identification.fitting.errors import FileError
 from tendonff.compensator.identification.fitting.sections import SectionFriction
 from tendonff.compensator.identification.fitting.sliding_ratio import SlidingRatio
-from tendonff.compensator.identification.fitting.static import FileError
 from tendonff.compensator.identification.measured.reading import Array, Finding
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
@@ -24,29 +24,25 @@ class Estimate:
 
     name: str  # key of the scenario file, or what it is
     value: float  # estimate; the scenario's value where it was not fitted
+    # standard_error, interval: 95 %; None where it was not fitted, or the data do not see it
     standard_error: float | None
-    interval: tuple[float, float] | None  # 95 %
+    interval: tuple[float, float] | None
     identifiable: bool  # the data tell it by itself
     why: str  # where the value comes from, or what keeps the data from telling and which experiment would tell
     scenario: float | None = None  # the scenario's own value
     fitted: bool = False  # the value is the joint estimate, which fitted.toml has; else it is the scenario's
 
     def as_json(self) -> dict[str, Any]:
-        """Plain values; what is not a finite number becomes null."""
-        finite = self.interval is not None and all(math.isfinite(v) for v in self.interval)
+        """Plain values."""
         return {
             "estimate": self.value,
-            "standard_error": self.standard_error if _is_finite(self.standard_error) else None,
-            "interval_95": list(self.interval) if finite and self.interval is not None else None,
+            "standard_error": self.standard_error,
+            "interval_95": None if self.interval is None else list(self.interval),
             "identifiable": self.identifiable,
             "fitted": self.fitted,
             "why": self.why,
             "scenario": self.scenario,
         }
-
-
-def _is_finite(value: float | None) -> bool:
-    return value is not None and math.isfinite(value)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,62 +89,36 @@ class PieceComparison:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdentificationData:
-    """Everything that a set of measurements told about a scenario.
+    """Everything that a set of measurements told about a scenario."""
 
-    Parameters
-    ----------
-    scenario : Scenario
-        With what was identified put in.
-    explain : Explain
-        Channel that the model explains.
-    law : str
-        The chosen law.
-    described : bool
-        The law describes the device.
-    estimates : tuple of Estimate
-    correlation_names : tuple of str
-    correlation : ndarray, shape (k, k)
-    laws : tuple of CandidateLaw
-    files : tuple of FileResult
-    fit_percent, validation_percent : float or None
-        RMS error over all files of that role in percent of their common range; None without validation files.
-    replay_percent : float or None
-        The same for `scenario`, simulated again over the fitted files; None where no law describes the device.
-    sliding : tuple of SlidingRatio
-    warnings : tuple of str
-    comparisons : tuple of PieceComparison
-    inputs : tuple of Path
-        The measured files.
-    by_file : tuple of ByFile
-        What each of several files says alone.
-    output_delay_s : float or None
-        How much later the output is read than the input.
-    sections : tuple of SectionFriction
-        Friction between tension cells along the path, where there are more than two.
-    comparable : bool
-        The measured tensions are of the scenario's size; else no excitation is suggested.
-    """
-
-    scenario: Scenario
-    explain: Explain
-    law: str
-    described: bool
+    scenario: Scenario  # with what was identified put in
+    explain: Explain  # channel that the model explains
+    described: bool  # the chosen law describes the device
     estimates: tuple[Estimate, ...]
+    # correlation_names, correlation: shape (k, k); of the values that were free
     correlation_names: tuple[str, ...]
     correlation: Array
     laws: tuple[CandidateLaw, ...]
     files: tuple[FileResult, ...]
+    # fit_percent, validation_percent: RMS error over all files of that role in percent of their common range; None
+    # without validation files
     fit_percent: float
     validation_percent: float | None
+    # the same for `scenario`, simulated again over the fitted files; None where no law describes the device
     replay_percent: float | None
     sliding: tuple[SlidingRatio, ...]
     warnings: tuple[str, ...]
     comparisons: tuple[PieceComparison, ...]
-    inputs: tuple[Path, ...]
-    by_file: tuple[ByFile, ...] = ()
-    output_delay_s: float | None = None
-    sections: tuple[SectionFriction, ...] = ()
-    comparable: bool = True
+    inputs: tuple[Path, ...]  # the measured files
+    by_file: tuple[ByFile, ...] = ()  # what each of several files says alone
+    output_delay_s: float | None = None  # how much later the output is read than the input
+    sections: tuple[SectionFriction, ...] = ()  # friction between tension cells, where there are more than two
+    comparable: bool = True  # the tensions are of the scenario's size; else no excitation is suggested
+
+    @property
+    def law(self) -> str:
+        """Name of the chosen law."""
+        return next(law.name for law in self.laws if law.chosen)
 
     def estimate(self, name: str) -> Estimate:
         """The estimate of that name."""
@@ -198,12 +168,14 @@ def _file(result: FileResult, unit: str) -> dict[str, Any]:
 
 
 def _law(law: CandidateLaw) -> Mapping[str, Any]:
+    percents = (law.fit_percent, law.validation_percent)
+    fit, validation = (percent if math.isfinite(percent) else None for percent in percents)
     return {
         "name": law.name,
         "stage": law.stage,
         "free_values": law.free_values,
-        "fit_percent_of_range": law.fit_percent if math.isfinite(law.fit_percent) else None,
-        "validation_percent_of_range": law.validation_percent if math.isfinite(law.validation_percent) else None,
+        "fit_percent_of_range": fit,
+        "validation_percent_of_range": validation,
         "chosen": law.chosen,
     }
 

@@ -2,24 +2,19 @@
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.identification.estimates import Answer, dynamic_estimates, static_estimates
-from tendonff.compensator.identification.fitted import (
-    Fitted,
-    replay,
-    scenario_of_chain,
-    scenario_of_static,
-    with_coulomb,
-)
-from tendonff.compensator.identification.fitting import dynamic, tendon
-from tendonff.compensator.identification.fitting.between_files import by_file
+from tendonff.compensator.identification.estimates import estimates_of
+from tendonff.compensator.identification.fitted import Fitted, carried_on, with_coulomb
+from tendonff.compensator.identification.fitting import tendon
+from tendonff.compensator.identification.fitting.by_file import between_files
 from tendonff.compensator.identification.fitting.delay import Delay, align, earlier
 from tendonff.compensator.identification.fitting.drive import drive_estimate
+from tendonff.compensator.identification.fitting.dynamic import DynamicFit, fit_coarse, fit_dynamic
 from tendonff.compensator.identification.fitting.model_selection import (
     StaticSelection,
     choose_explain,
@@ -27,12 +22,12 @@ from tendonff.compensator.identification.fitting.model_selection import (
 )
 from tendonff.compensator.identification.fitting.sections import friction_by_section
 from tendonff.compensator.identification.fitting.sliding_ratio import sliding_ratios
-from tendonff.compensator.identification.fitting.static import pooled_percent
+from tendonff.compensator.identification.fitting.static import StaticFit
 from tendonff.compensator.identification.identifiability import summarise_excitation
 from tendonff.compensator.identification.measured.cleaning import Record, clean
 from tendonff.compensator.identification.measured.plan import check_plan, check_question
 from tendonff.compensator.identification.measured.reading import read_measurement
-from tendonff.compensator.identification.measured.units import magnitude_warning, unit_warnings
+from tendonff.compensator.identification.measured.units import magnitude_warning, unit_warning
 from tendonff.compensator.identification.messages import (
     about_delay,
     about_fitted,
@@ -43,7 +38,7 @@ from tendonff.compensator.identification.messages import (
 )
 from tendonff.compensator.identification.outcome import Outcome, compared, outcome_of
 from tendonff.compensator.identification.output import Identification
-from tendonff.compensator.identification.result import POOR_PERCENT, FileResult
+from tendonff.compensator.identification.result import POOR_PERCENT, CandidateLaw, FileResult
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.ocp.errors import SolveError
@@ -91,48 +86,37 @@ def identify(
     """
     fit_files, judging = [Path(file) for file in data], [Path(file) for file in validate]
     check_question(scenario, fit_files, judging)
-    how = scenario.measurement
-    joints = scenario.transmission.joints
-    raw = [read_measurement(path, how, joints) for path in (*fit_files, *judging)]
+    how, theta = scenario.measurement, scenario.transmission.path.total_angle_rad
+    raw = [read_measurement(path, how, scenario.transmission.joints) for path in (*fit_files, *judging)]
     check_plan(raw, how, static_only=static_only, say=say, confirm=confirm)
     everything = [clean(one, how) for one in raw]
-    records, judges = everything[: len(fit_files)], everything[len(fit_files) :]
-    warnings = [*unit_warnings(how, _positions_of(records)), *about_issues(everything)]
+    records: Sequence[Record] = everything[: len(fit_files)]
+    judges = everything[len(fit_files) :]
+    warnings = [unit_warning(how, _positions_of(records)), *about_issues(everything)]
     foreign = _foreign(scenario, records)
-    warnings += [foreign] if foreign else []
-    stage: StaticSelection | None = None
-    delay: Delay | None = None
-    chain: dynamic.DynamicFit | None
     if _proximal(scenario, everything, static_only=static_only):
-        chain = _fit_proximal(scenario, records, judges, say)
-        warnings.append(
-            "nothing was measured at the far end: the load is the scenario's, "
-            f"{scenario.transmission.load.stiffness_N_per_m:g} N/m; an error of it goes into the estimates"
-        )
+        fits = _fit_proximal(scenario, records, judges, say)
     else:
-        stage, chain, delay, trouble = _fit(scenario, records, judges, static_only=static_only, say=say)
-        warnings += trouble
-        if delay is not None and delay.told:
-            records, judges = ([earlier(r, delay.seconds) for r in some] for some in (records, judges))
-    explain = Explain.POSITION if stage is None else stage.fit.explain
-    laws = compared(stage, chain, records)
-    if chain is not None and not any(law.chosen and law.stage == "dynamic" for law in laws):
-        chain = None
-    outcome = outcome_of(laws, stage, chain, records, judges)
-    files, said = by_file(chain, records, conditions or {})
-    warnings += [*said, *about_delay(delay), *about_moments(outcome)]
+        fits = _fit(scenario, records, judges, static_only=static_only, say=say)
+    records = fits.records
+    warnings += [foreign, fits.warning]
+    laws = compared(fits.stage, fits.chain, records)
+    law = fits.chosen(laws)
+    chain = law if isinstance(law, DynamicFit) else None
+    outcome = outcome_of(law, records, fits.judges)
+    told = between_files(chain.files, chain.values, records, conditions or {}) if chain is not None else ((), [])
+    warnings += [*told[1], about_delay(fits.delay), about_moments(outcome)]
     sliding = sliding_ratios(records)
     failure = _failure(outcome)
     if failure:
-        warnings.append(about_no_law(outcome, failure, sliding, records))
-    estimates, names, correlation = _estimates(scenario, stage, chain, records, described=not failure)
-    fitted, replayed = Fitted(scenario=scenario), None
+        warnings.append(about_no_law(laws, failure, sliding, records))
+    estimates, names, correlation = estimates_of(scenario, law, summarise_excitation(records), described=not failure)
+    fitted = Fitted(scenario=scenario)
     if not failure:
         say("replay of the fitted scenario")
-        fitted, replayed = _carried_on(scenario, stage, chain, records, static_only=static_only)
+        fitted = carried_on(scenario, law, records, static_only=static_only)
         warnings += about_fitted(fitted, records)
-        warnings += about_uneven_path(chain, scenario.transmission.path.total_angle_rad)
-    theta = scenario.transmission.path.total_angle_rad
+        warnings.append(about_uneven_path(chain, theta))
     sections = friction_by_section(fit_files, how, theta, fitted.scenario.transmission.friction.adhesion_N)
     of_drive = drive_estimate(scenario, raw[: len(fit_files)])
     if of_drive is not None:
@@ -140,25 +124,24 @@ def identify(
         fitted = replace(fitted, scenario=with_coulomb(fitted.scenario, of_drive.value))
     return Identification(
         scenario=fitted.scenario,
-        explain=explain,
-        law=outcome.law,
+        explain=law.explain,
         described=not failure,
         estimates=estimates,
         correlation_names=names,
         correlation=correlation,
-        laws=outcome.laws,
+        laws=laws,
         files=outcome.files,
         fit_percent=outcome.fit_percent,
-        replay_percent=replayed,
+        replay_percent=fitted.percent,
         validation_percent=outcome.validation_percent,
         comparisons=outcome.comparisons,
         sliding=sliding,
-        warnings=tuple(warnings),
+        warnings=tuple(filter(None, warnings)),
         inputs=(*fit_files, *judging),
-        by_file=files,
+        by_file=told[0],
         sections=sections,
-        output_delay_s=None if delay is None else delay.seconds,
-        comparable=foreign is None,
+        output_delay_s=None if fits.delay is None else fits.delay.seconds,
+        comparable=not foreign,
     )
 
 
@@ -181,13 +164,39 @@ def _proximal(scenario: Scenario, records: Sequence[Record], *, static_only: boo
     return True
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Fits:
+    """What was fitted, and to which records: a delay of the output is taken out of them."""
+
+    records: Sequence[Record]
+    judges: Sequence[Record]
+    stage: StaticSelection | None = None  # None where nothing was measured at the far end
+    chain: DynamicFit | None = None  # None where it was not tried, or failed
+    delay: Delay | None = None
+    warning: str = ""
+
+    def chosen(self, laws: Sequence[CandidateLaw]) -> DynamicFit | StaticFit:
+        """The fit of the law that was chosen."""
+        dynamic = any(law.chosen and law.stage == "dynamic" for law in laws)
+        if self.stage is not None and not dynamic:
+            return self.stage.fit
+        if self.chain is None:
+            raise InputError("no law could be fitted to these files")
+        return self.chain
+
+
 def _fit_proximal(
     scenario: Scenario, records: Sequence[Record], judges: Sequence[Record], say: Callable[[str], None]
-) -> dynamic.DynamicFit:
+) -> _Fits:
     """The chain between the measured input tension and the scenario's load, against the position of the input end."""
     say("first look")
-    coarse = dynamic.fit_coarse(records, scenario.transmission, {}, Explain.POSITION)
-    return dynamic.fit_dynamic(coarse, {}, validation=judges, say=say)
+    coarse = fit_coarse(records, scenario.transmission, {}, Explain.POSITION)
+    warning = (
+        "nothing was measured at the far end: the load is the scenario's, "
+        f"{scenario.transmission.load.stiffness_N_per_m:g} N/m; an error of it goes into the estimates"
+    )
+    chain = fit_dynamic(coarse, {}, validation=judges, say=say)
+    return _Fits(records=records, judges=judges, chain=chain, warning=warning)
 
 
 def _fit(
@@ -197,19 +206,22 @@ def _fit(
     *,
     static_only: bool,
     say: Callable[[str], None],
-) -> tuple[StaticSelection, dynamic.DynamicFit | None, Delay | None, list[str]]:
-    """Static law, and the chain where it can be tried, with the output's delay and what went wrong."""
+) -> _Fits:
+    """Static law, and the chain where it can be tried."""
     transmission = scenario.transmission
     say("first look")
     explain, coarse = choose_explain(records, scenario.measurement.explain, transmission, static_only=static_only)
     delay: Delay | None = None
+    given = records
     if coarse is not None and explain is Explain.OUTPUT and coarse.percent < POOR_PERCENT:
         delay, coarse, records = align(records, coarse, transmission)
-        judges = [earlier(r, delay.seconds) for r in judges] if delay.told else judges
+        if delay.told:
+            given, judges = ([earlier(r, delay.seconds) for r in some] for some in (given, judges))
     say("static stage")
     stage = select_static(records, judges, explain)
+    fits = _Fits(records=given, judges=judges, stage=stage, delay=delay)
     if coarse is None or coarse.percent >= 3 * POOR_PERCENT:
-        return stage, None, delay, []
+        return fits
     start = _start(scenario, stage)
     try:
         if all(r.has_positions for r in records):
@@ -218,48 +230,13 @@ def _fit(
             if lengths.explained >= tendon.EXPLAINED_ENOUGH:
                 near = start | {D.BRISTLE: coarse.solution.values[D.BRISTLE]}
                 near |= {D(k): v for k, v in lengths.values.items()}
-                other = dynamic.fit_coarse(records, transmission, near, several=False)
+                other = fit_coarse(records, transmission, near, several=False)
                 coarse = min(coarse, other, key=lambda c: c.solution.cost)
         biases, offsets = _biased(stage, records), not any(r.zeroed for r in records)
-        chain = dynamic.fit_dynamic(coarse, start, validation=judges, biases=biases, offsets=offsets, say=say)
+        chain = fit_dynamic(coarse, start, validation=judges, biases=biases, offsets=offsets, say=say)
     except SolveError as error:
-        return stage, None, delay, [f"the dynamic stage found no answer ({error}); the static law is reported"]
-    return stage, chain, delay, []
-
-
-def _estimates(
-    scenario: Scenario,
-    stage: StaticSelection | None,
-    chain: dynamic.DynamicFit | None,
-    records: Sequence[Record],
-    *,
-    described: bool,
-) -> Answer:
-    """Estimates of the law that won."""
-    excitation = summarise_excitation(records)
-    if chain is not None:
-        return dynamic_estimates(scenario, chain, excitation, described=described)
-    if stage is None:
-        raise InputError("no law could be fitted to these files")
-    return static_estimates(scenario, stage, excitation, described=described)
-
-
-def _carried_on(
-    scenario: Scenario,
-    stage: StaticSelection | None,
-    chain: dynamic.DynamicFit | None,
-    records: Sequence[Record],
-    *,
-    static_only: bool,
-) -> tuple[Fitted, float]:
-    """The scenario that goes on, and its own error in percent of range."""
-    fitted = Fitted(scenario=scenario)
-    if chain is not None:
-        fitted = scenario_of_chain(scenario, chain, records)
-    elif stage is not None:
-        fitted = scenario_of_static(scenario, stage, records, static_only=static_only)
-    explain = Explain.POSITION if stage is None else stage.fit.explain
-    return fitted, pooled_percent(replay(fitted, explain, records), records, explain)
+        return replace(fits, warning=f"the dynamic stage found no answer ({error}); the static law is reported")
+    return replace(fits, chain=chain)
 
 
 def _positions_of(records: Sequence[Record]) -> list[str]:
@@ -268,8 +245,8 @@ def _positions_of(records: Sequence[Record]) -> list[str]:
     return [key for key, name in ends if all(getattr(r.pieces[0], name) is not None for r in records)]
 
 
-def _foreign(scenario: Scenario, records: Sequence[Record]) -> str | None:
-    """What to say where the measured tensions are far from those of the scenario."""
+def _foreign(scenario: Scenario, records: Sequence[Record]) -> str:
+    """What to say where the measured tensions are far from those of the scenario; empty where they are not."""
     names = ("input_N", "output_N") if all(r.has_output for r in records) else ("input_N",)
     largest = max(float(np.abs(r.joined(name)).max()) for r in records for name in names)
     return magnitude_warning(largest, scenario.transmission.actuator.force_max_N)

@@ -25,14 +25,7 @@ def is_aligned(column: Sequence[Cell]) -> bool:
 def column_decimals(cells: Sequence[Cell], digits: int = 3, least: float = 0.0) -> int | None:
     """Decimals that a column of numbers is shown with; None where its magnitudes span too much for one choice.
 
-    The smallest number shows two digits, with three decimals at most.
-
-    Parameters
-    ----------
-    digits : int, optional
-        Significant digits of a float that stands alone.
-    least : float, optional
-        Numbers below this need not be told apart.
+    The smallest number shows two digits, with three decimals at most; below `least` numbers need not be told apart.
     """
     sizes = [max(abs(c), least) for c in cells if isinstance(c, float) and math.isfinite(c) and c != 0]
     if not sizes or any(isinstance(c, str) for c in cells):
@@ -44,13 +37,7 @@ def column_decimals(cells: Sequence[Cell], digits: int = 3, least: float = 0.0) 
 
 
 def format_cell(cell: Cell, digits: int = 3, decimals: int | None = None) -> str:
-    """Text of a table cell.
-
-    Parameters
-    ----------
-    decimals : int, optional
-        Decimals of its column, instead.
-    """
+    """Text of a table cell, with so many significant digits or the decimals of its column."""
     if cell is None or (isinstance(cell, float) and math.isnan(cell)):
         return "–"
     if isinstance(cell, bool):

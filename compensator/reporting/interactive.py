@@ -8,24 +8,15 @@ from tendonff.compensator.compensators.base import FloatArray, Style
 from tendonff.compensator.files.text import InputError
 
 _MOST_POINTS = 2000
-_DASHES = {":": "dotted", "-.": "dashdot", "-": "solid", "--": "dashed"}
+DASHES = {":": "dotted", "-.": "dashdot", "-": "solid", "--": "dashed"}
 
 Curves = Mapping[str, tuple[FloatArray, Style]]
 
 
 def interactive_view(time_s: FloatArray, panels: Mapping[str, Curves]) -> str:
-    """HTML of panels over one time axis; nothing in it is loaded from elsewhere.
+    """HTML of panels over one time axis, by the label of the vertical axis; nothing in it is loaded from elsewhere.
 
-    Parameters
-    ----------
-    time_s : ndarray, shape (n,)
-    panels : mapping of str to curves
-        By the label of the vertical axis; curves by their names in the legend.
-
-    Raises
-    ------
-    InputError
-        If Bokeh is not installed.
+    Curves are shape (n,), by their names in the legend. InputError if Bokeh is not installed.
     """
     try:
         from bokeh.embed import components
@@ -59,7 +50,7 @@ def interactive_view(time_s: FloatArray, panels: Mapping[str, Curves]) -> str:
                 "value",
                 source=source,
                 color=style.color,
-                line_dash=_DASHES[style.linestyle],
+                line_dash=DASHES[style.linestyle],
                 line_width=1.8,
                 legend_label=name,
             )

@@ -1,30 +1,6 @@
 """The report: one self-contained HTML page for a result, which opens from disk, prints, and reads on a phone.
 
-A command fills a `Report` and writes it beside its other files, inside the folder that appears whole or not at all::
-
-    with atomic_directory(out) as folder:
-        ...
-        write_report(
-            folder / "report.html",
-            Report(
-                title="Compensation of " + scenario.name,
-                summary="Expect an RMS error of up to 5 % of range.",
-                warnings=warnings,
-                sections=(
-                    Section(
-                        title="Force profiles",
-                        blocks=(
-                            Text("Four forces for the same reference."),
-                            Picture(figure=figure, caption="Forces over time."),
-                            Table(caption="Error", columns=("compensator", "RMS [N]"), rows=(("none", 3.1),)),
-                        ),
-                    ),
-                ),
-                provenance=Provenance(scenario=scenario, command="tendonff design finger.toml --out DIR"),
-                files=(FileNote(name="profile.csv", content="reference and forces over time"),),
-            ),
-        )
-
+A command fills a `Report` and writes it beside its other files, inside the folder that appears whole or not at all.
 Figures come from `plots.new_figure`; the page carries them inside, as vector graphics. Nothing on the page is loaded
 from elsewhere, no script runs but that of an interactive view that was asked for, and whatever a scenario or a file
 name holds is shown as text. The page carries no date: equal results give equal pages.
@@ -45,9 +21,9 @@ from matplotlib.figure import Figure
 
 from tendonff._version import __version__
 from tendonff.compensator.files.reading import open_text
-from tendonff.compensator.files.writing import write_text
+from tendonff.compensator.files.writing import write_json, write_text
 from tendonff.compensator.reporting.cells import Cell, column_decimals, format_cell, is_aligned
-from tendonff.compensator.reporting.plots import figure_style
+from tendonff.compensator.reporting.plots import figure_style, save_figure
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash, scenario_to_toml
 
 _LARGEST_SVG_BYTES = 1_000_000  # a dense curve costs more as a path than as pixels
@@ -157,13 +133,7 @@ def provenance_of(scenario: Scenario, command: str, options: str = "") -> Proven
 
 
 def write_report(path: Path, report: Report) -> None:
-    """Write the page, whole or not at all.
-
-    Parameters
-    ----------
-    path : Path
-        Usually `DIR/report.html`.
-    """
+    """Write the page, whole or not at all."""
     write_text(path, render_report(report))
 
 
@@ -272,3 +242,21 @@ def versions() -> tuple[tuple[str, str], ...]:
             found.append((package, "not installed"))
     found.append(("system", f"{platform.system()} {platform.machine()}"))
     return tuple(found)
+
+
+def summary_head(scenario: Scenario) -> dict[str, object]:
+    """How every `summary.json` begins."""
+    return {
+        "schema": 1,
+        "scenario": scenario.name,
+        "scenario_hash": scenario_hash(scenario),
+        "tool": f"tendonff {__version__}",
+    }
+
+
+def write_pages(folder: Path, summary: Mapping[str, object], figures: Mapping[str, Figure], report: Report) -> None:
+    """Write `summary.json`, every figure, by file name without a suffix, and `report.html` into an existing folder."""
+    write_json(folder / "summary.json", summary)
+    for name, figure in figures.items():
+        save_figure(figure, folder / name)
+    write_report(folder / "report.html", report)

@@ -11,37 +11,21 @@ from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import matplotlib.style
+import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.writing import atomic_file
 from tendonff.compensator.reporting.colours import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, VERMILION
 
 if TYPE_CHECKING:
-    import numpy as np
+    import control
     from numpy.typing import NDArray
 
     from tendonff.models.path import JointMotion
-
-__all__ = [
-    "BLUE",
-    "GREEN",
-    "GREY",
-    "INK",
-    "LINE_STYLES",
-    "ORANGE",
-    "PAGE_WIDTH_IN",
-    "VERMILION",
-    "coinciding",
-    "draw_joints",
-    "figure_style",
-    "legend_below",
-    "new_figure",
-    "save_figure",
-    "thinned",
-]
 
 CYCLE = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, INK)
 LINE_STYLES = ("-", "--", "-.", ":")
@@ -100,22 +84,13 @@ def new_figure(
     share_y: bool = False,
     height_ratios: Sequence[float] | None = None,
 ) -> tuple[Figure, "NDArray[np.object_]"]:
-    """An empty figure in our style, without touching matplotlib's global state or a display.
+    """An empty figure in our style and its panels, without touching matplotlib's global state or a display.
 
-    Parameters
-    ----------
-    rows, columns : int
-        Panels.
-    width_in, height_in : float, optional
-        Size [in]; default: a printed page's width, and 2.2 in for each row and another 0.4.
-    share_x, share_y : bool, optional
-        Panels of one column share the abscissa, panels of one row the ordinate.
-    height_ratios : sequence of float, optional
-        Relative heights of the rows.
+    By default it is as wide as a printed page, and 2.2 in high for each row and another 0.4. Panels of one column may
+    share the abscissa, panels of one row the ordinate.
 
     Returns
     -------
-    figure : Figure
     axes : ndarray of Axes, shape (rows, columns)
     """
     with figure_style():
@@ -138,14 +113,9 @@ def thinned(rows: int, most: int = _MOST_POINTS) -> slice:
 
 
 def coinciding(curves: "Mapping[str, NDArray[np.float64]]", span: float) -> dict[str, str]:
-    """Curves that would hide another one, each with the first that it lies on.
+    """Curves, shape (n,), that would hide another one, each with the first that it lies on, in the order of drawing.
 
-    Parameters
-    ----------
-    curves : mapping of str to ndarray, shape (n,)
-        By name, in the order in which they are drawn.
-    span : float
-        Drawn range; what differs by less than 0.4 % of it looks the same.
+    What differs by less than 0.4 % of the drawn range looks the same.
     """
     found: dict[str, str] = {}
     names = list(curves)
@@ -162,7 +132,7 @@ def legend_below(figure: Figure, panel: Axes, columns: int = 5) -> None:
     figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=columns)
 
 
-def draw_joints(panel: Axes, motion: "JointMotion", time_s: "NDArray[np.float64]") -> None:
+def draw_joints(panel: Axes, motion: "JointMotion", time_s: "FloatArray") -> None:
     """The joint angles under what else a figure shows over time."""
     rows = thinned(len(time_s))
     for k, (name, angle) in enumerate(zip(motion.names, motion.at(time_s).T, strict=True)):
@@ -173,15 +143,7 @@ def draw_joints(panel: Axes, motion: "JointMotion", time_s: "NDArray[np.float64]
 
 
 def save_figure(figure: Figure, path: Path, formats: Sequence[str] = ("png", "pdf")) -> list[Path]:
-    """Write a figure in each format, whole or not at all; equal figures give equal files.
-
-    Parameters
-    ----------
-    path : Path
-        Without a suffix: `DIR/name` becomes `DIR/name.png` and `DIR/name.pdf`.
-    formats : sequence of str, optional
-        "png", "pdf" or "svg".
-    """
+    """Write a figure as `DIR/name.png` and so on, whole or not at all; equal figures give equal files."""
     undated = {"png": {"Software": None}, "pdf": {"CreationDate": None, "ModDate": None}, "svg": {"Date": None}}
     written = []
     with figure_style():
@@ -191,3 +153,23 @@ def save_figure(figure: Figure, path: Path, formats: Sequence[str] = ("png", "pd
                 figure.savefig(partial, format=kind, metadata=undated.get(kind))
             written.append(target)
     return written
+
+
+def bode_figure(systems: "Mapping[str, control.LTI]", frequencies_Hz: FloatArray, *, ylabel: str) -> Figure:
+    """Gain and phase over frequency [Hz], shape (n,), > 0, rising: one curve for each system, by label.
+
+    Every system has one input and one output; `ylabel` says what the gain is, with its unit.
+    """
+    with figure_style():
+        figure, axes = new_figure(2, 1, share_x=True, height_in=4.4)
+        for k, (label, system) in enumerate(systems.items()):
+            response = np.asarray(system(2j * np.pi * frequencies_Hz)).ravel()
+            style = LINE_STYLES[k % len(LINE_STYLES)]
+            axes[0, 0].loglog(frequencies_Hz, np.abs(response), style, label=label)
+            axes[1, 0].semilogx(frequencies_Hz, np.degrees(np.unwrap(np.angle(response))), style)
+        axes[0, 0].set(ylabel=ylabel)
+        for axis in (axes[0, 0].yaxis, axes[1, 0].xaxis):
+            axis.set_major_formatter("{x:g}")
+        axes[1, 0].set(ylabel="phase [deg]", xlabel="frequency [Hz]")
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    return figure

@@ -21,23 +21,12 @@ from tendonff.models.errors import ParameterError, require, require_given, requi
 
 
 class MotorMode(StrEnum):
-    """What a motor does in a state.
+    """What a motor does in a state."""
 
-    Attributes
-    ----------
-    ACT
-        A: its force f_c is commanded, k_c = 0.
-    LOAD
-        L: f_c = 0; a spring k towards the commanded rest position x_c.
-    HOLD
-        A_h: an actuator that holds its position: the same with a spring that is stiff beside the tendon.
-    HOLD_FORCE
-        A_f: an actuator that holds the present interaction force: f_c is the end tension at the switch, k_c = 0.
-    """
-
-    ACT = "A"
-    LOAD = "L"
-    HOLD = "A_h"
+    ACT = "A"  # its force f_c is commanded, k_c = 0
+    LOAD = "L"  # f_c = 0; a spring k towards the commanded rest position x_c
+    HOLD = "A_h"  # an actuator that holds its position: the same with a spring that is stiff beside the tendon
+    # an actuator that holds the present interaction force: f_c is the end tension at the switch, k_c = 0
     HOLD_FORCE = "A_f"
 
     @property
@@ -60,20 +49,10 @@ class Hold(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EndTension:
-    """Condition on the tension at one end of the tendon.
+    """Condition on the tension at one end of the tendon."""
 
-    Parameters
-    ----------
-    motor : int
-        1 near end (f_1), 2 far end (f_{N+1}).
-    rising : bool
-        Met at or above the value, else at or below it.
-    tension_N : float
-        Value [N].
-    """
-
-    motor: int
-    rising: bool
+    motor: int  # 1 near end (f_1), 2 far end (f_{N+1})
+    rising: bool  # met at or above the value, else at or below it
     tension_N: float
 
     def met(self, ends_N: tuple[float, float]) -> bool:
@@ -88,31 +67,15 @@ class EndTension:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExperimentState:
-    """One state of the machine.
+    """One state of the machine."""
 
-    Parameters
-    ----------
-    name : str
-        S1, S2 ...
-    modes : tuple of 2 MotorMode
-        What motors 1 and 2 do.
-    rates : tuple of 2 float
-        Rate of their commands: force [N/s] where a motor acts, rest position [m/s] where it loads or holds. Positive
-        tightens the tendon.
-    until : EndTension or None
-        What ends the state; None: time alone.
-    at_most_s : float
-        Longest time in the state [s].
-    purpose : str
-        What happens, in words.
-    """
-
-    name: str
-    modes: tuple[MotorMode, MotorMode]
+    name: str  # S1, S2 ...
+    modes: tuple[MotorMode, MotorMode]  # of motors 1 and 2
+    # of their commands: force [N/s] where a motor acts, rest position [m/s] where it loads or holds; positive tightens
     rates: tuple[float, float]
-    until: EndTension | None
-    at_most_s: float
-    purpose: str = ""
+    until: EndTension | None  # what ends the state; None: time alone
+    at_most_s: float  # longest time in the state
+    purpose: str = ""  # what happens, in words
 
 
 _CONDITION = re.compile(r"\s*tension_([12])\s*(>=|<=)\s*(\S+)\s*")
@@ -197,13 +160,7 @@ class Experiment:
         self.own_states()  # so that a mistake is found when the file is read
 
     def own_states(self) -> tuple[ExperimentState, ...] | None:
-        """The state machine of the columns; None where there are none.
-
-        Raises
-        ------
-        ParameterError
-            A column is missing or of another length, or an entry is not understood.
-        """
+        """The state machine of the columns; None where there are none, ParameterError where they make no sense."""
         columns = {name: getattr(self, name) for name in _COLUMNS}
         given = [name for name, column in columns.items() if column is not None]
         if not given:

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.scenario.reference import Shape
-from tendonff.compensator.scenario.tables import read_table, show
+from tendonff.compensator.scenario.reference import Shape, require_waypoints
+from tendonff.compensator.scenario.tables import read_kind, show
 from tendonff.models.errors import ParameterError
 
 
@@ -81,12 +81,7 @@ class WaypointJoint:
     def __post_init__(self) -> None:
         _finite("times_s", self.times_s)
         _finite("angles_rad", self.angles_rad)
-        if len(self.times_s) != len(self.angles_rad) or len(self.times_s) < 2:
-            raise ParameterError(
-                f"angles_rad must be as many as times_s ({len(self.times_s)}), at least 2, got {len(self.angles_rad)}"
-            )
-        if self.times_s[0] != 0 or any(b <= a for a, b in zip(self.times_s, self.times_s[1:], strict=False)):
-            raise ParameterError(f"times_s must begin at 0 and rise strictly, got {list(self.times_s)}")
+        require_waypoints(self.times_s, "angles_rad", self.angles_rad)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,19 +113,7 @@ def _finite(name: str, values: tuple[float, ...]) -> None:
 
 
 def read_joints(raw: object, file: str) -> dict[str, Joint]:
-    """The tables [joints.NAME].
-
-    Parameters
-    ----------
-    raw : object
-        What tomllib read.
-    file : str
-        For messages.
-
-    Raises
-    ------
-    InputError
-    """
+    """The tables [joints.NAME], from what tomllib read; InputError where they are wrong."""
     if not isinstance(raw, Mapping):
         raise InputError(f"{file}: joints must be a table of tables, got {show(raw)}; write [joints.NAME]")
     joints: dict[str, Joint] = {}
@@ -140,9 +123,5 @@ def read_joints(raw: object, file: str) -> dict[str, Joint]:
             raise InputError(
                 f'{file} [{where}]: the name of a joint must be letters, digits and underscores, got "{name}"'
             )
-        kind = table.get("kind") if isinstance(table, Mapping) else None
-        if kind not in KINDS:
-            kinds = ", ".join(f'"{k}"' for k in KINDS)
-            raise InputError(f"{file} [{where}]: kind must be one of {kinds}, got {show(kind)}")
-        joints[name] = read_table(KINDS[kind], table, file=file, table=where, extra_keys=("kind",))
+        joints[name] = read_kind(KINDS, table, file=file, table=where)
     return joints

@@ -7,24 +7,13 @@ from tendonff.models.errors import ParameterError, require, require_given
 
 
 class Explain(StrEnum):
-    """Tension to predict from the other one.
+    """Tension to predict from the other one."""
 
-    Attributes
-    ----------
-    AUTO
-        Chosen from the data: the output from the input's history, or the input from the output and the motion.
-    OUTPUT
-        Output tension from the history of the input tension: one driven end, a load that moves only with the tendon.
-    INPUT
-        Input tension from output tension and input position: the output tension is imposed by something else.
-    POSITION
-        Position of the input end from the history of its tension: nothing is measured at the far end, whose load is
-        the scenario's.
-    """
-
+    # chosen from the data: the output from the input's history, or the input from the output and the motion
     AUTO = "auto"
-    OUTPUT = "output"
-    INPUT = "input"
+    OUTPUT = "output"  # from the input tension's history: one driven end, a load that moves only with the tendon
+    INPUT = "input"  # from output tension and input position: the output tension is imposed by something else
+    # position of the input end from its tension's history: nothing is measured at the far end
     POSITION = "position"
 
 

@@ -1,25 +1,22 @@
-"""Table [reference]: the desired tension at the far end, one class per kind."""
+"""Table [reference]: the desired tension at the far end, one class per kind, and the courses of sines and waypoints."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise
 
+import numpy as np
+
+from tendonff.compensator.files.reading import FloatArray
 from tendonff.models.errors import ParameterError, require, require_given
 
 
 class Shape(StrEnum):
-    """Course between two waypoints.
-
-    Attributes
-    ----------
-    LINEAR
-        Straight line.
-    SMOOTH
-        Quintic smooth step: velocity and acceleration are continuous and zero at the waypoints; never overshoots.
-    """
+    """Course between two waypoints."""
 
     LINEAR = "linear"
+    # quintic smooth step: velocity and acceleration are continuous and zero at the waypoints; never overshoots
     SMOOTH = "smooth"
 
 
@@ -27,34 +24,34 @@ def _require_tension(name: str, value: float) -> None:
     require(name, value, least=0, hint="a tendon cannot push, so the wanted tension cannot lie below 0")
 
 
+def require_waypoints(times_s: tuple[float, ...], name: str, values: tuple[float, ...]) -> None:
+    """Refuse times that do not rise from 0, or are not as many as the values of that name, at least two."""
+    if len(times_s) < 2 or len(times_s) != len(values):
+        raise ParameterError(
+            f"times_s must be as many as {name} and at least two, got {len(times_s)} and {len(values)}; give one value "
+            "for each time"
+        )
+    for k, time in enumerate(times_s):
+        require(f"times_s[{k}]", time, least=0, hint="waypoints are counted from the start of the run")
+    if times_s[0] != 0:
+        raise ParameterError(f"times_s must start at 0, got {times_s[0]}; the run starts at time 0")
+    for earlier, later in pairwise(times_s):
+        if not later > earlier:
+            raise ParameterError(f"times_s must increase, got {later} after {earlier}; sort the waypoints")
+
+
 class Hold(StrEnum):
-    """What the force does while the reference rests.
+    """What the force does while the reference rests."""
 
-    Attributes
-    ----------
-    EXACT
-        What the exact inverse asks for, which may let the force go through the whole dead zone.
-    KEEP
-        It stays: inside the dead zone nothing need move.
-    """
-
-    EXACT = "exact"
-    KEEP = "keep"
+    EXACT = "exact"  # what the exact inverse asks for, which may let the force go through the whole dead zone
+    KEEP = "keep"  # it stays: inside the dead zone nothing need move
 
 
 class Quantity(StrEnum):
-    """What is wanted at the far end.
-
-    Attributes
-    ----------
-    TENSION
-        The output tension.
-    POSITION
-        The load's position relative to the start; the tension follows from the load's own balance.
-    """
+    """What is wanted at the far end."""
 
     TENSION = "tension"
-    POSITION = "position"
+    POSITION = "position"  # of the load, relative to the start; the tension follows from the load's own balance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,19 +75,21 @@ class Wish:
     hold: Hold = Hold.EXACT
     least_tension_N: float | None = None
 
-    def _check_quantity(self) -> None:
+    def _check(self, tensions: str | None = None, positions: str | None = None) -> None:
+        """What all kinds ask for; of the series of those names exactly that of the wanted quantity is given."""
         require_given("least_tension_N", self.least_tension_N, above=0, hint="a tendon cannot push")
         if self.periodic and self.hold is Hold.KEEP:
             raise ParameterError('hold = "keep" is for references that come to rest; leave it out with periodic = true')
-
-    def _check_series(self, tensions: str, positions: str) -> None:
-        """Exactly the series of the wanted quantity is given."""
-        wanted, other = (positions, tensions) if self.wants_position else (tensions, positions)
-        if getattr(self, wanted) is None:
-            raise ParameterError(f'{wanted} is missing: quantity = "{self.quantity}" asks for it')
-        if getattr(self, other) is not None:
-            raise ParameterError(f'{other} is not for quantity = "{self.quantity}"; give {wanted} alone')
-        if self.wants_position and getattr(self, "initial_tension_N", None) is None:
+        if tensions is not None and positions is not None:
+            wanted, other = (positions, tensions) if self.wants_position else (tensions, positions)
+            if getattr(self, wanted) is None:
+                raise ParameterError(f'{wanted} is missing: quantity = "{self.quantity}" asks for it')
+            if getattr(self, other) is not None:
+                raise ParameterError(f'{other} is not for quantity = "{self.quantity}"; give {wanted} alone')
+        initial: float | None = getattr(self, "initial_tension_N", None)
+        if initial is not None:
+            _require_tension("initial_tension_N", initial)
+        elif self.wants_position:
             raise ParameterError('initial_tension_N is missing: quantity = "position" counts from a rest under it')
 
     @property
@@ -130,9 +129,7 @@ class SineReference(Wish):
         return (self.amplitudes_m if self.wants_position else self.amplitudes_N) or ()
 
     def __post_init__(self) -> None:
-        self._check_quantity()
-        _require_tension("initial_tension_N", self.initial_tension_N)
-        self._check_series("amplitudes_N", "amplitudes_m")
+        self._check("amplitudes_N", "amplitudes_m")
         name = "amplitudes_m" if self.wants_position else "amplitudes_N"
         if not self.amplitudes or len(self.amplitudes) != len(self.frequencies_Hz):
             raise ParameterError(
@@ -171,48 +168,32 @@ class WaypointReference(Wish):
     initial_tension_N: float | None = None
 
     @property
+    def duration_s(self) -> float:
+        """Length of the reference [s]."""
+        return self.times_s[-1]
+
+    @property
     def values(self) -> tuple[float, ...]:
         """Values of the wanted quantity [N or m]."""
         return (self.positions_m if self.wants_position else self.tensions_N) or ()
 
     def __post_init__(self) -> None:
-        self._check_quantity()
-        self._check_series("tensions_N", "positions_m")
+        self._check("tensions_N", "positions_m")
         name = "positions_m" if self.wants_position else "tensions_N"
-        if len(self.times_s) < 2 or len(self.times_s) != len(self.values):
-            raise ParameterError(
-                f"times_s must be as many as {name} and at least two, got {len(self.times_s)} and "
-                f"{len(self.values)}; give one value for each time"
-            )
-        for k, time in enumerate(self.times_s):
-            require(f"times_s[{k}]", time, least=0, hint="waypoints are counted from the start of the run")
-        if self.times_s[0] != 0:
-            raise ParameterError(f"times_s must start at 0, got {self.times_s[0]}; the run starts at time 0")
-        for earlier, later in pairwise(self.times_s):
-            if not later > earlier:
-                raise ParameterError(f"times_s must increase, got {later} after {earlier}; sort the waypoints")
+        require_waypoints(self.times_s, name, self.values)
         for k, value in enumerate(self.values):
             if self.wants_position:
                 require(f"positions_m[{k}]", value, hint="it counts from the start at rest")
             else:
                 _require_tension(f"tensions_N[{k}]", value)
-        if self.initial_tension_N is not None:
-            _require_tension("initial_tension_N", self.initial_tension_N)
 
 
 class Interpolation(StrEnum):
-    """Course between two samples of a file.
+    """Course between two samples of a file."""
 
-    Attributes
-    ----------
-    MONOTONE
-        Piecewise cubic Hermite (Fritsch-Carlson): the rate is continuous, and no piece leaves the range of its ends.
-    LINEAR
-        Straight line: the rate jumps at every sample.
-    """
-
+    # piecewise cubic Hermite (Fritsch-Carlson): the rate is continuous, and no piece leaves the range of its ends
     MONOTONE = "monotone"
-    LINEAR = "linear"
+    LINEAR = "linear"  # the rate jumps at every sample
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -242,16 +223,36 @@ class CsvReference(Wish):
     interpolation: Interpolation = Interpolation.MONOTONE
 
     def __post_init__(self) -> None:
-        self._check_quantity()
-        if self.wants_position and self.initial_tension_N is None:
-            raise ParameterError(
-                'initial_tension_N is missing: quantity = "position" counts from a rest under a tension'
-            )
+        self._check()
         if not self.file.strip() or "\0" in self.file:
             raise ParameterError(f"file must name a CSV file, got {self.file!r}; it is relative to the scenario file")
         require_given("cutoff_Hz", self.cutoff_Hz, above=0, hint="leave it out to take the samples as they are")
-        if self.initial_tension_N is not None:
-            _require_tension("initial_tension_N", self.initial_tension_N)
 
 
 ReferenceSpec = SineReference | WaypointReference | CsvReference
+
+
+def along_sines(
+    amplitudes: Sequence[float], frequencies_Hz: Sequence[float], fade_in_s: float, time_s: FloatArray
+) -> FloatArray:
+    """min(t/fade_in_s, 1) sum_i a_i sin(2 pi f_i t), in the unit of the amplitudes."""
+    waves = np.zeros_like(time_s)
+    for amplitude, frequency in zip(amplitudes, frequencies_Hz, strict=True):
+        waves += amplitude * np.sin(2 * np.pi * frequency * time_s)
+    return waves * np.minimum(time_s / fade_in_s, 1.0) if fade_in_s > 0 else waves
+
+
+def along_waypoints(
+    times_s: Sequence[float], waypoints: Sequence[float], shape: Shape, time_s: FloatArray
+) -> FloatArray:
+    """A course through waypoints at the times `time_s` [s], held beyond them."""
+    times, values, time = np.array(times_s), np.array(waypoints), time_s
+    if shape is Shape.LINEAR:
+        straight: FloatArray = np.interp(time, times, values)
+        return straight
+    # 10 u^3 - 15 u^4 + 6 u^5 is the lowest polynomial with zero velocity and acceleration at both ends: the pieces
+    # join with two continuous derivatives, and each is monotone, so no piece leaves the range of its two waypoints.
+    piece = np.clip(np.searchsorted(times, time, side="right") - 1, 0, len(times) - 2)
+    u = np.clip((time - times[piece]) / (times[piece + 1] - times[piece]), 0.0, 1.0)
+    result: FloatArray = values[piece] + (values[piece + 1] - values[piece]) * u**3 * (10 - 15 * u + 6 * u * u)
+    return result

@@ -13,17 +13,23 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from tendonff.compensator.files.reading import InputError, read_text, suggestion
-from tendonff.compensator.scenario.adaptation import Adaptation
 from tendonff.compensator.scenario.experiment import Experiment
 from tendonff.compensator.scenario.joints import KINDS as JOINT_KINDS
 from tendonff.compensator.scenario.joints import Joint, read_joints
 from tendonff.compensator.scenario.measurement import Measurement
-from tendonff.compensator.scenario.optimal import OptimalSettings
 from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec, SineReference, WaypointReference
-from tendonff.compensator.scenario.run import Run
-from tendonff.compensator.scenario.shorthand import expand, further_keys
-from tendonff.compensator.scenario.stream import Stream
-from tendonff.compensator.scenario.tables import check_names, missing_keys, read_table, show, toml_table, toml_value
+from tendonff.compensator.scenario.settings import Adaptation, OptimalSettings, Run, Stream
+from tendonff.compensator.scenario.tables import (
+    check_names,
+    expand,
+    further_keys,
+    missing_keys,
+    read_kind,
+    read_table,
+    show,
+    toml_table,
+    toml_value,
+)
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Actuator, Friction, Load, Tendon, Transmission
 from tendonff.models.parameters import Path as TendonPath
@@ -32,11 +38,7 @@ from tendonff.models.path import Section
 
 SCHEMA = 1
 
-_KINDS: dict[str, type[SineReference] | type[WaypointReference] | type[CsvReference]] = {
-    "sine": SineReference,
-    "waypoints": WaypointReference,
-    "csv": CsvReference,
-}
+_KINDS: dict[str, type[ReferenceSpec]] = {"sine": SineReference, "waypoints": WaypointReference, "csv": CsvReference}
 _TABLES: dict[str, type] = {
     "path": TendonPath,
     "tendon": Tendon,
@@ -135,8 +137,6 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
 
     Parameters
     ----------
-    text : str
-        TOML.
     source : str or path-like, optional
         File name for messages; a CSV reference is relative to its folder.
     """
@@ -180,7 +180,7 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
     scenario = Scenario(
         name=name,
         transmission=transmission,
-        reference=_read_reference(raw["reference"], file),
+        reference=read_kind(_KINDS, raw["reference"], file=file, table="reference"),
         run=run,  # type: ignore[arg-type]
         source=source,
         joints=joints,
@@ -284,25 +284,11 @@ def _complete(raw: Mapping[str, object], file: str) -> dict[str, object]:
     return complete
 
 
-def _read_reference(raw: object, file: str) -> ReferenceSpec:
-    where = f"{file} [reference]"
-    kinds = ", ".join(f'"{kind}"' for kind in _KINDS)
-    if not isinstance(raw, Mapping):
-        raise InputError(f"{file}: reference must be a table, got {show(raw)}; write [reference] on a line of its own")
-    kind = raw.get("kind")
-    if kind is None:
-        raise InputError(f'{where}: key "kind" is missing; it is one of {kinds}')
-    if not isinstance(kind, str) or kind not in _KINDS:
-        raise InputError(f"{where}: kind must be one of {kinds}, got {show(kind)}")
-    return read_table(_KINDS[kind], raw, file=file, table="reference", extra_keys=("kind",))
-
-
 def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | None = None) -> str:
     """Text of a scenario file that reads back as the same scenario; writes every key that is set.
 
     Parameters
     ----------
-    scenario : Scenario
     folder : str or path-like, optional
         Folder that the text will be stored in: the file of a CSV reference is renamed to be found from there.
         Default: the folder the scenario came from.
@@ -312,20 +298,9 @@ def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | Non
     if isinstance(reference, CsvReference) and folder is not None:
         reference = replace(reference, file=_relative(scenario.source.parent / reference.file, folder))
     transmission = scenario.transmission
-    tables = {
-        "path": transmission.path,
-        "tendon": transmission.tendon,
-        "friction": transmission.friction,
-        "actuator": transmission.actuator,
-        "load": transmission.load,
-        "reference": reference,
-        "run": scenario.run,
-        "robust": scenario.robust,
-        "optimal": scenario.optimal,
-        "experiment": scenario.experiment,
-        "measurement": scenario.measurement,
-        "adaptation": scenario.adaptation,
-    }
+    tables: dict[str, object] = {key: getattr(transmission, key) for key in _TABLES if key != "run"}
+    tables["reference"] = reference
+    tables |= {key: getattr(scenario, key) for key in ("run", *_OPTIONAL, *_ON_REQUEST) if key != "stream"}
     if scenario.stream != Stream():  # what says nothing new is left out, so that older hashes stay
         tables["stream"] = scenario.stream
     parts = [f"schema = {SCHEMA}\nname = {toml_value(scenario.name)}\n"]

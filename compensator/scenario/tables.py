@@ -17,28 +17,21 @@ from pydantic import BaseModel, ConfigDict, Strict, ValidationError, create_mode
 
 from tendonff.compensator.files.reading import InputError, suggestion
 from tendonff.models.errors import ParameterError
+from tendonff.models.parameters.drive import Motor, Rope
 
 T = TypeVar("T")
 
+_ROPE = tuple(field.name for field in dataclasses.fields(Rope))
+NO_STRIBECK_VELOCITY_M_PER_S = 0.01
+"""Stands in where mu_static = mu_dynamic, so that it has no effect."""
+NO_RELAXATION_TIME_S = 1.0
+"""Stands in where nothing relaxes, so that it has no effect."""
+
 
 def read_table(cls: type[T], raw: object, *, file: str, table: str, extra_keys: tuple[str, ...] = ()) -> T:
-    """Build `cls` from one table.
+    """Build the frozen dataclass `cls` from what tomllib read; `extra_keys`, such as `kind`, were read already.
 
-    Parameters
-    ----------
-    cls : type
-        Frozen dataclass.
-    raw : object
-        What tomllib read.
-    file, table : str
-        For messages.
-    extra_keys : tuple of str
-        Keys that the caller has read already (`kind`).
-
-    Raises
-    ------
-    InputError
-        Unknown key, missing key, wrong type or a value out of bounds: `file [table]: message`.
+    InputError `file [table]: message` for an unknown key, a missing one, a wrong type or a value out of bounds.
     """
     where = f"{file} [{table}]"
     check_names(cls, raw, file=file, table=table, extra_keys=extra_keys)
@@ -59,25 +52,20 @@ def read_table(cls: type[T], raw: object, *, file: str, table: str, extra_keys: 
         raise InputError(f"{where}: {error}") from None
 
 
+def read_kind(kinds: Mapping[str, type[T]], raw: object, *, file: str, table: str) -> T:
+    """Build the dataclass that the key `kind` of a table names; InputError as `read_table`."""
+    if isinstance(raw, Mapping):
+        kind, known = raw.get("kind"), ", ".join(f'"{kind}"' for kind in kinds)
+        if kind is None:
+            raise InputError(f'{file} [{table}]: key "kind" is missing; it is one of {known}')
+        if not isinstance(kind, str) or kind not in kinds:
+            raise InputError(f"{file} [{table}]: kind must be one of {known}, got {show(kind)}")
+        return read_table(kinds[kind], raw, file=file, table=table, extra_keys=("kind",))
+    raise InputError(f"{file}: {table} must be a table, got {show(raw)}; write [{table}] on a line of its own")
+
+
 def check_names(cls: type, raw: object, *, file: str, table: str, extra_keys: tuple[str, ...] = ()) -> None:
-    """Refuse what is no table, and keys that the dataclass does not know.
-
-    Parameters
-    ----------
-    cls : type
-        Frozen dataclass.
-    raw : object
-        What tomllib read.
-    file, table : str
-        For messages.
-    extra_keys : tuple of str
-        Keys that are known besides.
-
-    Raises
-    ------
-    InputError
-        With the nearest valid name.
-    """
+    """Refuse what is no table, and keys known neither to the dataclass nor as `extra_keys`."""
     if not isinstance(raw, Mapping):
         raise InputError(f"{file}: {table} must be a table, got {show(raw)}; write [{table}] on a line of its own")
     known = [*(field.name for field in dataclasses.fields(cls)), *extra_keys]
@@ -87,15 +75,7 @@ def check_names(cls: type, raw: object, *, file: str, table: str, extra_keys: tu
 
 
 def missing_keys(cls: type, raw: Mapping[str, object]) -> list[str]:
-    """Keys without a default that a table lacks.
-
-    Parameters
-    ----------
-    cls : type
-        Frozen dataclass.
-    raw : mapping
-        What tomllib read.
-    """
+    """Keys without a default that a table lacks."""
     return [
         field.name
         for field in dataclasses.fields(cls)
@@ -143,15 +123,7 @@ def toml_value(value: object) -> str:
 
 
 def toml_table(instance: object, name: str = "") -> str:
-    """All keys of a dataclass that are set, one per line, and after them the tables within it.
-
-    Parameters
-    ----------
-    instance : object
-        Frozen dataclass.
-    name : str
-        Name of its own table, which those of the tables within begin with.
-    """
+    """All keys of a dataclass that are set, one per line, and then the tables within it, as "name.key"."""
     pairs = [(field.name, getattr(instance, field.name)) for field in dataclasses.fields(instance)]  # type: ignore[arg-type]
     given = [(key, value) for key, value in pairs if value not in (None, ())]
     inner = [(f"{name}.{key}", value) for key, value in given if dataclasses.is_dataclass(value)]
@@ -221,3 +193,49 @@ def _wanted(annotation: Any, *, item: bool) -> str:
         return " or ".join(f'"{member}"' for member in annotation)
     words = {float: "a number", int: "a whole number", str: 'text in quotes ("...")', bool: "true or false"}
     return words.get(annotation, str(annotation))
+
+
+def expand(table: str, raw: Mapping[str, object], *, file: str) -> dict[str, object]:
+    """The keys of a table, as they were written, with what follows from them; InputError where those are wrong.
+
+    What users have instead of what the model needs: the tendon's modulus and section stand for its stiffness, its
+    density for its mass, the motor for the actuator's mass and force; a value without effect need not be given. A key
+    that is given beside what it could follow from counts.
+    """
+    keys = dict(raw)
+    match table:
+        case "tendon":
+            _expand_tendon(keys, file)
+        case "friction":
+            _expand_friction(keys)
+        case "actuator":
+            motor = keys.get("motor")
+            if isinstance(motor, Mapping):
+                drive = read_table(Motor, motor, file=file, table="actuator.motor")
+                keys.setdefault("mass_kg", drive.mass_kg)
+                keys.setdefault("force_max_N", drive.force_max_N)
+                keys.setdefault("speed_max_m_per_s", drive.speed_max_m_per_s)
+    return keys
+
+
+def further_keys(table: str) -> tuple[str, ...]:
+    """Keys of a table that `expand` resolves and that its dataclass does not know."""
+    return _ROPE if table == "tendon" else ()
+
+
+def _expand_tendon(keys: dict[str, object], file: str) -> None:
+    given = {name: keys.pop(name) for name in _ROPE if name in keys}
+    if given:
+        rope = read_table(Rope, given, file=file, table="tendon")
+        keys.setdefault("stiffness_N_per_m", rope.stiffness_N_per_m)
+        if rope.mass_kg is not None:
+            keys.setdefault("mass_kg", rope.mass_kg)
+    if keys.get("relaxing_stiffness_N_per_m") == 0:
+        keys.setdefault("relaxation_time_s", NO_RELAXATION_TIME_S)
+
+
+def _expand_friction(keys: dict[str, object]) -> None:
+    dynamic, release = keys.get("mu_dynamic"), keys.get("mu_dynamic_release")
+    steady = keys.get("mu_static") == dynamic and keys.get("mu_static_release", release) == release
+    if dynamic is not None and steady:
+        keys.setdefault("stribeck_velocity_m_per_s", NO_STRIBECK_VELOCITY_M_PER_S)

@@ -8,24 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
-from tendonff.compensator.compensators.motion import servo
+from tendonff.compensator.compensators.base import servo
 from tendonff.compensator.files.progress import Progress, silent
-from tendonff.compensator.files.quantities import (
-    FORCE_UNITS,
-    LENGTH_UNITS,
-    TIME_UNITS,
-    TIME_WORDS,
-    Quantity,
-    read_quantities,
-)
+from tendonff.compensator.files.quantities import FORCE_UNITS, LENGTH_UNITS, Quantity, read_quantities, time_quantity
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.tables import table_dialect
 from tendonff.compensator.files.writing import open_csv
-from tendonff.compensator.scenario.plausibility import questions
 from tendonff.compensator.scenario.sampled.joint_motion import moved
-from tendonff.compensator.scenario.sampled.sampling import initial_tension
+from tendonff.compensator.scenario.sampled.sampling import initial_tension, questions
 from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.compensator.simulate.result import SimulatedForce
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
@@ -33,6 +24,17 @@ from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.crosscheck import StepHalving
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import Simulator, describe_failure, tensions_of
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedForce:
+    """A force file that was simulated; its rows are in the file that was named."""
+
+    rows: int  # rows written
+    warnings: tuple[str, ...]  # what the user should know
+    # estimate of the discretisation error, and whether the run is reproducible, in words, when it was asked for
+    check: str | None
+
 
 _CHUNK_VALUES = 200_000  # numbers in memory at a time
 
@@ -61,17 +63,8 @@ class ForceProfile:
 def read_force(path: Path, column: str | None = None, drive: Drive = Drive.FORCE) -> ForceProfile:
     """Read what drives the actuator: columns time_s and force_N, or command_m for a position drive, first row at 0.
 
-    Parameters
-    ----------
-    column : str, optional
-        Column of the force or command. Default: force_N or command_m, and of a `profile.csv` the optimal one.
-    drive : Drive, optional
-        What the actuator is told.
-
-    Raises
-    ------
-    InputError
-        The file is refused, or its columns do not tell which is the force.
+    In a `profile.csv` the optimal one is taken, unless a column is named. InputError where the file is refused, or its
+    columns do not tell which is the force.
     """
     word, unit, units = ("force", "N", FORCE_UNITS) if drive is Drive.FORCE else ("command", "m", LENGTH_UNITS)
     plain, usual = f"{word}_{unit}", f"{word}_optimal_{unit}"
@@ -83,7 +76,7 @@ def read_force(path: Path, column: str | None = None, drive: Drive = Drive.FORCE
         others = ", ".join(name for name in profiles if name != column)
         note = (f"{path.name}: simulating {column}" + (f" (--force-column for {others})" if others else ""),)
     wanted = (
-        Quantity(name="time_s", words=TIME_WORDS, units=TIME_UNITS, option='the name "time_s"'),
+        time_quantity('the name "time_s"'),
         Quantity(
             name=plain,
             words=(word, f"actuator_{word}", *(name.removesuffix(f"_{unit}") for name in profiles)),
@@ -113,19 +106,9 @@ def simulate_force(
 ) -> SimulatedForce:
     """Simulate the chain under a force file, from rest at the scenario's initial tension, and write the rows.
 
-    Parameters
-    ----------
-    out : Path
-        File to write: `time_s,force_N,tension_1_N,...,actuator_position_m,load_position_m`.
-    check : bool
-        Run with a half and a quarter of the step as well and state the error estimate.
-    progress : callable, optional
-        Told rows done and rows in all.
-
-    Raises
-    ------
-    SolveError
-        When a step cannot be solved; nothing is written then.
+    The file has the columns `time_s,force_N,tension_1_N,...,actuator_position_m,load_position_m`. A check runs with a
+    half and a quarter of the step as well and states the error estimate. SolveError when a step cannot be solved;
+    nothing is written then.
     """
     step = scenario.run.step_s
     total = profile.steps(step) + 1

@@ -3,7 +3,8 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from tendonff.compensator.reporting.plots import BLUE, VERMILION, figure_style, new_figure
+from tendonff.compensator.reporting.colours import BLUE, VERMILION
+from tendonff.compensator.reporting.plots import figure_style, new_figure
 from tendonff.compensator.tables.result import TablesData
 from tendonff.models.capstan import Branch
 

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 
 from tendonff._version import __version__
 from tendonff.compensator.export.text.c_text import table_header
-from tendonff.compensator.files.writing import atomic_directory, write_json, write_text
+from tendonff.compensator.files.writing import atomic_directory, csv_text, write_json, write_text
 from tendonff.compensator.reporting.page import write_report
 from tendonff.compensator.reporting.plots import save_figure
 from tendonff.compensator.scenario.scenario import scenario_hash
@@ -20,14 +20,9 @@ class Tables(TablesData):
     """Tables that can be written."""
 
     def write(self, folder: str | os.PathLike[str], *, prefix: str = "tff") -> None:
-        """Write `table.csv`, `table.json`, `table.h`, a figure and `report.html`, all or nothing.
+        """Write `table.csv`, `table.json`, `table.h`, a figure and `report.html`, all or nothing; makes the folder.
 
-        Parameters
-        ----------
-        folder : str or path
-            Made where it is missing.
-        prefix : str, optional
-            Prefix of the names in `table.h`.
+        The names in `table.h` begin with `prefix`.
         """
         with atomic_directory(folder) as partial:
             write_text(partial / "table.csv", table_csv(self))
@@ -39,20 +34,18 @@ class Tables(TablesData):
 
 def table_csv(result: TablesData) -> str:
     """Text of `table.csv`: one row per node."""
-    lines = [",".join(["reference_N", "branch", "tension_since_reversal_N", "force_N", "share", *result.axes])]
+    lines: list[tuple[str | float, ...]] = []
     for made in result.tables:
         further = {"total_angle_rad": made.total_angle_rad, "rate_N_per_s": made.built.rate_N_per_s}
-        suffix = "".join(f",{further[axis]!r}" for axis in result.axes)
-        table = made.built.table
+        table, at = made.built.table, [further[axis] for axis in result.axes]
         for branch in Branch:
             nodes = table.branch(branch)
             for reference, forces in zip(table.reference_N.tolist(), nodes.force_N.tolist(), strict=True):
                 travelled = (nodes.share * (reference + table.adhesion_N)).tolist()
-                lines += [
-                    f"{reference!r},{branch},{since!r},{force!r},{share!r}{suffix}"
-                    for since, force, share in zip(travelled, forces, nodes.share.tolist(), strict=True)
-                ]
-    return "\n".join([*lines, ""])
+                rows = zip(travelled, forces, nodes.share.tolist(), strict=True)
+                lines += [(reference, branch.value, *row, *at) for row in rows]
+    names = ("reference_N", "branch", "tension_since_reversal_N", "force_N", "share", *result.axes)
+    return csv_text(names, lines)
 
 
 def summary(result: TablesData) -> dict[str, object]:

@@ -8,13 +8,7 @@ from tendonff.models.capstan import Branch
 
 
 def table_report(result: TablesData, picture: Path) -> Report:
-    """The page of a table.
-
-    Parameters
-    ----------
-    picture : Path
-        Its figure, written already.
-    """
+    """The page of a table, whose figure is written already."""
     own = result.scores[result.level]
     first = result.tables[0].built
     covered = first.table.reference_N

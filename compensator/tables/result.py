@@ -28,35 +28,17 @@ class AngleTable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TablesData:
-    """Tables of a scenario: the first for its own wrap angle and rate, or for the axes that were asked for.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    level : Level
-    reference : Reference
-    tables : tuple of AngleTable
-    axes : tuple of str
-        Further columns of the file.
-    scores : dict of Level to Score
-        What the scenario's own table delivers on each level, within the actuator's limits.
-    worst_percent : float
-        Its largest RMS error over what may be the real transmission [% of range].
-    doubt : str
-        What that is the worst over, in words.
-    options : str
-        Options of the command that would make the same, for the report.
-    """
+    """Tables of a scenario: the first for its own wrap angle and rate, or for the axes that were asked for."""
 
     scenario: Scenario
     level: Level
     reference: Reference
     tables: tuple[AngleTable, ...]
-    axes: tuple[str, ...]
-    scores: dict[Level, Score]
-    worst_percent: float
-    doubt: str
-    options: str
+    axes: tuple[str, ...]  # further columns of the file
+    scores: dict[Level, Score]  # what the scenario's own table delivers on each level, within the actuator's limits
+    worst_percent: float  # its largest RMS error over what may be the real transmission [% of range]
+    doubt: str  # what that is the worst over, in words
+    options: str  # options of the command that would make the same, for the report
 
     @property
     def headline(self) -> str:

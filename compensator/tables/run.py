@@ -4,18 +4,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
-from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.compensators.motion import with_motion
+from tendonff.compensator.compensators.base import Problem, with_motion
 from tendonff.compensator.compensators.score import SimulatedPlant, scale_N, verify
 from tendonff.compensator.compensators.table import CompensationTable, table_of, table_range
-from tendonff.compensator.compensators.uncertain import doubt
+from tendonff.compensator.compensators.uncertain import doubt, error_bands
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampled.joint_motion import posed
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.tables.output import Tables
 from tendonff.compensator.tables.result import AngleTable
 from tendonff.models.fidelity import Level
-from tendonff.ocp.tracking.robust import error_band
 
 
 def make_tables(
@@ -31,7 +29,6 @@ def make_tables(
 
     Parameters
     ----------
-    scenario : Scenario
     level : Level, optional
         Default: the scenario's own.
     bound_N : float, optional
@@ -73,15 +70,7 @@ def make_tables(
     profile = with_motion(problem, "table", CompensationTable(own.table).profile(problem))
     scores = {on: verify(transmission, SimulatedPlant(level=on), "table", profile, reference).score for on in Level}
     real = doubt(transmission, scenario.robust)
-    band = error_band(
-        real.samples,
-        problem.level,
-        profile.force_N,
-        reference.tension_N,
-        reference.step_s,
-        initial_tension_N=reference.initial_tension_N,
-        periodic=reference.periodic,
-    )
+    band = error_bands(real.samples, problem.level, {"table": profile.force_N}, reference)["table"]
     options = {"level": level, "bound": bound_N, "angles": _listed(angles_rad), "rates": _listed(rates_N_per_s)}
     options["pose"] = " --pose ".join(f"{name}={angle}" for name, angle in pose_rad.items())
     return Tables(

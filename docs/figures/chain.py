@@ -4,7 +4,8 @@ import casadi as ca
 import numpy as np
 from matplotlib.figure import Figure
 
-from tendonff.compensator.reporting.plots import BLUE, INK, VERMILION, figure_style, new_figure
+from tendonff.compensator.reporting.colours import BLUE, INK, VERMILION
+from tendonff.compensator.reporting.plots import figure_style, new_figure
 from tendonff.models.friction import LuGreBristle
 from tendonff.models.link import ZenerLink
 

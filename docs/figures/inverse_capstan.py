@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.smoothed import Smoothed
-from tendonff.compensator.reporting.plots import BLUE, GREY, ORANGE, VERMILION, figure_style, new_figure
+from tendonff.compensator.reporting.colours import BLUE, GREY, ORANGE, VERMILION
+from tendonff.compensator.reporting.plots import figure_style, new_figure
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.capstan import CapstanLaw

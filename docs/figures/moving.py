@@ -7,7 +7,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import tendonff as tf
-from tendonff.compensator.reporting.plots import BLUE, GREY, VERMILION, figure_style, new_figure
+from tendonff.compensator.reporting.colours import BLUE, GREY, VERMILION
+from tendonff.compensator.reporting.plots import figure_style, new_figure
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 
 SCENARIO = Path(__file__).resolve().parents[2] / "examples" / "finger_moving.toml"

@@ -3,7 +3,8 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from tendonff.compensator.reporting.plots import BLUE, GREEN, INK, VERMILION, figure_style, new_figure
+from tendonff.compensator.reporting.colours import BLUE, GREEN, INK, VERMILION
+from tendonff.compensator.reporting.plots import figure_style, new_figure
 
 RADIUS, ANGLES, STRAIGHT = 1.0, (1.2, 0.9, 0.6), 0.6
 

@@ -3,7 +3,8 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from tendonff.compensator.reporting.plots import BLUE, INK, ORANGE, figure_style, new_figure
+from tendonff.compensator.reporting.colours import BLUE, INK, ORANGE
+from tendonff.compensator.reporting.plots import figure_style, new_figure
 from tendonff.models.capstan import CapstanLaw
 from tendonff.ocp.adaptation.bounds import CertifiedInterval
 

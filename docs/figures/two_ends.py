@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from tendonff.compensator.reporting.plots import BLUE, GREY, ORANGE, VERMILION, figure_style, new_figure
+from tendonff.compensator.reporting.colours import BLUE, GREY, ORANGE, VERMILION
+from tendonff.compensator.reporting.plots import figure_style, new_figure
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.capstan.two_ended import TwoEndedLaw
 from tendonff.models.chain import Chain

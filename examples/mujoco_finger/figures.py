@@ -8,18 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from examples.mujoco_finger.rig import JOINTS, MODEL, RADII_M, Controller, Run, pushed, run
-from tendonff.compensator.reporting.plots import (
-    BLUE,
-    GREY,
-    INK,
-    LINE_STYLES,
-    ORANGE,
-    VERMILION,
-    figure_style,
-    legend_below,
-    new_figure,
-    save_figure,
-)
+from tendonff.compensator.reporting.colours import BLUE, GREY, INK, ORANGE, VERMILION
+from tendonff.compensator.reporting.plots import LINE_STYLES, figure_style, legend_below, new_figure, save_figure
 
 LOOKS = {Controller.PLAIN: (GREY, ":"), Controller.AT_REST: (ORANGE, "--"), Controller.MEASURED: (BLUE, "-")}
 POSES = 6

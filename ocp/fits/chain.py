@@ -96,29 +96,25 @@ class ChainResponse:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunUp:
-    """A drive as it is simulated: from rest over a short lead-in, at a step near the longest one.
+    """A drive as it is simulated: from rest over a short lead-in, at a step near the longest one."""
 
-    Parameters
-    ----------
-    force_N : ndarray, shape (lead + rows,)
-    step_s : float
-    lead : int
-        Rows of the lead-in.
-    thin, refine : int
-        Samples per step, and steps per sample.
-    rest_N : float
-        Tension at rest.
-    motion : JointMotion or None
-        From the start of the lead-in.
-    """
-
-    force_N: Array
+    force_N: Array  # shape (lead + rows,)
     step_s: float
-    lead: int
+    lead: int  # rows of the lead-in
+    # thin, refine: samples per step, and steps per sample
     thin: int
     refine: int
-    rest_N: float
-    motion: JointMotion | None
+    rest_N: float  # tension at rest
+    motion: JointMotion | None  # from the start of the lead-in
+
+    def sampled(self, x: Array, rows: int) -> Array:
+        """A simulated channel at the samples of the drive, of which there are `rows`."""
+        x = x[self.lead :]
+        if self.refine > 1:
+            return np.asarray(x[:: self.refine])
+        if self.thin == 1:
+            return x
+        return np.asarray(CubicSpline(np.arange(len(x)) * self.thin, x, axis=0)(np.arange(rows)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -180,37 +176,24 @@ class ChainModel:
         SolveError
             If the simulation fails.
         """
-        whole = self.whole(values)
-        run_up = self.with_lead_in(values, drive)
-        force, step, lead, rest = run_up.force_N, run_up.step_s, run_up.lead, run_up.rest_N
-        thin, refine = run_up.thin, run_up.refine
+        whole, run_up = self.whole(values), self.with_lead_in(values, drive)
         chain = self.chain(whole, run_up.motion)
         if over and chain.moving:
             return self._differences(values, drive, over)
-        if not over:
-            run = simulate(chain, force, step, initial_tension_N=rest).require()
-            output, near, far = run.output_tension_N, run.near_position_m, run.far_position_m
-            slopes = np.zeros((len(force), 3, 0))
+        if over:
+            output, near, far, slopes = self._differentiate(values, whole, chain, run_up, over)
         else:
-            output, near, far, slopes = self._differentiate(values, whole, chain, force, step, rest, over)
-        rows = np.arange(len(drive.input_N))
-
-        def sampled(x: Array) -> Array:
-            x = x[lead:]
-            if refine > 1:
-                return np.asarray(x[::refine])
-            if thin == 1:
-                return x
-            spline = CubicSpline(np.arange(len(x)) * thin, x, axis=0)
-            return np.asarray(spline(rows))
-
+            run = simulate(chain, run_up.force_N, run_up.step_s, initial_tension_N=run_up.rest_N).require()
+            output, near, far = run.output_tension_N, run.near_position_m, run.far_position_m
+            slopes = np.zeros((len(run_up.force_N), 3, 0))
+        rows = len(drive.input_N)
         return ChainResponse(
-            output_N=sampled(output) + values[D.OUTPUT_BIAS],
-            elongation_m=sampled(near - far),
-            near_m=sampled(near),
-            output_slopes=sampled(slopes[:, 0]),
-            elongation_slopes=sampled(slopes[:, 1]),
-            near_slopes=sampled(slopes[:, 2]),
+            output_N=run_up.sampled(output, rows) + values[D.OUTPUT_BIAS],
+            elongation_m=run_up.sampled(near - far, rows),
+            near_m=run_up.sampled(near, rows),
+            output_slopes=run_up.sampled(slopes[:, 0], rows),
+            elongation_slopes=run_up.sampled(slopes[:, 1], rows),
+            near_slopes=run_up.sampled(slopes[:, 2], rows),
         )
 
     def _differences(
@@ -218,21 +201,17 @@ class ChainModel:
     ) -> ChainResponse:
         """Derivatives by differences: compiled runs of a chain whose masses differ cost less than its exact slopes."""
         middle = self.respond(values, drive)
-        slopes = []
-        for name in over:
+        channels = ("output_N", "elongation_m", "near_m")
+        slopes = np.zeros((len(channels), len(drive.input_N), len(over)))
+        for k, name in enumerate(over):
             step = _DIFFERENCE * (abs(values[name]) or 1.0)
             above = self.respond({**values, name: values[name] + step}, drive)
             # what is zero may not fall below it
             below = self.respond({**values, name: values[name] - step}, drive) if values[name] else middle
             width = (2 if values[name] else 1) * step
-            slopes.append(
-                [
-                    (getattr(above, channel) - getattr(below, channel)) / width
-                    for channel in ("output_N", "elongation_m", "near_m")
-                ]
-            )
-        output, elongation, near = (np.stack([each[k] for each in slopes], axis=1) for k in range(3))
-        return replace(middle, output_slopes=output, elongation_slopes=elongation, near_slopes=near)
+            for channel, found in zip(channels, slopes, strict=True):
+                found[:, k] = (getattr(above, channel) - getattr(below, channel)) / width
+        return replace(middle, output_slopes=slopes[0], elongation_slopes=slopes[1], near_slopes=slopes[2])
 
     def with_lead_in(self, values: Mapping[DynamicParameter, float], drive: Drive) -> RunUp:
         """What a drive is simulated as."""
@@ -266,15 +245,14 @@ class ChainModel:
         values: Mapping[DynamicParameter, float],
         whole: Whole,
         chain: Chain,
-        force: Array,
-        step: float,
-        rest: float,
+        run_up: RunUp,
         over: Sequence[DynamicParameter],
     ) -> tuple[Array, Array, Array, Array]:
         """Output, positions of both ends, and slopes of output, elongation and near position, shape (rows, 3, k)."""
         wanted = [p for k, p in _DIRECT.items() if k in over]
         if {D.MU_PULL, D.MU_RELEASE, D.STATIC_EXCESS} & set(over):
             wanted += _MUS
+        force, step, rest = run_up.force_N, run_up.step_s, run_up.rest_N
         slopes = np.zeros((len(force), 3, len(over)))
         run = parameter_sensitivity(whole, chain, force, step, tuple(wanted), initial_tension_N=rest)
         if run.ends_slopes is None:

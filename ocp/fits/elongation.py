@@ -65,8 +65,7 @@ def elongation(numbers: tuple[float, float, float], tension_N: Array, step_s: fl
     slopes = np.empty((len(x), 3))
     for k in range(3):
         drive = by[0, k] * now + by[1, k] * before + by[2, k] * x_before
-        first = -start / k1 if k == 0 else 0.0
-        drive[0] = first
+        drive[0] = -start / k1 if k == 0 else 0.0
         slopes[:, k] = lfilter([1.0], [1.0, -a], drive)
     time_constant = tau * (k1 + k2) / k1
     return Elongation(elongation_m=x, slopes=slopes, fading=np.exp(-np.arange(len(x)) * step_s / time_constant))

@@ -19,25 +19,13 @@ from tendonff.ocp.simulate import simulate
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InputWindow:
-    """Slopes over the input at knots, linear between them.
+    """Slopes over the input at knots, linear between them."""
 
-    Parameters
-    ----------
-    time_s : ndarray, shape (n,)
-        From the first sample of the drive.
-    first_s : float
-        Where the window itself begins; what is before belongs to the window before.
-    knots_s : ndarray, shape (k,)
-    output_slopes : ndarray, shape (n, k)
-        [N/N].
-    near_slopes, elongation_slopes : ndarray, shape (n, k)
-        [m/N].
-    """
-
-    time_s: Array
-    first_s: float
-    knots_s: Array
-    output_slopes: Array
+    time_s: Array  # shape (n,); from the first sample of the drive
+    first_s: float  # where the window itself begins; what is before belongs to the window before
+    knots_s: Array  # shape (k,)
+    output_slopes: Array  # shape (n, k) [N/N]
+    # near_slopes, elongation_slopes: shape (n, k) [m/N]
     near_slopes: Array
     elongation_slopes: Array
 
@@ -55,10 +43,8 @@ def input_windows(
 
     Parameters
     ----------
-    model : ChainModel
     values : mapping of DynamicParameter to float
         All of them.
-    drive : Drive
     knot_s, window_s, before_s : float
         Distance of knots, length of windows, and how much earlier their knots begin, about.
 

@@ -38,12 +38,7 @@ class KeptForce:
 
 
 def find_holds(reference_N: Array, step_s: float) -> tuple[tuple[int, int], ...]:
-    """Stretches in which a reference rests: first and last row of each.
-
-    Parameters
-    ----------
-    reference_N : ndarray, shape (n,)
-    """
+    """Stretches in which a reference, shape (n,), rests: first and last row of each."""
     near = AT_REST * float(np.ptp(reference_N))
     resting = np.concatenate([[False], np.diff(reference_N) == 0, [False]])
     edges = np.flatnonzero(np.diff(resting.astype(int)))
@@ -64,10 +59,6 @@ def last_approach(reference_N: Array, step_s: float) -> tuple[int, int] | None:
     """Rows in which a reference creeps up to its last value; None where it ends in a hold, or in full motion.
 
     A reversal that begins there is cut off by the end: the reference goes on no further, so it is no corner.
-
-    Parameters
-    ----------
-    reference_N : ndarray, shape (n,)
     """
     away = np.flatnonzero(np.abs(reference_N - reference_N[-1]) > AT_REST * float(np.ptp(reference_N)))
     start, end = (int(away[-1]) + 1 if away.size else 0), len(reference_N) - 1
@@ -84,20 +75,10 @@ def keep_force(
     *,
     initial_tension_N: float | None = None,
 ) -> KeptForce:
-    """Exact inverse of a reference between its holds, and a constant force in them.
+    """Exact inverse of a reference, shape (n,) [N], > 0, between its holds, and a constant force in them.
 
-    Parameters
-    ----------
-    chain : Chain
-        Its near end must act.
-    reference_N : ndarray, shape (n,)
-        Wanted output tension at 0, h, 2 h ... [N], > 0.
-    step_s : float
-        h [s], > 0.
-    holds : tuple of (int, int)
-        First and last row of each hold, in order and apart.
-    initial_tension_N : float, optional
-        Uniform tension of the start at rest [N]; default: the first reference.
+    The chain's near end must act. Holds are first and last rows, in order and apart. The start is at rest under the
+    initial tension, by default the first reference [N].
 
     Raises
     ------

@@ -12,17 +12,11 @@ def tension_of_motion(
 ) -> Array:
     """Output tension under which the load takes a course, x_c2 and f_c2 at rest [N], shape (n,).
 
-    m dv/dt = f - k q - b v, counted from the rest under the initial tension. The derivatives are those of the
+    m dv/dt = f - k q - b v, counted from the rest under the initial tension [N]. The derivatives are those of the
     simulation, so that the chain, driven by the inverse of this tension, moves its load as wanted to rounding.
 
-    Parameters
-    ----------
-    position_m : ndarray, shape (n,)
-        Wanted position relative to the start [m], positive towards the actuator, at 0, h, 2 h ...
-    initial_tension_N : float
-        Uniform tension of the start at rest [N].
-    periodic : bool, optional
-        The course is one period of a cycle, its last row the first of the next.
+    The position, shape (n,), is relative to the start [m], positive towards the actuator, at 0, h, 2 h ... A periodic
+    course is one period of a cycle, its last row the first of the next.
     """
     course = np.asarray(position_m, dtype=np.float64)
     if periodic:

@@ -1,6 +1,6 @@
 """`tendonff adapt`: feedforward that tunes itself, on rigs that differ from the scenario."""
 
-from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument
+from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument, opened
 from tendonff.compensator.cli.progress import progress, say, warn
 
 
@@ -9,16 +9,13 @@ def adapt(scenario: ScenarioArgument, out: OutFolderOption) -> None:
 
     Feedforward and feedback alone stand beside it.
     """
-    from tendonff.compensator.cli.opening import opened
-
     with opened(scenario, out) as (loaded, folder):
         from tendonff.compensator.adapt.run import adapt as study
 
         with progress("self-tuning") as advance:
             result = study(loaded, progress=advance)
         result.write(folder)
-    for warning in result.warnings:
-        warn(warning)
+    warn(*result.warnings)
     if result.certificate is not None:
         say(result.certificate.sentence())
     say(result.headline)

@@ -1,6 +1,6 @@
 """`tendonff compare`: which model fidelity the task needs."""
 
-from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument
+from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument, opened
 from tendonff.compensator.cli.progress import progress, say, warn
 
 
@@ -9,14 +9,11 @@ def compare(scenario: ScenarioArgument, out: OutFolderOption) -> None:
 
     Every compensator is designed on each level, and simulated on each and on the capstan law.
     """
-    from tendonff.compensator.cli.opening import opened
-
     with opened(scenario, out) as (loaded, folder):
         from tendonff.compensator.compare.run import compare as compare_levels
 
         with progress("comparing") as advance:
             result = compare_levels(loaded, progress=advance)
         result.write(folder)
-    for warning in result.warnings:
-        warn(warning)
+    warn(*result.warnings)
     say(result.recommendation)

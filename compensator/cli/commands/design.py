@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument
+from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument, opened
 from tendonff.compensator.cli.progress import progress, say, warn
 
 EXIT_SOLVE = 1  # what was written is the best that was found
@@ -27,11 +27,9 @@ def design(
 
     Computes force profiles that produce the desired output tension, by every compensator, and simulates each.
     """
-    from tendonff.compensator.cli.opening import opened
-
     with opened(scenario, out, strict=strict) as (loaded, folder):
+        from tendonff.compensator.design.output import print_scores
         from tendonff.compensator.design.run import design as design_profile
-        from tendonff.compensator.design.scores import print_scores
 
         with progress("designing") as advance:
             result = design_profile(loaded, strict=strict, progress=advance)
@@ -45,7 +43,6 @@ def design(
                 study = study_online(loaded, optimum)
                 study.write(folder)
             say(study.sentence)
-    for warning in result.warnings:
-        warn(warning)
+    warn(*result.warnings)
     print_scores(result, out)
     return 0 if result.is_usable else EXIT_SOLVE

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from tendonff.compensator.cli.progress import say
+from tendonff.compensator.files.text import InputError, suggestion
 
 
 def example(
@@ -19,7 +20,6 @@ def example(
     force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
 ) -> None:
     """Write a shipped example scenario, or list them."""
-    from tendonff.compensator.files.reading import InputError, suggestion
     from tendonff.compensator.files.writing import write_text
 
     shipped = files("tendonff").joinpath("examples")

@@ -3,31 +3,21 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument
+from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument, opened, option
 from tendonff.compensator.cli.progress import progress, say, warn
+
+_MEASURED = "Tensions of this test on a rig (time_s, any of tension_1_N to tension_7_N), laid over the models."
 
 
 def experiment(
     scenario: ScenarioArgument,
     out: OutFolderOption,
-    measured: Annotated[
-        Path | None,
-        typer.Option(
-            "--measured",
-            metavar="FILE",
-            help="Tensions of this test on a rig (time_s, any of tension_1_N to tension_7_N), laid over the models.",
-            show_default=False,
-        ),
-    ] = None,
+    measured: Annotated[Path | None, option("--measured", "FILE", _MEASURED)] = None,
 ) -> None:
     """Run the ten-state test on two motors.
 
     All three model levels receive the same commands.
     """
-    from tendonff.compensator.cli.opening import opened
-
     with opened(scenario, out, follows_reference=False) as (loaded, folder):
         from tendonff.compensator.experiment.numbers import warnings_of
         from tendonff.compensator.experiment.run import experiment as run_test
@@ -35,7 +25,6 @@ def experiment(
         with progress("experimenting") as advance:
             result = run_test(loaded, measured, progress=advance)
         result.write(folder)
-    for warning in warnings_of(result):
-        warn(warning)
+    warn(*warnings_of(result))
     states = len(result.plan.states)
     say(f"{states} states in {result.fine.time_s[-1]:.4g} s on {len(result.runs)} levels; see {out / 'report.html'}")

@@ -6,6 +6,7 @@ import typer
 
 from tendonff.compensator.cli.options import ScenarioArgument
 from tendonff.compensator.cli.progress import say
+from tendonff.compensator.files.text import InputError
 
 
 def explore(
@@ -19,7 +20,6 @@ def explore(
 
     Sliders change friction, angle, presliding stiffness, relaxation, rate limit, load and the pose of joints.
     """
-    from tendonff.compensator.files.reading import InputError
     from tendonff.compensator.scenario.scenario import load_scenario
 
     loaded = load_scenario(scenario)

@@ -4,14 +4,16 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.options import LevelOption, OutFolderOption, ScenarioArgument
+from tendonff.compensator.cli.options import (
+    ForceOption,
+    LevelOption,
+    OutFolderOption,
+    PrefixOption,
+    ScenarioArgument,
+    opened,
+)
 from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.ocp.codegen.precision import Precision
-
-PrefixOption = Annotated[str, typer.Option("--prefix", metavar="NAME", help="Prefix of every C name and file.")]
-ForceOption = Annotated[
-    bool, typer.Option("--force-export", help="Export modules all the same that are worse than no compensation.")
-]
 
 
 def export_c(
@@ -28,8 +30,6 @@ def export_c(
 
     Inverse, capstan law, table, optimal profile, and the chain itself for tests.
     """
-    from tendonff.compensator.cli.opening import opened
-
     with opened(scenario, out) as (loaded, folder):
         from tendonff.compensator.export.c_project import export_project
         from tendonff.compensator.export.judgement import score_lines
@@ -39,10 +39,7 @@ def export_c(
                 loaded, precision=precision, prefix=prefix, level=level, force_export=force_export
             )
             exported.write(folder)
-    for note in exported.notes:
-        say(note)
-    for warning in exported.warnings:
-        warn(warning)
-    for line in score_lines(exported.judged):
-        say(line)
+    say(*exported.notes)
+    warn(*exported.warnings)
+    say(*score_lines(exported.judged))
     say(f"{len(exported.files)} files in {out}; `make test` there compares them with the Python model")

@@ -4,8 +4,15 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.commands.export_c import ForceOption, PrefixOption
-from tendonff.compensator.cli.options import LevelOption, OutFolderOption, ScenarioArgument
+from tendonff.compensator.cli.options import (
+    ForceOption,
+    LevelOption,
+    OutFolderOption,
+    PrefixOption,
+    ScenarioArgument,
+    opened,
+    option,
+)
 from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 
@@ -14,9 +21,7 @@ def export_fmu(
     scenario: ScenarioArgument,
     out: OutFolderOption,
     kind: Annotated[Kind, typer.Option("--kind", help="What the unit computes.")] = Kind.INVERSE,
-    fmi: Annotated[
-        FmiVersion | None, typer.Option("--fmi", help="Version of FMI; default: both.", show_default=False)
-    ] = None,
+    fmi: Annotated[FmiVersion | None, option("--fmi", None, "Version of FMI; default: both.")] = None,
     prefix: PrefixOption = "tff",
     level: LevelOption = None,
     everywhere: Annotated[
@@ -28,8 +33,6 @@ def export_fmu(
 
     Co-simulation units of the exported C, with their sources.
     """
-    from tendonff.compensator.cli.opening import opened
-
     with opened(scenario, out) as (loaded, folder):
         from tendonff.compensator.export.fmu import build_fmu
         from tendonff.compensator.export.judgement import score_lines

@@ -6,6 +6,9 @@ from typing import Annotated
 
 import typer
 
+from tendonff.compensator.cli.options import option
+from tendonff.compensator.files.text import InputError
+
 
 class Rig(StrEnum):
     """Rigs with a scenario of their own to start from."""
@@ -18,15 +21,12 @@ class Rig(StrEnum):
 
 def new(
     file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Scenario file to write.", show_default=False)],
-    rig: Annotated[
-        Rig | None, typer.Option("--for", help="Rig whose usual ranges of values the file gives.", show_default=False)
-    ] = None,
+    rig: Annotated[Rig | None, option("--for", None, "Rig whose usual ranges of values the file gives.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a file that exists.")] = False,
 ) -> None:
     """Write a commented scenario to start from."""
     from importlib.resources import files
 
-    from tendonff.compensator.files.reading import InputError
     from tendonff.compensator.files.writing import write_text
 
     if file.exists() and not force:

@@ -30,8 +30,7 @@ def path(
 
         result = read_centreline(points, tolerance_rad=tolerance)
         result.write(folder)
-    for warning in result.warnings:
-        warn(warning)
+    warn(*result.warnings)
     typer.echo(result.toml(), nl=False)
     say(
         f"wrap angle {result.angle_rad:.4g} +- {result.uncertainty_rad:.2g} rad over {result.length_m[-1]:.4g} m in "

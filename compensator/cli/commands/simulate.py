@@ -5,42 +5,22 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.options import LevelOption, ScenarioArgument
+from tendonff.compensator.cli.options import LevelOption, ScenarioArgument, option
 from tendonff.compensator.cli.progress import progress, say, warn
+from tendonff.compensator.files.text import InputError
+
+_COLUMN = "Column of the force; default: force_N, in a profile.csv force_optimal_N."
+_JOINTS = "Motion of the joints: time_s,NAME_rad; default: that of the scenario."
 
 
 def simulate(
     scenario: ScenarioArgument,
     force: Annotated[
-        Path,
-        typer.Option(
-            "--force",
-            metavar="F.csv",
-            help="Force file: time_s,force_N, from 0 (position drive: command_m).",
-            show_default=False,
-        ),
+        Path, option("--force", "F.csv", "Force file: time_s,force_N, from 0 (position drive: command_m).")
     ],
-    out: Annotated[
-        Path, typer.Option("--out", metavar="O.csv", help="Result: tensions and end positions.", show_default=False)
-    ],
-    column: Annotated[
-        str | None,
-        typer.Option(
-            "--force-column",
-            metavar="NAME",
-            help="Column of the force; default: force_N, in a profile.csv force_optimal_N.",
-            show_default=False,
-        ),
-    ] = None,
-    joints: Annotated[
-        Path | None,
-        typer.Option(
-            "--joints",
-            metavar="J.csv",
-            help="Motion of the joints: time_s,NAME_rad; default: that of the scenario.",
-            show_default=False,
-        ),
-    ] = None,
+    out: Annotated[Path, option("--out", "O.csv", "Result: tensions and end positions.")],
+    column: Annotated[str | None, option("--force-column", "NAME", _COLUMN)] = None,
+    joints: Annotated[Path | None, option("--joints", "J.csv", _JOINTS)] = None,
     level: LevelOption = None,
     check: Annotated[
         bool, typer.Option("--check", help="Simulate with smaller steps as well and state the discretisation error.")
@@ -50,7 +30,6 @@ def simulate(
 
     The run starts at rest at the scenario's initial tension.
     """
-    from tendonff.compensator.files.reading import InputError
     from tendonff.compensator.scenario.scenario import load_scenario
 
     loaded = load_scenario(scenario)  # before the imports below, which take a second: a refusal is quick
@@ -59,13 +38,11 @@ def simulate(
 
     loaded = loaded if joints is None else moved_by_file(loaded, joints)
     profile = read_force(force, column, loaded.transmission.actuator.drive)
-    for note in profile.notes:
-        say(note)
+    say(*profile.notes)
     if out.exists() and any(out.samefile(source) for source in (scenario, force, joints) if source):
         raise InputError(f"{out} is an input of this run; name another file for the result")
     with progress("simulating") as advance:
         simulated = simulate_force(loaded, level or loaded.run.level, profile, out, check=check, progress=advance)
-    for warning in simulated.warnings:
-        warn(warning)
+    warn(*simulated.warnings)
     if simulated.check is not None:
         say(f"check: {simulated.check}")

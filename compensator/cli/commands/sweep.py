@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument
+from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument, option
 from tendonff.compensator.cli.progress import progress, say
 
 
@@ -12,8 +12,7 @@ def sweep(
     scenario: ScenarioArgument,
     out: OutFolderOption,
     over: Annotated[
-        list[str] | None,
-        typer.Option("--over", metavar="KEY=FROM:TO:COUNT", help="Vary a key of the scenario; may be repeated."),
+        list[str] | None, option("--over", "KEY=FROM:TO:COUNT", "Vary a key of the scenario; may be repeated.")
     ] = None,
     samples: Annotated[
         int, typer.Option("--samples", metavar="N", min=0, help="Try the design on so many units drawn at random.")
@@ -22,12 +21,10 @@ def sweep(
         str, typer.Option("--from", metavar="TABLE", help="Where the units' uncertainty is stated: robust.")
     ] = "robust",
     compensators: Annotated[
-        str | None,
-        typer.Option("--compensators", metavar="NAME,...", help="Compensators to score; default: all but the table."),
+        str | None, option("--compensators", "NAME,...", "Compensators to score; default: all but the table.")
     ] = None,
     scheduler: Annotated[
-        str | None,
-        typer.Option("--scheduler", metavar="ADDRESS", help="Existing Dask cluster to compute on; default: here."),
+        str | None, option("--scheduler", "ADDRESS", "Existing Dask cluster to compute on; default: here.")
     ] = None,
     parquet: Annotated[bool, typer.Option("--parquet", help="Write the samples as a Parquet file too.")] = False,
 ) -> None:
@@ -40,9 +37,8 @@ def sweep(
     from tendonff.compensator.scenario.scenario import load_scenario
 
     loaded = load_scenario(scenario)
-    from tendonff.compensator.design.sweep.cluster import executor_of
     from tendonff.compensator.design.sweep.plan import Axis
-    from tendonff.compensator.design.sweep.run import DEFAULT
+    from tendonff.compensator.design.sweep.run import DEFAULT, executor_of
     from tendonff.compensator.design.sweep.run import sweep as run_sweep
     from tendonff.compensator.files.writing import require_parquet
 

@@ -1,15 +1,139 @@
-"""What the stream module makes of a reference, sample by sample: the model of its C."""
+"""A live reference: its filter, what preview does against a rate limit, and the model of the C that does both."""
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from tendonff.compensator.compensators.base import FloatArray, Problem
-from tendonff.compensator.compensators.stream.filter import StreamFilter
-from tendonff.compensator.compensators.stream.ramp import Ramp
 from tendonff.models.errors import ParameterError
+from tendonff.models.parameters import Transmission
 from tendonff.ocp.inverse import invert
+from tendonff.ocp.tracking.limits import ForceLimits
+
+_FREQUENCIES = 1024
+
+
+@dataclass(frozen=True, kw_only=True)  # without slots: the taps are computed once
+class StreamFilter:
+    """A symmetric filter, whose lag is the same for all frequencies, and the samples of the reference handed over
+    ahead.
+
+    Of all symmetric filters of a length that leave a constant (and, where asked, a parabola) as it is, the one that
+    passes the least noise to the force: white noise in the reference reaches the force through the inertia of the
+    moving masses, with the gain 1 + (w/w_m)^2, w_m^2 = 1/(m (1/k_load + 1/k_1)).
+    """
+
+    half: int  # taps on either side of the middle: the delay in samples
+    is_flat: bool  # parabolas pass unchanged too: less error, more noise
+    corner_per_sample: float  # w_m h: above this the force follows the second derivative of the reference [-]
+    ahead: int  # samples of preview, >= half; 0 where there is none
+    step_s: float  # h [s]
+
+    @property
+    def delay(self) -> int:
+        """Samples between a reference and its effect."""
+        return max(self.half, self.ahead)
+
+    @property
+    def lag_s(self) -> float:
+        """Lag of the output behind what was passed; negative: what was passed is ahead by so much [s]."""
+        return (-self.ahead if self.ahead else self.half) * self.step_s
+
+    @cached_property
+    def taps(self) -> FloatArray:
+        """Weights, shape (2 half + 1,), sum 1."""
+        if self.half == 0:
+            return np.ones(1)
+        place = np.arange(-self.half, self.half + 1, dtype=np.float64)
+        angle = (np.arange(_FREQUENCIES) + 0.5) * math.pi / _FREQUENCIES
+        gain = 1 + (angle / self.corner_per_sample) ** 2
+        waves = np.cos(np.outer(angle, place)) * gain[:, None]
+        cost = waves.T @ waves
+        sines = np.sin(np.outer(angle, place)) * gain[:, None]
+        cost += sines.T @ sines
+        moments = [np.ones_like(place)]
+        if self.is_flat and self.half > 1:
+            moments.append((place / self.half) ** 2)
+        rows = np.array(moments)
+        wanted = np.zeros(len(rows))
+        wanted[0] = 1.0
+        solved = np.linalg.solve(cost, rows.T)
+        taps = solved @ np.linalg.solve(rows @ solved, wanted)
+        taps = 0.5 * (taps + taps[::-1])
+        symmetric: FloatArray = taps / taps.sum()
+        return symmetric
+
+
+def corner_per_sample(transmission: Transmission, step_s: float) -> float:
+    """Frequency above which inertia decides the force, times the step [-]."""
+    t = transmission
+    mass = t.actuator.mass_kg + t.tendon.mass_kg + t.load.mass_kg
+    compliance = 1 / t.load.stiffness_N_per_m + 1 / t.tendon.stiffness_N_per_m
+    return step_s / math.sqrt(max(mass * compliance, (1e-3 * step_s) ** 2))
+
+
+SLACK = 1 / 16
+"""Part of the largest change a sample by which a ramp under way may be early: rounding must not end it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ramp:
+    """Preview against a rate limit: how far ahead the inverse runs, and what is made of it.
+
+    At a reversal the exact force changes faster than the actuator can, and the output stands still until the force has
+    arrived. With preview the inverse runs ahead of the time that its forces are due at, so that what cannot be reached
+    in time is seen. The force then leaves its course at once, at the largest rate, and the output stands still before
+    the reference turns as well as after. Before that the force goes beyond its course for a moment, so that the output
+    stands between the level that it set out from and the one at which the reference turns.
+    """
+
+    samples: int  # samples between the newest force of the inverse and the one that is due, >= 1
+    # where the output stands, on the way from the level that the force sets out from (0) to the turn (1) [-]
+    overshoot: float
+
+    def apply(
+        self, force_N: FloatArray, tension_N: FloatArray, limits: ForceLimits, step_s: float, start_N: float
+    ) -> FloatArray:
+        """Force within the limits, late by `samples`, from exact force and the tension that it gives, shape (n,) [N].
+
+        `start_N` is the tension at rest before.
+        """
+        change = limits.rate_N_per_s * step_s
+        now = limits.start(start_N)
+        before = np.full(self.samples, start_N)
+        forces = np.concatenate([np.full(self.samples, now), np.clip(force_N, limits.minimum_N, limits.maximum_N)])
+        tensions = np.concatenate([before, tension_N])
+        reach = change * np.arange(1, self.samples + 2)
+        side, level, lifting = 0.0, 0.0, False
+        found = []
+
+        def out_of_reach(direction: float, slack_N: float) -> int:
+            """Samples until the first force that cannot be reached in time; 0 for none."""
+            missed = direction * (coming - now) > reach - slack_N
+            return int(np.argmax(missed)) + 1 if missed.any() else 0
+
+        for k in range(len(force_N)):
+            coming, wanted = forces[k : k + self.samples + 1], tensions[k : k + self.samples + 1]
+            due, tension = float(coming[0]), float(wanted[0])
+            if side and not out_of_reach(side, SLACK * change):
+                side = 0.0
+            if not side:
+                down, up = out_of_reach(-1.0, 0.0), out_of_reach(1.0, 0.0)
+                if down or up:
+                    side = -1.0 if down and (not up or down < up) else 1.0
+                    rest = float(np.max(-side * (wanted[: down if side < 0 else up] - tension)))
+                    level, lifting = tension - side * self.overshoot * rest, rest > 0
+            asked = due
+            if side:
+                beyond = -side * (level - tension) > 0 and -side * (due * (level / tension) - now) > 0
+                lifting = lifting and beyond
+                asked = now + (-side if lifting else side) * change
+            now = min(max(asked, limits.minimum_N, now - change), limits.maximum_N, now + change)
+            found.append(now)
+        return np.array(found)
+
 
 RE_ENTRY_S = 0.1
 """Time in which the reference comes back from a held value to one that arrives again [s]."""
@@ -51,14 +175,9 @@ class StreamDesign:
 
 
 def smoothed(design: StreamDesign, reference_N: FloatArray, initial_N: float) -> FloatArray:
-    """The reference that the inverse receives, ahead of what is due where there is a ramp [N].
+    """The reference that the inverse receives, ahead of what is due where there is a ramp, shape (n,) [N].
 
-    Parameters
-    ----------
-    reference_N : ndarray, shape (n,)
-        What arrives; what is not finite holds the last one [N].
-    initial_N : float
-        Tension at rest before [N].
+    What arrives and is not finite holds the last one; `initial_N` is the tension at rest before.
     """
     taps = design.filter.taps
     last = centre = min(max(initial_N, design.low_N), design.high_N)
@@ -84,14 +203,7 @@ def smoothed(design: StreamDesign, reference_N: FloatArray, initial_N: float) ->
 
 
 def stream_force(design: StreamDesign, problem: Problem, reference_N: FloatArray) -> FloatArray:
-    """Force of the stream module for a reference that arrives live, from rest at its first sample [N].
-
-    Parameters
-    ----------
-    problem : Problem
-        Model and limits.
-    reference_N : ndarray, shape (n,)
-    """
+    """Force of the stream module for a reference, shape (n,), that arrives live, from rest at its first sample [N]."""
     start = float(reference_N[0])
     tension = smoothed(design, reference_N, start)
     step = problem.reference.step_s

@@ -7,10 +7,14 @@ import numpy as np
 
 from tendonff.compensator.compensators.base import FloatArray, Problem, Profile
 from tendonff.compensator.compensators.score import Score, SimulatedPlant, scale_N, score, simulate_profile
-from tendonff.compensator.compensators.stream.filter import StreamFilter, corner_per_sample
-from tendonff.compensator.compensators.stream.model import StreamDesign, stream_force
-from tendonff.compensator.compensators.stream.ramp import Ramp
-from tendonff.compensator.scenario.stream import Stream
+from tendonff.compensator.compensators.stream.model import (
+    Ramp,
+    StreamDesign,
+    StreamFilter,
+    corner_per_sample,
+    stream_force,
+)
+from tendonff.compensator.scenario.settings import Stream
 from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.errors import SolveError
 
@@ -48,12 +52,8 @@ def choose_stream(
 ) -> StreamChoice | None:
     """Try filters of all lengths that lag or preview admit, and pick one; None where no force can be simulated.
 
-    Parameters
-    ----------
-    accepted_N : tuple of float
-        References that the exported modules accept [N].
-    with_ramps : bool, optional
-        Preview also helps against a rate limit that binds.
+    References are accepted from `accepted_N[0]` to `accepted_N[1]`. With ramps, preview also helps against a rate limit
+    that binds.
     """
     step, still = problem.reference.step_s, problem.chain.motion is None  # nobody knows where joints will be
     binds = with_ramps and still and rate_binds(problem)
@@ -86,13 +86,7 @@ def choose_stream(
 
 
 def over_preview(problem: Problem, design: StreamDesign, previews_s: Sequence[float]) -> tuple[Candidate, ...]:
-    """What further preview would buy with the filter of a design where the rate limit binds.
-
-    Parameters
-    ----------
-    previews_s : sequence of float
-        All longer than the filter [s].
-    """
+    """What further preview, longer than the filter [s], would buy with a design where the rate limit binds."""
     best = []
     for preview in previews_s:
         ahead = round(preview / problem.reference.step_s)
@@ -117,12 +111,7 @@ def rate_binds(problem: Problem) -> bool:
 
 
 def quantised(tension_N: FloatArray, resolution_N: float) -> FloatArray:
-    """A tension as a converter hands it over: in whole steps, one of them noise [N].
-
-    Parameters
-    ----------
-    tension_N : ndarray, shape (n,)
-    """
+    """A tension, shape (n,), as a converter hands it over: in whole steps, one of them noise [N]."""
     noise = np.random.default_rng(0).integers(-1, 2, len(tension_N))
     rough: FloatArray = (np.round(tension_N / resolution_N) + noise) * resolution_N
     return rough

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from tendonff.compensator.design.sweep.figures import sweep_figures
 from tendonff.compensator.design.sweep.report import sweep_report
 from tendonff.compensator.design.sweep.result import QUANTILES, YIELD_PERCENT, SweepData
-from tendonff.compensator.files.writing import atomic_directory, write_parquet, write_text
-from tendonff.compensator.reporting.folder import summary_head, write_pages
+from tendonff.compensator.files.writing import atomic_directory, csv_text, write_parquet, write_text
+from tendonff.compensator.reporting.page import summary_head, write_pages
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -16,20 +16,15 @@ class Sweep(SweepData):
     """A sweep that can be written."""
 
     def write(self, folder: str | os.PathLike[str], *, parquet: bool = False) -> None:
-        """Write `samples.csv`, `summary.json`, figures and `report.html`, all or nothing.
-
-        Parameters
-        ----------
-        folder : str or path
-            Made where it is missing.
-        parquet : bool, optional
-            Write `samples.parquet` too, with the same columns.
+        """Write `samples.csv` (and `samples.parquet`), `summary.json`, figures and `report.html`, all or nothing; makes
+        the folder.
         """
         figures = sweep_figures(self)
         with atomic_directory(folder) as partial:
-            write_text(partial / "samples.csv", samples_csv(self))
+            names, rows = sample_columns(self), [(*r.values, *r.percent, *r.peak_N) for r in self.rows]
+            lines = [(r.index, *row) for r, row in zip(self.rows, rows, strict=True)]
+            write_text(partial / "samples.csv", csv_text(names, lines))  # what failed is an empty cell
             if parquet:
-                names, rows = sample_columns(self), [(*r.values, *r.percent, *r.peak_N) for r in self.rows]
                 numbers = dict(zip(names[1:], zip(*rows, strict=True), strict=True))
                 write_parquet(partial / "samples.parquet", {names[0]: [r.index for r in self.rows], **numbers})
             write_pages(partial, summary(self), figures, sweep_report(self, figures))
@@ -39,15 +34,6 @@ def sample_columns(result: SweepData) -> list[str]:
     """Names of the columns: the sample, the keys, errors and peaks of each compensator."""
     scores = [f"{name}_{what}" for what in ("rmse_percent_of_range", "peak_error_N") for name in result.compensators]
     return ["sample", *result.keys, *scores]
-
-
-def samples_csv(result: SweepData) -> str:
-    """Text of `samples.csv`: one row a unit; a compensator that failed has empty cells."""
-    lines = [",".join(sample_columns(result))]
-    for row in result.rows:
-        numbers = ("" if math.isnan(x) else repr(x) for x in (*row.values, *row.percent, *row.peak_N))
-        lines.append(",".join([str(row.index), *numbers]))
-    return "\n".join([*lines, ""])
 
 
 def summary(result: SweepData) -> dict[str, object]:

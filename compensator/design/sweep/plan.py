@@ -75,13 +75,7 @@ def factors_of(sample: Sample) -> tuple[float, ...]:
 
 
 def varied(scenario: Scenario, keys: tuple[str, ...], values: tuple[float, ...]) -> Scenario:
-    """The scenario with other values of some keys; `mu_static` goes along with `mu_dynamic` where both are equal.
-
-    Parameters
-    ----------
-    keys : tuple of str
-        "table.name".
-    """
+    """The scenario with other values of keys "table.name"; `mu_static` follows `mu_dynamic` where both are equal."""
     changes: dict[str, dict[str, float | int]] = {}
     for key, value in zip(keys, values, strict=True):
         table, name = key.split(".")

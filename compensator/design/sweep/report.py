@@ -37,10 +37,7 @@ def sweep_report(result: SweepData, figures: Mapping[str, Figure]) -> Report:
             for k, name in enumerate(result.compensators)
         ],
     )
-    captions = {
-        "yield": f"Share of the {unit} over the error.",
-        "errors": "Error over each quantity that varies.",
-    }
+    captions = {"yield": f"Share of the {unit} over the error.", "errors": "Error over each quantity that varies."}
     pictures = pictures_of(figures, captions)
     return Report(
         title=f"Sweep: {result.scenario.name}",

@@ -1,12 +1,18 @@
-"""What a sweep holds."""
+"""What a sweep holds, and its rows on disk while it runs, so that one that was killed goes on where it stopped."""
 
+import json
+import os
+from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from tendonff.compensator.compensators.base import FloatArray
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.uncertain import doubt
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.files.writing import atomic_file
 from tendonff.compensator.scenario.scenario import Scenario
 
 YIELD_PERCENT = (0.5, 1.0, 2.0, 5.0, 10.0)
@@ -53,13 +59,7 @@ class SweepData:
         return errors
 
     def yield_of(self, name: str, percent: float) -> float:
-        """Share of the units on which the error stays below a bound [-].
-
-        Parameters
-        ----------
-        percent : float
-            Bound [% of range].
-        """
+        """Share of the units on which the error stays below a bound [% of range] [-]."""
         return float(np.mean(self.percent(name) < percent))
 
     def quantiles(self, name: str) -> tuple[float, ...]:
@@ -83,3 +83,49 @@ class SweepData:
             f"[robust] states), with the best profile: {label}. 95 % of the units stay below {most:.3g} %, "
             f"{100 * self.yield_of(best, 1.0):.3g} % below 1 %."
         )
+
+
+_PLAN, _ROWS = "sweep.json", "rows.partial.csv"
+
+
+class Store:
+    """The rows that are done, in a folder, which is made; one that holds another plan is refused."""
+
+    def __init__(self, folder: Path, plan: dict[str, object]) -> None:
+        self._path = folder / _ROWS
+        folder.mkdir(parents=True, exist_ok=True)
+        file = folder / _PLAN
+        if file.exists():
+            if json.loads(file.read_text(encoding="utf-8")) != json.loads(json.dumps(plan)):
+                raise InputError(f"{folder} holds another sweep; choose another --out, or delete it")
+        elif any(folder.iterdir()):
+            raise InputError(f"{folder} is not empty and holds no sweep; choose another --out")
+        else:
+            with atomic_file(file) as partial:
+                partial.write_text(json.dumps(plan, indent=2) + "\n", encoding="utf-8")
+
+    def read(self, width: int) -> dict[int, Row]:
+        """The rows done so far, of so many varied keys, by index; a last line that was cut off does not count."""
+        if not self._path.exists():
+            return {}
+        rows = {}
+        text = self._path.read_text(encoding="utf-8")
+        for line in text[: text.rfind("\n") + 1].splitlines():
+            index, *numbers = line.split(",")
+            values = tuple(float(number) for number in numbers)
+            scores = values[width:]
+            half = len(scores) // 2
+            rows[int(index)] = Row(index=int(index), values=values[:width], percent=scores[:half], peak_N=scores[half:])
+        return rows
+
+    def add(self, rows: Iterable[Row]) -> None:
+        """Append rows, on disk before it returns."""
+        if self._path.exists():  # what was cut off goes
+            text = self._path.read_text(encoding="utf-8")
+            if not text.endswith("\n"):
+                self._path.write_text(text[: text.rfind("\n") + 1], encoding="utf-8")
+        with self._path.open("a", encoding="utf-8") as stream:
+            for row in rows:
+                stream.write(",".join([str(row.index), *map(repr, (*row.values, *row.percent, *row.peak_N))]) + "\n")
+            stream.flush()
+            os.fsync(stream.fileno())

@@ -2,8 +2,9 @@
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,8 +13,7 @@ from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
 from tendonff.compensator.compensators.score import SimulatedPlant, verify
 from tendonff.compensator.design.sweep.output import Sweep
 from tendonff.compensator.design.sweep.plan import FACTORS, Axis, Unit, factors_of, grid_units, random_units
-from tendonff.compensator.design.sweep.result import Row
-from tendonff.compensator.design.sweep.store import Store
+from tendonff.compensator.design.sweep.result import Row, Store
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
@@ -22,6 +22,28 @@ from tendonff.models.errors import TendonffError
 from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.ocp.batch import run_jobs
 from tendonff.ocp.tracking.robust import transmission_at
+
+
+@contextmanager
+def executor_of(address: str | None) -> Iterator[Executor | None]:
+    """An executor on the cluster at an address such as tcp://host:8786, which stays up; None for this machine.
+
+    InputError if Dask is not installed, or no cluster answers.
+    """
+    if address is None:
+        yield None
+        return
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError('--scheduler needs Dask: pip install "tendonff[distributed]"') from None
+    try:
+        client = Client(address, timeout=10)
+    except (OSError, ValueError) as error:
+        raise InputError(f"--scheduler {address}: no Dask cluster answers there: {error}") from None
+    with client:
+        yield client.get_executor()
+
 
 DEFAULT = tuple(c.name for c in COMPENSATORS if c.name != "table")
 """Compensators that a sweep scores unless told otherwise."""
@@ -75,23 +97,10 @@ def sweep(
 ) -> Sweep:
     """Design and score over a grid, or score the scenario's design on units drawn from its uncertainty.
 
-    Parameters
-    ----------
-    folder : str or path
-        Where rows are kept as they come; a sweep that was killed goes on there.
-    over : sequence of Axis, optional
-        Keys and values: at every point the profiles are made for that point.
-    samples : int, optional
-        Units to draw: the profiles are those of the scenario, as `design` makes them.
-    executor : concurrent.futures.Executor, optional
-        Where units are computed; default: all cores.
-    progress : callable, optional
-        Callback(completed, total), in units.
-
-    Raises
-    ------
-    InputError
-        If neither or both of `over` and `samples` are given, or the folder holds another sweep.
+    Over keys and values the profiles are made for every point; on samples they are those of the scenario, as `design`
+    makes them. Rows are kept in the folder as they come; a sweep that was killed goes on there. Units are computed by
+    the executor, by default on all cores. InputError if neither or both of `over` and `samples` are given, or the
+    folder holds another sweep.
     """
     if bool(over) == (samples > 0):
         raise InputError("a sweep needs either --over KEY=FROM:TO:COUNT or --samples N, and not both")

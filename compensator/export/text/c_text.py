@@ -13,8 +13,7 @@ import numpy as np
 from tendonff._version import __version__
 from tendonff.compensator.compensators.base import CModule, Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
-from tendonff.compensator.compensators.stream.model import RE_ENTRY_S, StreamDesign
-from tendonff.compensator.compensators.stream.ramp import SLACK
+from tendonff.compensator.compensators.stream.model import RE_ENTRY_S, SLACK, StreamDesign
 from tendonff.compensator.compensators.table import table_range
 from tendonff.compensator.compensators.table_build import BuiltTable
 from tendonff.compensator.export.adaptive import adaptive_code

@@ -69,13 +69,7 @@ class ChosenLaw:
 
 
 def unknown(name: DynamicParameter, start: float, span_N: float) -> Unknown:
-    """Bounds and search scale of one parameter.
-
-    Parameters
-    ----------
-    span_N : float
-        Range of the output tension.
-    """
+    """Bounds and search scale of one parameter; the output tension has the range `span_N`."""
     if name is D.STATIC_EXCESS:
         return Unknown(name=name, start=start, low=0, high=3, scale=0.1)
     if name is D.ADHESION:
@@ -93,15 +87,7 @@ def unknown(name: DynamicParameter, start: float, span_N: float) -> Unknown:
 def fit_free(
     task: ChainResiduals, start: Mapping[DynamicParameter, float], span_N: float, most: int, tolerance: float
 ) -> Solution:
-    """Fit the free parameters of a task.
-
-    Parameters
-    ----------
-    span_N : float
-        Range of the output tension.
-    most : int
-        Largest number of evaluations.
-    """
+    """Fit the free parameters of a task in at most so many evaluations; `span_N` is the output tension's range."""
     return solve(
         task.evaluate, [unknown(name, start[name], span_N) for name in task.free], most=most, tolerance=tolerance
     )
@@ -176,10 +162,6 @@ def choose_law(
         On few masses, its residuals in units of their size.
     validation : sequence of FitPiece
         Rows that judge; without them the last third of each piece does.
-    start : mapping of DynamicParameter to float
-        From the stages before.
-    span_N, mean_N : float
-        Range and mean of the output tension.
     biases : bool
         The cells' offsets may be free.
     """
@@ -278,7 +260,7 @@ def _is_plausible(task: ChainResiduals, solution: Solution, extra: DynamicParame
 def visited_speeds_m_per_s(task: ChainResiduals, solution: Solution) -> tuple[float, float]:
     """Slow and fast end of the speeds at which the tendon's input end moves [m/s]."""
     full = task.complete(solution.values)
-    speeds = [np.abs(np.gradient(task.model.respond(full, run.drive).near_m, run.step_s)) for run in task.pieces]
+    speeds = [np.abs(np.gradient(task.model.respond(full, run.drive).near_m, run.record.step_s)) for run in task.pieces]
     every = np.concatenate(speeds)
     slowest, fastest = np.percentile(every[every > MOVING_SHARE * every.max()], SPEED_PERCENTILES)
     return float(slowest), float(fastest)

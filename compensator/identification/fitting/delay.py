@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tendonff.compensator.identification.fitting.by_file import gauss_newton_step
 from tendonff.compensator.identification.fitting.dynamic import CoarseFit, fit_coarse
-from tendonff.compensator.identification.fitting.per_file import gauss_newton_step
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals
 from tendonff.compensator.identification.fitting.uncertainty import slopes_over_all
 from tendonff.compensator.identification.measured.cleaning import Piece, Record
@@ -37,11 +37,6 @@ def align(
     """Find the delay of the output channels, and take it out where it is beyond doubt.
 
     A delay looks like viscous friction and hides adhesion, so it is found before the law is chosen.
-
-    Parameters
-    ----------
-    coarse : CoarseFit
-        Of these records, their output explained.
     """
     step = max(r.step_s for r in records)
     found, shifted, total = coarse, tuple(records), 0.0
@@ -95,7 +90,7 @@ def _with_delay(task: ChainResiduals, found: Residuals) -> tuple[float, float]:
     rates: list[Array] = []
     for run in task.pieces:
         response = task.model.respond(task.fixed, run.drive)
-        step = run.step_s * run.thin
+        step = run.record.step_s * run.thin
         rates.append(-np.gradient(run.shaped(run.predicted(response)[0]), step)[run.good] / task.output_unit)
         if run.with_elongation:  # the output's position is read by the same clock
             far = run.shaped(response.near_m - response.elongation_m)

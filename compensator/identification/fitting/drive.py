@@ -2,7 +2,6 @@
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,42 +18,30 @@ _GAP = 5.0  # usual steps without a sample
 _MOST_RESIDUAL = 0.35  # of the friction: what leaves more is not friction of this kind
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Smooth:
-    runs: list[DriveRun]
-    noise_N: float
-
-
 def drive_estimate(scenario: Scenario, raw: Sequence[RawMeasurement]) -> Estimate | None:
-    """The drive's coulomb_N; None where no file holds the force of the actuator.
-
-    Parameters
-    ----------
-    scenario : Scenario
-        The drive's mass, and the bristle of its level.
-    """
+    """The drive's coulomb_N; None where no file holds the force of the actuator."""
     own = scenario.transmission.actuator.coulomb_N or 0.0
     given = [one for one in raw if one.actuator_N is not None]
     if not given:
         return None
     if any(one.input_m is None for one in given):
         return _kept(own, "the position of the input end was not read; name it with --input-position-column")
-    smooth = _smoothed(given)
-    if not smooth.runs:
+    runs, noise_N = _smoothed(given)
+    if not runs:
         return _kept(own, f"fewer than {_LEAST_ROWS} samples without a gap; log longer")
-    friction, bristle = scenario.transmission.friction, 0.0
-    soft, stiff = friction.soft_bristle_stiffness_N_per_m, friction.bristle_stiffness_N_per_m
-    bristle = soft if scenario.run.level is Level.PRESLIDING else stiff
-    differences = np.concatenate([run.force_N - run.tension_N for run in smooth.runs])
+    bristle = scenario.transmission.friction.bristle_stiffness_N_per_m
+    if scenario.run.level is Level.PRESLIDING:
+        bristle = scenario.transmission.friction.soft_bristle_stiffness_N_per_m
+    differences = np.concatenate([run.force_N - run.tension_N for run in runs])
     start = max(0.5 * float(np.subtract(*np.percentile(differences, [90, 10]))), 1e-3)
     try:
-        found = fit_drive(smooth.runs, scenario.transmission.actuator.mass_kg, bristle, start, smooth.noise_N)
+        found = fit_drive(runs, scenario.transmission.actuator.mass_kg, bristle, start, noise_N)
     except SolveError as error:
         return _kept(own, f"no fit: {error}")
     value, error_N = found.values[COULOMB], found.standard_error(COULOMB)
     low, high = found.interval(COULOMB)
-    left = smooth.noise_N * float(np.sqrt(np.mean(found.residuals.values**2)))
-    reach = [np.ptp(bristle_force(run.position_m, value, bristle)[0]) for run in smooth.runs]
+    left = noise_N * float(np.sqrt(np.mean(found.residuals.values**2)))
+    reach = [np.ptp(bristle_force(run.position_m, value, bristle)[0]) for run in runs]
     if not np.isfinite(error_N) or max(reach) < 1.8 * value:
         return _kept(own, "the drive never slides in both directions; add full strokes with reversals")
     told = error_N < 0.35 * value and left < _MOST_RESIDUAL * value
@@ -82,8 +69,8 @@ def _kept(own_N: float, why: str) -> Estimate:
     )
 
 
-def _smoothed(raw: Sequence[RawMeasurement]) -> _Smooth:
-    """Pieces without gaps, evenly sampled, all channels through one low-pass."""
+def _smoothed(raw: Sequence[RawMeasurement]) -> tuple[list[DriveRun], float]:
+    """Pieces without gaps, evenly sampled, all channels through one low-pass; and the noise of the forces [N]."""
     runs, noise = [], [1e-3]
     for one in raw:
         step = float(np.median(np.diff(one.time_s)))
@@ -94,11 +81,9 @@ def _smoothed(raw: Sequence[RawMeasurement]) -> _Smooth:
                 continue
             time = one.time_s[first:last]
             even = np.arange(time[0], time[-1], step)
-            force, tension, position = (
-                np.interp(even, time, channel[first:last]) for channel in (one.actuator_N, one.input_N, one.input_m)
-            )
-            cutoff = find_cutoff_Hz([force, tension, position], step)
-            noise.append(noise_of(force - tension))
-            force, tension, position = (low_pass(channel, step, cutoff) for channel in (force, tension, position))
+            read = [np.interp(even, time, x[first:last]) for x in (one.actuator_N, one.input_N, one.input_m)]
+            noise.append(noise_of(read[0] - read[1]))
+            cutoff = find_cutoff_Hz(read, step)
+            force, tension, position = (low_pass(x, step, cutoff) for x in read)
             runs.append(DriveRun(step_s=step, force_N=force, tension_N=tension, position_m=position))
-    return _Smooth(runs=runs, noise_N=max(noise))
+    return runs, max(noise)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tendonff.compensator.identification.fitting.by_file import ByFile, file_estimates, with_scatter
 from tendonff.compensator.identification.fitting.chain_law import (
     CONSTANTS,
     CORE,
@@ -13,10 +14,9 @@ from tendonff.compensator.identification.fitting.chain_law import (
     choose_law,
     fit_free,
 )
+from tendonff.compensator.identification.fitting.errors import Prediction
 from tendonff.compensator.identification.fitting.noisy_input.second_look import look_again
-from tendonff.compensator.identification.fitting.per_file import FileEstimate, file_estimates, with_scatter
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece, fit_pieces, spans_of
-from tendonff.compensator.identification.fitting.static import FileError
 from tendonff.compensator.identification.fitting.uncertainty import (
     expected_errors,
     slopes_over_all,
@@ -47,40 +47,52 @@ TENDON = (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DynamicFit:
-    """The chain, fitted."""
+class ChainLaw:
+    """A chain with its values."""
 
-    # with the scenario's own number of masses: the errors that are reported are those of the answer that goes on
     model: ChainModel
-    values: dict[DynamicParameter, float]  # all of them; what was not free has the value it was given
+    values: Mapping[DynamicParameter, float]  # all of them; what was not free has the value it was given
+    explain: Explain  # OUTPUT or POSITION
+
+    def predicted(self, record: Record) -> list[Prediction]:
+        """Prediction of every piece of a record, low-passed as what was measured.
+
+        Raises
+        ------
+        SolveError
+            If a simulation fails.
+        """
+        found = []
+        for run in fit_pieces([record], self.explain):
+            response = self.model.respond(self.values, run.drive)
+            channels = (run.predicted(response)[0], response.elongation_m)
+            explained, elongation = (low_pass(x, record.step_s, record.cutoff_Hz) for x in channels)
+            found.append(Prediction(explained=explained, elongation_m=elongation if run.with_elongation else None))
+        return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DynamicFit(ChainLaw):
+    """The chain, fitted, with the scenario's own number of masses: its errors are those of the answer that goes on."""
+
     solution: Solution  # of the free ones, with the input's noise in its covariance
     # standard error that each parameter would have if it were free as well; infinite where the data is blind
     expected: dict[DynamicParameter, float]
     law: ChosenLaw  # with the laws that were compared
     mean_N: float  # mean output tension
-    files: tuple[FileEstimate, ...]  # what each file says by itself; empty for a single file
+    files: tuple[ByFile, ...]  # what each file says by itself; empty for a single file
     # by how much more of the wrap angle the nearer half of the path seems to carry than half [-]; 0: even
     concentration: float = 0.0
 
 
-def _tension_N(run: FitPiece) -> Array:
-    """The tension that the law's constants are compared with, shape (n,)."""
-    return run.piece.input_N if run.explain is Explain.POSITION else run.piece.output_N
-
-
-def _tension_span_N(pieces: Sequence[FitPiece]) -> float:
-    every = np.concatenate([_tension_N(run) for run in pieces])
-    return max(float(np.ptp(every)), 1e-12)
+def _tension_N(pieces: Sequence[FitPiece]) -> Array:
+    """The tension that the law's constants are compared with, over all pieces, shape (rows,)."""
+    proximal = pieces[0].explain is Explain.POSITION
+    return np.concatenate([run.piece.input_N if proximal else run.piece.output_N for run in pieces])
 
 
 def relevant_size(name: DynamicParameter, value: float, mean_N: float) -> float:
-    """Size that a parameter's standard error is judged against.
-
-    Parameters
-    ----------
-    mean_N : float
-        Mean output tension.
-    """
+    """Size that a parameter's standard error is judged against, the mean output tension being `mean_N`."""
     if name in (D.ADHESION, D.INPUT_BIAS, D.OUTPUT_BIAS):
         return 0.05 * mean_N
     if name is D.STATIC_EXCESS:
@@ -118,7 +130,7 @@ def fit_coarse(
     """
     pieces = fit_pieces(records, explain)
     span, span_m = spans_of(pieces)
-    span_N = _tension_span_N(pieces)
+    span_N = max(float(np.ptp(_tension_N(pieces))), 1e-12)
     model = ChainModel(
         transmission=transmission, level=Level.PRESLIDING, count=COARSE_MASSES, longest_step_s=COARSE_STEP_S
     )
@@ -163,35 +175,22 @@ def fit_dynamic(
 
     Parameters
     ----------
-    start : mapping of DynamicParameter to float
-        From the stages before.
     validation : sequence of Record, optional
         Files that decide which law is chosen; without them the last third of the fitted ones does.
     biases : bool, optional
         The input cell's bias may be free.
     offsets : bool, optional
         The output cell may have an offset that the files tell.
-    say : callable, optional
-        Told what is being done.
     """
-    task, best = coarse.task, coarse.solution
-    pieces, transmission = task.pieces, task.model.transmission
-    explain = pieces[0].explain
-    span_N = _tension_span_N(pieces)
-    known = task.complete(best.values)
-    mean_N = float(np.mean(np.concatenate([_tension_N(r) for r in pieces])))
-    # Now units of the size of the residuals, which decides how much each channel counts.
-    output_unit, elongation_unit = task.channel_rms(best.residuals)
-    task = replace(task, fixed=known, output_unit=2 * output_unit, elongation_unit_m=2 * elongation_unit)
+    task = coarse.task.continued(coarse.solution)
+    transmission, explain, tension = task.model.transmission, task.pieces[0].explain, _tension_N(task.pieces)
+    span_N, mean_N = max(float(np.ptp(tension)), 1e-12), float(np.mean(tension))
     say("dynamic stage: choice of the law")
     law = choose_law(task, fit_pieces(validation, explain), start, span_N, mean_N, biases=biases)
-    task, solution = law.task, law.solution
     say("dynamic stage: fine chain")
-    known = task.complete(solution.values)
-    output_unit, elongation_unit = task.channel_rms(solution.residuals)
-    fine = replace(task.model, count=max(FINE_MASSES, transmission.path.segments), longest_step_s=FINE_STEP_S)
-    task = replace(task, model=fine, fixed=known, output_unit=2 * output_unit, elongation_unit_m=2 * elongation_unit)
-    solution = fit_free(task, known, span_N, 8, 1e-5)
+    fine = replace(law.task.model, count=max(FINE_MASSES, transmission.path.segments), longest_step_s=FINE_STEP_S)
+    task = replace(law.task.continued(law.solution), model=fine)
+    solution = fit_free(task, task.fixed, span_N, 8, 1e-5)
     say("dynamic stage: noise on the input")
     law, task, solution = look_again(law, task, solution, offsets=offsets)
     say("dynamic stage: uncertainty")
@@ -205,6 +204,7 @@ def fit_dynamic(
     return DynamicFit(
         model=replace(task.model, count=transmission.path.segments),
         values=task.complete(solution.values),
+        explain=explain,
         solution=solution,
         expected=expected_errors(slopes, every),
         law=law,
@@ -212,34 +212,3 @@ def fit_dynamic(
         files=files,
         concentration=concentration,
     )
-
-
-def chain_errors(
-    model: ChainModel,
-    values: Mapping[DynamicParameter, float],
-    records: Sequence[Record],
-    explain: Explain = Explain.OUTPUT,
-) -> tuple[FileError, ...]:
-    """Error of the explained channel over the whole of each record.
-
-    Parameters
-    ----------
-    explain : Explain, optional
-        OUTPUT or POSITION.
-
-    Raises
-    ------
-    SolveError
-        If the simulation fails.
-    """
-    found = []
-    for record in records:
-        squares, rows = 0.0, 0
-        for run in fit_pieces([record], explain):
-            prediction, _ = run.predicted(model.respond(values, run.drive))
-            off = (low_pass(prediction, run.step_s, run.cutoff_Hz) - run.measured)[run.piece.good]
-            squares += float(np.sum(run.centred(off) ** 2))
-            rows += len(off)
-        span = float(np.ptp(np.concatenate([run.measured for run in fit_pieces([record], explain)])))
-        found.append(FileError(name=record.name, rms=float(np.sqrt(squares / max(rows, 1))), span=span))
-    return tuple(found)

@@ -3,24 +3,30 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.fitting.dynamic import CoarseFit, fit_coarse
+from tendonff.compensator.identification.fitting.errors import percent_of
 from tendonff.compensator.identification.fitting.residuals import TRAINING_SHARE
 from tendonff.compensator.identification.fitting.static import (
     SIMPLER_WITHIN,
     StaticFit,
     StaticModel,
     candidates,
-    errors_of,
     fit_static,
-    middle_of,
-    pooled_percent,
 )
-from tendonff.compensator.identification.measured.cleaning import Piece, Record
+from tendonff.compensator.identification.measured.cleaning import Record
 from tendonff.compensator.identification.result import POOR_PERCENT, CandidateLaw
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.errors import SolveError
+from tendonff.ocp.fits.static import StaticParameter, in_gross_sliding
+
+P = StaticParameter
+
+NEARLY_AS_GOOD = 1.5
+"""What a law says whose validation error is within this factor of the least, is doubt of the chosen one's answer."""
 
 BETTER_BY = 0.6
 """The other channel is explained instead where it leaves less than this share of the error."""
@@ -32,9 +38,6 @@ class StaticSelection:
 
     fit: StaticFit  # the chosen law, fitted to all records
     laws: tuple[CandidateLaw, ...]  # all that were compared
-    # fit_percent, validation_percent: of the chosen law
-    fit_percent: float
-    validation_percent: float
     tried: tuple[StaticFit, ...]  # the candidates as they were fitted to the training rows, in the order of `laws`
 
 
@@ -45,13 +48,6 @@ def choose_explain(
 
     The output is explained where the chain, driven by the measured input, gives it; forces that change sign cannot
     drive a chain. Else the input is, where the motion and the output explain it better.
-
-    Parameters
-    ----------
-    wanted : Explain
-        What the user asked for.
-    static_only : bool, optional
-        Do not try the chain.
 
     Raises
     ------
@@ -70,7 +66,7 @@ def choose_explain(
     chain = None
     if signed or static_only:
         play = StaticModel(name="play", asymmetric=not signed, constants=True)
-        left = _static_percent(records, play, Explain.OUTPUT)
+        left = percent_of(fit_static(records, play, Explain.OUTPUT, most=15), records)
     else:
         try:
             chain = fit_coarse(records, transmission, {})
@@ -79,23 +75,13 @@ def choose_explain(
             left = float("inf")
     if wanted is Explain.OUTPUT or not positions or (left < POOR_PERCENT and not signed):
         return Explain.OUTPUT, chain
-    moved = _static_percent(records, StaticModel(name="motion", constants=True, presliding=True), Explain.INPUT)
+    motion = StaticModel(name="motion", constants=True, presliding=True)
+    moved = percent_of(fit_static(records, motion, Explain.INPUT, most=15), records)
     return (Explain.INPUT, None) if moved < BETTER_BY * left else (Explain.OUTPUT, chain)
 
 
-def _static_percent(records: Sequence[Record], model: StaticModel, explain: Explain) -> float:
-    fit = fit_static(records, model, explain, most=15)
-    return pooled_percent(errors_of(fit, records, middle_of(records)), records, explain)
-
-
 def select_static(records: Sequence[Record], validation: Sequence[Record], explain: Explain) -> StaticSelection:
-    """Fit the candidates, judge them where they were not fitted, keep the simplest that is as good as the best.
-
-    Parameters
-    ----------
-    explain : Explain
-        OUTPUT or INPUT.
-    """
+    """Fit the candidates, judge them where they were not fitted, keep the simplest that is as good as the best."""
     signed = any(r.signed for r in records)
     train, judge = (records, validation) if validation else split(records)
     tried: list[tuple[StaticFit, CandidateLaw]] = []
@@ -111,13 +97,12 @@ def select_static(records: Sequence[Record], validation: Sequence[Record], expla
             simpler = by_model[replace(model, name=model.name.rpartition(",")[0], spread=False)]
         fit = by_model[model] = fit_static(train, model, explain, most=40, start=simpler)
         best_of[model.constants, model.presliding, model.guide] = fit
-        middle = middle_of(train)
         law = CandidateLaw(
             name=model.name,
             stage="static",
-            free_values=model.size,
-            fit_percent=pooled_percent(errors_of(fit, train, middle), train, explain),
-            validation_percent=pooled_percent(errors_of(fit, judge, middle), judge, explain),
+            free_values=len(model.free),
+            fit_percent=percent_of(fit, train),
+            validation_percent=percent_of(fit, judge),
             chosen=False,
         )
         tried.append((fit, law))
@@ -126,21 +111,49 @@ def select_static(records: Sequence[Record], validation: Sequence[Record], expla
     chosen, chosen_law = min(enough, key=lambda pair: pair[1].free_values)
     fit = chosen if train is records else fit_static(records, chosen.model, explain, start=chosen)
     laws = tuple(replace(law, chosen=law is chosen_law) for _, law in tried)
-    return StaticSelection(
-        fit=fit,
-        laws=laws,
-        fit_percent=pooled_percent(errors_of(fit, records, middle_of(records)), records, explain),
-        validation_percent=chosen_law.validation_percent,
-        tried=tuple(fit for fit, _ in tried),
-    )
+    rivals = [other for other, law in tried if law.validation_percent <= NEARLY_AS_GOOD * least and other is not chosen]
+    return StaticSelection(fit=_doubted(fit, chosen, rivals), laws=laws, tried=tuple(fit for fit, _ in tried))
+
+
+def _doubted(fit: StaticFit, chosen: StaticFit, rivals: Sequence[StaticFit]) -> StaticFit:
+    """Widen the friction of a law without presliding by what such a law leaves out.
+
+    A bristle that gives before it slides shows alike after every reversal, which the scatter between blocks does not
+    see: each direction's error is that of rows that are all wrong alike, hence the scatter of what single rows say. The
+    constants that a law does without move it as well: the rivals tell by how much.
+
+    Parameters
+    ----------
+    fit : StaticFit
+        The chosen law, fitted to all rows.
+    chosen, rivals : StaticFit
+        That law and others as they were fitted to the rows that train.
+    """
+    if fit.model.presliding:
+        return fit
+    solution, residuals = fit.solution, fit.solution.residuals
+    own, final = in_gross_sliding(chosen.values), in_gross_sliding(fit.values)
+    moves = np.array([np.subtract(in_gross_sliding(rival.values), own) for rival in rivals] or [(0.0, 0.0)])
+    by_rivals = np.median(moves**2, axis=0)
+    if not fit.model.asymmetric:
+        by_rivals[:] = by_rivals.max()
+    doubt = np.zeros(len(solution.values))
+    for name, sliding, moved in zip((P.PULL, P.RELEASE), final, by_rivals, strict=True):
+        if name in fit.model.free and sliding > 0:
+            place = list(solution.values).index(name)
+            slopes = residuals.slopes[:, place]
+            by_rows = np.sum((slopes * residuals.values) ** 2) / max(float(np.sum(slopes**4)), 1e-300)
+            doubt[place] = by_rows + moved * (fit.values[name] / sliding) ** 2
+    factors = np.sqrt(1 + doubt / np.maximum(np.diag(solution.covariance), 1e-300))
+    return replace(fit, solution=replace(solution, covariance=solution.covariance * np.outer(factors, factors)))
 
 
 def split(records: Sequence[Record]) -> tuple[list[Record], list[Record]]:
     """First and last part of every piece."""
-    early = [replace(r, pieces=tuple(_part(p, 0, TRAINING_SHARE) for p in r.pieces)) for r in records]
-    late = [replace(r, pieces=tuple(_part(p, TRAINING_SHARE, 1) for p in r.pieces)) for r in records]
+    early, late = [], []
+    for record in records:
+        borders = [round(TRAINING_SHARE * len(p.time_s)) for p in record.pieces]
+        pairs = list(zip(record.pieces, borders, strict=True))
+        early.append(replace(record, pieces=tuple(p.part(slice(border)) for p, border in pairs)))
+        late.append(replace(record, pieces=tuple(p.part(slice(border, None)) for p, border in pairs)))
     return early, late
-
-
-def _part(piece: Piece, start: float, stop: float) -> Piece:
-    return piece.part(slice(round(start * len(piece.time_s)), max(round(stop * len(piece.time_s)), 2)))

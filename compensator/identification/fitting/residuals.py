@@ -2,19 +2,22 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tendonff.compensator.identification.fitting.errors import centred, explained
 from tendonff.compensator.identification.measured.cleaning import SHORT_GAP_ROWS, Piece, Record
 from tendonff.compensator.identification.measured.reading import Array, Mask
 from tendonff.compensator.identification.measured.smoothing import low_pass
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.chain import ChainModel, ChainResponse, Drive, DynamicParameter
-from tendonff.ocp.fits.least_squares import Residuals
+from tendonff.ocp.fits.least_squares import Residuals, Solution
 
 D = DynamicParameter
+_T = TypeVar("_T", np.float64, np.int_)
 
 FORGET_SHARE, FORGET_MOST = 0.6, 0.3
 """Rows before the input has swept this share of its range are not fitted, for what the tendon did before the first row
@@ -37,23 +40,27 @@ TRAINING_SHARE = 0.65
 class FitPiece:
     """A piece as the residuals need it."""
 
-    file: str
+    record: Record  # that it is from
     piece: Piece
     drive: Drive
     good: Mask
     thin: int
-    cutoff_Hz: float
-    step_s: float
-    input_noise_N: float
-    explained_noise: float
-    elongation_noise_m: float
-    with_elongation: bool
-    explain: Explain
+    explain: Explain  # OUTPUT or POSITION
 
     @property
     def measured(self) -> Array:
-        """The explained channel: output tension, or position of the input end with an unknown zero, shape (n,)."""
-        return self.piece.travel_m() if self.explain is Explain.POSITION else self.piece.output_N
+        """The explained channel, shape (n,)."""
+        return explained(self.piece, self.explain)
+
+    @property
+    def explained_noise(self) -> float:
+        """Standard deviation of its white noise before the low-pass."""
+        return self.record.travel_noise_m if self.explain is Explain.POSITION else self.record.output_noise_N
+
+    @property
+    def with_elongation(self) -> bool:
+        """The elongation is compared as well."""
+        return self.record.has_positions and self.explain is Explain.OUTPUT
 
     def predicted(self, response: ChainResponse) -> tuple[Array, Array]:
         """The explained channel of a response, shape (n,), and its slopes, shape (n, k)."""
@@ -63,25 +70,17 @@ class FitPiece:
 
     def off(self, prediction: Array) -> Array:
         """Prediction less measurement at the fitted rows; the zero of positions is arbitrary."""
-        return self.centred((self.shaped(prediction) - self.measured[:: self.thin])[self.good])
-
-    def centred(self, x: Array) -> Array:
-        """Rows of the explained channel without what its arbitrary zero adds."""
-        return np.asarray(x - x.mean(axis=0)) if self.explain is Explain.POSITION and len(x) else x
+        return centred((self.shaped(prediction) - self.measured[:: self.thin])[self.good], self.explain)
 
     def shaped(self, x: Array) -> Array:
         """What the low-pass and the thinning leave of a prediction."""
-        return low_pass(x, self.step_s, self.cutoff_Hz)[:: self.thin]
-
-    @property
-    def elongation(self) -> Array:
-        """Measured elongation with an unknown zero, shape (n,) [m]."""
-        return self.piece.elongation_m()
+        return low_pass(x, self.record.step_s, self.record.cutoff_Hz)[:: self.thin]
 
 
-def _swept(x: Array) -> Array:
-    """Range covered so far, shape (n,)."""
-    return np.asarray(np.maximum.accumulate(x) - np.minimum.accumulate(x))
+def _rows_to_sweep(x: Array, span: float) -> int:
+    """Rows until so large a range is covered; all of them where it never is."""
+    swept = np.maximum.accumulate(x) - np.minimum.accumulate(x)
+    return int(np.argmax(swept >= span)) if swept[-1] >= span else len(x)
 
 
 def _gap_ends(good: Mask) -> list[int]:
@@ -95,30 +94,19 @@ def _gap_ends(good: Mask) -> list[int]:
 
 
 def fit_pieces(records: Sequence[Record], explain: Explain = Explain.OUTPUT) -> list[FitPiece]:
-    """Pieces of all records, thinned to what their low-pass leaves.
-
-    Parameters
-    ----------
-    explain : Explain, optional
-        OUTPUT or POSITION: what is compared.
-    """
+    """Pieces of all records, thinned to what their low-pass leaves; OUTPUT or POSITION is compared."""
     found = []
     widest = max((float(np.ptp(r.joined("input_N"))) for r in records), default=0.0)
     for record in records:
         thin = max(1, int(1 / (6 * record.cutoff_Hz * record.step_s)))
         edge = int(0.5 / (record.cutoff_Hz * record.step_s))
         for piece in record.pieces:
-            good = piece.good.copy()
-            span = max(float(np.ptp(piece.input_N)), SMALL_PIECE * widest)
-            swept = _swept(piece.input_N)
-            known = int(np.argmax(swept >= FORGET_SHARE * span)) if swept[-1] >= FORGET_SHARE * span else len(good)
-            good[: min(max(known, edge), int(FORGET_MOST * len(good)))] = False
+            good, span = piece.good.copy(), max(float(np.ptp(piece.input_N)), SMALL_PIECE * widest)
+            most = int(FORGET_MOST * len(good))
+            good[: min(max(_rows_to_sweep(piece.input_N, FORGET_SHARE * span), edge), most)] = False
             good[len(good) - edge :] = False  # the low-pass has one side only
             for end in _gap_ends(piece.good):
-                swept = _swept(piece.input_N[end:])
-                enough = FORGET_BRIDGE * span
-                known = int(np.argmax(swept >= enough)) if swept[-1] >= enough else len(swept)
-                good[end : end + min(known, int(FORGET_MOST * len(good)))] = False
+                good[end : end + min(_rows_to_sweep(piece.input_N[end:], FORGET_BRIDGE * span), most)] = False
             first = piece.input_N[0] if explain is Explain.POSITION else piece.output_N[0]
             drive = Drive(
                 input_N=piece.input_N,
@@ -127,20 +115,7 @@ def fit_pieces(records: Sequence[Record], explain: Explain = Explain.OUTPUT) -> 
                 motion=piece.motion_from_start(),
             )
             found.append(
-                FitPiece(
-                    file=record.name,
-                    piece=piece,
-                    drive=drive,
-                    good=good[::thin],
-                    thin=thin,
-                    cutoff_Hz=record.cutoff_Hz,
-                    step_s=record.step_s,
-                    input_noise_N=record.input_noise_N,
-                    explained_noise=record.travel_noise_m if explain is Explain.POSITION else record.output_noise_N,
-                    elongation_noise_m=record.elongation_noise_m,
-                    with_elongation=record.has_positions and explain is Explain.OUTPUT,
-                    explain=explain,
-                )
+                FitPiece(record=record, piece=piece, drive=drive, good=good[::thin], thin=thin, explain=explain)
             )
     return found
 
@@ -179,39 +154,40 @@ class ChainResiduals:
             full[D.MU_RELEASE] = full[D.MU_PULL]
         return full
 
-    def evaluate(self, values: Mapping[str, float]) -> Residuals:
-        """Residuals and slopes over the free parameters."""
-        try:
-            return self._evaluate(self.complete(values), self.free)
-        except SolveError:
-            return self._failed()
-
-    def _evaluate(self, full: Mapping[DynamicParameter, float], over: tuple[DynamicParameter, ...]) -> Residuals:
-        parts: list[tuple[Array, Array, Array]] = []
-        for number, run in enumerate(self.pieces):
-            response = self.model.respond(full, run.drive, over)
-            good = run.good
-            time = run.piece.time_s[:: run.thin][good]
-            block = np.floor(time / self.block_s) + self.BLOCKS_A_PIECE * number
-            prediction, by = run.predicted(response)
-            slopes = run.centred(run.shaped(by)[good])
-            parts.append((run.off(prediction) / self.output_unit, slopes / self.output_unit, block))
-            if run.with_elongation:
-                moved = (run.shaped(response.elongation_m) - run.elongation[:: run.thin])[good]
-                slopes = run.shaped(response.elongation_slopes)[good]
-                # The zero of the positions is arbitrary.
-                moved, slopes = moved - moved.mean(), slopes - slopes.mean(axis=0)
-                parts.append((moved / self.elongation_unit_m, slopes / self.elongation_unit_m, block))
-        values, slopes, blocks = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return Residuals(values=values, slopes=slopes, blocks=blocks.astype(np.int64))
-
-    def _failed(self) -> Residuals:
-        rows = sum(int(r.good.sum()) * (2 if r.with_elongation else 1) for r in self.pieces)
-        return Residuals(
-            values=np.full(rows, FAILED_RESIDUAL),
-            slopes=np.zeros((rows, len(self.free))),
-            blocks=np.zeros(rows, dtype=np.int64),
+    def continued(self, solution: Solution) -> "ChainResiduals":
+        """The task from a solution on, in units of the size of its residuals, which decides how each channel counts."""
+        output, elongation = self.channel_rms(solution.residuals)
+        return replace(
+            self,
+            fixed=self.complete(solution.values),
+            output_unit=2 * output,
+            elongation_unit_m=2 * elongation,
         )
+
+    def evaluate(self, values: Mapping[str, float]) -> Residuals:
+        """Residuals and slopes over the free parameters; very large ones where the chain fails."""
+        full = self.complete(values)
+        parts: list[tuple[Array, Array, Array]] = []
+        try:
+            for number, run in enumerate(self.pieces):
+                response = self.model.respond(full, run.drive, self.free)
+                good = run.good
+                block = np.floor(run.piece.time_s[:: run.thin][good] / self.block_s) + self.BLOCKS_A_PIECE * number
+                prediction, by = run.predicted(response)
+                slopes = centred(run.shaped(by)[good], run.explain)
+                parts.append((run.off(prediction) / self.output_unit, slopes / self.output_unit, block))
+                if run.with_elongation:
+                    moved = (run.shaped(response.elongation_m) - run.piece.elongation_m()[:: run.thin])[good]
+                    slopes = run.shaped(response.elongation_slopes)[good]
+                    # The zero of the positions is arbitrary.
+                    moved, slopes = moved - moved.mean(), slopes - slopes.mean(axis=0)
+                    parts.append((moved / self.elongation_unit_m, slopes / self.elongation_unit_m, block))
+        except SolveError:
+            rows = sum(int(r.good.sum()) * (2 if r.with_elongation else 1) for r in self.pieces)
+            failed, slopes = np.full(rows, FAILED_RESIDUAL), np.zeros((rows, len(self.free)))
+            return Residuals(values=failed, slopes=slopes, blocks=np.zeros(rows, dtype=np.int64))
+        differences, slopes, blocks = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return Residuals(values=differences, slopes=slopes, blocks=blocks.astype(np.int64))
 
     def split(self, validation: Sequence[FitPiece]) -> tuple["ChainResiduals", "ChainResiduals"]:
         """A task to fit and one to judge: on `validation`, or on the last part of each piece."""
@@ -247,12 +223,10 @@ class ChainResiduals:
 
     def independent_rows(self, residuals: Residuals) -> float:
         """Rows of the output that are independent of each other, by the residuals' autocorrelation."""
-        total, at = 0.0, 0
-        for run in self.pieces:
-            rows = int(run.good.sum())
-            off = residuals.values[at : at + rows]
-            at += rows * (2 if run.with_elongation else 1)
-            off = off / np.sqrt(np.sqrt(1 + off**2))
+        total = 0.0
+        for explained_rows, _ in self.by_channel(residuals.values):
+            rows = len(explained_rows)
+            off = explained_rows / np.sqrt(np.sqrt(1 + explained_rows**2))
             if rows > 8 and float(np.ptp(off)) > 0:
                 size = 2 ** int(np.ceil(np.log2(2 * rows)))
                 power = np.abs(np.fft.rfft(off, size)) ** 2
@@ -265,25 +239,28 @@ class ChainResiduals:
 
     def channel_rms(self, residuals: Residuals) -> tuple[float, float]:
         """Robust size of the output's and the elongation's residuals [N], [m]."""
-        outputs, moves, at = [], [], 0
+        units = (self.output_unit, self.elongation_unit_m)
+        channels = zip(*self.by_channel(residuals.values), strict=True)
+        sizes = []
+        for parts, unit in zip(channels, units, strict=True):
+            every = np.concatenate(parts)
+            size = 1.4826 * float(np.median(np.abs(every))) * unit if len(every) else unit
+            sizes.append(max(size, 1e-6 * unit))
+        return sizes[0], sizes[1]
+
+    def by_channel(self, values: NDArray[_T]) -> list[tuple[NDArray[_T], NDArray[_T]]]:
+        """Rows of the explained channel and of the elongation, piece by piece."""
+        found, at = [], 0
         for run in self.pieces:
             rows = int(run.good.sum())
-            outputs.append(residuals.values[at : at + rows])
-            at += rows
-            if run.with_elongation:
-                moves.append(residuals.values[at : at + rows])
-                at += rows
-
-        def size(parts: list[Array], unit: float) -> float:
-            if not parts:
-                return unit
-            return max(float(1.4826 * np.median(np.abs(np.concatenate(parts)))) * unit, 1e-6 * unit)
-
-        return size(outputs, self.output_unit), size(moves, self.elongation_unit_m)
+            middle, stop = at + rows, at + rows * (2 if run.with_elongation else 1)
+            found.append((values[at:middle], values[middle:stop]))
+            at = stop
+        return found
 
 
 def spans_of(pieces: Sequence[FitPiece]) -> tuple[float, float]:
     """Ranges of the explained channel and of the elongation [m] over all pieces."""
     output = max(r.measured.max() for r in pieces) - min(r.measured.min() for r in pieces)
-    travel = max((float(np.ptp(r.elongation)) for r in pieces if r.with_elongation), default=1.0)
+    travel = max((float(np.ptp(r.piece.elongation_m())) for r in pieces if r.with_elongation), default=1.0)
     return max(float(output), 1e-15), max(travel, 1e-15)

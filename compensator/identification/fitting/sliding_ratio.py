@@ -76,11 +76,7 @@ def _sliding(piece: Piece, step_s: float, branch: Branch) -> Mask:
 
 
 def last_reversal(q: Array) -> NDArray[np.int64]:
-    """Row of the last reversal of a motion, whose chatter below 2 % of the stroke does not count.
-
-    Parameters
-    ----------
-    q : ndarray, shape (n,)
+    """Row of the last reversal of a motion, shape (n,), whose chatter below 2 % of the stroke does not count.
 
     Returns
     -------

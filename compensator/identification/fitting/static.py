@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tendonff.compensator.identification.fitting.errors import Prediction, explained, span_of
 from tendonff.compensator.identification.measured.cleaning import Piece, Record
 from tendonff.compensator.identification.measured.reading import Array, Mask
 from tendonff.compensator.scenario.measurement import Explain
@@ -37,24 +38,18 @@ class StaticModel:
     spread: bool = False  # with presliding two bristles, else plays with spread bounds
 
     @property
-    def size(self) -> int:
-        """Number of free values."""
-        spread = self.spread * (1 if self.presliding else 1 + self.asymmetric)
-        return 1 + self.asymmetric + 2 * self.constants + self.presliding + self.guide + spread
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FileError:
-    """How well a law explains one file."""
-
-    name: str
-    rms: float  # RMS error of the explained channel, N or m
-    span: float  # its largest less its smallest value
-
-    @property
-    def percent(self) -> float:
-        """Rms in percent of the file's own range."""
-        return 100 * self.rms / self.span if self.span > 0 else 0.0
+    def free(self) -> tuple[StaticParameter, ...]:
+        """What it lets vary."""
+        spreads = (P.BRISTLE_SPREAD,) if self.presliding else (P.PULL_SPREAD, P.RELEASE_SPREAD)
+        parts = (
+            (True, (P.PULL,)),
+            (self.asymmetric, (P.RELEASE,)),
+            (self.constants, (P.ADHESION, P.INPUT_BIAS)),
+            (self.presliding, (P.BRISTLE,)),
+            (self.spread, spreads),
+            (self.guide, (P.GUIDE,)),
+        )
+        return tuple(name for has, names in parts for name in names if has)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +60,12 @@ class StaticFit:
     explain: Explain  # OUTPUT or INPUT
     values: dict[StaticParameter, float]  # all of them
     solution: Solution
-    bias_split: bool  # the adhesion would have to be negative: both biases are free instead
+    middle_m: float  # middle of the input end's travel in the fitted records, where the guide's force is zero
+
+    def predicted(self, record: Record) -> list[Prediction]:
+        """Prediction of every piece of a record."""
+        responses = (respond(self.values, p, self.explain, self.middle_m) for p in record.pieces)
+        return [Prediction(explained=response.prediction_N) for response in responses]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,17 +73,9 @@ class _Run:
     """A piece, thinned to what the low-pass leaves, with its explained channel."""
 
     piece: Piece
-    keep: slice
+    thin: int
     wanted: Array
     good: Mask
-    middle_m: float
-
-
-def explained(piece: Piece, explain: Explain) -> Array:
-    """The channel that the model explains, shape (n,)."""
-    if explain is Explain.POSITION:
-        return piece.travel_m()
-    return piece.output_N if explain is Explain.OUTPUT else piece.input_N
 
 
 def middle_of(records: Sequence[Record]) -> float:
@@ -130,47 +122,23 @@ def candidates(explain: Explain) -> tuple[StaticModel, ...]:
     return (*plain, *soft, *guided, *spread)
 
 
-def _thinning(record: Record) -> int:
-    """Rows per ten samples of the cut-off's period: a low-passed channel holds no more."""
-    return max(1, int(1 / (10 * record.cutoff_Hz * record.step_s)))
-
-
 def _runs(records: Sequence[Record], explain: Explain) -> Iterator[_Run]:
-    middle = middle_of(records)
     for record in records:
-        thin = _thinning(record)
+        # Ten samples in the cut-off's period: a low-passed channel holds no more.
+        thin = max(1, int(1 / (10 * record.cutoff_Hz * record.step_s)))
         for piece in record.pieces:
-            keep = slice(None, None, thin)
-            yield _Run(
-                piece=piece, keep=keep, wanted=explained(piece, explain)[keep], good=piece.good[keep], middle_m=middle
-            )
-
-
-def span_of(records: Sequence[Record], explain: Explain) -> float:
-    """Range of the explained channel over all records, N or m."""
-    parts = [explained(p, explain) for r in records for p in r.pieces]
-    if explain is Explain.POSITION:  # the zero may differ from piece to piece
-        return max(float(np.ptp(x)) for x in parts)
-    return float(max(x.max() for x in parts) - min(x.min() for x in parts))
+            yield _Run(piece=piece, thin=thin, wanted=explained(piece, explain)[::thin], good=piece.good[::thin])
 
 
 def fit_static(
     records: Sequence[Record], model: StaticModel, explain: Explain, *, most: int = 60, start: StaticFit | None = None
 ) -> StaticFit:
-    """Fit one candidate to all records together.
-
-    Parameters
-    ----------
-    explain : Explain
-        OUTPUT or INPUT.
-    most : int, optional
-        Largest number of evaluations.
-    start : StaticFit, optional
-        A simpler law's fit to start from.
-    """
-    fit = _fit(records, model, explain, most, start, bias_split=False)
+    """Fit one candidate to all records together, OUTPUT or INPUT explained; `start` is a simpler law's fit."""
+    fit = _fit(records, model, explain, most, start, model.free)
     if model.constants and explain is Explain.OUTPUT and P.ADHESION.value in fit.solution.at_bound:
-        split = _fit(records, model, explain, most, start, bias_split=True)
+        # The adhesion would have to be negative: both biases are free instead.
+        biases = tuple(P.OUTPUT_BIAS if name is P.ADHESION else name for name in model.free)
+        split = _fit(records, model, explain, most, start, biases)
         if split.solution.cost < 0.999 * fit.solution.cost:
             return split
     return fit
@@ -182,32 +150,34 @@ def _fit(
     explain: Explain,
     most: int,
     start: StaticFit | None,
-    *,
-    bias_split: bool,
+    free: Sequence[StaticParameter],
 ) -> StaticFit:
-    runs = list(_runs(records, explain))
+    runs, middle = list(_runs(records, explain)), middle_of(records)
     span = max(span_of(records, explain), 1e-12)
     unit = ROBUST_UNIT * span
-    unknowns = _unknowns(records, runs, model, span, start, bias_split=bias_split)
+    unknowns = _unknowns(records, free, span, start)
     seconds = sum(float(np.ptp(r.piece.time_s)) for r in runs)
     block_s = float(np.clip(seconds / BLOCKS_WANTED, 0.1, 5.0))
     blocks = np.concatenate(
         [
-            np.floor(r.piece.time_s[r.keep] / block_s)[r.good].astype(np.int64) + 10_000_000 * k
+            np.floor(r.piece.time_s[:: r.thin] / block_s)[r.good].astype(np.int64) + 10_000_000 * k
             for k, r in enumerate(runs)
         ]
     )
+    columns = [ORDER.index(name) for name in free]
 
     def evaluate(values: Mapping[str, float]) -> Residuals:
         full = complete(values, model)
         differences, slopes = [], []
         for run in runs:
-            thin = run.keep.step or 1
-            response = respond(full, run.piece, explain, run.middle_m, thin)
+            response = respond(full, run.piece, explain, middle, run.thin)
             differences.append((response.prediction_N - run.wanted)[run.good] / unit)
             slopes.append(response.slopes[run.good] / unit)
         by_all = np.concatenate(slopes)
-        return Residuals(values=np.concatenate(differences), slopes=_chosen(by_all, unknowns, model), blocks=blocks)
+        by_free = by_all[:, columns].copy()
+        if not model.asymmetric:  # one exponent for both directions; no symmetric law has spread bounds
+            by_free[:, 0] += by_all[:, ORDER.index(P.RELEASE)]
+        return Residuals(values=np.concatenate(differences), slopes=by_free, blocks=blocks)
 
     first = min(
         (_with_exponent(unknowns, a) for a in (EXPONENT_STARTS if start is None else ())),
@@ -215,13 +185,8 @@ def _fit(
         default=unknowns,
     )
     solution = solve(evaluate, first, most=most)
-    return StaticFit(
-        model=model,
-        explain=explain,
-        values=complete(solution.values, model),
-        solution=solution,
-        bias_split=bias_split,
-    )
+    values = complete(solution.values, model)
+    return StaticFit(model=model, explain=explain, values=values, solution=solution, middle_m=middle)
 
 
 def complete(values: Mapping[str, float], model: StaticModel) -> dict[StaticParameter, float]:
@@ -232,98 +197,38 @@ def complete(values: Mapping[str, float], model: StaticModel) -> dict[StaticPara
     return full
 
 
-def _chosen(slopes: Array, unknowns: Sequence[Unknown], model: StaticModel) -> Array:
-    """Columns of the free values; a symmetric law has one exponent for both directions."""
-    index = {k.value: i for i, k in enumerate(ORDER)}
-    columns = slopes[:, [index[u.name] for u in unknowns]].copy()
-    if not model.asymmetric:
-        columns[:, 0] += slopes[:, index[P.RELEASE.value]]  # no symmetric law has spread bounds
-    return columns
-
-
 def _with_exponent(unknowns: Sequence[Unknown], exponent: float) -> list[Unknown]:
     names = (P.PULL.value, P.RELEASE.value)
     return [replace(u, start=exponent) if u.name in names else u for u in unknowns]
 
 
 def _unknowns(
-    records: Sequence[Record],
-    runs: Sequence[_Run],
-    model: StaticModel,
-    span: float,
-    start: StaticFit | None,
-    *,
-    bias_split: bool,
+    records: Sequence[Record], free: Sequence[StaticParameter], span: float, start: StaticFit | None
 ) -> list[Unknown]:
+    """Start, bounds and scale of the free values."""
     known = {} if start is None else start.values
-    lowest = min(float(r.joined("output_N").min()) for r in records)
-    far_span = max(float(np.ptp(np.concatenate([r.joined("output_N") for r in records]))), span)
-    list_of = [Unknown(name=P.PULL.value, start=known.get(P.PULL, 0.5), low=0, high=MOST_EXPONENT, scale=0.2)]
-    if model.asymmetric:
-        list_of.append(
-            Unknown(name=P.RELEASE.value, start=known.get(P.RELEASE, 0.5), low=0, high=MOST_EXPONENT, scale=0.2)
-        )
-    if model.constants:
-        least = max(0.0, -lowest)
-        adhesion = max(known.get(P.ADHESION, 0.0), least + 0.05 * far_span)
-        if bias_split:
-            list_of.append(Unknown(name=P.OUTPUT_BIAS.value, start=0.0, low=-span, high=span, scale=0.05 * span))
-        else:
-            list_of.append(
-                Unknown(name=P.ADHESION.value, start=adhesion, low=least, high=20 * far_span, scale=0.1 * far_span)
-            )
-        bias = known.get(P.INPUT_BIAS, 0.0)
-        list_of.append(Unknown(name=P.INPUT_BIAS.value, start=bias, low=-span, high=span, scale=0.05 * span))
-    travel = max((float(np.ptp(r.piece.input_m)) for r in runs if r.piece.input_m is not None), default=1.0) or 1.0
-    if model.presliding:
-        bristle = known.get(P.BRISTLE, NEUTRAL[P.BRISTLE])
-        if bristle >= NEUTRAL[P.BRISTLE]:
-            bristle = 20 * span / travel
-        list_of.append(
-            Unknown(
-                name=P.BRISTLE.value,
-                start=bristle,
-                low=span / travel,
-                high=1e5 * span / travel,
-                scale=1,
-                logarithmic=True,
-            )
-        )
-    if model.spread and model.presliding:
-        list_of.append(Unknown(name=P.BRISTLE_SPREAD.value, start=1.0, low=0, high=6, scale=0.5))
-    elif model.spread:
-        list_of += [
-            Unknown(name=name.value, start=LEAST_SPREAD + 0.3, low=LEAST_SPREAD, high=1, scale=0.2)
-            for name in (P.PULL_SPREAD, P.RELEASE_SPREAD)
-        ]
-    if model.guide:
-        most = 10 * span / travel
-        list_of.append(
-            Unknown(name=P.GUIDE.value, start=known.get(P.GUIDE, 0.0), low=-most, high=most, scale=0.1 * span / travel)
-        )
-    return list_of
-
-
-def errors_of(fit: StaticFit, records: Sequence[Record], middle_m: float) -> tuple[FileError, ...]:
-    """Error of a fitted law over the whole of each record.
-
-    Parameters
-    ----------
-    middle_m : float
-        Middle of travel of the records it was fitted to.
-    """
-    found = []
-    for record in records:
-        wanted = np.concatenate([explained(p, fit.explain) for p in record.pieces])
-        given = np.concatenate([respond(fit.values, p, fit.explain, middle_m).prediction_N for p in record.pieces])
-        good = record.joined("good")
-        rms = float(np.sqrt(np.mean((given - wanted)[good] ** 2)))
-        found.append(FileError(name=record.name, rms=rms, span=float(np.ptp(wanted))))
-    return tuple(found)
-
-
-def pooled_percent(errors: Sequence[FileError], records: Sequence[Record], explain: Explain) -> float:
-    """Rms over all records in percent of their common range."""
-    rows = np.array([sum(len(p.time_s) for p in r.pieces) for r in records], dtype=np.float64)
-    square = float(np.average([e.rms**2 for e in errors], weights=rows))
-    return 100 * float(np.sqrt(square)) / max(span_of(records, explain), 1e-300)
+    output = np.concatenate([r.joined("output_N") for r in records])
+    far_span, least = max(float(np.ptp(output)), span), max(0.0, -float(output.min()))
+    travels = (float(np.ptp(p.input_m)) for r in records for p in r.pieces if p.input_m is not None)
+    travel = max(travels, default=1.0) or 1.0
+    bristle = known.get(P.BRISTLE, NEUTRAL[P.BRISTLE])
+    if bristle >= NEUTRAL[P.BRISTLE]:
+        bristle = 20 * span / travel
+    adhesion = max(known.get(P.ADHESION, 0.0), least + 0.05 * far_span)
+    usual = {
+        P.PULL: (known.get(P.PULL, 0.5), 0, MOST_EXPONENT, 0.2),
+        P.RELEASE: (known.get(P.RELEASE, 0.5), 0, MOST_EXPONENT, 0.2),
+        P.ADHESION: (adhesion, least, 20 * far_span, 0.1 * far_span),
+        P.INPUT_BIAS: (known.get(P.INPUT_BIAS, 0.0), -span, span, 0.05 * span),
+        P.OUTPUT_BIAS: (0.0, -span, span, 0.05 * span),
+        P.BRISTLE: (bristle, span / travel, 1e5 * span / travel, 1),
+        P.BRISTLE_SPREAD: (1.0, 0, 6, 0.5),
+        **dict.fromkeys((P.PULL_SPREAD, P.RELEASE_SPREAD), (LEAST_SPREAD + 0.3, LEAST_SPREAD, 1, 0.2)),
+        P.GUIDE: (known.get(P.GUIDE, 0.0), -10 * span / travel, 10 * span / travel, 0.1 * span / travel),
+    }
+    unknowns = []
+    for name in free:
+        first, low, high, scale = usual[name]
+        logarithmic = name is P.BRISTLE
+        unknowns.append(Unknown(name=name.value, start=first, low=low, high=high, scale=scale, logarithmic=logarithmic))
+    return unknowns

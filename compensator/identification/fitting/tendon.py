@@ -11,7 +11,7 @@ from tendonff.compensator.identification.measured.reading import Array, Mask
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.parameters import Tendon
 from tendonff.ocp.fits.elongation import TENDON_PARAMETERS, elongation
-from tendonff.ocp.fits.least_squares import Residuals, Solution, Unknown, solve
+from tendonff.ocp.fits.least_squares import Residuals, Unknown, solve
 from tendonff.ocp.fits.static import StaticParameter
 
 PROFILE_POINTS = 9
@@ -26,14 +26,8 @@ HOLD_SHARE = 0.02
 class TendonFit:
     """What the elongation tells."""
 
-    solution: Solution  # values of k1, k2, tau and of the offsets
+    values: dict[str, float]  # k1, k2, tau
     explained: float  # share of the elongation's variance that the law explains
-    rms_m: float
-
-    @property
-    def values(self) -> dict[str, float]:
-        """k1, k2, tau."""
-        return {k: self.solution.values[k] for k in TENDON_PARAMETERS}
 
 
 def mean_tension(piece: Piece, values: Mapping[StaticParameter, float]) -> Array:
@@ -50,21 +44,26 @@ def mean_tension(piece: Piece, values: Mapping[StaticParameter, float]) -> Array
     return np.asarray(np.trapezoid(profile, shares, axis=1))
 
 
+def stretches_within(x: Array, reach: float) -> list[tuple[int, int]]:
+    """First rows of stretches over which a signal stays within a reach, and those after their last rows."""
+    stretches, start, low, high = [], 0, x[0], x[0]
+    for k, value in enumerate(x):
+        low, high = min(low, value), max(high, value)
+        if high - low > reach:
+            stretches.append((start, k))
+            start, low, high = k, value, value
+    return [*stretches, (start, len(x))]
+
+
 def longest_hold_s(records: Sequence[Record]) -> float:
     """Longest time over which the input stays within 2 % of its range [s]."""
     span = max(float(np.ptp(r.joined("input_N"))) for r in records)
     longest = 0.0
     for record in records:
+        thin = max(1, int(0.02 / record.step_s))
         for piece in record.pieces:
-            x = piece.input_N
-            thin = max(1, int(0.02 / record.step_s))
-            x, step = x[::thin], record.step_s * thin
-            start, low, high = 0, x[0], x[0]
-            for k, value in enumerate(x):
-                low, high = min(low, value), max(high, value)
-                if high - low > HOLD_SHARE * span:
-                    start, low, high = k, value, value
-                longest = max(longest, (k - start) * step)
+            holds = stretches_within(piece.input_N[::thin], HOLD_SHARE * span)
+            longest = max(longest, *((stop - 1 - start) * (record.step_s * thin) for start, stop in holds))
     return longest
 
 
@@ -89,17 +88,7 @@ def _thinned(record: Record, piece: Piece, values: Mapping[StaticParameter, floa
 
 
 def fit_tendon(records: Sequence[Record], values: Mapping[StaticParameter, float], tendon: Tendon) -> TendonFit:
-    """Fit k1, k2, tau to force and elongation of all records that have positions.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        With positions.
-    values : mapping of StaticParameter to float
-        Of the static stage.
-    tendon : Tendon
-        Where to start.
-    """
+    """Fit k1, k2, tau to force and elongation of records with positions; `values` are those of the static law."""
     runs = [_thinned(r, p, values) for r in records for p in r.pieces]
     swing = max(float(np.ptp(r.force_N)) for r in runs)
     travel = max(float(np.ptp(r.elongation_m)) for r in runs)
@@ -138,34 +127,23 @@ def fit_tendon(records: Sequence[Record], values: Mapping[StaticParameter, float
             slopes.append(np.where(good[:, None], block, 0.0) / unit)
         return Residuals(values=np.concatenate(differences), slopes=np.concatenate(slopes), blocks=blocks)
 
+    k1, k2, tau = TENDON_PARAMETERS
     starts = []
-    for tau in (0.3 * tendon.relaxation_time_s, tendon.relaxation_time_s, 3 * tendon.relaxation_time_s):
-        unknowns = [
-            Unknown(
-                name=TENDON_PARAMETERS[0],
-                start=stiffness,
-                low=1e-3 * stiffness,
-                high=1e3 * stiffness,
-                scale=0.3,
-                logarithmic=True,
-            ),
-            Unknown(
-                name=TENDON_PARAMETERS[1],
-                start=0.3 * stiffness,
-                low=1e-6 * stiffness,
-                high=1e3 * stiffness,
-                scale=1,
-                logarithmic=True,
-            ),
-            Unknown(name=TENDON_PARAMETERS[2], start=tau, low=1e-3, high=1e3, scale=0.5, logarithmic=True),
-            *offsets,
+    for first in (0.3 * tendon.relaxation_time_s, tendon.relaxation_time_s, 3 * tendon.relaxation_time_s):
+        usual = {
+            k1: (stiffness, 1e-3 * stiffness, 1e3 * stiffness, 0.3),
+            k2: (0.3 * stiffness, 1e-6 * stiffness, 1e3 * stiffness, 1),
+            tau: (first, 1e-3, 1e3, 0.5),
+        }
+        positive = [
+            Unknown(name=name, start=at, low=low, high=high, scale=scale, logarithmic=True)
+            for name, (at, low, high, scale) in usual.items()
         ]
-        starts.append(solve(evaluate, unknowns, most=40))
+        starts.append(solve(evaluate, [*positive, *offsets], most=40))
     solution = min(starts, key=lambda s: s.cost)
     everything = np.concatenate([x - x.mean() for x in (r.elongation_m for r in runs)])
     left = solution.residuals.values * unit
     return TendonFit(
-        solution=solution,
+        values={name: solution.values[name] for name in TENDON_PARAMETERS},
         explained=1 - float(np.sum(left**2)) / max(float(np.sum(everything**2)), 1e-300),
-        rms_m=float(np.sqrt(np.mean(left**2))),
     )

@@ -52,13 +52,7 @@ def slopes_over_all(task: ChainResiduals, names: Sequence[DynamicParameter]) -> 
 
 
 def expected_errors(found: Residuals | None, names: Sequence[DynamicParameter]) -> dict[DynamicParameter, float]:
-    """Standard errors if all of `names` were free, by the slopes at the present values.
-
-    Parameters
-    ----------
-    found : Residuals or None
-        With slopes over `names`.
-    """
+    """Standard errors if all of `names` were free, by the slopes over them at the present values."""
     if found is None:
         return dict.fromkeys(names, float("inf"))
     covariance, _ = block_covariance(found, robust=True)
@@ -159,13 +153,7 @@ def with_common_errors(solution: Solution) -> Solution:
 
 
 def with_floors(solution: Solution, mean_N: float) -> Solution:
-    """Add what the method itself does not resolve.
-
-    Parameters
-    ----------
-    mean_N : float
-        Mean output tension.
-    """
+    """Add what the method itself does not resolve, the mean output tension being `mean_N`."""
     floors: Mapping[DynamicParameter, float] = FLOORS
     errors = [
         ADHESION_FLOOR * mean_N if D(n) in (D.ADHESION, D.INPUT_BIAS, D.OUTPUT_BIAS) else floors.get(D(n), 0.0) * abs(v)

@@ -1,6 +1,7 @@
 """From usable rows to evenly sampled pieces: gaps, spikes, signs, noise, low-pass."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import median_filter, percentile_filter
@@ -10,12 +11,12 @@ from tendonff.compensator.identification.measured.reading import (
     Array,
     DataIssue,
     Finding,
+    Findings,
     Mask,
     RawMeasurement,
-    issue_found,
 )
 from tendonff.compensator.identification.measured.smoothing import (
-    find_adaptive_low_pass,
+    adaptive_low_pass,
     find_cutoff_Hz,
     low_pass,
     noise_of,
@@ -78,16 +79,9 @@ class Piece:
 
     def part(self, rows: slice) -> "Piece":
         """Some of the rows."""
-        return Piece(
-            time_s=self.time_s[rows],
-            input_N=self.input_N[rows],
-            output_N=self.output_N[rows],
-            input_m=None if self.input_m is None else self.input_m[rows],
-            output_m=None if self.output_m is None else self.output_m[rows],
-            good=self.good[rows],
-            read_N=self.read_N[rows],
-            motion=self.motion,
-        )
+        channels = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "motion"}
+        cut: dict[str, Any] = {name: x if x is None else x[rows] for name, x in channels.items()}
+        return replace(self, **cut)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,51 +149,34 @@ def clean(raw: RawMeasurement, how: Measurement) -> Record:
     InputError
         If no piece is long enough to use.
     """
-    findings = list(raw.findings)
+    findings = Findings(raw.findings)
     intervals = np.diff(raw.time_s)
     step = float(f"{np.median(intervals):.6g}")
     _note_clock(raw, intervals, step, findings)
     starts = sorted({0, *raw.breaks, *(int(k) + 1 for k in np.flatnonzero(intervals > longest_bridge_s(step)))})
     replaced = _spikes_of(raw, starts, findings)
-    pieces: list[Piece] = []
+    least = min(LEAST_PIECE_S, 50 * step)
     short: list[float] = []
-    noises: list[list[float]] = []
-    grids: list[dict[str, Array]] = []
-    goods: list[Mask] = []
+    grids: list[tuple[dict[str, Array], Mask]] = []
     for start, stop in zip(starts, [*starts[1:], len(raw.time_s)], strict=True):
         rows = slice(start, stop)
-        if stop - start < 10 or raw.time_s[stop - 1] - raw.time_s[start] < min(LEAST_PIECE_S, 50 * step):
+        if stop - start < 10 or raw.time_s[stop - 1] - raw.time_s[start] < least:
             short.append(float(raw.time_s[start]))
-            continue
-        grid, good = _on_grid(raw, rows, replaced[rows], step)
-        noises.append([noise_of(grid[name]) if name in grid else 0.0 for name in NOISY])
-        grids.append(grid)
-        goods.append(good)
+        else:
+            grids.append(_on_grid(raw, rows, replaced[rows], step))
     if short:
-        findings.append(issue_found(DataIssue.SHORT, short, "too short to use, left out"))
+        findings.note(DataIssue.SHORT, "too short to use, left out", short)
     if not grids:
-        raise InputError(
-            f"{raw.name}: no piece longer than {min(LEAST_PIECE_S, 50 * step):g} s without a gap; nothing to fit"
-        )
-    longest = max(grids, key=lambda g: len(g["time_s"]))
+        raise InputError(f"{raw.name}: no piece longer than {least:g} s without a gap; nothing to fit")
+    longest, _ = max(grids, key=lambda pair: len(pair[1]))
     judged = [longest[name] for name in ("input_N", "output_N") if np.isfinite(longest[name]).all()]
     cutoff = how.cutoff_Hz or find_cutoff_Hz(judged, step)
-    for grid, good in zip(grids, goods, strict=True):
-        smooth = {k: v if k == "time_s" else low_pass(v, step, cutoff) for k, v in grid.items()}
-        pieces.append(
-            Piece(
-                time_s=smooth["time_s"],
-                input_N=find_adaptive_low_pass(grid["input_N"], step).apply(grid["input_N"]),
-                output_N=smooth["output_N"],
-                input_m=smooth.get("input_m"),
-                output_m=smooth.get("output_m"),
-                good=good,
-                read_N=grid["input_N"],
-                motion=_smooth_motion(raw.motion, smooth["time_s"], step, cutoff),
-            )
-        )
+    pieces = [_smoothed(grid, good, raw.motion, step, cutoff) for grid, good in grids]
     signed = _judge_signs(pieces, findings)
-    input_noise, output_noise, near_noise, far_noise = np.average(noises, axis=0, weights=[len(g) for g in goods])
+    noises = [[noise_of(grid[name]) if name in grid else 0.0 for name in NOISY] for grid, _ in grids]
+    input_noise, output_noise, near_noise, far_noise = np.average(
+        noises, axis=0, weights=[len(good) for _, good in grids]
+    )
     return Record(
         name=raw.name,
         step_s=step,
@@ -216,12 +193,23 @@ def clean(raw: RawMeasurement, how: Measurement) -> Record:
     )
 
 
-def _smooth_motion(motion: JointMotion | None, time_s: Array, step: float, cutoff_Hz: float) -> JointMotion | None:
-    """Joint angles on the grid of a piece, without what the low-pass takes away from the tensions."""
-    if motion is None:
-        return None
-    columns = [low_pass(column, step, cutoff_Hz) for column in motion.at(time_s).T]
-    return JointMotion(names=motion.names, time_s=time_s, angle_rad=np.column_stack(columns))
+def _smoothed(grid: dict[str, Array], good: Mask, motion: JointMotion | None, step: float, cutoff_Hz: float) -> Piece:
+    """A piece whose channels went through the low-pass, joint angles included; what drives the models, its own one."""
+    smooth = {name: low_pass(x, step, cutoff_Hz) for name, x in grid.items() if name not in ("time_s", "input_N")}
+    time = grid["time_s"]
+    if motion is not None:
+        columns = [low_pass(column, step, cutoff_Hz) for column in motion.at(time).T]
+        motion = JointMotion(names=motion.names, time_s=time, angle_rad=np.column_stack(columns))
+    return Piece(
+        time_s=time,
+        input_N=adaptive_low_pass(grid["input_N"], step),
+        output_N=smooth["output_N"],
+        input_m=smooth.get("input_m"),
+        output_m=smooth.get("output_m"),
+        good=good,
+        read_N=grid["input_N"],
+        motion=motion,
+    )
 
 
 def longest_bridge_s(step_s: float) -> float:
@@ -246,39 +234,26 @@ def _bridge(grid_time: Array, filled: Array, time: Array, values: Array, longest
     return filled
 
 
-def _note_clock(raw: RawMeasurement, intervals: Array, step: float, findings: list[Finding]) -> None:
-    bridged = np.flatnonzero((intervals > 1.5 * step) & (intervals <= (SHORT_GAP_ROWS + 0.5) * step))
-    split = np.flatnonzero(intervals > longest_bridge_s(step))
-    curved = np.flatnonzero((intervals > (SHORT_GAP_ROWS + 0.5) * step) & (intervals <= longest_bridge_s(step)))
+def _note_clock(raw: RawMeasurement, intervals: Array, step: float, findings: Findings) -> None:
+    line, longest = (SHORT_GAP_ROWS + 0.5) * step, longest_bridge_s(step)
+    bridged = np.flatnonzero((intervals > 1.5 * step) & (intervals <= line))
     if len(bridged) > 0.02 * len(intervals):
-        findings.append(
-            issue_found(
-                DataIssue.UNEVEN,
-                [],
-                f"intervals from {intervals.min():.3g} to {intervals[bridged].max():.3g} s; "
-                f"resampled to {step:g} s by straight lines",
-                len(bridged),
-            )
+        action = (
+            f"intervals from {intervals.min():.3g} to {intervals[bridged].max():.3g} s; "
+            f"resampled to {step:g} s by straight lines"
         )
+        findings.note(DataIssue.UNEVEN, action, count=len(bridged))
     elif len(bridged):
-        findings.append(
-            issue_found(DataIssue.GAP, raw.time_s[bridged], f"up to {SHORT_GAP_ROWS} rows, bridged and not fitted")
-        )
-    if len(curved):
-        longest = float(intervals[curved].max())
-        findings.append(
-            issue_found(
-                DataIssue.GAP, raw.time_s[curved], f"up to {longest:.3g} s, bridged by a smooth curve and not fitted"
-            )
-        )
-    if len(split):
-        longest = float(intervals[split].max())
-        findings.append(
-            issue_found(DataIssue.GAP, raw.time_s[split], f"up to {longest:.3g} s, a new piece starts after each")
-        )
+        findings.note(DataIssue.GAP, f"up to {SHORT_GAP_ROWS} rows, bridged and not fitted", raw.time_s[bridged])
+    for wide, action in (
+        ((intervals > line) & (intervals <= longest), "bridged by a smooth curve and not fitted"),
+        (intervals > longest, "a new piece starts after each"),
+    ):
+        if wide.any():
+            findings.note(DataIssue.GAP, f"up to {intervals[wide].max():.3g} s, {action}", raw.time_s[:-1][wide])
 
 
-def _spikes_of(raw: RawMeasurement, starts: list[int], findings: list[Finding]) -> Mask:
+def _spikes_of(raw: RawMeasurement, starts: list[int], findings: Findings) -> Mask:
     """Rows with a spike in any channel."""
     marked = np.zeros(len(raw.time_s), dtype=bool)
     channels = {
@@ -294,11 +269,8 @@ def _spikes_of(raw: RawMeasurement, starts: list[int], findings: list[Finding]) 
         for start, stop in zip(starts, [*starts[1:], len(values)], strict=True):
             found[start:stop] = spikes(values[start:stop])
         if found.any():
-            findings.append(
-                issue_found(
-                    DataIssue.SPIKE, raw.time_s[found], f"in the {name}, replaced by a straight line and not fitted"
-                )
-            )
+            action = f"in the {name}, replaced by a straight line and not fitted"
+            findings.note(DataIssue.SPIKE, action, raw.time_s[found])
         marked |= found
     return marked
 
@@ -323,47 +295,28 @@ def _on_grid(raw: RawMeasurement, rows: slice, replaced: Mask, step: float) -> t
     return grid, good
 
 
-def _judge_signs(pieces: list[Piece], findings: list[Finding]) -> bool:
+def _judge_signs(pieces: list[Piece], findings: Findings) -> bool:
     """Whether the data is signed; notes readings below zero either way."""
-    signed = False
+    any_signed = False
     for name, channel in (("input", "input_N"), ("output", "output_N")):
         values = np.concatenate([getattr(p, channel) for p in pieces])
         time = np.concatenate([p.time_s for p in pieces])
         below = values < 0
         if not below.any():
             continue
-        span = float(np.ptp(values))
-        share = 100 * float(below.mean())
-        noise = NOISE_SHARE * span
-        if -values.min() > SIGNED_SHARE * span and share > 1:
-            signed = True
-            findings.append(
-                issue_found(
-                    DataIssue.NEGATIVE,
-                    time[below],
-                    f"{share:.2g} % of the {name}, down to {values.min():.4g}: read as "
-                    "signed forces of a pre-tensioned loop",
-                    int(below.sum()),
-                )
-            )
-        elif share > 10 and -values.min() > noise:
-            findings.append(
-                issue_found(
-                    DataIssue.BIAS,
-                    time[below],
-                    f"{share:.2g} % of the {name} lies below zero, down to "
-                    f"{values.min():.4g}: a tendon cannot push, so this cell reads too low by an amount that the file "
-                    "does not tell; zero it without tension and measure again",
-                    int(below.sum()),
-                )
+        span, share = float(np.ptp(values)), 100 * float(below.mean())
+        lowest = float(values.min())
+        signed = -lowest > SIGNED_SHARE * span and share > 1
+        biased = not signed and share > 10 and -lowest > NOISE_SHARE * span
+        if signed:
+            action = f"{share:.2g} % of the {name}, down to {lowest:.4g}: read as signed forces of a pre-tensioned loop"
+        elif biased:
+            action = (
+                f"{share:.2g} % of the {name} lies below zero, down to {lowest:.4g}: a tendon cannot push, so this "
+                "cell reads too low by an amount that the file does not tell; zero it without tension and measure again"
             )
         else:
-            findings.append(
-                issue_found(
-                    DataIssue.NEGATIVE,
-                    time[below],
-                    f"of the {name}, down to {values.min():.4g}: slack or a cell's offset, kept",
-                    int(below.sum()),
-                )
-            )
-    return signed
+            action = f"of the {name}, down to {lowest:.4g}: slack or a cell's offset, kept"
+        findings.note(DataIssue.BIAS if biased else DataIssue.NEGATIVE, action, time[below], int(below.sum()))
+        any_signed |= signed
+    return any_signed

@@ -26,14 +26,9 @@ class SlackOffsets:
 
 
 def slack_offsets(input_N: Array, output_N: Array) -> SlackOffsets | None:
-    """Offsets of both cells from samples in which the tendon is slack; None where it never is for long.
+    """Offsets of both cells from readings, shape (n,), in which the tendon is slack; None where it never is for long.
 
     Slack shows as a floor of both tensions at once, near zero and flat: a tendon cannot push.
-
-    Parameters
-    ----------
-    input_N, output_N : ndarray, shape (n,)
-        Readings.
     """
     slack = np.ones(len(input_N), dtype=bool)
     for x in (input_N, output_N):

@@ -34,10 +34,6 @@ def check_plan(
     ----------
     static_only : bool
         The static law steps from sample to sample.
-    say : callable
-        Told one line a file.
-    confirm : callable
-        Asked before very many steps.
 
     Raises
     ------

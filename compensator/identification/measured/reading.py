@@ -82,23 +82,24 @@ class Finding:
     text: str  # in words, with what was done
 
 
-def issue_found(issue: DataIssue, times_s: Sequence[float] | Array, action: str, count: int | None = None) -> Finding:
-    """A finding with its count and first times in the text.
+class Findings(list[Finding]):
+    """What was found in one file so far."""
 
-    Parameters
-    ----------
-    times_s : sequence of float
-        Where.
-    action : str
-        What was done.
-    count : int, optional
-        Default: the number of times.
-    """
-    number = len(times_s) if count is None else count
-    first = tuple(float(t) for t in times_s[:5])
-    where = ", ".join(f"{t:.4g}" for t in first)
-    at = f" (at t = {where}{' ...' if len(times_s) > len(first) else ''} s)" if first else ""
-    return Finding(issue=issue, count=number, times_s=first, text=f"{issue}: {number}{at}; {action}")
+    def note(
+        self, issue: DataIssue, action: str, times_s: Sequence[float] | Array = (), count: int | None = None
+    ) -> None:
+        """Add a finding, with its count (default: the number of times) and first times [s] in the text.
+
+        Parameters
+        ----------
+        action : str
+            What was done.
+        """
+        number = len(times_s) if count is None else count
+        first = tuple(float(t) for t in times_s[:5])
+        where = ", ".join(f"{t:.4g}" for t in first)
+        at = f" (at t = {where}{' ...' if len(times_s) > len(first) else ''} s)" if first else ""
+        self.append(Finding(issue=issue, count=number, times_s=first, text=f"{issue}: {number}{at}; {action}"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,7 +129,7 @@ class RawMeasurement:
 
 
 def _columns(
-    path: Path, names: Mapping[str, str], findings: list[Finding]
+    path: Path, names: Mapping[str, str], findings: Findings
 ) -> tuple[dict[str, Array], dict[str, float], tuple[str, ...], float | None]:
     """The wanted columns as numbers, factors from a row of units, names of the other columns, and the date it began."""
     table = read_table(path, tuple(names.values()))
@@ -142,22 +143,18 @@ def _columns(
             )
     for key, name in names.items():
         if name not in table.columns:
+            missing = f'{path.name}: column "{name}" is missing{nearest_column(name, list(table.columns))}'
             if key in ("time", "input") or (key == "output" and not _proximal(table, names)):
-                near = nearest_column(name, list(table.columns))
-                raise InputError(
-                    f'{path.name}: column "{name}" is missing{near} (choose one with --{key}-column, and its unit with '
-                    "--scale)"
-                )
+                raise InputError(f"{missing} (choose one with --{key}-column, and its unit with --scale)")
             if key.startswith("joint"):
                 raise InputError(
-                    f'{path.name}: column "{name}" is missing{nearest_column(name, list(table.columns))}; the path '
-                    "moves with this joint: log its angle, or give a scenario of a path at rest"
+                    f"{missing}; the path moves with this joint: log its angle, or give a scenario of a path at rest"
                 )
             continue
         if key == "time":
             found[key], started = table.seconds(name)
             if started is not None:
-                findings.append(issue_found(DataIssue.DATES, [], "read as seconds since the first one", 1))
+                findings.note(DataIssue.DATES, "read as seconds since the first one", count=1)
         else:
             found[key] = table.numbers(name)
         unit = table.units.get(name, "")
@@ -167,16 +164,13 @@ def _columns(
             factors[key] = factor
     if table.units:
         read = ", ".join(f"{names[key]} [{table.units[names[key]]}] x {factor:g}" for key, factor in factors.items())
-        text = f"below the header; {read or 'none of them known'} (--scale overrides)"
-        findings.append(issue_found(DataIssue.UNITS, [], text, 1))
+        findings.note(DataIssue.UNITS, f"below the header; {read or 'none of them known'} (--scale overrides)", count=1)
     if table.long_rows:
-        findings.append(issue_found(DataIssue.LONG, [], "rows left out", table.long_rows))
+        findings.note(DataIssue.LONG, "rows left out", count=table.long_rows)
     return found, factors, tuple(name for name in table.columns if name not in names.values()), started
 
 
-def _guessed(
-    table: Table, names: Mapping[str, str], findings: list[Finding]
-) -> tuple[dict[str, str], dict[str, float]]:
+def _guessed(table: Table, names: Mapping[str, str], findings: Findings) -> tuple[dict[str, str], dict[str, float]]:
     """Columns for those that the file has by another name and with a unit, and what the units are in SI."""
     dialect = table.dialect
     taken, factors, texts = dict(names), dict[str, float](), []
@@ -189,7 +183,7 @@ def _guessed(
             taken[key], factors[key], text = other
             texts.append(text)
     if texts and not table.units:
-        findings.append(issue_found(DataIssue.UNITS, [], f"{', '.join(texts)} (--scale overrides)", 1))
+        findings.note(DataIssue.UNITS, f"{', '.join(texts)} (--scale overrides)", count=1)
     return taken, factors
 
 
@@ -198,7 +192,7 @@ def _proximal(table: Table, names: Mapping[str, str]) -> bool:
     return names["output"] == Measurement().output_column and names["input_position"] in table.columns
 
 
-def _zeroed(name: str, data: dict[str, Array], how: Measurement, findings: list[Finding]) -> dict[str, Array]:
+def _zeroed(name: str, data: dict[str, Array], how: Measurement, findings: Findings) -> dict[str, Array]:
     """Tensions less the cells' offsets: as given, over a slack time as given, or where slack is seen."""
     ends = [key for key in ("input", "output") if key in data]
     given: dict[str, float | None] = {"input": how.input_offset_N, "output": how.output_offset_N}
@@ -223,7 +217,7 @@ def _zeroed(name: str, data: dict[str, Array], how: Measurement, findings: list[
         why = "as given"
     if any(offsets.values()):
         shown = ", ".join(f"{key} {value:.4g} N" for key, value in offsets.items())
-        findings.append(issue_found(DataIssue.OFFSET, [], f"subtracted: {shown} ({why})", 1))
+        findings.note(DataIssue.OFFSET, f"subtracted: {shown} ({why})", count=1)
     return {key: values - offsets.get(key, 0.0) for key, values in data.items()}
 
 
@@ -243,39 +237,23 @@ def read_measurement(path: Path, how: Measurement, joints: Sequence[str] = ()) -
         If columns are missing or fewer than ten rows are usable.
     """
     path = Path(path)
-    columns = {
-        "time": how.time_column,
-        "input": how.input_column,
-        "output": how.output_column,
-        "input_position": how.input_position_column,
-        "output_position": how.output_position_column,
-        "actuator_force": how.actuator_force_column or "actuator_force_N",
-        **{f"joint {name}": f"{name}_rad" for name in joints},
-    }
+    columns = {key: getattr(how, f"{key}_column") or usual.name for key, usual in _USUAL.items()}
+    columns |= {f"joint {name}": f"{name}_rad" for name in joints}
     for key, name in columns.items():
         if twin := next((k for k, n in columns.items() if n == name and k != key), None):
             raise InputError(f'"{name}" is named as the column of {key} and of {twin}; each needs its own')
-    findings: list[Finding] = []
+    findings = Findings()
     table, factors, unread, started = _columns(path, columns, findings)
-    scales = {
-        "time": how.time_scale,
-        "input": how.input_scale,
-        "output": how.output_scale,
-        "input_position": how.input_position_scale,
-        "output_position": how.output_position_scale,
-        "actuator_force": how.actuator_force_scale or 1.0,
-    }
-    data = {
-        k: values * (scales.get(k, 1.0) if scales.get(k, 1.0) != 1 else factors.get(k, 1.0))
-        for k, values in table.items()
-    }
+    factors |= {key: scale for key in _USUAL if (scale := getattr(how, f"{key}_scale") or 1.0) != 1}
+    data = {key: values * factors.get(key, 1.0) for key, values in table.items()}
     bad: Mask = np.asarray(~np.isfinite(np.stack(list(data.values()))).all(axis=0))
     if bad.any():
-        findings.append(issue_found(DataIssue.MISSING, _times(data["time"], bad), "rows left out", int(bad.sum())))
+        timed = bad & np.isfinite(data["time"])
+        findings.note(DataIssue.MISSING, "rows left out", data["time"][timed], int(bad.sum()))
         data = {key: values[~bad] for key, values in data.items()}
     if how.skip_s and len(data["time"]):
         early = data["time"] < data["time"][0] + how.skip_s
-        findings.append(issue_found(DataIssue.SKIPPED, [], f"the first {how.skip_s:g} s, as asked", int(early.sum())))
+        findings.note(DataIssue.SKIPPED, f"the first {how.skip_s:g} s, as asked", count=int(early.sum()))
         data = {key: values[~early] for key, values in data.items()}
     if len(data["time"]) > 2 and float(np.mean(np.diff(data["time"]) > 0)) < LEAST_RISING:
         raise InputError(
@@ -290,15 +268,11 @@ def read_measurement(path: Path, how: Measurement, joints: Sequence[str] = ()) -
     kept = _zeroed(path.name, {key: np.ascontiguousarray(values[keep]) for key, values in data.items()}, how, findings)
     if "output" in kept and how.skip_s is None and (length := switched_on_s(time, kept["input"], kept["output"])) > 0:
         late = int(np.searchsorted(time, time[0] + length))
-        findings.append(
-            issue_found(
-                DataIssue.ONSET,
-                [],
-                f"the output jumps within a row and rings while the input hardly moves; the first {length:.2g} s are "
-                "left out (--skip 0 keeps them)",
-                late,
-            )
+        action = (
+            f"the output jumps within a row and rings while the input hardly moves; the first {length:.2g} s are left "
+            "out (--skip 0 keeps them)"
         )
+        findings.note(DataIssue.ONSET, action, count=late)
         kept, time = {key: values[late:] for key, values in kept.items()}, time[late:]
         breaks = tuple(k - late for k in breaks if k > late)
     for key in ("input", "output"):
@@ -327,13 +301,7 @@ def read_measurement(path: Path, how: Measurement, joints: Sequence[str] = ()) -
     )
 
 
-def _times(time: Array, where: Mask) -> Array:
-    """Times of the rows, those that have one."""
-    chosen = time[where]
-    return chosen[np.isfinite(chosen)]
-
-
-def _mend_clock(time: Array, findings: list[Finding]) -> tuple[Mask, Array, tuple[int, ...]]:
+def _mend_clock(time: Array, findings: Findings) -> tuple[Mask, Array, tuple[int, ...]]:
     """Rows to keep, their times in strictly rising order, and first kept rows after a jump back."""
     n = len(time)
     keep = np.ones(n, dtype=bool)
@@ -354,18 +322,16 @@ def _mend_clock(time: Array, findings: list[Finding]) -> tuple[Mask, Array, tupl
         breaks.append(k)
         mended[k:] += mended[:k].max() + usual - mended[k]
     if breaks:
-        findings.append(
-            issue_found(DataIssue.CLOCK_JUMP, jump_times, "a new piece starts there, its history is not known")
-        )
+        findings.note(DataIssue.CLOCK_JUMP, "a new piece starts there, its history is not known", jump_times)
     highest = np.maximum.accumulate(mended)
     late = np.zeros(n, dtype=bool)
     late[1:] = mended[1:] <= highest[:-1]
     repeated = late.copy()
     repeated[1:] &= mended[1:] == highest[:-1]
     if repeated.any():
-        findings.append(issue_found(DataIssue.DUPLICATE, time[repeated], "the first row of each was kept"))
+        findings.note(DataIssue.DUPLICATE, "the first row of each was kept", time[repeated])
     if (disordered := late & ~repeated).any():
-        findings.append(issue_found(DataIssue.OUT_OF_ORDER, time[disordered], "rows left out"))
+        findings.note(DataIssue.OUT_OF_ORDER, "rows left out", time[disordered])
     keep &= ~late
     index = np.cumsum(keep) - 1
     return keep, mended[keep], tuple(int(index[k]) for k in breaks if k < n)

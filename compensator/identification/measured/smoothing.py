@@ -2,10 +2,8 @@
 
 A friction model remembers every extreme of its input, so noise on the input ratchets: it opens hysteresis loops that
 were never there, most of all while the input is held. What drives the model is therefore smoothed harder where nothing
-happens (`AdaptiveLowPass`); what it is compared with goes through one linear low-pass, as the model's answer does.
+happens (`adaptive_low_pass`); what it is compared with goes through one linear low-pass, as the model's answer does.
 """
-
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
@@ -22,12 +20,7 @@ QUIET_CUTOFFS_HZ = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0)
 
 
 def noise_of(x: Array) -> float:
-    """Standard deviation of white noise under a smooth signal, from third differences.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-    """
+    """Standard deviation of white noise under a smooth signal, shape (n,), from third differences."""
     if len(x) < 8:
         return 0.0
     third = np.diff(x, 3)
@@ -39,11 +32,6 @@ def find_cutoff_Hz(channels: list[Array], step_s: float) -> float:
 
     What a cut-off takes away is compared with the white noise of the channel window by window: where it exceeds the
     noise, a reversal or a step was rounded, and friction would remember the wrong extreme.
-
-    Parameters
-    ----------
-    channels : list of ndarray
-        Evenly sampled.
     """
     rate = 1 / step_s
     highest = min(HIGHEST_CUTOFF_HZ, 0.2 * rate)
@@ -67,12 +55,7 @@ def _only_noise(x: Array, step_s: float, cutoff_Hz: float, width: int) -> bool:
 
 
 def low_pass(x: Array, step_s: float, cutoff_Hz: float) -> Array:
-    """Second-order zero-phase Butterworth low-pass along the first axis; short pieces stay as they are.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n, ...)
-    """
+    """Second-order zero-phase Butterworth low-pass along the first axis; short pieces stay as they are."""
     if len(x) < 16 or cutoff_Hz >= 0.45 / step_s:
         return x
     sos = butter(2, cutoff_Hz, fs=1 / step_s, output="sos")
@@ -80,53 +63,29 @@ def low_pass(x: Array, step_s: float, cutoff_Hz: float) -> Array:
     return np.asarray(sosfiltfilt(sos, x, axis=0, padlen=pad))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AdaptiveLowPass:
-    """A zero-phase low-pass whose cut-off varies along the record."""
-
-    step_s: float
-    cutoffs_Hz: tuple[float, ...]  # rising
-    level: Array  # shape (n,); place among the cut-offs at each sample, fractional
-
-    def apply(self, x: Array) -> Array:
-        """Smooth a channel of the same length.
-
-        Parameters
-        ----------
-        x : ndarray, shape (n,)
-        """
-        smooth = np.zeros_like(x)
-        for k, cutoff in enumerate(self.cutoffs_Hz):
-            weight = np.clip(1 - np.abs(self.level - k), 0, 1)
-            if weight.any():
-                smooth += weight * low_pass(x, self.step_s, cutoff)
-        return smooth
-
-
-def find_adaptive_low_pass(x: Array, step_s: float) -> AdaptiveLowPass:
-    """Lowest cut-off at each place that differs from every higher one by noise only (Lepski's rule).
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-    """
+def adaptive_low_pass(x: Array, step_s: float) -> Array:
+    """Smooth a channel by the lowest cut-off at each place that differs from all higher ones by noise only (Lepski)."""
     highest = 0.2 / step_s
     cutoffs = (*(f for f in QUIET_CUTOFFS_HZ if 2 / (len(x) * step_s) < f < 0.8 * highest), highest)
     noise = noise_of(x)
-    level = np.full(len(x), float(len(cutoffs) - 1))
-    if noise > LEAST_NOISE * float(np.ptp(x)):
-        versions = [low_pass(x, step_s, f) for f in cutoffs]
-        blocked = np.zeros(len(x), dtype=bool)
-        for k in range(len(cutoffs) - 2, -1, -1):
-            width = max(3, int(1 / (cutoffs[k] * step_s)))
-            for higher in range(k + 1, len(cutoffs)):
-                deviation = noise * np.sqrt(min(1.0, 2 * cutoffs[higher] * step_s))
-                # What the largest of so many independent values reaches by chance.
-                reach = np.sqrt(2 * np.log(2 * cutoffs[higher] * len(x) * step_s)) + 0.3
-                off = np.abs(versions[k] - versions[higher]) > reach * deviation
-                blocked |= maximum_filter1d(off, width)
-            level[~blocked] = k
-        # Sharp places keep their cut-off, its surroundings come down to theirs gradually.
-        around = max(3, int(0.05 / step_s))
-        level = uniform_filter1d(maximum_filter1d(level, 2 * around + 1), around)
-    return AdaptiveLowPass(step_s=step_s, cutoffs_Hz=cutoffs, level=level)
+    if not noise > LEAST_NOISE * float(np.ptp(x)):
+        return low_pass(x, step_s, highest)
+    versions = [low_pass(x, step_s, f) for f in cutoffs]
+    level = np.full(len(x), float(len(cutoffs) - 1))  # place among the cut-offs at each sample, fractional
+    blocked = np.zeros(len(x), dtype=bool)
+    for k in range(len(cutoffs) - 2, -1, -1):
+        width = max(3, int(1 / (cutoffs[k] * step_s)))
+        for higher in range(k + 1, len(cutoffs)):
+            deviation = noise * np.sqrt(min(1.0, 2 * cutoffs[higher] * step_s))
+            # What the largest of so many independent values reaches by chance.
+            reach = np.sqrt(2 * np.log(2 * cutoffs[higher] * len(x) * step_s)) + 0.3
+            off = np.abs(versions[k] - versions[higher]) > reach * deviation
+            blocked |= maximum_filter1d(off, width)
+        level[~blocked] = k
+    # Sharp places keep their cut-off, its surroundings come down to theirs gradually.
+    around = max(3, int(0.05 / step_s))
+    level = uniform_filter1d(maximum_filter1d(level, 2 * around + 1), around)
+    smooth = np.zeros_like(x)
+    for k, version in enumerate(versions):
+        smooth += np.clip(1 - np.abs(level - k), 0, 1) * version
+    return smooth

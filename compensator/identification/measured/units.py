@@ -22,14 +22,8 @@ MOST_ABOVE, MOST_BELOW = 20.0, 400.0
 """A largest tension so many times above, or below, what the actuator can do is in another unit or of another rig."""
 
 
-def unit_warnings(how: Measurement, positions: Sequence[str]) -> list[str]:
-    """Columns whose names tell another unit than the one they are read in.
-
-    Parameters
-    ----------
-    positions : sequence of str
-        Those of "input_position" and "output_position" that were read.
-    """
+def unit_warning(how: Measurement, positions: Sequence[str]) -> str:
+    """Columns, of positions those in `positions`, whose names tell another unit than they are read in; else empty."""
     found = []
     for key, (unit, others) in OTHERS.items():
         name, scale = getattr(how, f"{key}_column"), getattr(how, f"{key}_scale")
@@ -39,24 +33,17 @@ def unit_warnings(how: Measurement, positions: Sequence[str]) -> list[str]:
         if word in others:
             found.append(f"{name} as {unit} (--scale {key}=FACTOR)")
     if not found:
-        return []
-    message = (
+        return ""
+    return (
         f"read without a factor: {', '.join(found)}; estimates with N and m in their names are then in the file's own "
         "units. A torque over the drum's radius is a tension, an angle times it a position"
     )
-    return [message]
 
 
-def magnitude_warning(largest_N: float, force_max_N: float) -> str | None:
-    """What to say where the measured tensions are far from what the scenario's actuator can do.
-
-    Parameters
-    ----------
-    largest_N, force_max_N : float
-        Largest measured tension, and largest force of the actuator.
-    """
+def magnitude_warning(largest_N: float, force_max_N: float) -> str:
+    """What to say where the measured tensions are far from what the scenario's actuator can do; else empty."""
     if force_max_N / MOST_BELOW <= largest_N <= force_max_N * MOST_ABOVE:
-        return None
+        return ""
     return (
         f"the measured tensions reach {largest_N:.3g} N, the scenario's actuator {force_max_N:.3g} N: is this its rig, "
         "and the unit N (--scale)? Masses, load and limits are the scenario's; no excitation is suggested"

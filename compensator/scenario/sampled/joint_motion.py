@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from tendonff.compensator.files.quantities import ANGLE_UNITS, TIME_UNITS, TIME_WORDS, Quantity, read_quantities
+from tendonff.compensator.files.quantities import ANGLE_UNITS, Quantity, read_quantities, time_quantity
 from tendonff.compensator.files.reading import FloatArray, suggestion
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, Joint, SineJoint, WaypointJoint
-from tendonff.compensator.scenario.sampled.courses import along_sines, along_waypoints
+from tendonff.compensator.scenario.reference import along_sines, along_waypoints
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Transmission
@@ -25,30 +25,16 @@ def moved(scenario: Scenario, end_s: float, *, periodic: bool = False) -> Transm
 
 
 def moved_by_file(scenario: Scenario, path: Path) -> Scenario:
-    """The scenario with the motion of all its joints from one file, with the columns time_s and NAME_rad.
-
-    Raises
-    ------
-    InputError
-        If the scenario has no joints.
-    """
+    """The scenario with the motion of its joints from one file: time_s, NAME_rad; InputError where it has none."""
     _need_joints(scenario, "--joints")
     motion = CsvJoint(file=str(path.resolve()))
     return replace(scenario, joints=dict.fromkeys(scenario.joints, motion))
 
 
 def posed(scenario: Scenario, angles_rad: Mapping[str, float]) -> Scenario:
-    """The scenario with joints that stand still.
+    """The scenario with joints that stand still at angles [rad] by name; the others do what it says.
 
-    Parameters
-    ----------
-    angles_rad : mapping of str to float
-        By name [rad]; the others do what the scenario says.
-
-    Raises
-    ------
-    InputError
-        If there is no joint of a name.
+    InputError where there is no joint of a name.
     """
     _need_joints(scenario, "--pose")
     for name in angles_rad:
@@ -68,17 +54,9 @@ def _need_joints(scenario: Scenario, option: str) -> None:
 
 
 def sample_joints(scenario: Scenario, end_s: float, *, periodic: bool = False) -> JointMotion | None:
-    """Angles of all joints at the steps of the run until `end_s` [s]; None where there are no joints.
+    """Angles of all joints at the steps of the run until `end_s` [s], their period or not; None for no joints.
 
-    Parameters
-    ----------
-    periodic : bool, optional
-        That is their period.
-
-    Raises
-    ------
-    InputError
-        If a file of motion is too short, or the path has no meaning under the motion.
+    InputError if a file of motion is too short, or the path has no meaning under the motion.
     """
     transmission, file = scenario.transmission, scenario.source.name
     if not scenario.joints:
@@ -126,13 +104,10 @@ def _angles(joint: Joint, name: str, time_s: FloatArray, folder: Path, end_s: fl
 def read_motion(path: Path, name: str, time_s: FloatArray, end_s: float) -> FloatArray:
     """Angles [rad] of one joint at `time_s` from a file with the columns time_s and NAME_rad.
 
-    Raises
-    ------
-    InputError
-        If the file is refused, or ends before `end_s` [s].
+    InputError where the file is refused, or ends before `end_s` [s].
     """
     wanted = (
-        Quantity(name="time_s", words=TIME_WORDS, units=TIME_UNITS, option='a column "time_s" instead of "{}"'),
+        time_quantity('a column "time_s" instead of "{}"'),
         Quantity(
             name=f"{name}_rad",
             words=(name.lower(),),

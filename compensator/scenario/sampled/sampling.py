@@ -1,15 +1,20 @@
 """The desired tension at the far end, sampled on the grid of the run."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import assert_never
 
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError
-from tendonff.compensator.scenario.plausibility import questions
-from tendonff.compensator.scenario.reference import CsvReference, Hold, SineReference, WaypointReference
-from tendonff.compensator.scenario.sampled.courses import along_sines, along_waypoints
+from tendonff.compensator.scenario.reference import (
+    CsvReference,
+    Hold,
+    SineReference,
+    WaypointReference,
+    along_sines,
+    along_waypoints,
+)
 from tendonff.compensator.scenario.sampled.from_file import read_samples, resample
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.parameters import Transmission
@@ -71,7 +76,6 @@ def sample_reference(scenario: Scenario, *, strict: bool = True) -> Reference:
 
     Parameters
     ----------
-    scenario : Scenario
     strict : bool, optional
         Refuse a reference out of reach; otherwise it is a warning.
 
@@ -81,11 +85,10 @@ def sample_reference(scenario: Scenario, *, strict: bool = True) -> Reference:
         The reference reaches 0 or below, or, strictly, above the largest tension that force_max_N delivers through
         the friction.
     """
-    spec, step = scenario.reference, scenario.run.step_s
-    sampled = _sample(scenario)
-    time, tension, initial, notes = sampled.time_s, sampled.tension_N, sampled.initial_N, list(sampled.notes)
-    removed = sampled.removed
-    beyond = _check_deliverable(scenario.transmission, time, tension, scenario.source.name)
+    spec, sampled = scenario.reference, _sample(scenario)
+    tension, initial, removed = sampled.tension_N, sampled.initial_tension_N, sampled.removed_noise_N
+    notes = list(sampled.warnings)
+    beyond = _check_deliverable(scenario.transmission, sampled.time_s, tension, scenario.source.name)
     if beyond and strict:
         raise InputError(beyond)
     notes += [beyond] if beyond else []
@@ -100,37 +103,21 @@ def sample_reference(scenario: Scenario, *, strict: bool = True) -> Reference:
         notes.append(
             f"the reference starts at {tension[0]:.4g} N but initial_tension_N is {initial:.4g} N: it jumps at t = 0"
         )
-    return Reference(
-        time_s=time,
-        tension_N=tension,
-        step_s=step,
-        initial_tension_N=initial,
-        removed_noise_N=removed,
-        sample_interval_s=sampled.interval_s,
-        position_m=sampled.position_m,
-        periodic=spec.periodic,
-        hold=spec.hold,
-        warnings=tuple(notes),
-    )
+    return replace(sampled, warnings=tuple(notes))
 
 
 def initial_tension(scenario: Scenario) -> float:
     """Uniform tension at rest before the start [N], without checking the rest of the reference."""
-    return _sample(scenario).initial_N
+    return _sample(scenario).initial_tension_N
 
 
 def work_ahead(scenario: Scenario) -> str | None:
     """What to say before a long run starts; None for an ordinary one."""
     step, spec = scenario.run.step_s, scenario.reference
-    match spec:
-        case SineReference():
-            duration = spec.duration_s
-        case WaypointReference():
-            duration = spec.times_s[-1]
-        case CsvReference():
-            duration = float(read_samples(spec, scenario.source.parent / spec.file, step).time_s[-1])
-        case _:
-            assert_never(spec)
+    if isinstance(spec, CsvReference):
+        duration = float(read_samples(spec, scenario.source.parent / spec.file, step).time_s[-1])
+    else:
+        duration = spec.duration_s
     if not duration > _LONG_RUN * step:
         return None
     return (
@@ -139,20 +126,8 @@ def work_ahead(scenario: Scenario) -> str | None:
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Sampled:
-    """The wanted quantity on the grid of the run, before it is checked."""
-
-    time_s: FloatArray
-    tension_N: FloatArray
-    position_m: FloatArray | None
-    initial_N: float
-    removed: float
-    interval_s: float
-    notes: tuple[str, ...]
-
-
-def _sample(scenario: Scenario) -> _Sampled:
+def _sample(scenario: Scenario) -> Reference:
+    """The reference before it is checked against what the transmission can deliver."""
     spec, step, file = scenario.reference, scenario.run.step_s, scenario.source.name
     removed, interval, notes = 0.0, 0.0, list[str]()
     match spec:
@@ -168,7 +143,7 @@ def _sample(scenario: Scenario) -> _Sampled:
             start = 0.0 if spec.wants_position else spec.initial_tension_N
             course = start + along_sines(spec.amplitudes, spec.frequencies_Hz, spec.fade_in_s, time)
         case WaypointReference():
-            time = _grid(spec.times_s[-1], step, file)
+            time = _grid(spec.duration_s, step, file)
             course = along_waypoints(spec.times_s, spec.values, spec.shape, time)
         case CsvReference():
             samples = read_samples(spec, scenario.source.parent / spec.file, step)
@@ -188,14 +163,17 @@ def _sample(scenario: Scenario) -> _Sampled:
     # The first sample of the filtered course, where there is a filter: the run then starts without a jump.
     initial = float(course[0]) if spec.initial_tension_N is None else spec.initial_tension_N
     tension, floor, note = keep_taut(course, spec.least_tension_N)
-    return _Sampled(
+    return Reference(
         time_s=time,
         tension_N=tension,
+        step_s=step,
+        initial_tension_N=max(initial, floor),
+        removed_noise_N=removed,
+        sample_interval_s=interval,
         position_m=position,
-        initial_N=max(initial, floor),
-        removed=removed,
-        interval_s=interval,
-        notes=(*notes, *note),
+        periodic=spec.periodic,
+        hold=spec.hold,
+        warnings=(*notes, *note),
     )
 
 
@@ -213,13 +191,9 @@ def _closed(course: FloatArray, file: str) -> FloatArray:
 
 
 def keep_taut(tension_N: FloatArray, least_N: float | None) -> tuple[FloatArray, float, tuple[str, ...]]:
-    """A reference that touches zero, lifted to a least tension; that tension, and what to say.
+    """A reference, shape (n,), that touches zero, lifted to a least tension; that tension, and what to say.
 
-    Parameters
-    ----------
-    tension_N : ndarray, shape (n,)
-    least_N : float or None
-        Tension to be kept [N]; None: 2 % of the range where the reference touches zero, else none.
+    By default the least tension is 2 % of the range where the reference touches zero, else none.
     """
     lowest, span = float(np.min(tension_N)), float(np.ptp(tension_N))
     if lowest < -1e-6 * span or (least_N is None and lowest > 0) or (least_N is not None and lowest >= least_N):
@@ -283,3 +257,24 @@ def _check_deliverable(transmission: Transmission, time: FloatArray, tension: Fl
         f"force_max_N = {transmission.actuator.force_max_N:g} delivers at most {reachable:.4g} N through the "
         f"friction; lower the reference or raise force_max_N{degrees if angle > _MANY_TURNS_RAD else ''}"
     )
+
+
+def questions(transmission: Transmission) -> list[str]:
+    """What to ask about parameters that are possible but look like another unit; they are never changed."""
+    path, tendon, friction = transmission.path, transmission.tendon, transmission.friction
+    actuator, load = transmission.actuator, transmission.load
+    angle, stiffness, radius = path.total_angle_rad, tendon.stiffness_N_per_m, path.radius_m or 0
+    stretch = actuator.force_max_N / stiffness
+    soft = f": softer than a rubber band; N/mm? Then it is {1e3 * stiffness:g}"
+    long = f": force_max_N stretches the tendon by {stretch:.2g} m; N/mm?"
+    doubts = (
+        ("[path] total_angle_rad", angle, angle > 25, f" is {angle / (2 * math.pi):.3g} turns: degrees?"),
+        ("[path] radius_m", radius, radius > 5, ": millimetres?"),
+        ("[tendon] mass_kg", tendon.mass_kg, tendon.mass_kg > 1, ": grams?"),
+        ("[tendon] stiffness_N_per_m", stiffness, stiffness < 300 or stretch > 1, soft if stiffness < 300 else long),
+        ("[friction] mu_dynamic", friction.mu_dynamic, friction.mu_dynamic > 1.5, ": per cent?"),
+        ("[actuator] mass_kg", actuator.mass_kg, actuator.mass_kg > 200, ": grams?"),
+        ("[load] mass_kg", load.mass_kg, load.mass_kg > 500, ": grams?"),
+        ("[load] stiffness_N_per_m", load.stiffness_N_per_m, load.stiffness_N_per_m < 1, ": N/mm?"),
+    )
+    return [f"{key} = {value:g}{question}" for key, value, is_doubtful, question in doubts if is_doubtful]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.compensators.inverse import Inverse
+from tendonff.compensator.compensators.closed_form import Inverse
 from tendonff.compensator.export.fmu import build_fmu
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.export.text.c_text import c_sources

@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from tendonff.compensator.cli import run
-from tendonff.compensator.cli.opening import opened
+from tendonff.compensator.cli.options import opened
 from tendonff.compensator.files.text import InputError
 from tendonff.models.errors import ParameterError, TendonffError
 from tendonff.ocp.errors import SolveError

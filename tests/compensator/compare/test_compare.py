@@ -12,9 +12,8 @@ import pytest
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.compare.levels import level_traits, parameters_of
-from tendonff.compensator.compare.recommendation import recommend
-from tendonff.compensator.compare.result import CAPSTAN_PLANT, Entry, plants
-from tendonff.compensator.compare.run import compare, lag
+from tendonff.compensator.compare.result import CAPSTAN_PLANT, PLANTS, Entry
+from tendonff.compensator.compare.run import compare, lag, recommend
 from tendonff.compensator.compensators.base import Problem, Profile
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
 from tendonff.compensator.compensators.score import SimulatedPlant, simulate_profile
@@ -56,7 +55,7 @@ def folder(finger, tmp_path_factory):
 
 def test_every_design_meets_every_plant(result):
     cells = [(e.compensator, e.design_level, e.plant_level) for e in result.entries]
-    assert cells == [(c.name, level, plant) for c in COMPENSATORS for level in Level for plant in plants()]
+    assert cells == [(c.name, level, plant) for c in COMPENSATORS for level in Level for plant in PLANTS]
 
 
 def test_each_inverse_is_best_on_its_own_level(result):

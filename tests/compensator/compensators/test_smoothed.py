@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.compensators.capstan import Capstan
+from tendonff.compensator.compensators.closed_form import Capstan
 from tendonff.compensator.compensators.smoothed import Smoothed, centred, lagged
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.ocp.simulate import simulate

@@ -9,7 +9,7 @@ import pytest
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.compensators.base import Problem, Profile
-from tendonff.compensator.compensators.capstan import Capstan
+from tendonff.compensator.compensators.closed_form import Capstan
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import SimulatedPlant, score, simulate_profile
 from tendonff.compensator.design.figures import error_figure

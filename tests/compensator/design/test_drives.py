@@ -7,17 +7,16 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
-from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.compensators.motion import with_motion
+from tendonff.compensator.compensators.base import Problem, with_motion
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import SimulatedPlant, verify
 from tendonff.compensator.design.drive_use import DriveUse
-from tendonff.compensator.design.robustness import robustness
+from tendonff.compensator.design.expectation import robustness
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.joints import SineJoint
 from tendonff.compensator.scenario.reference import Hold, Quantity, Shape, WaypointReference
-from tendonff.compensator.scenario.run import Run
 from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenario.settings import Run
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.drive import Drive, Motor

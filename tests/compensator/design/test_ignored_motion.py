@@ -8,9 +8,7 @@ import pytest
 
 from tendonff.compensator.compare.figures import errors_figure
 from tendonff.compensator.compare.run import compare
-from tendonff.compensator.compensators.capstan import Capstan
-from tendonff.compensator.compensators.inverse import Inverse
-from tendonff.compensator.compensators.uncompensated import Uncompensated
+from tendonff.compensator.compensators.closed_form import Capstan, Inverse, Uncompensated
 from tendonff.compensator.design.figures import tension_figure
 from tendonff.compensator.design.output import Design
 from tendonff.compensator.design.run import design

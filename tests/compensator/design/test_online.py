@@ -9,7 +9,7 @@ import pytest
 from tendonff.compensator.cli import run
 from tendonff.compensator.design.online import online_figure, study_online
 from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
-from tendonff.compensator.scenario.stream import Stream
+from tendonff.compensator.scenario.settings import Stream
 
 
 @pytest.fixture(scope="module")

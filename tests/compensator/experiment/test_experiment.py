@@ -11,10 +11,11 @@ from tendonff.compensator.cli import run
 from tendonff.compensator.experiment import output as experiment_output
 from tendonff.compensator.experiment.figures import tensions_figure
 from tendonff.compensator.experiment.machine import plan_experiment
-from tendonff.compensator.experiment.measured import deviations, read_measured
 from tendonff.compensator.experiment.numbers import (
     MEANINGS,
+    deviations,
     law_deviation,
+    read_measured,
     refinement,
     relaxation,
     reversals,

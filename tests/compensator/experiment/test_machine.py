@@ -136,8 +136,7 @@ def test_the_rig_is_the_same_from_both_ends(finger: Scenario, level: Level) -> N
 
 
 @pytest.mark.parametrize(
-    ("text", "motor", "met", "not_met"),
-    [("tension_1 >= 80", 0, 80.0, 79.9), ("tension_2<=4e1", 1, 40.0, 40.1)],
+    ("text", "motor", "met", "not_met"), [("tension_1 >= 80", 0, 80.0, 79.9), ("tension_2<=4e1", 1, 40.0, 40.1)]
 )
 def test_a_condition_is_met_on_its_own_side_of_its_own_tension(
     text: str, motor: int, met: float, not_met: float
@@ -240,7 +239,8 @@ def test_a_damper_acts_between_the_motor_and_its_moving_rest_position(finger: Sc
     """
     ends = []
     for damping in (0.0, 200.0):
-        spec = replace(plan_experiment(finger).rig, load_damping_N_s_per_m=damping)
+        settings = replace(finger.experiment, load_damping_N_s_per_m=damping)
+        spec = plan_experiment(replace(finger, experiment=settings)).rig
         rig = Rig(spec, Level.ELASTIC, (A, L))
         rows = rig.advance(np.column_stack([np.zeros(3000), np.full(3000, 5e-3)]))
         speed = rows.velocity_m_per_s[-1, -1]
@@ -252,7 +252,7 @@ def test_a_damper_acts_between_the_motor_and_its_moving_rest_position(finger: Sc
 def test_each_mode_has_its_own_damper(finger: Scenario) -> None:
     settings = replace(finger.experiment, load_damping_N_s_per_m=3.0, hold_damping_N_s_per_m=0.0)
     spec = plan_experiment(replace(finger, experiment=settings)).rig
-    dampings = {mode: spec.end(mode).damping_N_s_per_m for mode in MotorMode}
+    dampings = {mode: spec.ends[mode].damping_N_s_per_m for mode in MotorMode}
     own = finger.transmission.actuator.damping_N_s_per_m
     assert own > 0
     assert dampings == {A: own, F: own, L: 3.0, H: 0.0}

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
-from tendonff.compensator.explore.parameters import ExploreParameters
-from tendonff.compensator.explore.run import SLOW, Explorer
+from tendonff.compensator.explore.run import SLOW, ExploreParameters, Explorer
 from tendonff.compensator.scenario.sampled.joint_motion import sample_joints
 from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_to_toml
 from tendonff.models.errors import TendonffError

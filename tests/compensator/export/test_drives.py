@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.compensators.motion import with_motion
+from tendonff.compensator.compensators.base import Problem, with_motion
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.fmu import build_fmu

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tendonff.compensator.files.number_text import BYTES_MORE, BYTES_PER_NUMBER, Writer, compiled_writer
+from tendonff.compensator.files.writing import BYTES_MORE, BYTES_PER_NUMBER, Writer, compiled_writer
 
 
 @pytest.fixture(scope="module")

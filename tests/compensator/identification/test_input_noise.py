@@ -72,6 +72,6 @@ def test_adhesion_is_told_apart_from_noise_on_the_input(nominal, tmp_path):
 
 def test_a_quiet_input_leaves_the_answer_alone(nominal, tmp_path):
     task, plain, joint = fitted(nominal, tmp_path, 0, 0.0)
-    assert all(run.input_noise_N < 1e-3 for run in task.pieces)
+    assert all(run.record.input_noise_N < 1e-3 for run in task.pieces)
     for name, value in plain.values.items():
         assert joint.values[name] == pytest.approx(value, rel=2e-3, abs=5e-3)

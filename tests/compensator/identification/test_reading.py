@@ -6,7 +6,7 @@ import pytest
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.measured.cleaning import clean
 from tendonff.compensator.identification.measured.reading import DataIssue, read_measurement
-from tendonff.compensator.identification.measured.smoothing import find_adaptive_low_pass, noise_of
+from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass, noise_of
 from tendonff.compensator.scenario.measurement import Measurement
 
 HOW = Measurement()
@@ -151,7 +151,7 @@ def test_what_drives_the_model_is_smoothed_most_where_nothing_happens():
     time = np.arange(0, 6, STEP)
     truth = np.interp(time, [0, 2, 2.4, 6], [20, 20, 60, 60])
     x = truth + 0.2 * np.random.default_rng(3).standard_normal(len(time))
-    left = np.abs(find_adaptive_low_pass(x, STEP).apply(x) - truth)
+    left = np.abs(adaptive_low_pass(x, STEP) - truth)
     assert noise_of(x) == pytest.approx(0.2, rel=0.05)
     assert left[4000:5500].max() < 0.03
     assert left[1900:2500].max() < 1.0

@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from tendonff.compensator.reporting.frequency import bode_figure
+from tendonff.compensator.reporting.plots import bode_figure
 from tendonff.models.interop import link_impedance
 from tendonff.models.link import ZenerLink
 

@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_text
-from tendonff.compensator.scenario.plausibility import questions
 from tendonff.compensator.scenario.reference import CsvReference, SineReference
-from tendonff.compensator.scenario.run import Run
+from tendonff.compensator.scenario.sampled.sampling import questions
 from tendonff.compensator.scenario.scenario import (
     Scenario,
     load_scenario,
@@ -20,6 +19,7 @@ from tendonff.compensator.scenario.scenario import (
     scenario_hash,
     scenario_to_toml,
 )
+from tendonff.compensator.scenario.settings import Run
 from tendonff.compensator.scenario.tables import descriptions
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Friction

@@ -78,7 +78,7 @@ def with_input_estimated(
     signed : bool, optional
         What may vanish may fall below nothing: its scatter shows then.
     """
-    if all(run.input_noise_N <= 0 for run in task.pieces):
+    if all(run.record.input_noise_N <= 0 for run in task.pieces):
         return solution
     moved = solution
     for _ in range(rounds):
@@ -163,42 +163,37 @@ def _feasible(normal: Array, wanted: Array, step: Array, least: Array) -> Array:
 
 def _windows(task: ChainResiduals, solution: Solution) -> Iterator[_Rows]:
     """Windows of all pieces."""
-    full, at = task.complete(solution.values), 0
-    found, usual = solution.residuals, task.channel_rms(solution.residuals)
-    for run in task.pieces:
-        rows = int(run.good.sum())
-        if not rows:
-            continue
-        parts = [slice(at, at + rows)]
-        if run.with_elongation:
-            parts.append(slice(at + rows, at + 2 * rows))
-        at = parts[-1].stop
-        if run.input_noise_N > 0:
-            yield from _windows_of(task, run, full, [found.values[p] for p in parts], found.blocks[parts[0]], usual)
+    full, found = task.complete(solution.values), solution.residuals
+    usual = task.channel_rms(found)
+    for run, left, (blocks, _) in zip(
+        task.pieces, task.by_channel(found.values), task.by_channel(found.blocks), strict=True
+    ):
+        if run.record.input_noise_N > 0 and len(blocks):
+            yield from _windows_of(task, run, full, left, blocks, usual)
 
 
 def _windows_of(
     task: ChainResiduals,
     run: FitPiece,
     full: Mapping[DynamicParameter, float],
-    left: list[Array],
+    left: tuple[Array, Array],
     blocks: Blocks,
     usual: tuple[float, float],
 ) -> Iterator[_Rows]:
     """Windows of one piece; `left` are the residuals of the explained channel, and those of the elongation."""
     model = replace(task.model, count=MASSES, longest_step_s=STEP_S)
-    every = max(1, round(STEP_S / run.step_s))
-    drive = replace(run.drive, input_N=run.drive.input_N[::every], step_s=run.step_s * every)
+    every = max(1, round(STEP_S / run.record.step_s))
+    drive = replace(run.drive, input_N=run.drive.input_N[::every], step_s=run.record.step_s * every)
     response = model.respond(full, drive, task.free)
     proximal = run.explain is Explain.POSITION
     by_values: list[Array] = [response.near_slopes if proximal else response.output_slopes, response.elongation_slopes]
-    units, noises = (task.output_unit, task.elongation_unit_m), (run.explained_noise, run.elongation_noise_m)
+    units, noises = (task.output_unit, task.elongation_unit_m), (run.explained_noise, run.record.elongation_noise_m)
     sizes: Array = np.hypot(np.array(noises) / np.sqrt(run.thin), MISFIT_SHARE * np.array(usual))
-    fitted = np.flatnonzero(run.good) * run.thin * run.step_s
-    clock = np.arange(len(run.piece.read_N)) * run.step_s
+    fitted = np.flatnonzero(run.good) * run.thin * run.record.step_s
+    clock = np.arange(len(run.piece.read_N)) * run.record.step_s
     grid_s = np.asarray(np.arange(len(drive.input_N)) * drive.step_s, dtype=np.float64)
-    off = run.piece.read_N - run.drive.input_N
-    knot_s = max(KNOT_S, LEAST_KNOT_ROWS * run.step_s)
+    off, noise_N = run.piece.read_N - run.drive.input_N, run.record.input_noise_N
+    knot_s = max(KNOT_S, LEAST_KNOT_ROWS * run.record.step_s)
     window_s, before_s = KNOTS_A_WINDOW * knot_s, KNOTS_BEFORE * knot_s
     for window in input_windows(model, full, drive, knot_s=knot_s, window_s=window_s, before_s=before_s):
         at = (fitted >= window.first_s) & (fitted < window.time_s[-1])
@@ -207,19 +202,19 @@ def _windows_of(
             continue
         by_knots = [window.near_slopes if proximal else window.output_slopes, window.elongation_slopes]
         channels = []
-        for k, residuals in enumerate(left):
-            values = _sampled(by_values[k], grid_s, fitted[at], run.cutoff_Hz)
-            knots = _sampled(by_knots[k], window.time_s, fitted[at], run.cutoff_Hz)
+        for k, residuals in enumerate(left if run.with_elongation else left[:1]):
+            values = _sampled(by_values[k], grid_s, fitted[at], run.record.cutoff_Hz)
+            knots = _sampled(by_knots[k], window.time_s, fitted[at], run.record.cutoff_Hz)
             # The zero of positions is arbitrary, in every window anew.
             zero = np.full((int(at.sum()), 1), float(k > 0 or proximal))
             channels.append([x / sizes[k] for x in (residuals[at] * units[k], values, np.hstack([knots, zero]))])
         residuals, values, knots = (np.concatenate(x) for x in zip(*channels, strict=True))
-        price, asked = _price(window.knots_s, clock[heard], off[heard] / run.input_noise_N, run.input_noise_N)
+        price, asked = _price(window.knots_s, clock[heard], off[heard] / noise_N, noise_N)
         yield _Rows(
             residuals=residuals,
             by_values=values,
             by_knots=knots,
-            blocks=np.concatenate([blocks[at]] * len(left)),
+            blocks=np.concatenate([blocks[at]] * len(channels)),
             knot_blocks=blocks[at][
                 np.searchsorted(fitted[at], np.append(window.knots_s, np.inf)).clip(max=at.sum() - 1)
             ],

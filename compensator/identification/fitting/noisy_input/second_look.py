@@ -12,7 +12,6 @@ import numpy as np
 from tendonff.compensator.identification.fitting.chain_law import LAW_NAMES, ChainCandidate, ChosenLaw
 from tendonff.compensator.identification.fitting.noisy_input.estimation import residuals_of, with_input_estimated
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals
-from tendonff.compensator.identification.measured.reading import Array
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.fits.chain import DynamicParameter
 from tendonff.ocp.fits.least_squares import Solution
@@ -36,7 +35,7 @@ def look_again(
         The output cell may have an offset.
     """
     proximal = task.pieces[0].explain is Explain.POSITION
-    if D.INPUT_BIAS in task.free or all(run.input_noise_N <= 0 for run in task.pieces):
+    if D.INPUT_BIAS in task.free or all(run.record.input_noise_N <= 0 for run in task.pieces):
         return law, task, with_input_estimated(task, solution)
     full = task.complete(solution.values)
     offered = [*((D.OUTPUT_BIAS,) if offsets and not proximal else ()), D.ADHESION, D.MU_RELEASE]
@@ -48,13 +47,14 @@ def look_again(
     )
     if len(told.covariance) != len(free):  # the chain failed on the way
         return law, task, solution
-    own = task.model.values()
-    values, covariance, dropped = told.values, told.covariance, set[DynamicParameter]()
+    own, dropped = task.model.values(), set[DynamicParameter]()
     for name, sure in ((D.OUTPUT_BIAS, SURE_OF_OFFSET), (D.ADHESION, SURE_OF_ADHESION)):
-        if name in free and own[name] == 0 and not _size(name, values[name]) > sure * _error(covariance, free, name):
-            values, covariance = _without(values, covariance, free.index(name))
-            dropped.add(name)
-    symmetric = task.model.symmetric and _is_symmetric(values, covariance, free)
+        if name in free and own[name] == 0:
+            size = abs(told.values[name]) if name is D.OUTPUT_BIAS else told.values[name]
+            if not size > sure * told.standard_error(name):
+                told = _without(told, name)
+                dropped.add(name)
+    symmetric = task.model.symmetric and _is_symmetric(told)
     if symmetric:
         dropped.add(D.MU_RELEASE)
     kept = tuple(name for name in free if name not in dropped)
@@ -64,35 +64,30 @@ def look_again(
         free=kept,
         fixed={**full, **dict.fromkeys(dropped & {D.OUTPUT_BIAS, D.ADHESION}, 0.0)},
     )
-    at = {str(name): float(values[name]) for name in kept}
+    at = {str(name): float(told.values[name]) for name in kept}
     found = with_input_estimated(chosen, replace(solution, values=at, residuals=residuals_of(chosen, at)))
     if len(found.covariance) != len(kept):
         return law, task, solution
     return _renamed(law, chosen, found), chosen, found
 
 
-def _size(name: DynamicParameter, value: float) -> float:
-    return abs(value) if name is D.OUTPUT_BIAS else value
-
-
-def _error(covariance: Array, free: tuple[DynamicParameter, ...], name: DynamicParameter) -> float:
-    place = free.index(name)
-    return float(np.sqrt(covariance[place, place]))
-
-
-def _without(values: dict[str, float], covariance: Array, place: int) -> tuple[dict[str, float], Array]:
+def _without(solution: Solution, name: DynamicParameter) -> Solution:
     """Values and covariance of the others where one of them is nothing."""
-    share = covariance[:, place] / covariance[place, place]
-    size = list(values.values())[place]
-    moved = {name: value - float(by) * size for (name, value), by in zip(values.items(), share, strict=True)}
-    return moved, covariance - np.outer(share, covariance[place])
+    place, covariance = list(solution.values).index(name), solution.covariance
+    share, size = covariance[:, place] / covariance[place, place], solution.values[name]
+    values = {
+        other: value - float(by) * size for (other, value), by in zip(solution.values.items(), share, strict=True)
+    }
+    return replace(solution, values=values, covariance=covariance - np.outer(share, covariance[place]))
 
 
-def _is_symmetric(values: dict[str, float], covariance: Array, free: tuple[DynamicParameter, ...]) -> bool:
+def _is_symmetric(solution: Solution) -> bool:
     """One coefficient does for both directions."""
-    pull, release = free.index(D.MU_PULL), free.index(D.MU_RELEASE)
+    pull, release = (list(solution.values).index(name) for name in (D.MU_PULL, D.MU_RELEASE))
+    covariance = solution.covariance
     variance = covariance[pull, pull] + covariance[release, release] - 2 * covariance[pull, release]
-    return bool(abs(values[D.MU_PULL] - values[D.MU_RELEASE]) < SURE_OF_DIRECTION * np.sqrt(max(variance, 0.0)))
+    apart = abs(solution.values[D.MU_PULL] - solution.values[D.MU_RELEASE])
+    return bool(apart < SURE_OF_DIRECTION * np.sqrt(max(variance, 0.0)))
 
 
 def _renamed(law: ChosenLaw, task: ChainResiduals, solution: Solution) -> ChosenLaw:

@@ -4,7 +4,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tendonff.compensator.identification.measured.centreline.result import CentrelineData
-from tendonff.compensator.reporting.plots import BLUE, GREY, ORANGE, VERMILION, figure_style, legend_below, new_figure
+from tendonff.compensator.reporting.colours import BLUE, GREY, ORANGE, VERMILION
+from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure
 
 
 def centreline_figure(result: CentrelineData) -> Figure:

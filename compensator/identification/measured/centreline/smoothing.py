@@ -117,13 +117,7 @@ def _places_of(points_m: FloatArray) -> FloatArray:
 
 
 def smooth_curve(points_m: FloatArray) -> SmoothCurve:
-    """The smoothing spline through points, in their order along the curve.
-
-    Parameters
-    ----------
-    points_m : ndarray, shape (n, dimensions)
-        At least 8.
-    """
+    """The smoothing spline through points, shape (n, dimensions), at least 8, in their order along the curve."""
     places, count = _places_of(points_m), len(points_m)
     coefficients = int(np.clip(count // 2, _DEGREE + 2, _MOST_COEFFICIENTS))
     inner = np.linspace(places[0], places[-1], coefficients - _DEGREE + 1)

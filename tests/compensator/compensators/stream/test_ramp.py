@@ -13,13 +13,11 @@ from hypothesis import strategies as st
 from benchmarks.independent_plant import Plant
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.score import scale_N
-from tendonff.compensator.compensators.stream.filter import StreamFilter
-from tendonff.compensator.compensators.stream.model import StreamDesign
-from tendonff.compensator.compensators.stream.ramp import Ramp
+from tendonff.compensator.compensators.stream.model import Ramp, StreamDesign, StreamFilter
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.host import run_on_host
 from tendonff.compensator.scenario.scenario import load_scenario
-from tendonff.compensator.scenario.stream import Stream
+from tendonff.compensator.scenario.settings import Stream
 from tendonff.models.errors import ParameterError
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.tracking.limits import ForceLimits

@@ -11,14 +11,13 @@ import pytest
 from benchmarks.independent_plant import Plant
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.score import scale_N, score
-from tendonff.compensator.compensators.stream.filter import StreamFilter
-from tendonff.compensator.compensators.stream.model import StreamDesign, smoothed
+from tendonff.compensator.compensators.stream.model import StreamDesign, StreamFilter, smoothed
 from tendonff.compensator.compensators.stream.run import choose_stream
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.host import run_on_host
 from tendonff.compensator.export.text.c_text import accepted_range
 from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_hash, scenario_to_toml
-from tendonff.compensator.scenario.stream import Stream
+from tendonff.compensator.scenario.settings import Stream
 from tendonff.models.errors import ParameterError
 from tendonff.ocp.codegen.precision import Precision
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.compensators.inverse import Inverse
+from tendonff.compensator.compensators.closed_form import Inverse
 from tendonff.compensator.compensators.score import SimulatedPlant, verify
 from tendonff.compensator.design.sweep import run
 from tendonff.compensator.design.sweep.plan import Axis, varied
@@ -123,7 +123,7 @@ def test_the_first_sentence_is_the_worst_unit(unsure: Scenario, tmp_path: Path) 
 @pytest.mark.slow
 def test_a_dask_cluster_by_its_address_gives_the_same_rows(unsure: Scenario, tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
-    from tendonff.compensator.design.sweep.cluster import executor_of
+    from tendonff.compensator.design.sweep.run import executor_of
 
     here = sweep(unsure, tmp_path / "here", samples=8, compensators=NAMES)
     with (
@@ -138,7 +138,7 @@ _KILLED = """
 import os, signal
 from pathlib import Path
 from tendonff.compensator.design.sweep import run
-from tendonff.compensator.design.sweep.cluster import executor_of
+from tendonff.compensator.design.sweep.run import executor_of
 from tendonff.compensator.scenario.scenario import load_scenario
 run._JOBS_OF_WAVE = 2
 

@@ -19,8 +19,7 @@ from tendonff.compensator.scenario.reference import (
     SineReference,
     WaypointReference,
 )
-from tendonff.compensator.scenario.run import Run
-from tendonff.compensator.scenario.sampled.filters import low_pass, noise_advice, ripple_advice
+from tendonff.compensator.scenario.sampled.from_file import low_pass, noise_advice, ripple_advice
 from tendonff.compensator.scenario.sampled.sampling import (
     Reference,
     initial_tension,
@@ -29,6 +28,7 @@ from tendonff.compensator.scenario.sampled.sampling import (
     work_ahead,
 )
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
+from tendonff.compensator.scenario.settings import Run
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level

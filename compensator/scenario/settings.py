@@ -1,10 +1,31 @@
-"""Table [optimal]: what the optimal profile is asked for beside, or instead of, following the reference."""
+"""Tables [run], [optimal], [stream] and [adaptation]."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import ClassVar
 
 from tendonff.models.errors import ParameterError, require, require_given, require_whole
+from tendonff.models.fidelity import Level
+from tendonff.ocp.adaptation.tuning import MAX_DELAY, Sensor, Tunable, check_parameters
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Run:
+    """How the scenario is computed.
+
+    Parameters
+    ----------
+    step_s : float
+        Time step of reference, force profile and simulation [s], > 0.
+    level : Level
+        Fidelity level for the design: elastic, viscoelastic or presliding.
+    """
+
+    step_s: float
+    level: Level
+
+    def __post_init__(self) -> None:
+        require("step_s", self.step_s, above=0, hint="0.001 is a good start")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,13 +114,74 @@ class OptimalSettings:
         return self.goal in ("", "preview_s")
 
     def require_alone(self, others: Mapping[str, bool]) -> None:
-        """Refuse a goal beside what it is not made for.
-
-        Parameters
-        ----------
-        others : mapping of str to bool
-            What the scenario has, in words, and whether it has.
-        """
+        """Refuse a goal beside what it is not made for: of what a scenario may have, in words, whether it has it."""
         for name, present in others.items():
             if self.goal and present:
                 raise ParameterError(f"[optimal] {self.goal} does not go with {name}; leave one of them out")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stream:
+    """A reference that arrives sample by sample.
+
+    Parameters
+    ----------
+    lag_max_s : float
+        Largest lag of the output tension behind the reference that the filter may cause [s], >= 0.
+    preview_s : float
+        Time by which the caller knows the reference ahead [s], >= 0; 0: not at all. With preview there is no lag.
+    resolution_N : float
+        Step of the converter that measures the reference [N], >= 0; changes up to this size are ignored.
+    """
+
+    lag_max_s: float = 0.015
+    preview_s: float = 0.0
+    resolution_N: float = 0.0
+
+    def __post_init__(self) -> None:
+        require("lag_max_s", self.lag_max_s, least=0, hint="0.015 is a good start; 0 for no filter")
+        require("preview_s", self.preview_s, least=0, hint="0 where nothing is known ahead")
+        require("resolution_N", self.resolution_N, least=0, hint="0 where the reference is exact")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Adaptation:
+    """Self-tuning on the controller.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        "output_tension", or "actuator_position" relative to the start.
+    noise : float, optional
+        Standard deviation of the sensor [N or m], >= 0. Default 0.
+    delay_samples : int, optional
+        Age of a measurement when it arrives, in steps, 0 to 63. Default 0.
+    parameters : tuple of Tunable, optional
+        What is tuned: "mu", or "mu_pull" and "mu_release"; with "load_stiffness" or "tendon_stiffness". Default mu.
+    range : tuple of float, optional
+        Bounds of each estimate relative to the scenario's value [-]. Default 0.5 to 2.
+    integral_gain_per_s : float, optional
+        Integral action on the logarithm of the measured output tension [1/s], >= 0. Default 0: none.
+    """
+
+    sensor: Sensor
+    noise: float = 0.0
+    delay_samples: int = 0
+    parameters: tuple[Tunable, ...] = (Tunable.MU,)
+    range: tuple[float, ...] = (0.5, 2.0)
+    integral_gain_per_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        require("noise", self.noise, least=0, hint="the standard deviation of the sensor in N or m")
+        require_whole("delay_samples", self.delay_samples, least=0, most=MAX_DELAY - 1, hint="the delay over step_s")
+        check_parameters(self.parameters)
+        if len(self.range) != 2 or not 0 < self.range[0] < 1 < self.range[1] <= 10:
+            raise ParameterError(
+                f"range must be two numbers around 1, > 0 and <= 10, got {list(self.range)}; try [0.5, 2.0]"
+            )
+        require("integral_gain_per_s", self.integral_gain_per_s, least=0, hint="use 0 for none")
+        if self.integral_gain_per_s > 0 and self.sensor is Sensor.ACTUATOR_POSITION:
+            raise ParameterError(
+                f"integral_gain_per_s must be 0 for actuator_position, got {self.integral_gain_per_s}; "
+                "integral action needs the output tension"
+            )

@@ -1,4 +1,4 @@
-"""The exact inverse of the chain, within the actuator's limits."""
+"""Compensators in closed form: none, the static inverse of the capstan law, and the exact inverse of the chain."""
 
 from tendonff.compensator.compensators.base import (
     CModule,
@@ -10,8 +10,40 @@ from tendonff.compensator.compensators.base import (
     limit_warnings,
 )
 from tendonff.compensator.files.progress import Progress, silent
-from tendonff.compensator.reporting.colours import BLUE
+from tendonff.compensator.reporting.colours import BLUE, GREY, ORANGE
+from tendonff.models.capstan import CapstanLaw
 from tendonff.ocp.inverse import InverseStatus
+
+
+class Uncompensated(Compensator):
+    """The wanted tension itself as force."""
+
+    name = "none"
+    label = "no compensation"
+    style = Style(color=GREY, linestyle=":")
+    knows_the_level = False
+
+    def profile(self, problem: Problem, *, progress: Progress = silent) -> Profile:  # noqa: ARG002
+        """Answer with the reference; see `Compensator.profile`."""
+        return Profile(force_N=problem.reference.tension_N)
+
+
+class Capstan(Compensator):
+    """The static inverse of the capstan law, within the actuator's limits."""
+
+    name = "capstan"
+    label = "static capstan law"
+    style = Style(color=ORANGE, linestyle="-.")
+    knows_the_level = False
+    c_module = CModule(name="capstan", content="static capstan law", knows_joints=False)
+
+    def profile(self, problem: Problem, *, progress: Progress = silent) -> Profile:  # noqa: ARG002
+        """Answer by the static law; see `Compensator.profile`."""
+        reference = problem.reference
+        law = CapstanLaw.of(problem.transmission)
+        start = reference.initial_tension_N
+        wanted = problem.in_cycle(lambda rows: law.input_history_N(rows, start), reference.tension_N)
+        return Profile(force_N=problem.limited(wanted))
 
 
 class Inverse(Compensator):
