@@ -198,7 +198,7 @@ def scipy_in_time(chain: Chain, rows: int, method: str, tolerance: float) -> Cal
 def scales(chain: Chain) -> Array:
     """Typical size of every state, as `AdaptiveIntegrator` has it."""
     n = chain.count
-    stretch = START_N / chain.elements.stiffness_N_per_m
+    stretch, _ = chain.link.shortened(chain.elements.ratio[1]).rest(START_N)
     return np.concatenate(
         [np.full(n + 2, 1e-2), np.full(2 * n + 2, stretch), np.full(n, START_N), np.full(2, stretch * (n + 1))]
     )

@@ -33,9 +33,8 @@ _OTHER_RELEASE = 0.9
 _NUDGE, _GROWTH = 1e-9, 1.0
 """Relative change of the force from row to row, and how much larger its effect may get before comparing ends."""
 
-_SHARE_OF_WORK = (
-    1 / 3
-)  # of what the exported plant may do in one call: its search gives up sooner than the simulation's
+_SHARE_OF_WORK = 1 / 3
+"""Of what the exported plant may do in one call: its line search gives up sooner than that of the simulation."""
 
 _LOST = slice(200, 240)
 _LEGS = tuple(0.6**k for k in (0, 3, 1, 4, 2, 6, 3, 8, 1, 5, 2, 7))  # of the range: reversals at many depths
@@ -201,7 +200,7 @@ def _repeatable(problem: Problem, course: Course) -> Course:
 
 
 def _easy_rows(problem: Problem, course: Course) -> int:
-    """Rows of the plant's course before a step that is split or takes long."""
+    """Rows of the plant's course before a step that is split or takes long; CasADi alone knows the first only."""
     start = float(course.reference_N[0])
     chain, force = _drive(problem, course.plant_force_N, start, course.chain)
     inputs = ChainInputs.of_force(force)

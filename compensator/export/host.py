@@ -36,14 +36,7 @@ def run_on_host(
 ) -> list[dict[str, FloatArray]] | None:
     """Answer of each module to each of its inputs, from rest at the first sample; None where there is no C compiler.
 
-    Parameters
-    ----------
-    sources : mapping of str to str
-        Texts by file name.
-    runs : sequence of mapping of str to ndarray, shape (n,)
-        Inputs by name of the module, one mapping per run [N].
-    joints_rad : sequence of ndarray of shape (n, joints), optional
-        Joint angles of each run [rad].
+    Sources are texts by file name. A run has inputs by name of the module, and joint angles of shape (n, joints).
 
     Raises
     ------

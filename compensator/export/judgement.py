@@ -55,16 +55,9 @@ def judge(problem: Problem, forces_N: Mapping[str, FloatArray]) -> tuple[Judged,
 def forces_of(
     problem: Problem, built: BuiltTable | None, profile_N: FloatArray | None = None, names: Sequence[str] = ()
 ) -> dict[str, FloatArray]:
-    """Force [N] or command [m] of each module at the samples of the reference, for `judge`.
+    """Force [N] or command [m] of each module, or of some, at the samples of the reference, for `judge`.
 
-    Parameters
-    ----------
-    built : BuiltTable, optional
-        The table that is exported, where one is.
-    profile_N : ndarray, optional
-        The profile that is exported; left out where it has another length than the reference.
-    names : sequence of str, optional
-        Modules; default: all that there are.
+    Table and profile are those that are exported; a profile of another length than the reference is left out.
     """
     forces = {}
     for each, module in exportable(problem.transmission, moving=problem.chain.motion is not None):

@@ -4,24 +4,12 @@ from enum import StrEnum
 
 
 class Kind(StrEnum):
-    """What the unit computes.
+    """What the unit computes."""
 
-    Attributes
-    ----------
-    INVERSE
-        Reference tension in, force out, within the actuator's limits.
-    PLANT
-        Force in, output tension and end positions out.
-    TABLE
-        As INVERSE, from the compensation table.
-    ADAPTIVE
-        Reference tension and measurement in, force and present mu out.
-    """
-
-    INVERSE = "inverse"
-    PLANT = "plant"
-    TABLE = "table"
-    ADAPTIVE = "adaptive"
+    INVERSE = "inverse"  # reference tension in, force out, within the actuator's limits
+    PLANT = "plant"  # force in, output tension and end positions out
+    TABLE = "table"  # as INVERSE, from the compensation table
+    ADAPTIVE = "adaptive"  # reference tension and measurement in, force and present mu out
 
 
 class FmiVersion(StrEnum):

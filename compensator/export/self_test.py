@@ -85,13 +85,8 @@ def self_test_context(
 ) -> dict[str, object]:
     """What the template of the self test needs.
 
-    Parameters
-    ----------
-    profile_N : ndarray, shape (n,)
-    found_N : sequence of mapping, or None
-        Answers of the exported code to course, jumps and live course [N]; None where they were not measured.
-    accepted_N : tuple of float
-        References that the modules accept [N].
+    Answers of the exported code to course, jumps and live course are None where they were not measured; references are
+    accepted within `accepted_N`.
     """
     actuator, step = problem.transmission.actuator, problem.reference.step_s
     course, jumps, live = golden.course, golden.jumps, golden.live

@@ -92,16 +92,7 @@ class TunedRun:
 class SimulatedRig:
     """A chain in the loop, of any size, at rest under a uniform tension at first.
 
-    Parameters
-    ----------
-    chain : Chain
-        What the rig really is.
-    step_s : float
-        Step of the controller [s].
-    substeps : int
-        Steps of the simulation per step of the controller.
-    initial_tension_N : float
-        T0 [N].
+    The step is that of the controller, and the simulation takes so many substeps in it.
     """
 
     def __init__(self, chain: Chain, step_s: float, substeps: int, initial_tension_N: float) -> None:
@@ -119,17 +110,7 @@ class SimulatedRig:
 
 
 class SelfTuner:
-    """The exact inverse of a chain that tunes itself to a measurement.
-
-    Parameters
-    ----------
-    tuned : TunedChain
-    step_s : float
-        h [s].
-    tuning : Tuning
-    limits : ForceLimits
-    initial_tension_N : float
-        Uniform tension at rest before the first step [N].
+    """The exact inverse of a chain that tunes itself to a measurement, at rest under a uniform tension at first.
 
     Raises
     ------
@@ -167,14 +148,9 @@ class SelfTuner:
         )
 
     def step(self, reference_N: float, measured: float) -> float:
-        """Force at the end of a step [N].
+        """Force at the end of a step, where that output tension is wanted [N].
 
-        Parameters
-        ----------
-        reference_N : float
-            Output tension wanted at the end of the step [N].
-        measured : float
-            Last measurement: output tension [N], or actuator position relative to the start [m].
+        The last measurement is that of the sensor: output tension [N], or actuator position relative to the start [m].
         """
         self._rows += 1
         places = places_of(self._chain, (self._rows + 1) * self._step_s, self._step_s, 0)  # begins with this row
@@ -211,18 +187,10 @@ class SelfTuner:
         return f, deviation, TunerStatus(status.value)
 
     def run(self, rig: SimulatedRig, reference_N: Array, noise: Array, *, adapt: bool = True) -> TunedRun:
-        """Close the loop around a simulated rig.
+        """Close the loop around a simulated rig, which goes on from where it is.
 
-        Parameters
-        ----------
-        rig : SimulatedRig
-            Goes on from where it is.
-        reference_N : ndarray, shape (n,)
-            Output tension wanted at the ends of the steps [N].
-        noise : ndarray, shape (n,)
-            Added to the measurement at the beginnings of the steps.
-        adapt : bool, optional
-            False holds the scenario's values: the plain inverse, with integral action where there is one.
+        References are for the ends of the steps, noise is added to the measurement at their beginnings; one of each a
+        step. Without `adapt` the scenario's values hold: the plain inverse, with integral action where there is one.
 
         Raises
         ------

@@ -44,22 +44,11 @@ class CasadiTangent:
         drive: Array,
         forgotten: NDArray[np.intc],
     ) -> tuple[Rows, Array, Array]:
-        """Simulate and differentiate.
+        """Simulate and differentiate in d directions.
 
-        Parameters
-        ----------
-        x : ndarray, shape (size,)
-            State before the first step.
-        inputs : ChainInputs, rows + 1 of them
-            At that state, then at the ends of the steps.
-        start : ndarray, shape (size, d)
-            Change of the first state in each direction.
-        numbers : ndarray, shape (p, d)
-            Change of the numbers in each direction.
-        drive : ndarray, shape (rows, d)
-            Change of f_c1 at the end of each step.
-        forgotten : ndarray of int, shape (rows,)
-            So many first directions are followed no longer.
+        Inputs are those at the first state, then at the ends of the steps. Changes in each direction are those of the
+        first state, shape (size, d), of the numbers (p, d), and of f_c1 at the end of each step (rows, d). In each row
+        so many first directions are followed no longer as `forgotten` says.
 
         Returns
         -------

@@ -1,7 +1,7 @@
 """The time step in C: templates filled in, for the host and for a controller alike, and how they call the laws."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
 
 from tendonff.models.layout import INPUT_NAMES, StateLayout
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw
@@ -166,8 +166,11 @@ class StepCode:
         def number(value: float) -> str:
             return literal(value, precision)
 
-        def indexed(names: Sequence[str], array: str, at: str) -> dict[str, str]:
-            return {f"{s}_base": f"{array}[{_text(*states.offset(s), 'n')} + {_inner(at)}]" for s in names}
+        def of_masses(name: str) -> str:
+            return f"c->of_masses[({self.of_masses.index(name)} * n) + i]"
+
+        def at(name: str) -> str:
+            return _text(*states.offset(name), "n")
 
         return _TEMPLATES.get_template(template).render(
             prefix=self.prefix,
@@ -196,15 +199,10 @@ class StepCode:
             link_of_i="c" if self.moving else "l",
             ratio_given=lambda record, i="i": f"ratio[{i}]" if self.moving and record == "c" else f"{record}->ratio",
             gain_given=lambda record: "gain[i]" if self.moving else f"{record}->gain",
-            per_mass=lambda name: f"c->of_masses[({self.of_masses.index(name)} * n) + i]",
+            per_mass=of_masses,
             contact_numbers=own[1:],
-            contact_arguments={
-                **{
-                    f"contact_{n[9:]}": f"c->of_masses[({self.of_masses.index('contact_' + n[9:])} * n) + i]"
-                    for n in own[1:]
-                },
-                **{name: f"&{name}" for name in own[1:]},
-            },
+            contact_arguments={f"contact_{n[9:]}": of_masses(f"contact_{n[9:]}") for n in own[1:]}
+            | {name: f"&{name}" for name in own[1:]},
             free=self.free,
             ratio_parameter=f"const {real} *{restrict}ratio, " if self.moving else "",
             ratio_argument="w->ratio, " if self.moving else "",
@@ -224,20 +222,18 @@ class StepCode:
             gains_argument="w->gain, " if self.moving else "",
             place_argument="&place, " if self.moving else "",
             of_masses=self.of_masses,
-            at=lambda name: _text(*states.offset(name), "n"),
-            bases=indexed,
+            at=at,
+            bases=lambda names, array, i: {f"{s}_base": f"{array}[{at(s)} + {_inner(i)}]" for s in names},
             ends=lambda names, prefix, at: {s: f"&{prefix}{s}[{at}]" for s in names},
-            elements=lambda names, at: {s: f"&x[{_text(*states.offset(s), 'n')} + {at}]" for s in names},
+            elements=lambda names, i: {s: f"&x[{at(s)} + {i}]" for s in names},
             based=lambda names: {f"{s}_base": f"{s}_base" for s in names},
             same=lambda names: {s: s for s in names},
             number=lambda name: self.numbers[name],
             numbers=tuple(self.numbers),
             parameters=lambda prefix: [name for name in self.numbers if name.startswith(prefix)],
             end_states=states.end_states,
-            rubs=lambda base: {
-                f"{name}_base": f"{base}[{_text(*states.offset(name), 'n')}]" for name in states.end_states
-            },
-            end_addresses=lambda x: {name: f"&{x}[{_text(*states.offset(name), 'n')}]" for name in states.end_states},
+            rubs=lambda base: {f"{name}_base": f"{base}[{at(name)}]" for name in states.end_states},
+            end_addresses=lambda x: {name: f"&{x}[{at(name)}]" for name in states.end_states},
             own_law=lambda law, end: f"{law}_{end}" if f"{law}_{end}" in self.laws else law,
             index=list(self.numbers).index,
             takes=lambda law, name: name in self.laws[law].inputs,
@@ -258,15 +254,7 @@ class StepCode:
             bdf2_carry=number(BDF2_CARRY),
             bdf2_weight=number(BDF2_WEIGHT),
             counted=self.host or limits.evaluations > 0,
-            limits={
-                "iterations": limits.iterations,
-                "halvings": limits.halvings,
-                "splits": limits.splits,
-                "pieces": limits.pieces,
-                "evaluations": limits.evaluations,
-                "rounding": number(limits.rounding),
-                "tolerance": number(limits.tolerance_N),
-            },
+            limits=asdict(limits) | {"rounding": number(limits.rounding), "tolerance": number(limits.tolerance_N)},
             easy={"contraction": number(EASY_CONTRACTION), "moves": EASY_MOVES, "goal": number(EASY_GOAL)},
         )
 

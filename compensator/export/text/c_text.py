@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from importlib.resources import files
 from types import MappingProxyType
@@ -104,23 +104,11 @@ def _render(template: str, context: dict[str, object]) -> str:
 
 
 def _naming(scenario: Scenario, level: Level, precision: Precision, prefix: str) -> dict[str, object]:
-    def number(value: float) -> str:
-        return literal(max(-1e30, min(float(value), 1e30)), precision)
+    def within(precision: Precision) -> Callable[[float], str]:
+        return lambda value: literal(max(-1e30, min(float(value), 1e30)), precision)
 
-    def rows(table: Iterable[Iterable[float]]) -> str:
-        return ",\n".join(_wrapped([number(v) for v in row]) for row in table)
-
-    def exact_rows(values: Iterable[float]) -> str:
-        return _wrapped([literal(float(v), Precision.DOUBLE) for v in values])
-
-    def any_rows(values: Iterable[float]) -> str:
-        return _wrapped([exact_real(v) for v in values])
-
-    def integers(values: Iterable[int]) -> str:
-        return _wrapped([f"{v}u" for v in values])
-
-    def exact(value: float) -> str:
-        return literal(max(-1e30, min(float(value), 1e30)), Precision.DOUBLE)
+    def in_lines(text: Callable[[Any], str]) -> Callable[[Iterable[Any]], str]:
+        return lambda values: _wrapped([text(v) for v in values])
 
     def exact_real(value: float) -> str:
         if math.isfinite(value):
@@ -137,13 +125,13 @@ def _naming(scenario: Scenario, level: Level, precision: Precision, prefix: str)
         "prefix": prefix,
         "guard": prefix.upper(),
         "real": "float" if precision is Precision.FLOAT else "double",
-        "num": number,
-        "exact": exact,
+        "num": within(precision),
+        "exact": within(Precision.DOUBLE),
         "exact_real": exact_real,
-        "rows": rows,
-        "exact_rows": exact_rows,
-        "any_rows": any_rows,
-        "integers": integers,
+        "rows": lambda table: ",\n".join(map(in_lines(within(precision)), table)),
+        "exact_rows": in_lines(lambda v: literal(float(v), Precision.DOUBLE)),
+        "any_rows": in_lines(exact_real),
+        "integers": in_lines("{}u".format),
         "provenance": "\n".join(f" * {line}" for line in lines),
         "level": level,
         "version": __version__,
