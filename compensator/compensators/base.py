@@ -26,7 +26,7 @@ from tendonff.models.parameters.drive import Drive
 from tendonff.models.parameters.uncertainty import Objective
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import Inversion, invert
-from tendonff.ocp.periodic import steady_inverse, steady_response
+from tendonff.ocp.periodic import Steadiness, steady_inverse, steady_response
 from tendonff.ocp.reference.hold import KeptForce, find_holds, keep_force, last_approach
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.motion import limit_motion, travel_of
@@ -139,9 +139,23 @@ class Problem:
         """The exact inverse before the limits, with its states: computed once for all that need it."""
         reference = self.reference
         if reference.periodic:
-            return steady_inverse(self.chain, reference.tension_N, reference.step_s)[0]
+            return self._steady_inverse[0]
         start = reference.initial_tension_N
         return invert(self.chain, self.followed_N, reference.step_s, initial_tension_N=start, record=True)
+
+    @cached_property
+    def _steady_inverse(self) -> tuple[Inversion, Steadiness]:
+        return steady_inverse(self.chain, self.reference.tension_N, self.reference.step_s)
+
+    @property
+    def unsettled(self) -> tuple[str, ...]:
+        """A warning where the exact inverse of a reference that repeats does not repeat itself."""
+        if not self.reference.periodic or self._steady_inverse[1].converged:
+            return ()
+        steadiness = self._steady_inverse[1]
+        return (
+            f"no steady cycle of the inverse was found: {steadiness}; profile and scores are those of the last one",
+        )
 
     def limited(self, force_N: FloatArray) -> FloatArray:
         """A force, shape (n,), within the actuator's limits, of its motion too, from the initial tension on [N]."""

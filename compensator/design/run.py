@@ -63,7 +63,7 @@ def design(
     shares = {c.name: 1 if c.is_fast else _PARTS_OF_THE_SEARCH for c in compensators}
     parts = Parts(progress, sum(shares.values()) + len(compensators) * (len(Level) + 1))
     warnings = [*reference.warnings, *_file_warnings(scenario, problem)]
-    warnings += _hold_notes(problem)
+    warnings += [*_hold_notes(problem), *problem.unsettled]
     profiles: dict[str, Profile] = {}
     for compensator in compensators:
         share = shares[compensator.name]

@@ -12,6 +12,7 @@ from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import SimulatedPlant, verify
 from tendonff.compensator.design.drive_use import DriveUse
 from tendonff.compensator.design.expectation import robustness
+from tendonff.compensator.design.run import design
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.joints import SineJoint
 from tendonff.compensator.scenario.reference import Hold, Quantity, Shape, WaypointReference
@@ -20,6 +21,7 @@ from tendonff.compensator.scenario.settings import Run
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.drive import Drive, Motor
+from tendonff.ocp import periodic
 from tests.independent_plant import respond
 
 pytestmark = pytest.mark.compiler
@@ -167,6 +169,15 @@ def test_a_cycle_repeats_on_the_plant_and_holds_a_least_tension(cable, drive):
     found = verify(scenario.transmission, SimulatedPlant(level=Level.PRESLIDING), "inverse", profile, problem.reference)
     assert found.score.rmse_percent_of_range < 0.02
     assert found.slack is None
+
+
+def test_an_inverse_that_does_not_repeat_is_said(cable, monkeypatch):
+    scenario = replace(cable, reference=CYCLE)
+    assert Problem.of(scenario).unsettled == ()
+    monkeypatch.setattr(periodic, "MOST_CYCLES", 2)  # from rest, relaxation needs more
+    (warning,) = Problem.of(scenario).unsettled
+    assert "after 2 cycles the state still changes" in warning
+    assert design(scenario, compensators=(compensator("inverse"),)).warnings.count(warning) == 1
 
 
 def test_a_cycle_is_reached_by_an_independent_plant_that_starts_at_rest(cable):
