@@ -34,23 +34,7 @@ class ReportStruct(ctypes.Structure):
 
 
 def chain_struct(chain: Chain) -> ctypes.Structure:
-    """The numbers of a chain as `tff_weights` of host.h.j2; what belongs to a weight is left for the C code to fill.
-
-    Those of the last chains are kept: a search simulates one chain thousands of times.
-    """
-    known = _STRUCTS.get(id(chain))
-    if known is None or known[0] is not chain:
-        if len(_STRUCTS) >= _MOST_STRUCTS:
-            _STRUCTS.clear()
-        known = _STRUCTS[id(chain)] = (chain, _new_struct(chain))
-    return known[1]
-
-
-_STRUCTS: dict[int, tuple[Chain, ctypes.Structure]] = {}
-_MOST_STRUCTS = 64
-
-
-def _new_struct(chain: Chain) -> ctypes.Structure:
+    """The numbers of a chain as `tff_weights` of host.h.j2; what belongs to a weight is left for the C code to fill."""
     numbers, elements = chain.numbers(), chain.elements
     of_masses = np.ascontiguousarray(np.stack(list(chain.of_masses().values())))
     inner, ends = link_ratios(elements.ratio)

@@ -188,9 +188,7 @@ def _search(problem: TrackingProblem, inversion: Inversion, options: TrackOption
             candidates.append((evaluate(problem, kept), kept))
             started, further = min(candidates, key=lambda c: c[0].merit)[1], planned if _differ(problem) else []
         starts = (started, *further)
-        # Where the reference is out of reach another search may follow.
-        moves = replace(options, restarts=0) if _missed_N(problem).any() else options
-        force, refinements = solve(_taut(problem, started), starts, moves, progress)
+        force, refinements = solve(_taut(problem, started), starts, options, progress)
         candidates.append((evaluate(problem, force), force))
         if limits.motion.binds:  # the search may end beyond a limit of the motion
             kept = problem.clipped(moderate(force))

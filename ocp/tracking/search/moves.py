@@ -20,6 +20,7 @@ _DRAWS = 8  # moves to choose from: what is far worse once simulated hardly ever
 _FOLLOWING = 1  # blocks that a change of the force still acts on
 _ITERATIONS = 8  # of a search
 _POLISH = 30  # iterations of a search on closer knots
+_SWEEPS = 4  # over all blocks
 _TRIALS = 80  # small changes in a row, without slopes
 _VAIN = 2  # turns that may bring next to nothing before one has brought more; then as many as the settings say
 _WIDER, _NARROWER = 1.5, 0.9  # a change that pays makes the next ones larger: in balance where one in five does
@@ -164,9 +165,9 @@ class Moves:
     def polish(
         self, best: Profile, knots_of: Callable[[TrackingProblem, Array], Knots]
     ) -> tuple[Profile, list[SqpResult], bool]:
-        """One search of each block that is worth it on closer knots, the largest error first.
+        """Search each block that is worth it on closer knots, the largest error first, and all again while that pays.
 
-        Returns the best profile, the searches that improved it, and whether none was cut short.
+        Returns the best profile, the searches that improved it, and whether none of the last was cut short.
 
         Parameters
         ----------
@@ -175,16 +176,20 @@ class Moves:
             Knots for a profile on a part of the problem.
         """
         blocks, won, ended = Blocks.between_reversals(self.problem, np.arange(len(best[1]))), list[SqpResult](), True
-        share = blocks.sums(best[0].density) / best[0].merit
-        for index in [int(i) for i in np.argsort(-share) if share[i] > _WORTH]:
-            stretch = Stretch.of(self.problem, best[1], blocks.starts, index)
-            part, old = stretch.problem, best[1][stretch.rows]
-            rules = replace(self.settings, iterations=_POLISH)
-            knots, first = knots_of(part, old), evaluate(part, old)
-            found = solve_sqp(part, old, first, knots, rules, self.tell, held_rows=~stretch.own)
-            before, best = best, self._placed(best, stretch, found.force_N)
-            won += [found] if best is not before else []
-            ended &= found.status is not SqpStatus.ITERATIONS
+        rules = replace(self.settings, iterations=_POLISH)
+        for _ in range(_SWEEPS):
+            first, ended = best, True
+            share = blocks.sums(best[0].density) / best[0].merit
+            for index in [int(i) for i in np.argsort(-share) if share[i] > _WORTH]:
+                stretch = Stretch.of(self.problem, best[1], blocks.starts, index)
+                part, old = stretch.problem, best[1][stretch.rows]
+                knots, at_old = knots_of(part, old), evaluate(part, old)
+                found = solve_sqp(part, old, at_old, knots, rules, self.tell, held_rows=~stretch.own)
+                before, best = best, self._placed(best, stretch, found.force_N)
+                won += [found] if best is not before else []
+                ended &= found.status is not SqpStatus.ITERATIONS
+            if best[0].merit > (1 - _GAINED) * first[0].merit:
+                break
         return best, won, ended
 
     def _again(self, stretch: Stretch, force_N: Array, rng: np.random.Generator) -> SqpResult:
