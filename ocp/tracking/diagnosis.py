@@ -197,14 +197,15 @@ def _rate_reasons(law: CapstanLaw, reference: Array, step_s: float, limits: Forc
         half = np.minimum(np.maximum((hold / 2 / step_s).astype(int), 1), len(reference) - 1)
         before, after = reference[np.maximum(turns - half, 0)], reference[np.minimum(turns + half, len(reference) - 1)]
         missed = np.maximum(np.abs(before - at), np.abs(after - at))
-        bad = missed > 0.5 * _DEPARTED * float(np.ptp(reference))
+        helpful = _rates_that_help(travel, reference, turns, step_s)
+        bad = (missed > 0.5 * _DEPARTED * float(np.ptp(reference))) & (helpful > limits.rate_N_per_s)
         if bad.any():
             k = int(np.argmax(np.where(bad, missed, -1.0)))
             found.append(
                 f"at {int(bad.sum())} of {turns.size} reversals the force must travel far before the output moves, "
                 f"most at t = {turns[k] * step_s:.4g} s: {travel[k]:.3g} N, at {limits.rate_N_per_s:.4g} N/s that "
                 f"takes {hold[k]:.3g} s in which the output stands still; a rate limit of "
-                f"{_rate_that_helps(travel, reference, turns, step_s):.3g} N/s would keep that below 1 % of the range"
+                f"{helpful.max():.3g} N/s would keep that below 1 % of the range"
             )
     return found
 
@@ -215,16 +216,16 @@ def _first_extreme(values: Array) -> int:
     return int(np.argmax(values >= top - 1e-6 * abs(top)))
 
 
-def _rate_that_helps(travel: Array, reference: Array, turns: NDArray[np.int_], step_s: float) -> float:
-    """Rate at which the reference moves less than 1 % of its range while the force travels [N/s]."""
-    small, n, needed = _DEPARTED * float(np.ptp(reference)), len(reference), 0.0
+def _rates_that_help(travel: Array, reference: Array, turns: NDArray[np.int_], step_s: float) -> Array:
+    """Rate at each reversal at which the reference moves less than 1 % of its range while the force travels [N/s]."""
+    small, n, needed = _DEPARTED * float(np.ptp(reference)), len(reference), []
     for row, way in zip(turns.tolist(), travel.tolist(), strict=True):
         away = np.abs(reference - reference[row]) > small
         before, after = np.flatnonzero(away[:row]), np.flatnonzero(away[row:])
         first = before[-1] if before.size else 0
         last = row + after[0] if after.size else n - 1
-        needed = max(needed, way / ((last - first) * step_s))
-    return needed
+        needed.append(way / ((last - first) * step_s))
+    return np.array(needed)
 
 
 def _tension_reasons(

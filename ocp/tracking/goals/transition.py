@@ -31,6 +31,7 @@ _NEAR = 1e-3  # weight of the squared distance to a smooth transition
 _KEPT = 1e3  # weight of the squared distance to the band
 _PRECISION = 0.01  # of the duration: where bisection ends
 _LEAST = 0.25  # of the static law's time: shorter ones are not tried
+_NO_CHANGE = 1e-3  # of the tension: what smoothing may leave between two that are meant to be equal
 _SHOWN = 6  # durations are solved for, ...
 _SHORTEST = 60  # and so many rows at least; then the output is held
 _CALM = 0.2  # of the horizon at least, in which the output has to stay
@@ -152,7 +153,7 @@ def track_transition(
         within the horizon it is the best achievable.
     """
     change = abs(end_N - start_N)
-    if change == 0:
+    if change <= _NO_CHANGE * max(start_N, end_N):
         raise ParameterError(
             f"least_time needs another tension at the end: the reference begins and ends at {start_N:g} N; "
             "leave it out to follow the reference"

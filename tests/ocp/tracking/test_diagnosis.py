@@ -48,6 +48,19 @@ def test_a_reversal_is_explained_by_how_long_the_output_stands_still() -> None:
     assert "most at t = 0.5 s: 52.8 N, at 100 N/s that takes 0.528 s" in text
 
 
+def test_a_plateau_that_gives_the_force_its_time_is_no_reason() -> None:
+    """At 40 N the force travels 52.8 N: half a second of plateau is enough at 110 N/s and too short at 100 N/s.
+
+    The reversal is found at an end of the plateau, so what counts is the time on both sides of it together.
+    """
+    rise = np.linspace(30.0, 40.0, 500)
+    reference = np.concatenate([rise, np.full(490, 40.0), rise[::-1]])
+    limits = [ForceLimits(minimum_N=0.0, maximum_N=1e3, rate_N_per_s=rate) for rate in (100.0, 110.0)]
+    short, enough = (why(reference, limit) for limit in limits)
+    assert "a rate limit of 10" in short
+    assert "a rate limit of" not in enough
+
+
 def test_a_lower_bound_of_the_force_is_explained_as_what_no_release_goes_below() -> None:
     """Not as a tension that remains: an output that never rose above 20 e^0.62 = 37.2 N is not held there."""
     text = why(np.linspace(30.0, 14.0, 500), ForceLimits(minimum_N=20.0, maximum_N=1e3, rate_N_per_s=1e6))
