@@ -12,7 +12,7 @@ from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
 from tendonff.ocp.tracking.search.grids import early_profile
 from tendonff.ocp.tracking.search.knots import even_knots
-from tendonff.ocp.tracking.search.moves import Moves, Stretch
+from tendonff.ocp.tracking.search.moves import Moves, Sizes, Stretch
 from tendonff.ocp.tracking.search.sqp import Blocks, SqpSettings, SqpStatus, solve_sqp
 
 STEP = 4e-3
@@ -37,6 +37,17 @@ def clipped(problem: TrackingProblem) -> np.ndarray:
     return problem.clipped(invert(problem.plants[0].chain, REFERENCE, STEP).force_N)
 
 
+@pytest.fixture(scope="module")
+def moves(problem: TrackingProblem) -> Moves:
+    return Moves(
+        problem=problem,
+        settings=SETTINGS,
+        spacing=10,
+        prepare=lambda _, force: (even_knots(len(force), 5), force),
+        tell=None,
+    )
+
+
 def test_a_row_costs_in_its_stretch_what_it_costs_in_the_whole(problem: TrackingProblem, clipped: np.ndarray) -> None:
     whole = evaluate(problem, clipped).density * len(TIME)
     starts = Blocks.between_reversals(problem, np.arange(len(TIME))).starts
@@ -51,22 +62,38 @@ def test_a_row_costs_in_its_stretch_what_it_costs_in_the_whole(problem: Tracking
         assert part[1:].sum() == pytest.approx(whole[stretch.rows][1:].sum(), rel=1e-2, abs=3e-4 * whole.sum())
 
 
-def test_moves_find_what_a_search_from_the_late_profile_does_not(problem: TrackingProblem, clipped: np.ndarray) -> None:
+def test_moves_find_what_a_search_from_the_late_profile_does_not(
+    problem: TrackingProblem, clipped: np.ndarray, moves: Moves
+) -> None:
     """The clipped inverse leaves every reversal late: searched alone it ends in a local optimum."""
     alone = solve_sqp(problem, clipped, evaluate(problem, clipped), KNOTS, SETTINGS)
-    moves = Moves(
-        problem=problem,
-        settings=SETTINGS,
-        spacing=10,
-        prepare=lambda _, force: (even_knots(len(force), 5), force),
-        tell=None,
-    )
     walk = moves.improve((alone.evaluation, alone.force_N), 2, 120, 0)
     (evaluation, force) = walk.best
     assert walk.won
     assert evaluation.merit < 0.8 * alone.evaluation.merit
     assert evaluation.merit == evaluate(problem, force).merit
     assert LIMITS.admits(force, STEP)
+
+
+def test_closer_knots_find_what_wide_ones_cannot_form(
+    problem: TrackingProblem, clipped: np.ndarray, moves: Moves
+) -> None:
+    alone = solve_sqp(problem, clipped, evaluate(problem, clipped), KNOTS, SETTINGS)
+    best, won, _ = moves.polish((alone.evaluation, alone.force_N), lambda _, force: even_knots(len(force), 2))
+    assert won
+    assert best[0].merit < 0.98 * alone.evaluation.merit
+    assert best[0].merit == evaluate(problem, best[1]).merit
+    assert LIMITS.admits(best[1], STEP)
+
+
+def test_small_random_changes_need_no_slope(problem: TrackingProblem, clipped: np.ndarray, moves: Moves) -> None:
+    starts = Blocks.between_reversals(problem, np.arange(len(TIME))).starts
+    stretch = Stretch.of(problem, clipped, starts, 2)
+    changed = moves._changed(stretch, clipped, Sizes(force_N=0.5, rows=5.0), np.random.default_rng(0))
+    before, after = (evaluate(stretch.problem, force) for force in (clipped[stretch.rows], changed))
+    assert after.merit < 0.6 * before.merit
+    assert changed[0] == clipped[stretch.rows][0]  # where the stretch joins what is before it
+    assert LIMITS.admits(changed, STEP)
 
 
 def test_a_search_far_from_what_it_should_beat_ends(problem: TrackingProblem, clipped: np.ndarray) -> None:
