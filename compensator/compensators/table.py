@@ -35,8 +35,6 @@ class CompensationTable(Compensator):
         force = problem.in_cycle(lambda rows: table_force(table, rows, start), reference.tension_N)
         return Profile(force_N=problem.limited(force))
 
-    __str__ = Compensator.__str__
-
 
 def table_range(problem: Problem) -> tuple[float, float]:
     """Range of reference tension that a table for a problem covers [N]."""

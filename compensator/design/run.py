@@ -173,11 +173,9 @@ def _file_warnings(scenario: Scenario, problem: Problem) -> list[str]:
             return force
         return invert(problem.chain, tension, step, initial_tension_N=reference.initial_tension_N).force_N
 
-    noise = None if spec.cutoff_Hz is not None else noise_advice(reference.tension_N, step, force_of, file=spec.file)
-    if noise is not None:
-        return [noise.message]
-    ripple = ripple_advice(force, step, reference.sample_interval_s, file=spec.file)
-    return [] if ripple is None else [ripple]
+    advice = None if spec.cutoff_Hz is not None else noise_advice(reference.tension_N, step, force_of, file=spec.file)
+    advice = advice or ripple_advice(force, step, reference.sample_interval_s, file=spec.file)
+    return [] if advice is None else [advice]
 
 
 def _hold_notes(problem: Problem) -> list[str]:

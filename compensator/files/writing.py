@@ -96,9 +96,7 @@ def _make_parents(folder: Path) -> list[Path]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(
-            f"{folder} cannot be created: {error.strerror or error}; name a place that you may write to"
-        ) from None
+        raise _refused(folder, "created", error) from None
     return missing
 
 
@@ -122,9 +120,7 @@ def _appearing(
         try:
             make(partial)
         except OSError as error:
-            raise InputError(
-                f"{target} cannot be written: {error.strerror or error}; name a place that you may write to"
-            ) from None
+            raise _refused(target, "written", error) from None
         yield partial
         with _uninterrupted():
             place(partial)

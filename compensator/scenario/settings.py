@@ -1,6 +1,5 @@
 """Tables [run], [optimal], [stream] and [adaptation]."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import ClassVar
 
@@ -112,12 +111,6 @@ class OptimalSettings:
     def is_followed(self) -> bool:
         """The optimal profile is meant to have the least error against the reference."""
         return self.goal in ("", "preview_s")
-
-    def require_alone(self, others: Mapping[str, bool]) -> None:
-        """Refuse a goal beside what it is not made for: of what a scenario may have, in words, whether it has it."""
-        for name, present in others.items():
-            if self.goal and present:
-                raise ParameterError(f"[optimal] {self.goal} does not go with {name}; leave one of them out")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
