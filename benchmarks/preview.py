@@ -12,7 +12,7 @@ import time
 from optimise_others import EXAMPLES
 
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.compensators.stream.run import choose_stream, over_preview
+from tendonff.compensator.compensators.stream import choose_stream, over_preview
 from tendonff.compensator.export.text.c_text import accepted_range
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.ocp.tracking.goals.preview import track_preview

@@ -5,8 +5,7 @@ from typing import Literal
 
 from tendonff.compensator.compare.levels import LevelCost, LevelTraits
 from tendonff.compensator.compensators.base import Compensator, FloatArray
-from tendonff.compensator.compensators.score import IgnoredMotion
-from tendonff.compensator.compensators.uncertain import Doubt
+from tendonff.compensator.compensators.score import Doubt, IgnoredMotion
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level

@@ -14,7 +14,6 @@ What is interpolated is the ratio (force + p)/(T + p), which hardly depends on T
 same operations in the same order.
 """
 
-import math
 from bisect import bisect_right
 from dataclasses import dataclass
 from functools import cache
@@ -179,20 +178,7 @@ def halves(nodes: int) -> tuple[int, ...]:
     return tuple(steps)
 
 
-def table_force(table: LookupTable, reference_N: FloatArray, initial_tension_N: float | None = None) -> FloatArray:
+def table_force(table: LookupTable, reference_N: FloatArray, initial_tension_N: float) -> FloatArray:
     """Force of the table for a reference course, from rest on, before actuator limits, shape (n,) [N]."""
-    start = float(reference_N[0]) if initial_tension_N is None else initial_tension_N
-    lookup = TableLookup(table, start)
+    lookup = TableLookup(table, initial_tension_N)
     return np.array([lookup.step(float(t)) for t in reference_N])
-
-
-def table_range_N(reference_N: FloatArray, largest_N: float, margin: float = 0.05) -> tuple[float, float]:
-    """Range of tension that a table should cover: the reference's own and a margin at each end [N].
-
-    It does not exceed the largest deliverable tension where the reference, shape (n,), does not.
-    """
-    low, high = float(np.min(reference_N)), float(np.max(reference_N))
-    spread = max(high - low, 0.1 * high)
-    return max(low - margin * spread, 0.5 * low), max(
-        min(high + margin * spread, largest_N), math.nextafter(high, math.inf)
-    )

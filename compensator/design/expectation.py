@@ -6,8 +6,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from tendonff.compensator.compensators.base import FloatArray, Problem
-from tendonff.compensator.compensators.score import scale_N
-from tendonff.compensator.compensators.uncertain import Doubt, doubt, error_bands
+from tendonff.compensator.compensators.score import Doubt, doubt, error_bands, scale_N
 from tendonff.models.chain import Chain
 from tendonff.models.parameters.uncertainty import Objective, Uncertainty
 from tendonff.ocp.simulate import simulate

@@ -10,11 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.compensators.stream.model import StreamFilter
-from tendonff.compensator.compensators.stream.run import (
+from tendonff.compensator.compensators.stream import (
     NOISE_GOAL_DB,
     Candidate,
     StreamChoice,
+    StreamFilter,
     choose_stream,
     over_preview,
     rate_binds,

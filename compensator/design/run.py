@@ -40,6 +40,8 @@ def design(
 ) -> Design:
     """Design the force profile of a scenario by every compensator, and simulate each on every level.
 
+    InputError if the reference cannot be delivered, SolveError if a simulation fails.
+
     Parameters
     ----------
     compensators : sequence of Compensator, optional
@@ -50,13 +52,6 @@ def design(
         Refuse a reference out of the actuator's reach, instead of designing the best achievable profile.
     progress : callable, optional
         Told parts done and parts in all.
-
-    Raises
-    ------
-    InputError
-        If the reference cannot be delivered.
-    SolveError
-        If a simulation fails.
     """
     problem = Problem.of(scenario, reference=sample_reference(scenario, strict=strict), options=options)
     reference, transmission, level = problem.reference, problem.transmission, problem.level

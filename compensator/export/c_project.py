@@ -12,9 +12,8 @@ from tendonff._version import __version__
 from tendonff.compensator.adapt.setup import learnt, tuning_of
 from tendonff.compensator.compensators.base import CModule, FloatArray, Problem
 from tendonff.compensator.compensators.registry import compensator
-from tendonff.compensator.compensators.stream.run import StreamChoice, choose_stream
-from tendonff.compensator.compensators.table import table_of
-from tendonff.compensator.compensators.table_build import BuiltTable
+from tendonff.compensator.compensators.stream import StreamChoice, choose_stream
+from tendonff.compensator.compensators.table import BuiltTable, table_of
 from tendonff.compensator.export.adaptive import adaptive_golden
 from tendonff.compensator.export.golden import golden_vectors
 from tendonff.compensator.export.host import run_on_host
@@ -50,13 +49,7 @@ class Exported:
     notes: tuple[str, ...] = ()
 
     def write(self, folder: str | os.PathLike[str]) -> None:
-        """Write every file, all or nothing.
-
-        Parameters
-        ----------
-        folder : str or path
-            Made where it is missing.
-        """
+        """Write every file, all or nothing; makes the folder."""
         with atomic_directory(folder) as partial:
             for name, text in self.files.items():
                 (partial / name).parent.mkdir(parents=True, exist_ok=True)
@@ -75,11 +68,11 @@ def export_project(
     """Print the whole folder.
 
     Every module is simulated on the scenario's reference and level first; one whose error is above that of no
-    compensation is left out.
+    compensation is left out. InputError if the prefix is no C identifier or the reference cannot be delivered,
+    SolveError if there is no profile that may be exported, or nothing is better than no compensation.
 
     Parameters
     ----------
-    scenario : Scenario
     precision : Precision, optional
         Real type of all arithmetic.
     prefix : str, optional
@@ -91,13 +84,6 @@ def export_project(
         for each of the reference.
     force_export : bool, optional
         Export modules all the same that are worse than no compensation.
-
-    Raises
-    ------
-    InputError
-        If the prefix is no C identifier or the reference cannot be delivered.
-    SolveError
-        If there is no profile that may be exported, or nothing is better than no compensation; the message says why.
     """
     check_prefix(prefix)
     check_tuning(scenario)
@@ -150,10 +136,9 @@ def export_project(
     if scenario.adaptation is not None:
         notes = learnt(problem, tuning_of(problem, scenario.adaptation)).sentences()
         vectors = adaptive_golden(problem, scenario.adaptation, golden.course, precision)
-        mu = problem.transmission.friction.mu_dynamic
         further["adaptive"] = {
             "golden": vectors,
-            "mu_dynamic": mu,
+            "mu_dynamic": problem.transmission.friction.mu_dynamic,
             "tolerance_N": 0.02 if precision is Precision.FLOAT else 1e-9,
         }
     texts = c_sources(scenario, problem, modules, precision, prefix, further)

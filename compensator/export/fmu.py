@@ -14,8 +14,7 @@ from pathlib import Path
 
 from tendonff._version import __version__
 from tendonff.compensator.compensators.base import CModule, Problem
-from tendonff.compensator.compensators.table import table_of
-from tendonff.compensator.compensators.table_build import BuiltTable
+from tendonff.compensator.compensators.table import BuiltTable, table_of
 from tendonff.compensator.export.judgement import Judged, chosen, forces_of, judge
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.export.modules import ADAPTIVE, PLANT, c_modules, check_prefix, check_tuning
@@ -65,13 +64,7 @@ class Fmu:
     warnings: tuple[str, ...]  # what the user should know
 
     def write(self, folder: str | os.PathLike[str]) -> None:
-        """Write the unit under its name, whole or not at all.
-
-        Parameters
-        ----------
-        folder : str or path
-            Made where it is missing.
-        """
+        """Write the unit under its name, whole or not at all; makes the folder."""
         with atomic_file(Path(folder) / self.name) as partial:
             partial.write_bytes(self.content)
 
@@ -89,14 +82,11 @@ def build_fmu(
     """Wrap the exported C of a scenario.
 
     What follows a reference is simulated on the scenario's first; one whose error is above that of no compensation is
-    refused.
+    refused by SolveError. InputError if the scenario has no unit of this kind, CodeError if a compiler refuses the
+    sources, or is missing.
 
     Parameters
     ----------
-    scenario : Scenario
-    kind : Kind, optional
-        What the unit computes.
-    fmi : FmiVersion, optional
     prefix : str, optional
         Prefix of the C names.
     level : Level, optional
@@ -105,15 +95,6 @@ def build_fmu(
         Binaries for Windows and macOS too, built here by ziglang; what is run here are those of this machine alone.
     force_export : bool, optional
         Make a unit all the same that is worse than no compensation.
-
-    Raises
-    ------
-    InputError
-        If the scenario has no unit of this kind.
-    SolveError
-        If the unit is worse than no compensation.
-    CodeError
-        If a compiler refuses the sources, or is missing.
     """
     check_prefix(prefix)
     if kind is Kind.ADAPTIVE and scenario.adaptation is None:
@@ -223,7 +204,6 @@ def _context(
             _Variable(name="load_position", text="positive towards the actuator", unit="m", start=far),
         ]
     joints = [] if problem.chain.motion is None else _joint_inputs(problem.chain)
-    release = __version__
     name = " ".join(scenario.name.replace("*/", "* /").split())
     return {
         "prefix": prefix,
@@ -232,7 +212,7 @@ def _context(
         "identifier": identifier,
         "compiled": compiled,
         "description": f"{kind} of the tendon chain, level {level}: {name}",
-        "version": release,
+        "version": __version__,
         "input": variable,
         "outputs": outputs,
         **({"servo": True} if servo else {}),
@@ -242,7 +222,7 @@ def _context(
         "initial": initial,
         "step": repr(scenario.run.step_s),
         "stop": repr(float(reference.time_s[-1])),
-        "provenance": f' * Scenario "{name}", hash {scenario_hash(scenario)}, level {level}; tendonff {release}.',
+        "provenance": f' * Scenario "{name}", hash {scenario_hash(scenario)}, level {level}; tendonff {__version__}.',
     }
 
 

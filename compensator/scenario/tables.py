@@ -41,7 +41,8 @@ def read_table(cls: type[T], raw: object, *, file: str, table: str, extra_keys: 
             read_table(part, keys[name], file=file, table=f"{table}.{name}")
     try:
         # JSON has lists and text where Python has tuples and enums, as TOML has; else text is no number, true is not 1.
-        return TypeAdapter(cls).validate_json(json.dumps(keys, default=str), strict=True)
+        # A date, which JSON has not, becomes what no key may be.
+        return TypeAdapter(cls).validate_json(json.dumps(keys, default=lambda _: {}), strict=True)
     except ValidationError as error:
         raise InputError(f"{file} [{table}]: {_explain(cls, keys, error)}") from None
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from tendonff.compensator.compensators.base import FloatArray
 from tendonff.compensator.compensators.registry import compensator
-from tendonff.compensator.compensators.uncertain import doubt
+from tendonff.compensator.compensators.score import doubt
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_file
 from tendonff.compensator.scenario.scenario import Scenario

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from tendonff.compensator.cli import run
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.lookup_table import BranchTable, LookupTable, TableLookup, table_force
-from tendonff.compensator.compensators.table import CompensationTable, table_of
-from tendonff.compensator.compensators.table_build import sweep
+from tendonff.compensator.compensators.table import CompensationTable, sweep, table_of
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.capstan import Branch, CapstanLaw

@@ -97,7 +97,8 @@ def test_a_unit_is_valid_and_equals_the_python_model(unit, finger, kind, fmi, re
         expected = invert(chain, used, finger.run.step_s).force_N
     elif kind is Kind.TABLE:
         problem = Problem.of(finger)
-        expected = answers(problem, table_of(problem).table, used, Precision.DOUBLE)[1]["table"]
+        course = answers(problem, table_of(problem).table, used, Precision.DOUBLE, problem.chain)
+        expected = course.columns["table"]
     else:
         expected = simulate(chain, used, finger.run.step_s).output_tension_N
     error = float(np.abs(answer[1:] - expected).max())

@@ -11,8 +11,7 @@ import pytest
 from benchmarks.independent_plant import Plant
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.score import scale_N, score
-from tendonff.compensator.compensators.stream.model import StreamDesign, StreamFilter, smoothed
-from tendonff.compensator.compensators.stream.run import choose_stream
+from tendonff.compensator.compensators.stream import StreamDesign, StreamFilter, choose_stream, smoothed
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.host import run_on_host
 from tendonff.compensator.export.text.c_text import accepted_range

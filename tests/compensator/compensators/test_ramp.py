@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from benchmarks.independent_plant import Plant
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.score import scale_N
-from tendonff.compensator.compensators.stream.model import Ramp, StreamDesign, StreamFilter
+from tendonff.compensator.compensators.stream import Ramp, StreamDesign, StreamFilter
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.host import run_on_host
 from tendonff.compensator.scenario.scenario import load_scenario
