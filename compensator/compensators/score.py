@@ -116,9 +116,7 @@ class Verified:
     compensator: str  # name of the compensator
     plant: SimulatedPlant
     output_N: FloatArray  # shape (n,); delivered tension at the rows of the reference [N]
-    # travel_m, load_m: shape (n,); positions of the actuator's end and of the load relative to the start [m]
-    travel_m: FloatArray
-    load_m: FloatArray
+    travel_m: FloatArray  # shape (n,); position of the actuator's end relative to the start [m]
     score: Score
     # root mean square and largest error of the load's position [m], where that is wanted
     position_error_m: tuple[float, float] | None
@@ -140,7 +138,6 @@ def verify(
         plant=plant,
         output_N=output,
         travel_m=travel,
-        load_m=load,
         score=score(reference.tension_N, output),
         position_error_m=None if off is None else (float(np.sqrt(np.mean(off**2))), float(np.max(np.abs(off)))),
         slack=Slack.of(run),

@@ -13,7 +13,6 @@ import numpy as np
 from tendonff.compensator.compensators.base import FloatArray, Problem, Profile
 from tendonff.compensator.compensators.score import Score, SimulatedPlant, scale_N, score, simulate_profile
 from tendonff.compensator.scenario.settings import Stream
-from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.errors import SolveError
@@ -166,15 +165,8 @@ class StreamDesign:
     # low_N, high_N: range that references are clamped to [N]
     low_N: float
     high_N: float
-    # what preview does against a rate limit that binds; its samples are part of those of the preview
+    # what preview does against a rate limit that binds; filter and ramp share the samples of the preview
     ramp: Ramp | None = None
-
-    def __post_init__(self) -> None:
-        if self.ahead > self.filter.delay - self.filter.half:
-            raise ParameterError(
-                f"samples of the ramp must be at most {self.filter.delay - self.filter.half}, got {self.ahead}; "
-                "filter and ramp share the preview"
-            )
 
     @property
     def ahead(self) -> int:
