@@ -113,7 +113,9 @@ class TableLookup:
         branch = Branch.PULL if reference_N > self._last else Branch.RELEASE
         sign = 1.0 if branch is Branch.PULL else -1.0
         shares, ratios = self._branches[branch]
-        row, a = self._row(reference_N)
+        cells = (reference_N - self._low) * self._cells_per_N
+        row = min(int(cells), self._last_row)
+        a = cells - row
         if branch is not self._branch:
             share = self._share_of(shares, ratios[row], ratios[row + 1], a, sign)
             self._turn = self._last - sign * (share * (self._last + self._adhesion))
@@ -126,12 +128,6 @@ class TableLookup:
         self._last, self._ratio = reference_N, near + b * (far - near)
         self._force = self._ratio * (reference_N + self._adhesion) - self._adhesion
         return self._force
-
-    def _row(self, reference_N: float) -> tuple[int, float]:
-        """Cell of a reference and its place in the cell, 0 to 1."""
-        cells = (reference_N - self._low) * self._cells_per_N
-        row = min(int(cells), self._last_row)
-        return row, cells - row
 
     def _share_of(self, shares: list[float], below: list[float], above: list[float], a: float, sign: float) -> float:
         """Share at which a branch has the present ratio at this reference: bisection over its nodes."""

@@ -116,7 +116,9 @@ def export_project(
         followed = dict.fromkeys(golden.jumps.columns, problem.reference.tension_N)
         live = ({}, np.empty(0)) if golden.live is None else (golden.live.inputs_N, golden.live.joint_rad)
         inputs = [golden.course.inputs_N, golden.jumps.inputs_N, live[0], followed]
-        angles = [golden.course.joint_rad, golden.jumps.joint_rad, live[1], _joint_rad(problem)]
+        angles = [golden.course.joint_rad, golden.jumps.joint_rad, live[1]]
+        if (motion := problem.chain.motion) is not None:
+            angles.append(motion.at(problem.reference.time_s))
         found = run_on_host(every, prefix, precision, inputs, angles if scenario.joints else ())
         if found is not None:
             losses = float_losses(golden.course, found[0], problem)
@@ -157,12 +159,6 @@ def export_project(
     )
     warnings = (*warnings, *faults, *loss_warnings(losses))
     return Exported(files=texts, built=built, profile_N=profile_N, judged=judged, warnings=warnings, notes=notes)
-
-
-def _joint_rad(problem: Problem) -> FloatArray:
-    """Joint angles at the samples of the reference, shape (n, joints) [rad]."""
-    motion = problem.chain.motion
-    return np.empty(0) if motion is None else motion.at(problem.reference.time_s)
 
 
 def _design_json(

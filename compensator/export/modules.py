@@ -43,15 +43,14 @@ def check_tuning(scenario: Scenario) -> None:
         )
 
 
-def check_prefix(prefix: str) -> str:
-    """A prefix that every C and C++ compiler takes, or an error that says what is wrong."""
+def check_prefix(prefix: str) -> None:
+    """Refuse a prefix that not every C and C++ compiler takes."""
     good = prefix.isascii() and prefix.isidentifier() and not prefix.startswith("_") and len(prefix) <= 24
     if not good or prefix.endswith("_") or "__" in prefix or prefix.lower() in _KEYWORDS:
         raise InputError(
             f'--prefix must be a C identifier of at most 24 letters, digits and single underscores, got "{prefix}"; '
             'the default is "tff"'
         )
-    return prefix
 
 
 def c_modules(scenario: Scenario, with_stream: bool = False) -> tuple[CModule, ...]:

@@ -101,9 +101,7 @@ class Experiment:
     blend_s: float | None = None
     rest_s: float = 0.1  # after a command has stopped, before the next state
     load_stiffness_N_per_m: float | None = None  # spring of a motor in mode L; default: the load's stiffness
-    hold_stiffness_N_per_m: float | None = (
-        None  # the same in mode A_h; default: ten times the tendon's k1 + k2
-    )
+    hold_stiffness_N_per_m: float | None = None  # the same in mode A_h; default: ten times the tendon's k1 + k2
     # damper of a motor in modes A and A_f, against the frame, and in modes L and A_h, against its moving rest position;
     # default: the actuator's
     act_damping_N_s_per_m: float | None = None

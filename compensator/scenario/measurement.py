@@ -41,9 +41,7 @@ class Measurement:
     input_offset_N: float | None = None
     output_offset_N: float | None = None
     tare_s: tuple[float, float] | None = None  # from and to [s]: the tendon is slack there, the cells are set to zero
-    skip_s: float | None = (
-        None  # left out at the start of every file; default: until its start-up transient is over
-    )
+    skip_s: float | None = None  # left out at the start of every file; default: until its start-up transient is over
     cutoff_Hz: float | None = None  # of the zero-phase low-pass that both channels go through; default: from the noise
     explain: Explain = Explain.AUTO
     # columns of tensions between the ends, scaled as the input, and the wrap angle from the actuator to each: friction
