@@ -12,6 +12,7 @@ import numpy as np
 
 from tendonff.compensator.compensators.base import FloatArray, Problem, Profile
 from tendonff.compensator.compensators.score import Score, SimulatedPlant, scale_N, score, simulate_profile
+from tendonff.compensator.compensators.table import accepted_range
 from tendonff.compensator.scenario.settings import Stream
 from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.drive import Drive
@@ -241,23 +242,20 @@ class StreamChoice:
     resolution_N: float  # step of the converter that the noise was made for [N]
 
 
-def choose_stream(
-    problem: Problem, stream: Stream, accepted_N: tuple[float, float], *, with_ramps: bool = True
-) -> StreamChoice | None:
+def choose_stream(problem: Problem, stream: Stream, *, with_ramps: bool = True) -> StreamChoice | None:
     """Try filters of all lengths that lag or preview admit, and pick one; None where no force can be simulated.
 
-    References are accepted from `accepted_N[0]` to `accepted_N[1]`. With ramps, preview also helps against a rate limit
-    that binds.
+    With ramps, preview also helps against a rate limit that binds.
     """
     step, still = problem.reference.step_s, problem.chain.motion is None  # nobody knows where joints will be
     binds = with_ramps and still and rate_binds(problem)
     ahead = min(round(stream.preview_s / step), _FURTHEST if binds else 2 * _LONGEST)
     longest = min(ahead or int(stream.lag_max_s / step * (1 + 1e-9)), _LONGEST)
     corner = corner_per_sample(problem.transmission, step)
+    low, high = accepted_range(problem)
     candidates: list[Candidate] = []
 
     def attempt(each: StreamFilter, ramp: Ramp | None) -> None:
-        low, high = accepted_N
         design = StreamDesign(filter=each, band_N=stream.resolution_N, low_N=low, high_N=high, ramp=ramp)
         candidates.extend(_tried(problem, design))
 

@@ -83,6 +83,14 @@ def table_range(problem: Problem) -> tuple[float, float]:
     return max(low - margin, 0.5 * low), max(min(high + margin, largest), math.nextafter(high, math.inf))
 
 
+def accepted_range(problem: Problem) -> tuple[float, float]:
+    """References that the exported modules accept [N]."""
+    tension = problem.reference.tension_N
+    low, _ = table_range(problem)
+    high = max(largest_tension(problem.transmission), float(np.max(tension)))
+    return min(low, 0.01 * float(np.min(tension))), high
+
+
 def table_of(
     problem: Problem,
     *,

@@ -19,7 +19,6 @@ from tendonff.compensator.compensators.stream import (
     over_preview,
     rate_binds,
 )
-from tendonff.compensator.export.text.c_text import accepted_range
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.reporting.colours import GREY, INK
@@ -95,10 +94,9 @@ def study_online(scenario: Scenario, optimum_percent: float | None = None) -> On
             "that takes joint angles, and `design` without --online the profile"
         )
     problem = Problem.of(scenario)
-    accepted = accepted_range(problem)
-    choice = choose_stream(problem, scenario.stream, accepted)
+    choice = choose_stream(problem, scenario.stream)
     further = replace(scenario.stream, preview_s=_PREVIEW_S)
-    longer = choose_stream(problem, further, accepted, with_ramps=False)
+    longer = choose_stream(problem, further, with_ramps=False)
     if choice is None or longer is None:
         raise SolveError(
             "no force of a live reference can be simulated on this chain; check it with tendonff simulate, "

@@ -21,7 +21,6 @@ from tendonff.compensator.export.judgement import Judged, answer_of, chosen, for
 from tendonff.compensator.export.modules import ADAPTIVE_MODULES, c_modules, check_prefix, check_tuning
 from tendonff.compensator.export.self_test import FloatLoss, float_losses, loss_warnings, self_test_context
 from tendonff.compensator.export.text.c_text import (
-    accepted_range,
     c_sources,
     folder_files,
     measured,
@@ -104,7 +103,7 @@ def export_project(
         "profile_loops": problem.reference.periodic,
         "profile_bytes": (4 if precision is Precision.FLOAT else 8) * len(profile_N),
     }
-    choice = choose_stream(problem, scenario.stream, accepted_range(problem))
+    choice = choose_stream(problem, scenario.stream)
     stream = None if choice is None else choice.picked.design
     golden = golden_vectors(problem, table, precision, stream=stream)
     losses: tuple[FloatLoss, ...] = ()
@@ -128,7 +127,7 @@ def export_project(
     modules, faults = chosen(judged, c_modules(scenario, stream is not None), force_export=force_export)
     further: dict[str, object] = {
         **numbers,
-        **self_test_context(problem, table, profile_N, golden, precision, found, accepted_N=accepted_range(problem)),
+        **self_test_context(problem, table, profile_N, golden, precision, found),
         "measured": measured(precision),
         "judged": judged,
         "choice": choice,

@@ -13,6 +13,7 @@ import numpy as np
 from tendonff.compensator.compensators.base import FloatArray, Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.score import scale_N
+from tendonff.compensator.compensators.table import accepted_range
 from tendonff.compensator.export.golden import Course, Golden, respond, servo_of
 from tendonff.compensator.export.text.parameters import settable_numbers
 from tendonff.compensator.export.text.table_index import share_index
@@ -184,13 +185,10 @@ def self_test_context(
     golden: Golden,
     precision: Precision,
     found_N: Sequence[Mapping[str, FloatArray]] | None,
-    *,
-    accepted_N: tuple[float, float],
 ) -> dict[str, object]:
     """What the template of the self test needs.
 
-    Answers of the exported code to course, jumps and live course are None where they were not measured; references are
-    accepted within `accepted_N`.
+    Answers of the exported code to course, jumps and live course are None where they were not measured.
     """
     actuator, step = problem.transmission.actuator, problem.reference.step_s
     course, jumps, live = golden.course, golden.jumps, golden.live
@@ -207,7 +205,7 @@ def self_test_context(
     tolerances = _tolerances(course, precision, found["course"], unit)
     least, most = actuator.force_min_N, actuator.force_max_N
     exact = invert(jumps.chain, jumps.reference_N, step, initial_tension_N=float(jumps.reference_N[0]))
-    high, low_end = float(course.reference_N.max()), 1.02 * accepted_N[0]
+    high, low_end = float(course.reference_N.max()), 1.02 * accepted_range(problem)[0]
     dropped = (np.array([high, drop, drop]) for drop in (low_end, 2 * low_end))  # the second: beyond doubt
     pushes = all((invert(still, fall, step, initial_tension_N=high).least_tension_N <= 0).any() for fall in dropped)
     change = actuator.force_rate_max_N_per_s * step

@@ -14,12 +14,11 @@ from tendonff._version import __version__
 from tendonff.compensator.compensators.base import CModule, Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.stream import RE_ENTRY_S, SLACK, StreamDesign
-from tendonff.compensator.compensators.table import BuiltTable, table_range
+from tendonff.compensator.compensators.table import BuiltTable, accepted_range
 from tendonff.compensator.export.adaptive import adaptive_code
 from tendonff.compensator.export.modules import ADAPTIVE_MODULES, PLANT, STREAM
 from tendonff.compensator.export.text.parameters import parameter_context, settable_inverse
 from tendonff.compensator.export.text.table_index import share_index
-from tendonff.compensator.scenario.sampled.sampling import largest_tension
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.capstan.spread_bounds import PLAYS, play_exponents
@@ -179,14 +178,6 @@ def table_context(built: BuiltTable, precision: Precision) -> dict[str, object]:
         "release_index": share_index(table.release.share, precision),
         "table_notes": "\n".join(f" * {note}" for note in notes),
     }
-
-
-def accepted_range(problem: Problem) -> tuple[float, float]:
-    """References that the exported modules accept [N]."""
-    tension = problem.reference.tension_N
-    low, _ = table_range(problem)
-    high = max(largest_tension(problem.transmission), float(np.max(tension)))
-    return min(low, 0.01 * float(np.min(tension))), high
 
 
 def _context(
