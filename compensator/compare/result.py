@@ -10,10 +10,8 @@ from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
 
-CAPSTAN_PLANT: Literal["capstan"] = "capstan"
-"""Name of the static law as a plant."""
-PLANTS = (*(level.value for level in Level), CAPSTAN_PLANT)
-"""Names of the plants: the levels, then the static law."""
+CAPSTAN_PLANT: Literal["capstan"] = "capstan"  # name of the static law as a plant
+PLANTS = (*(level.value for level in Level), CAPSTAN_PLANT)  # names of the plants: the levels, then the static law
 
 ENOUGH_PERCENT = 0.5
 """A simpler level is enough if its design costs no more than this on the most detailed plant [% of range]."""

@@ -32,8 +32,7 @@ from tendonff.models.parameters import Transmission
 from tendonff.ocp.crosscheck import NUDGE
 from tendonff.ocp.tracking.problem import TrackOptions
 
-REFINEMENTS = (4, 2, 1)
-"""Steps to a row of the profile; the first gives the figures, the others the spread."""
+REFINEMENTS = (4, 2, 1)  # steps to a row of the profile; the first gives the figures, the others the spread
 
 _SMOOTHED = "smoothed"  # tuned on the level, but no model of it
 _LAG_ROWS = 4000

@@ -63,8 +63,7 @@ class LookupTable:
     def ratio(self, branch: Branch) -> FloatArray:
         """(force + p)/(T + p) at the nodes of a branch, shape (k, m) [-]."""
         p = self.adhesion_N
-        result: FloatArray = (self.branch(branch).force_N + p) / (self.reference_N[:, None] + p)
-        return result
+        return (self.branch(branch).force_N + p) / (self.reference_N[:, None] + p)
 
     def force_N(self, reference_N: FloatArray, branch: Branch, share: FloatArray) -> FloatArray:
         """Force by bilinear interpolation of the ratio at points inside the table's range, shape (n,) [N].
@@ -76,8 +75,7 @@ class LookupTable:
         column, b = _locate(table.share, share)
         f = self.ratio(branch)
         near, far = ((1 - a) * f[row, c] + a * f[row + 1, c] for c in (column, column + 1))
-        result: FloatArray = (near + b * (far - near)) * (reference_N + self.adhesion_N) - self.adhesion_N
-        return result
+        return (near + b * (far - near)) * (reference_N + self.adhesion_N) - self.adhesion_N
 
 
 def _locate(nodes: FloatArray, values: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:

@@ -20,8 +20,7 @@ from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.tracking.limits import ForceLimits
 
-NOISE_GOAL_DB = 0.0
-"""Noise in the force over that in the reference, above 30 Hz, that a filter should not exceed [dB]."""
+NOISE_GOAL_DB = 0.0  # noise in the force over that in the reference, above 30 Hz, that a filter should not exceed [dB]
 
 _NOISE_FROM_HZ = 30.0
 _BITS = 12  # of the converter that is assumed where the scenario states no resolution
@@ -92,8 +91,7 @@ def corner_per_sample(transmission: Transmission, step_s: float) -> float:
     return step_s / math.sqrt(max(mass * compliance, (1e-3 * step_s) ** 2))
 
 
-SLACK = 1 / 16
-"""Part of the largest change a sample by which a ramp under way may be early: rounding must not end it."""
+SLACK = 1 / 16  # part of the largest change a sample by which a ramp under way may be early: rounding must not end it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,8 +151,7 @@ class Ramp:
         return np.array(found)
 
 
-RE_ENTRY_S = 0.1
-"""Time in which the reference comes back from a held value to one that arrives again [s]."""
+RE_ENTRY_S = 0.1  # time in which the reference comes back from a held value to one that arrives again [s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -305,8 +302,7 @@ def rate_binds(problem: Problem) -> bool:
 def quantised(tension_N: FloatArray, resolution_N: float) -> FloatArray:
     """A tension, shape (n,), as a converter hands it over: in whole steps, one of them noise [N]."""
     noise = np.random.default_rng(0).integers(-1, 2, len(tension_N))
-    rough: FloatArray = (np.round(tension_N / resolution_N) + noise) * resolution_N
-    return rough
+    return (np.round(tension_N / resolution_N) + noise) * resolution_N
 
 
 def _resolution_N(problem: Problem, stated_N: float) -> float:

@@ -264,8 +264,7 @@ def _errors(table: LookupTable, references: FloatArray, samples: _Samples, branc
 
 
 def _outside(value: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    result: FloatArray = np.maximum(np.maximum(low - value, value - high), 0.0)
-    return result
+    return np.maximum(np.maximum(low - value, value - high), 0.0)
 
 
 def _longest_reach(samples: _Samples, bound: float) -> list[int]:

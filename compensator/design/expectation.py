@@ -12,8 +12,7 @@ from tendonff.models.parameters.uncertainty import Objective, Uncertainty
 from tendonff.ocp.simulate import simulate
 from tendonff.ocp.tracking.robust import ErrorBand, Sample
 
-_OVERCOMPENSATION = 0.02
-"""Swing beyond the wanted one that is worth a warning [-]."""
+_OVERCOMPENSATION = 0.02  # swing beyond the wanted one that is worth a warning [-]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

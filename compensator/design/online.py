@@ -27,8 +27,7 @@ from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import CapstanLaw
 from tendonff.ocp.errors import SolveError
 
-_PREVIEW_S = 0.05
-"""Longest filter that is drawn, where the scenario's own are shorter [s]."""
+_PREVIEW_S = 0.05  # longest filter that is drawn, where the scenario's own are shorter [s]
 _PREVIEW_SHARES = (0.1, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0, 1.3)  # of the time for the largest jump
 
 

@@ -32,8 +32,7 @@ from tendonff.compensator.reporting.interactive import DASHES
 from tendonff.compensator.scenario.scenario import Scenario, scenario_to_toml
 from tendonff.models.errors import TendonffError
 
-ADDRESS = "127.0.0.1"
-"""The only address that the page is served on."""
+ADDRESS = "127.0.0.1"  # the only address that the page is served on
 
 _STALE = 0.25  # opacity of what was computed for other values
 _EMPTY: dict[str, Any] = {"time": [], "force": [], "output": [], "error": []}

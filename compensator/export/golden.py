@@ -296,8 +296,7 @@ def told(problem: Problem, inversion: Inversion, force_N: FloatArray) -> FloatAr
         raise ParameterError("a command needs the inverse's states and a position drive; record them")
     start = float(inversion.least_tension_N[0])  # at rest, where it is the same everywhere
     travel = inversion.states[:, -2] - problem.chain.rest_state(start).near_position_m
-    command: FloatArray = travel + (force_N - start) / stiffness
-    return command
+    return travel + (force_N - start) / stiffness
 
 
 def respond(problem: Problem, drive: FloatArray, start_N: float, chain: Chain) -> Simulation:

@@ -12,16 +12,13 @@ from tendonff.models.parameters.drive import Drive
 STREAM = CModule(name="stream", content="exact inverse behind a filter, for references that arrive live")
 """What is exported for references that are not known in advance."""
 
-PLANT = CModule(name="plant", content="the chain itself")
-"""What is exported beside the compensators, for tests."""
+PLANT = CModule(name="plant", content="the chain itself")  # what is exported beside the compensators, for tests
 
 ADAPTIVE = CModule(name="adaptive", content="exact inverse that tunes itself to a measurement")
 BOUNDS = CModule(name="bounds", content="certified interval of the output tension")
-ADAPTIVE_MODULES = (ADAPTIVE, BOUNDS)
-"""What is exported for a scenario with [adaptation]."""
+ADAPTIVE_MODULES = (ADAPTIVE, BOUNDS)  # what is exported for a scenario with [adaptation]
 
-STATIC = ("capstan", "table")
-"""Modules without the chain's states: they answer with a force and cannot tell a command."""
+STATIC = ("capstan", "table")  # modules without the chain's states: they answer with a force and cannot tell a command
 
 _KEYWORDS = frozenset(
     re.findall(

@@ -27,8 +27,7 @@ from tendonff.compensator.files.writing import write_json, write_text
 from tendonff.compensator.reporting.plots import figure_style, save_figure
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash, scenario_to_toml
 
-Cell = str | float | int | bool | None
-"""What a table holds; None shows as a dash."""
+Cell = str | float | int | bool | None  # what a table holds; None shows as a dash
 
 _FIGURE = re.compile(r"[<−-]? ?\d.{0,20}$")
 _DECADES = 4  # that one number of decimals serves

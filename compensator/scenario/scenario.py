@@ -54,8 +54,7 @@ _OPTIONAL: dict[str, type] = {
     "measurement": Measurement,
     "stream": Stream,
 }
-_ON_REQUEST: dict[str, type] = {"adaptation": Adaptation}
-"""Tables whose absence means that there is none of it."""
+_ON_REQUEST: dict[str, type] = {"adaptation": Adaptation}  # tables whose absence means that there is none of it
 
 _HELD_BY_JOINT = {"mass_kg": 1e-3, "stiffness_N_per_m": 1e3, "damping_N_s_per_m": 0.0}
 """What a load has that a joint moves: numbers without effect."""

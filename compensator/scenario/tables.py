@@ -23,10 +23,8 @@ from tendonff.models.parameters.drive import Motor, Rope
 T = TypeVar("T")
 
 _ROPE = tuple(field.name for field in dataclasses.fields(Rope))
-NO_STRIBECK_VELOCITY_M_PER_S = 0.01
-"""Stands in where mu_static = mu_dynamic, so that it has no effect."""
-NO_RELAXATION_TIME_S = 1.0
-"""Stands in where nothing relaxes, so that it has no effect."""
+NO_STRIBECK_VELOCITY_M_PER_S = 0.01  # stands in where mu_static = mu_dynamic, so that it has no effect
+NO_RELAXATION_TIME_S = 1.0  # stands in where nothing relaxes, so that it has no effect
 
 
 def read_table(cls: type[T], raw: object, *, file: str, table: str, extra_keys: tuple[str, ...] = ()) -> T:

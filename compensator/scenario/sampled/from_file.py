@@ -89,8 +89,7 @@ def _gaps(time: FloatArray, name: str) -> list[str]:
 def interpolate(samples: Samples, time_s: FloatArray, kind: Interpolation) -> FloatArray:
     """The wanted quantity at times within those of the samples [s], shape (n,)."""
     if kind is Interpolation.LINEAR or len(samples.time_s) == 2:
-        straight: FloatArray = np.interp(time_s, samples.time_s, samples.value)
-        return straight
+        return np.interp(time_s, samples.time_s, samples.value)
     from scipy.interpolate import PchipInterpolator
 
     inside = np.minimum(time_s, samples.time_s[-1])  # the last step may end a rounding error behind the last sample

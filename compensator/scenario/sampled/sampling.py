@@ -212,8 +212,7 @@ def _grid(duration_s: float, step_s: float, file: str) -> FloatArray:
             f"{file} [run]: step_s = {step_s:g} makes more than {_MAX_STEPS} steps of the {duration_s:g} s long "
             "reference; use a larger step"
         )
-    time: FloatArray = np.arange(steps + 1, dtype=np.float64) * step_s
-    return time
+    return np.arange(steps + 1, dtype=np.float64) * step_s
 
 
 def largest_tension(transmission: Transmission) -> float:
