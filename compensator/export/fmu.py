@@ -176,33 +176,29 @@ def _context(
     reference, level = problem.reference, problem.level
     rest = problem.chain.rest_state(reference.initial_tension_N)
     initial = repr(reference.initial_tension_N)
-    tension = _Variable(name="tension", text="output tension", unit="N", start=initial)
+    given = _Variable(name="reference", text="wanted output tension", unit="N", start=initial)
     force = _Variable(name="force", text="force of the actuator, within its limits", unit="N", start=initial)
     servo = scenario.transmission.actuator.drive is Drive.POSITION
     if servo:
         force = _Variable(name="command", text="position of the servo relative to the start", unit="m", start="0.0")
-    extras: list[_Variable] = []
+    extras, outputs = list[_Variable](), [force]
     mu = repr(scenario.transmission.friction.mu_dynamic)
     if kind is Kind.ADAPTIVE and scenario.adaptation is not None:
-        variable = _Variable(name="reference", text="wanted output tension", unit="N", start=initial)
-        outputs = [force, _Variable(name="mu", text="present estimate of mu_dynamic", unit="", start=mu)]
+        outputs.append(_Variable(name="mu", text="present estimate of mu_dynamic", unit="", start=mu))
         sensor = scenario.adaptation.sensor
         first = initial if sensor is Sensor.OUTPUT_TENSION else "0.0"
         words = f"last measurement: {sensor.words}"
         extras.append(_Variable(name="measured", text=words, unit=sensor.unit, start=first))
+    elif kind is Kind.INVERSE:
+        extras.append(_Variable(name="mu", text="mu_dynamic", unit="", start=mu, is_parameter=True))
     elif kind is Kind.PLANT:
-        variable = force if servo else _Variable(name="force", text="force of the actuator", unit="N", start=initial)
+        given = force if servo else _Variable(name="force", text="force of the actuator", unit="N", start=initial)
         near, far = repr(rest.near_position_m), repr(rest.far_position_m)
         outputs = [
-            tension,
+            _Variable(name="tension", text="output tension", unit="N", start=initial),
             _Variable(name="actuator_position", text="positive towards the actuator", unit="m", start=near),
             _Variable(name="load_position", text="positive towards the actuator", unit="m", start=far),
         ]
-    else:
-        if kind is Kind.INVERSE:
-            extras.append(_Variable(name="mu", text="mu_dynamic", unit="", start=mu, is_parameter=True))
-        variable = _Variable(name="reference", text="wanted output tension", unit="N", start=initial)
-        outputs = [force]
     joints = [] if problem.chain.motion is None else _joint_inputs(problem.chain)
     name = " ".join(scenario.name.replace("*/", "* /").split())
     return {
@@ -213,12 +209,12 @@ def _context(
         "compiled": compiled,
         "description": f"{kind} of the tendon chain, level {level}: {name}",
         "version": __version__,
-        "input": variable,
+        "input": given,
         "outputs": outputs,
         **({"servo": True} if servo else {}),
         "extras": [*extras, *joints],
         "joint_at": len(extras) if joints else -1,
-        "taken": " or ".join(v.name for v in (variable, *extras, *joints)),
+        "taken": " or ".join(v.name for v in (given, *extras, *joints)),
         "initial": initial,
         "step": repr(scenario.run.step_s),
         "stop": repr(float(reference.time_s[-1])),
@@ -251,9 +247,7 @@ def _render(template: str, context: dict[str, object]) -> str:
 
 def _platform(fmi: FmiVersion) -> str:
     machine = _MACHINES[platform.machine()]
-    if fmi is FmiVersion.V2:
-        return "linux64" if machine == "x86_64" else f"{machine}-linux"
-    return f"{machine}-linux"
+    return "linux64" if fmi is FmiVersion.V2 and machine == "x86_64" else f"{machine}-linux"
 
 
 def _libraries(

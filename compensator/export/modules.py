@@ -62,9 +62,8 @@ def c_modules(scenario: Scenario, with_stream: bool = False) -> tuple[CModule, .
 def exportable(transmission: Transmission, *, moving: bool) -> tuple[tuple[Compensator, CModule], ...]:
     """Compensators with a module that serves this drive and path (`moving`: by joints), in the order they are shown."""
     servo = transmission.actuator.drive is Drive.POSITION
-    pairs = ((each, each.c_module) for each in COMPENSATORS)
     return tuple(
         (each, module)
-        for each, module in pairs
-        if module is not None and (module.knows_joints or not moving) and not (servo and module.name in STATIC)
+        for each in COMPENSATORS
+        if (module := each.c_module) and (module.knows_joints or not moving) and not (servo and module.name in STATIC)
     )

@@ -24,7 +24,7 @@ from matplotlib.figure import Figure
 from tendonff._version import __version__
 from tendonff.compensator.files.reading import open_text
 from tendonff.compensator.files.writing import write_json, write_text
-from tendonff.compensator.reporting.plots import figure_style, save_figure
+from tendonff.compensator.reporting.plots import UNDATED, figure_style, save_figure
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash, scenario_to_toml
 
 Cell = str | float | int | bool | None  # what a table holds; None shows as a dash
@@ -260,20 +260,20 @@ def _prepared(block: Block, numbers: Iterator[int]) -> dict[str, object]:
 
 def figure_uri(figure: Figure) -> str:
     """A figure as an address that carries its content: SVG, or PNG where the curves are dense."""
-    content, media = _drawn(figure, "svg", {"Date": None}), "image/svg+xml"
+    content = _drawn(figure, "svg")
     if len(content) > _LARGEST_SVG_BYTES:
-        content, media = _drawn(figure, "png", {"Software": None}), "image/png"
-    return _uri(media, content)
+        return _uri("image/png", _drawn(figure, "png"))
+    return _uri("image/svg+xml", content)
 
 
 def _uri(media: str, content: bytes) -> str:
     return f"data:{media};base64,{base64.b64encode(content).decode('ascii')}"
 
 
-def _drawn(figure: Figure, kind: str, metadata: dict[str, None]) -> bytes:
+def _drawn(figure: Figure, kind: str) -> bytes:
     buffer = io.BytesIO()
     with figure_style():
-        figure.savefig(buffer, format=kind, metadata=metadata)
+        figure.savefig(buffer, format=kind, metadata=UNDATED[kind])
     return buffer.getvalue()
 
 

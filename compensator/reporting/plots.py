@@ -61,6 +61,12 @@ _STYLE: dict[Any, Any] = {
 }
 
 
+# what matplotlib is told to leave out of a file, by its kind: dates and versions
+UNDATED: dict[str, dict[str, Any]] = {
+    "png": {"Software": None},
+    "pdf": {"CreationDate": None, "ModDate": None},
+    "svg": {"Date": None},
+}
 _SAME = 0.004  # of the drawn range: about the width of a line
 _MOST_POINTS = 4000  # of a curve: more would not be seen
 
@@ -142,13 +148,12 @@ def draw_joints(panel: Axes, motion: "JointMotion", time_s: "FloatArray") -> Non
 
 def save_figure(figure: Figure, path: Path, formats: Sequence[str] = ("png", "pdf")) -> list[Path]:
     """Write a figure as `DIR/name.png` and so on, whole or not at all; equal figures give equal files."""
-    undated = {"png": {"Software": None}, "pdf": {"CreationDate": None, "ModDate": None}, "svg": {"Date": None}}
     written = []
     with figure_style():
         for kind in formats:
             target = path.with_name(f"{path.name}.{kind}")
             with atomic_file(target) as partial:
-                figure.savefig(partial, format=kind, metadata=undated.get(kind))
+                figure.savefig(partial, format=kind, metadata=UNDATED[kind])
             written.append(target)
     return written
 
