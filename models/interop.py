@@ -40,7 +40,6 @@ def as_iosystem(chain: Chain, *, both_ends: bool = False, name: str = "tendon") 
 
     Parameters
     ----------
-    chain : Chain
     both_ends : bool, optional
         Inputs f_c1, x_c1, f_c2, x_c2 of both ends instead of the actuator's force f_c1 alone (x_c1 = f_c2 = x_c2 = 0).
     name : str, optional
@@ -83,15 +82,8 @@ def as_iosystem(chain: Chain, *, both_ends: bool = False, name: str = "tendon") 
 def linear_system(chain: Chain, state: ChainState, *, name: str = "linear tendon") -> control.StateSpace:
     """The chain linearised at a state: small changes of the force to small changes of tensions and end positions.
 
-    See `models.linearise`.
-
-    Parameters
-    ----------
-    chain : Chain
-    state : ChainState
-        Where: `chain.rest_state(T0)` or a recorded state of a simulation. The chain is linear in the force, which
-        therefore does not matter.
-    name : str, optional
+    See `models.linearise`. The state is `chain.rest_state(T0)` or a recorded one of a simulation; the chain is linear
+    in the force, which therefore does not matter.
 
     Returns
     -------
@@ -117,11 +109,6 @@ def link_impedance(link: ZenerLink) -> control.TransferFunction:
 
     [c tau s^2 + (tau (k1 + k2) + c) s + k1]/(tau s^2 + s); with c = 0 and tau = b_k/k2 it is eq. (7),
     [b_k (k1 + k2) s + k1 k2]/(b_k s^2 + k2 s). F/E itself has more zeros than poles when c > 0.
-
-    Parameters
-    ----------
-    link : ZenerLink
-        Numbers.
     """
     numerator, denominator = transfer_function(link)
     return control.TransferFunction(numerator, [*denominator, 0.0], name="link")

@@ -82,25 +82,11 @@ class ZenerLink:
         )
 
     def rate(self, e: ca.SX, states: States) -> States:
-        """dz/dt = (e - z)/tau [m/s], eq. (7) in the time domain.
-
-        Parameters
-        ----------
-        states : tuple of ca.SX
-            z, elongation of each relaxing branch's damper [m].
-        """
+        """dz/dt = (e - z)/tau [m/s], eq. (7) in the time domain; z is the elongation of a relaxing branch's damper."""
         return tuple((e - z) / time for z, (_, time) in zip(states, self.branches, strict=True))
 
     def unclipped_force(self, e: ca.SX, e_rate: ca.SX, states: States) -> ca.SX:
-        """k1 e + k2 (e - z) + c de/dt [N], eqs. (6), (7).
-
-        Parameters
-        ----------
-        e, e_rate : ca.SX
-            Elongation [m], its rate [m/s].
-        states : tuple of ca.SX
-            z of each relaxing branch [m].
-        """
+        """k1 e + k2 (e - z) + c de/dt [N], eqs. (6), (7), with z of each relaxing branch."""
         force = self.stiffness_N_per_m * e
         for z, (stiffness, _) in zip(states, self.branches, strict=True):
             force = force + stiffness * (e - z)
@@ -151,11 +137,6 @@ def transfer_function(link: ZenerLink) -> tuple[tuple[float, ...], tuple[float, 
 
     F/E = k1 + c s + sum_j k_j tau_j s/(tau_j s + 1) over the relaxing branches. The paper prints F/V = F/(s E) with
     c = 0 and tau = b_k/k2: [b_k (k1 + k2) s + k1 k2]/(b_k s^2 + k2 s).
-
-    Parameters
-    ----------
-    link : ZenerLink
-        Numbers.
     """
     numerator = np.array([float(link.damping_N_s_per_m), float(link.stiffness_N_per_m)])
     denominator = np.array([1.0])
