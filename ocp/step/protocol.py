@@ -46,6 +46,7 @@ class InverseRows:
     force_N: Array
     least_tension_N: Array
     states: Array | None  # shape (rows, size); recorded on request
+    x: Array  # shape (size,); state after the last of them
 
 
 class Stepper(Protocol):
