@@ -40,44 +40,34 @@ class FrictionLaw(Protocol):
     @property
     def slip_coefficients(self) -> tuple[Any, Any]:
         """Friction over normal force in fast steady slip, pulling and releasing [-]; arrays where masses differ."""
-        ...
 
     @property
     def weakening_speed_m_per_s(self) -> float | None:
         """Speed about which friction falls, so that slow sliding may be unstable [m/s]; None where it does not."""
-        ...
 
     def in_section(self, section: Section) -> Self:
         """The whole's law with the coefficients of one section."""
-        ...
 
     def on_piece(self, angle_rad: ca.SX, angle_share: ca.SX, length_share: ca.SX) -> Self:
         """The law of one element: its wrap angle phi, and its shares of the whole's angle and length."""
-        ...
 
     def aliases(self) -> Mapping[str, str]:
         """Fields that equal another, by name: code for them can be left out; empty where there are none."""
-        ...
 
     def rate(self, v: ca.SX, states: States, f_n: ca.SX) -> States:
         """Time derivatives of the states at sliding speed v [m/s] under a normal force f_n [N]."""
-        ...
 
     def state_force(self, states: States) -> ca.SX:
         """Part of the friction force that the states carry [N], positive when it opposes pulling."""
-        ...
 
     def viscous_force(self, v: ca.SX) -> ca.SX:
         """Part that the speed alone decides [N]."""
-        ...
 
     def implicit(self, v: ca.SX, base: States, step_s: ca.SX, f_n: ca.SX) -> States:
         """States at the end of a step of weight H."""
-        ...
 
     def implicit_from_far_side(self, v: ca.SX, base: States, step_s: ca.SX, far_sum: ca.SX) -> States | None:
         """The same where f_n = A + state_force(states) with A = `far_sum` known; None without a closed form."""
-        ...
 
 
 def equivalent_coefficient(mu: ca.SX, angle_rad: ca.SX) -> ca.SX:

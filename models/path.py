@@ -27,18 +27,10 @@ ANGLE_FLOOR_RAD = 1e-12
 
 
 class SectionKind(StrEnum):
-    """What the tendon touches in a section.
+    """What the tendon touches in a section."""
 
-    Attributes
-    ----------
-    ARC
-        A curved guide on which the tendon slides; a straight is an arc of angle zero.
-    PULLEY
-        A wheel on a bearing that turns with the tendon.
-    """
-
-    ARC = "arc"
-    PULLEY = "pulley"
+    ARC = "arc"  # a curved guide on which the tendon slides; a straight is an arc of angle zero
+    PULLEY = "pulley"  # a wheel on a bearing that turns with the tendon
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

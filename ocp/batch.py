@@ -74,21 +74,7 @@ def run_jobs(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulationJob:
-    """Arguments of one `simulate`.
-
-    Parameters
-    ----------
-    force_N : ndarray, shape (n,)
-        f_c1 at 0, h, 2 h ... [N].
-    step_s : float
-        h [s].
-    initial_tension_N : float, optional
-        T0 of the start at rest [N]; default: the first force.
-    state : ChainState, optional
-        Start from here instead.
-    record : bool, optional
-        Keep every state.
-    """
+    """Arguments of one `simulate`, which says what they are."""
 
     chain: Chain
     force_N: Array

@@ -75,8 +75,7 @@ class TunedChain:
         if own and (mus := {n: f * getattr(elements.contact, n) for n, f in scales.items() if n in _OF_SECTIONS}):
             path, contact = elements.path, replace(elements.contact, **mus)  # type: ignore[type-var]
             phi = path.at().angle_rad[0]
-            share = phi / path.total_angle_rad if path.total_angle_rad > 0 else path.length_share
-            friction = contact.on_piece(phi, share, path.length_share)
+            friction = contact.on_piece(phi, elements.angle_share(phi), path.length_share)
             elements = replace(elements, contact=contact, friction=friction)
         return replace(self.chain, elements=elements, far=far)
 

@@ -54,7 +54,6 @@ class Stepper(Protocol):
 
     def advance(self, memory: StepperMemory, inputs: ChainInputs, record: bool) -> Rows:
         """Advance `memory` over `inputs`; fewer rows come back where a step fails for good."""
-        ...
 
 
 class Inverse(Protocol):
@@ -62,4 +61,3 @@ class Inverse(Protocol):
 
     def invert(self, x: Array, time_s: float, reference: Array, record: bool) -> InverseRows:
         """Force, least tension and states for tensions [N] at the ends of the steps that follow the state x."""
-        ...

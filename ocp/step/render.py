@@ -31,6 +31,9 @@ _HOST_LINKS = (("c", "for (i = 1; i < n; i++)"), ("of_ends", "i = 0;"), ("of_end
 ends would be made one over vectors, and cost more than the rest."""
 
 
+_OF_MASSES = ("friction_", "piece_mass")
+"""How the names of what each mass may have for itself begin."""
+
 Compliances = Mapping[str, str | tuple[str, str]]
 
 
@@ -61,13 +64,10 @@ class OnJoints:
     factors: bool = False  # friction carries factors that are known at run time only
 
 
-def law_calls(
-    prefix: str, laws: Mapping[str, SpecialisedLaw], own_names: tuple[str, ...] = ("friction_", "piece_mass")
-) -> Callable[..., str]:
+def law_calls(prefix: str, laws: Mapping[str, SpecialisedLaw]) -> Callable[..., str]:
     """How generated code calls its laws: see `StepCode.call`.
 
-    Laws of an end mass that differ between the ends are named with "_near" or "_far" behind; what each mass has for
-    itself has a name that begins as `own_names` say.
+    Laws of an end mass that differ between the ends are named with "_near" or "_far" behind.
     """
 
     def call(law: str, *parts: Mapping[str, str], end: str = "", link: str = "c", own: str = "", mass: str = "") -> str:
@@ -77,7 +77,7 @@ def law_calls(
         def value(name: str) -> str:
             if (text := arguments.get(name)) is not None:
                 return text
-            if own and mass and name.startswith(own_names):
+            if own and mass and name.startswith(_OF_MASSES):
                 return own.format(name=name, mass=mass)
             return f"{link}->{name.replace('end_', f'{end}_', 1)}"
 

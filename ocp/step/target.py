@@ -111,7 +111,8 @@ def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -
     pieces = tuple((step_s / 2**k, 0.0) for k in range(1, limits.splits + 1))
     weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY), *pieces)
     contact = _contact(chain, prefix, precision)
-    folder, laws = chain_specialiser(chain, weights, prefix, precision, contact, whole=False), _laws(chain, contact)
+    folder = chain_specialiser(chain, weights, prefix, precision, contact, whole=False)
+    laws = ElementLaws.of(chain) if contact is None else contact.laws
     near, far = {"pull": -1.0}, {"x_c": 0.0, "f_c": 0.0, "pull": 1.0}
     if not chain.near.stiffness_N_per_m:
         near["x_c"] = 0.0
@@ -201,10 +202,6 @@ def step_code(
 
 def _contact(chain: Chain, prefix: str, precision: Precision, *, settable: bool = False) -> Contact | None:
     return contact_code(chain, Joints.of(chain), prefix, precision, settable=settable) if chain.moving else None
-
-
-def _laws(chain: Chain, contact: Contact | None) -> ElementLaws:
-    return ElementLaws.of(chain) if contact is None else contact.laws
 
 
 def _text(folded: tuple[SpecialisedLaw, ...], contact: Contact | None) -> str:

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import zip_longest
 
 import casadi as ca
 import numpy as np
@@ -196,7 +197,8 @@ def tanh_fraction(most: float, rounding: float) -> tuple[list[int], list[int]]:
 
     Convergents of the continued fraction x/(1 + y/(3 + y/(5 + ...))) lie on both sides of tanh in turn.
     """
-    y, rows = Fraction(most) ** 2, [([0], [1]), ([1], [1])]
+    y = Fraction(most) ** 2
+    rows: list[tuple[list[int], list[int]]] = [([], [1]), ([1], [1])]
     while True:
         odd = 2 * len(rows) - 1
         rows.append((_next(odd, rows[-1][0], rows[-2][0]), _next(odd, rows[-1][1], rows[-2][1])))
@@ -210,13 +212,7 @@ def _value(factors: list[int], y: Fraction) -> Fraction:
 
 
 def _next(odd: int, last: list[int], before: list[int]) -> list[int]:
-    grown = [0, *before]
-    size = max(len(last), len(grown))
-    first, second = last + [0] * (size - len(last)), grown + [0] * (size - len(grown))
-    result = [odd * a + b for a, b in zip(first, second, strict=True)]
-    while result[-1] == 0:
-        result.pop()
-    return result
+    return [odd * a + b for a, b in zip_longest(last, [0, *before], fillvalue=0)]
 
 
 def _distinct(record: object) -> tuple[ca.SX, ...]:
@@ -239,7 +235,7 @@ def _contact_law(chain: Chain, mass: int, twins: dict[str, str], factor_names: t
         own[name] = number * factors[way_of(name)] if factors and way_of(name) else number
     length = float(e.path.length_share[mass])
     angle = ca.SX.sym("angle_rad")
-    share = angle / e.path.total_angle_rad if e.path.total_angle_rad > 0 else length
+    share = e.angle_share(angle) if e.path.total_angle_rad > 0 else length
     there = fields_of(replace(e.contact, **own).on_piece(angle, share, length), "friction_")  # type: ignore[type-var]
     outputs = {
         name: at_least(value, COEFFICIENT_FLOOR) if name.startswith(_COEFFICIENTS) else value
