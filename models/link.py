@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Protocol, Self
 
 import casadi as ca
-import numpy as np
 
 from tendonff.models.bounds import at_least
 from tendonff.models.layout import fields_of
@@ -116,18 +115,3 @@ class TwoTimesLink(ZenerLink):
         """Stiffness [N/m] and time [s] of each relaxing branch."""
         first = self.relaxing_stiffness_N_per_m, self.relaxation_time_s
         return first, (self.second_relaxing_stiffness_N_per_m, self.second_relaxation_time_s)
-
-
-def transfer_function(link: ZenerLink) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Numerator and denominator of F/E of one link in powers of s, highest first, eq. (7).
-
-    F/E = k1 + c s + sum_j k_j tau_j s/(tau_j s + 1) over the relaxing branches. The paper prints F/V = F/(s E) with
-    c = 0 and tau = b_k/k2: [b_k (k1 + k2) s + k1 k2]/(b_k s^2 + k2 s).
-    """
-    numerator = np.array([float(link.damping_N_s_per_m), float(link.stiffness_N_per_m)])
-    denominator = np.array([1.0])
-    for stiffness, time in link.branches:
-        lag = np.array([float(time), 1.0])
-        relaxing = np.polymul([float(stiffness) * float(time), 0.0], denominator)
-        numerator, denominator = np.polyadd(np.polymul(numerator, lag), relaxing), np.polymul(denominator, lag)
-    return tuple(numerator.tolist()), tuple(denominator.tolist())

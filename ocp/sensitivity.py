@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from tendonff.models.chain import Chain
 from tendonff.models.elements import Whole
 from tendonff.models.errors import ParameterError
-from tendonff.models.friction import RubbingEnd
-from tendonff.models.layout import ChainInputs, ChainState, fields_of
+from tendonff.models.layout import ChainInputs, ChainState
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import describe_failure, tensions_of
@@ -27,7 +26,7 @@ from tendonff.ocp.step.protocol import Array, Rows
 
 
 class Parameter(StrEnum):
-    """Parameters that a sensitivity may be taken over: the fields of `Whole`, and the drive's dry friction."""
+    """Parameters that a sensitivity may be taken over: the fields of `Whole`."""
 
     MASS = "mass_kg"
     VISCOUS = "viscous_N_s_per_m"
@@ -42,11 +41,6 @@ class Parameter(StrEnum):
     MU_STATIC_PULL = "mu_static_pull"
     MU_DYNAMIC_RELEASE = "mu_dynamic_release"
     MU_STATIC_RELEASE = "mu_static_release"
-    COULOMB = "coulomb_N"
-
-
-_OF_DRIVE = (Parameter.COULOMB, Parameter.BRISTLE_STIFFNESS)
-"""Its dry friction has the bristle of the tendon's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,19 +156,13 @@ def parameter_sensitivity(
 ) -> Sensitivity:
     """How the tensions and the end positions change with parameters of the whole tendon, per SI unit of each.
 
-    The chain is that of `whole`; the force is f_c1 at 0, h, 2 h ..., shape (n,), and the start is at rest under
-    `initial_tension_N`.
+    The chain is that of `whole`; what the ends are made of does not change. The force is f_c1 at 0, h, 2 h ..., shape
+    (n,), and the start is at rest under `initial_tension_N`.
     """
     symbols: dict[str, ca.SX] = {name: ca.SX.sym(name) for name in parameters}
-    rubs = isinstance(chain.near, RubbingEnd)
-    if Parameter.COULOMB in symbols and not rubs:
-        raise ParameterError("coulomb_N must be > 0 for a sensitivity, got 0; start from a small one")
-    of_drive = {name: s for name, s in symbols.items() if rubs and name in _OF_DRIVE}
-    of_tendon = {name: s for name, s in symbols.items() if name != Parameter.COULOMB}
-    elements = whole.changed(of_tendon).divided(chain.count, chain.motion)
-    symbolic = replace(chain, elements=elements, near=replace(chain.near, **of_drive))
+    symbolic = replace(chain, elements=whole.changed(symbols).divided(chain.count, chain.motion))
     unknowns = ca.vertcat(*symbols.values())
-    at = [fields_of(chain.near)[name] if name == Parameter.COULOMB else whole.value(name) for name in parameters]
+    at = [whole.value(name) for name in parameters]
     numbers = ca.vertcat(*symbolic.numbers().values())
     stretch, own = symbolic.link.shortened(ca.DM(chain.path_at(np.zeros(1)).ratio[0])).rest(initial_tension_N)
     by_link = [ca.densify(state) for state in (stretch, *own)]

@@ -18,7 +18,6 @@ from tendonff.ocp.simulate import simulate
 Array = NDArray[np.float64]
 STEP = 1e-3
 ROWS = 600
-OF_TENDON = tuple(p for p in Parameter if p is not Parameter.COULOMB)  # that of the drive: test_dry_drive
 
 
 def force() -> Array:
@@ -67,7 +66,7 @@ def test_knots_are_forgotten_from_their_rows_on_and_nothing_else_is(generic: Tra
     assert np.abs(whole[~kept]).max() > 1e-6
 
 
-@pytest.mark.parametrize("parameter", OF_TENDON)
+@pytest.mark.parametrize("parameter", Parameter)
 def test_parameter_sensitivity_is_the_slope_of_central_differences(generic: Transmission, parameter: Parameter) -> None:
     whole = whole_of(generic, Level.PRESLIDING)
     chain = Chain.of(generic, Level.PRESLIDING, 3)
@@ -122,7 +121,7 @@ def test_without_a_compiler_the_slopes_over_parameters_are_the_same(generic: Tra
     chain, whole = Chain.of(generic, Level.PRESLIDING, 3), whole_of(generic, Level.PRESLIDING)
     ours, theirs = (
         parameter_sensitivity(
-            whole, chain, force(), STEP, OF_TENDON, initial_tension_N=30.0, all_links=True, engine=engine
+            whole, chain, force(), STEP, tuple(Parameter), initial_tension_N=30.0, all_links=True, engine=engine
         )
         for engine in compiled_and_casadi()
     )
