@@ -17,8 +17,8 @@ from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal, real_type
 from tendonff.ocp.step.folding import Weights, chain_specialiser, record_code, rest_statements
-from tendonff.ocp.step.joints import Joints, way_of
-from tendonff.ocp.step.laws import ElementLaws, end_mass, end_mass_tangent
+from tendonff.ocp.step.joints import Joints
+from tendonff.ocp.step.laws import ElementLaws, end_mass, end_mass_tangent, way_of
 from tendonff.ocp.step.render import Compliances, Limits, law_calls
 from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT
 from tendonff.ocp.step.target import compliances_of, controller_limits, folded_inverse, step_code

@@ -16,8 +16,8 @@ from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import Specialiser
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal, real_type
-from tendonff.ocp.step.joints import Joints, equal_numbers, way_of
-from tendonff.ocp.step.laws import ElementLaws, symbolic
+from tendonff.ocp.step.joints import Joints
+from tendonff.ocp.step.laws import ElementLaws, symbolic, twins_of, way_of
 
 _TANH = """/* tanh without a library where friction of one mass is moderate: a fraction, exact to rounding there. */
 static {real} {prefix}_short_tanh({real} x)
@@ -64,7 +64,7 @@ def contact_code(
     path; default: `prefix` without its last word.
     """
     types = types or prefix.rpartition("_")[0]
-    twins = equal_numbers(chain, ways_differ=settable)
+    twins = twins_of(chain, ways_differ=settable)
     friction = symbolic(chain.friction, "friction_", twins)
     known = {name: _of_masses(chain, value) for name, value in fields_of(chain.friction, "friction_").items()}
     known["piece_mass_kg"] = _of_masses(chain, chain.elements.piece.mass_kg)
