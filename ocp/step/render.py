@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from tendonff.models.layout import INPUT_NAMES, StateLayout
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.codegen.printer import literal, real_type
+from tendonff.ocp.codegen.printer import literal
 from tendonff.ocp.codegen.templates import environment
 from tendonff.ocp.step.scheme import (
     BDF2_CARRY,
@@ -158,7 +158,7 @@ class StepCode:
         enter = f"const {self.prefix}_weights *const c = given;\n    (void)c;"
         if self.host:  # a copy that nothing can change lets the compiler keep the numbers in registers
             enter = f"const {self.prefix}_weights local = given[0], *const c = &local;"
-        real, restrict = real_type(precision), "restrict " if self.host else ""
+        real, restrict = precision.value, "restrict " if self.host else ""
         own = ("piece_mass_kg", *self.friction_numbers) if self.moving and self.host else ()
         on_joints = self.on_joints
         contact = f"const {self.prefix}_contact *contact, " if on_joints else ""

@@ -15,7 +15,7 @@ from tendonff.models.layout import fields_of
 from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import Specialiser
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.codegen.printer import literal, real_type
+from tendonff.ocp.codegen.printer import literal
 from tendonff.ocp.step.joints import Joints
 from tendonff.ocp.step.laws import ElementLaws, symbolic, twins_of, way_of
 
@@ -101,7 +101,7 @@ def contact_code(
         for name, values in known.items()
         if name.removeprefix("friction_") not in twins and (name in renewed or np.ptp(values) > 0)
     ) or ("piece_mass_kg",)
-    more = ", {0} pull, {0} release".format(real_type(precision)) if settable else ""
+    more = f", {precision.value} pull, {precision.value} release" if settable else ""
     head = f"const {types}_path *path, {prefix}_contact *contact{more}"
     if all(calls[False][k].split("(")[0] == text.split("(")[0] for k, text in calls[True].items()):
         calls[True] = {}
@@ -128,7 +128,7 @@ def contact_code(
         own=own,
         constants={name: value for name, value in everything.items() if name not in own},
         floors={name: COEFFICIENT_FLOOR for name in own if name.startswith(_COEFFICIENTS)},
-        record=f"typedef struct {{ /* friction of one mass of a bend */\n    {real_type(precision)} "
+        record=f"typedef struct {{ /* friction of one mass of a bend */\n    {precision} "
         f"{', '.join(fields)};\n}} {prefix}_contact;\n",
         functions="\n".join(functions),
     )
@@ -184,7 +184,7 @@ def _helper(chain: Chain, prefix: str, precision: Precision) -> str:
 
     return _TANH.format(
         prefix=prefix,
-        real=real_type(precision),
+        real=precision.value,
         f="f" if precision is Precision.FLOAT else "",
         most=literal(x * x, precision),
         above=text(above),
