@@ -53,7 +53,7 @@ class ExploreParameters:
     def of(cls, scenario: Scenario) -> "ExploreParameters":
         """The values of a scenario; joints as they are."""
         transmission = scenario.transmission
-        friction, soft = transmission.friction, scenario.run.level.features.soft_bristle
+        friction, soft = transmission.friction, scenario.run.level.soft_bristle
         return cls(
             mu=friction.mu_dynamic,
             total_angle_deg=float(np.degrees(transmission.path.total_angle_rad)),
@@ -74,7 +74,7 @@ class ExploreParameters:
             old,
             path=self._path(old),
             tendon=replace(old.tendon, relaxation_time_s=self.relaxation_time_s),
-            friction=self._friction(old.friction, soft=scenario.run.level.features.soft_bristle),
+            friction=self._friction(old.friction, soft=scenario.run.level.soft_bristle),
             actuator=replace(old.actuator, force_rate_max_N_per_s=self.force_rate_max_N_per_s),
             load=replace(load, stiffness_N_per_m=self.load_stiffness_N_per_m, mass_kg=self.load_mass_kg),
         )
