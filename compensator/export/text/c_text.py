@@ -24,6 +24,7 @@ from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.capstan.spread_bounds import PLAYS, play_exponents
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
+from tendonff.models.friction import equivalent_exponent
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
@@ -334,7 +335,7 @@ def _rated(joints: Joints) -> list[bool]:
 def _friction_shares(chain: Chain) -> list[float]:
     """Share of each mass in what friction can hold along the path, at joint angle zero."""
     pull, _ = chain.friction.slip_coefficients
-    exponent = np.arctanh(np.minimum(np.broadcast_to(np.asarray(pull, float), (chain.count,)), 1 - 1e-12))
+    exponent = equivalent_exponent(np.minimum(np.broadcast_to(np.asarray(pull, float), (chain.count,)), 1 - 1e-12))
     total = float(exponent.sum())
     return (exponent / total).tolist() if total > 0 else [1 / chain.count] * chain.count
 
