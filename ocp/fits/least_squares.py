@@ -60,7 +60,6 @@ class Solution:
     degrees: int  # independent blocks less unknowns: degrees of freedom of Student's t
     residuals: Residuals  # at the minimiser
     cost: float
-    evaluations: int
     at_bound: tuple[str, ...]  # unknowns that ended on a bound
 
     def standard_error(self, name: str) -> float:
@@ -132,7 +131,6 @@ def solve(
         degrees=degrees,
         residuals=residuals,
         cost=float(found.cost),
-        evaluations=int(found.nfev),
         at_bound=bound,
     )
 
