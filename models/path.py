@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.models.errors import ParameterError
-
-Array = NDArray[np.float64]
+from tendonff.models.layout import Array
 
 MOST_TURNS = 100.0
 

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-Array = NDArray[np.float64]
+from tendonff.ocp.step.protocol import Array
 
 TENDON_PARAMETERS = ("stiffness_N_per_m", "relaxing_stiffness_N_per_m", "relaxation_time_s")
 

@@ -9,8 +9,8 @@ from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from tendonff.ocp.errors import SolveError
+from tendonff.ocp.step.protocol import Array
 
-Array = NDArray[np.float64]
 Blocks = NDArray[np.int_]
 
 SINGULAR = 1e-9
