@@ -16,7 +16,6 @@ from tendonff.compensator.compensators.base import (
     Style,
     with_motion,
 )
-from tendonff.compensator.compensators.optimal import Optimal
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import Score, SimulatedPlant, score, verify
 from tendonff.compensator.reporting.colours import PURPLE
@@ -160,10 +159,11 @@ class Curve:
     compensator: Compensator | None  # None tunes itself to a measurement
 
 
-FAST = tuple(Curve(name=c.name, label=c.label, style=c.style, compensator=c) for c in COMPENSATORS if c.is_fast)
+_ALL = tuple(Curve(name=c.name, label=c.label, style=c.style, compensator=c) for c in COMPENSATORS)
+FAST = tuple(curve for curve, c in zip(_ALL, COMPENSATORS, strict=True) if c.is_fast)
 """Fast enough to follow a slider."""
 SLOW = (
-    *(Curve(name=c.name, label=c.label, style=c.style, compensator=c) for c in COMPENSATORS if isinstance(c, Optimal)),
+    *(curve for curve in _ALL if curve not in FAST),
     Curve(name="self_tuning", label="self-tuning inverse", style=Style(color=PURPLE, linestyle="-"), compensator=None),
 )
 """These take a second or more, and come when they are asked for."""
