@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from tendonff.models.errors import ParameterError
 from tendonff.ocp.adaptation.tuning import Sensor
 
 SHORT_S = 6.0
@@ -38,15 +37,15 @@ class Variation:
     offset: float = 0.0  # sensor offset as a share of the range that the measurement covers
     duration_s: float = SHORT_S  # least duration [s]
 
-    def __post_init__(self) -> None:
-        for name in ("mu", "bristle", "stiffness", "load", "start"):
-            if not getattr(self, name) > 0:
-                raise ParameterError(f"{name} must be > 0, got {getattr(self, name)}; 1 is the scenario's value")
-
     @property
     def changes(self) -> bool:
         """Something changes in mid-run."""
         return {self.mu_change, self.load_change} != {Change.CONSTANT}
+
+
+def friction_off(mu: float) -> Variation:
+    """The plant with nothing but the factor `mu` on its friction coefficients."""
+    return Variation(name=f"friction {100 * (mu - 1):+.0f} %".replace("-", "\N{MINUS SIGN}"), mu=mu)
 
 
 def variations(sensor: Sensor) -> tuple[Variation, ...]:
@@ -54,10 +53,6 @@ def variations(sensor: Sensor) -> tuple[Variation, ...]:
 
     An offset means nothing for a position that is relative to the start, but drift of its zero does.
     """
-    friction = tuple(
-        Variation(name=f"friction {100 * (mu - 1):+.0f} %".replace("-", "\N{MINUS SIGN}"), mu=mu)
-        for mu in (0.6, 0.8, 0.9, 1.1, 1.2, 1.4)
-    )
     others = tuple(
         replace(one, name=f"{prefix}{one.name} {sign}20 %", mu=mu)
         for mu, prefix in ((1.0, ""), (1.2, "friction +20 %, "))
@@ -70,7 +65,7 @@ def variations(sensor: Sensor) -> tuple[Variation, ...]:
     )
     return (
         Variation(name="as the scenario"),
-        *friction,
+        *map(friction_off, (0.6, 0.8, 0.9, 1.1, 1.2, 1.4)),
         *others,
         Variation(name="friction steps by +20 %", mu=1.2, mu_change=Change.STEP),
         Variation(name="friction drifts by +30 % in a minute", mu=1.3, mu_change=Change.DRIFT, duration_s=DRIFT_S),

@@ -42,7 +42,6 @@ class Scheme(StrEnum):
 class Trace:
     """One scheme on one plant."""
 
-    scheme: Scheme
     tension_N: FloatArray  # shape (n,); output tension at the samples of the case [N]
     # factors, deviation: shape (n, parameters); estimates and their standard deviations
     factors: FloatArray

@@ -9,7 +9,7 @@ import numpy as np
 
 from tendonff.compensator.adapt.feedback import FeedbackCertificate, feedback_certificate
 from tendonff.compensator.adapt.output import AdaptationStudy
-from tendonff.compensator.adapt.plants import Change, Variation, variations
+from tendonff.compensator.adapt.plants import Change, Variation, friction_off, variations
 from tendonff.compensator.adapt.result import SETTLED_S, WINDOW_S, Case, Scheme, Trace, moving_rms
 from tendonff.compensator.adapt.setup import certified, learnt, tuned_chain, tuning_of
 from tendonff.compensator.compensators.base import FloatArray, Problem
@@ -31,16 +31,6 @@ _VARIED = (Tunable.MU, Tunable.TENDON_STIFFNESS, Tunable.LOAD_STIFFNESS)
 
 def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy:
     """Try the self-tuning compensator on plants that differ from the scenario.
-
-    Parameters
-    ----------
-    scenario : Scenario
-        With a table [adaptation].
-    progress : callable, optional
-
-    Returns
-    -------
-    AdaptationStudy
 
     Raises
     ------
@@ -206,7 +196,6 @@ def _trace(scheme: Scheme, run: TunedRun, wanted: FloatArray, reference: Referen
     frozen = np.flatnonzero(run.status & TunerStatus.FROZEN)
     tuning = scheme is Scheme.SELF_TUNING
     return Trace(
-        scheme=scheme,
         tension_N=run.tension_N,
         factors=run.factors,
         deviation=run.deviation,
@@ -222,8 +211,7 @@ def _widest(cases: list[Case]) -> Case:
 
 
 def _headline(cases: list[Case], known: Information, advice: tuple[str, float] | None) -> str:
-    off = [case for case in cases if case.variation.name.startswith("friction ") and "20 %" in case.variation.name]
-    off = [case for case in off if case.variation.mu in (0.8, 1.2) and not case.variation.changes][:2]
+    off = [case for case in cases if case.variation in (friction_off(0.8), friction_off(1.2))]
     plain = max(case.traces[Scheme.FEEDFORWARD].settled_percent for case in off)
     tuned = max(case.traces[Scheme.SELF_TUNING].settled_percent for case in off)
     widest = _widest(cases)
