@@ -14,7 +14,7 @@ import numpy as np
 
 from tendonff.compensator.experiment.machine import StatePass
 from tendonff.compensator.experiment.result import SECTIONS, ExperimentData, ExperimentRun, MeasuredTensions
-from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.tables import read_table
 from tendonff.models.capstan.two_ended import TwoEndedLaw
 
@@ -93,6 +93,12 @@ class Refinement:
     fine_segments: int
     rms_percent_of_range: float
     max_percent_of_range: float
+
+
+def _rms_and_largest(off_N: FloatArray, range_N: float) -> tuple[float, float]:
+    """RMS and largest size of differences, in % of a range."""
+    rms, largest = math.sqrt(float((off_N**2).mean())), float(np.abs(off_N).max())
+    return percent_of(rms, range_N), percent_of(largest, range_N)
 
 
 def percent_of(value: float, range_N: float) -> float:
@@ -209,20 +215,18 @@ def law_deviation(run: ExperimentRun) -> LawDeviation:
     law = TwoEndedLaw.of(run.transmission, tension.shape[1] - 1)
     # inertia and viscous friction may take the ends beyond full slip: no tension is too far here
     off = law.history_N(tension[:, 0], tension[:, -1], tension[0], excess=math.inf) - tension
-    return LawDeviation(
-        rms_percent_of_range=percent_of(math.sqrt(float((off**2).mean())), run.range_N),
-        max_percent_of_range=percent_of(float(np.abs(off).max()), run.range_N),
-    )
+    rms, largest = _rms_and_largest(off, run.range_N)
+    return LawDeviation(rms_percent_of_range=rms, max_percent_of_range=largest)
 
 
 def refinement(coarse: ExperimentRun, fine: ExperimentRun) -> Refinement:
     """Difference of two runs of the same schedule."""
-    off = fine.tension_N - coarse.tension_N
+    rms, largest = _rms_and_largest(fine.tension_N - coarse.tension_N, coarse.range_N)
     return Refinement(
         segments=coarse.link_tension_N.shape[1] - 1,
         fine_segments=fine.link_tension_N.shape[1] - 1,
-        rms_percent_of_range=percent_of(math.sqrt(float((off**2).mean())), coarse.range_N),
-        max_percent_of_range=percent_of(float(np.abs(off).max()), coarse.range_N),
+        rms_percent_of_range=rms,
+        max_percent_of_range=largest,
     )
 
 
@@ -301,12 +305,6 @@ def deviations(run: ExperimentRun, measured: MeasuredTensions) -> tuple[Deviatio
     found = []
     for k, tension in measured.tension_N.items():
         simulated = np.interp(measured.time_s[inside], run.time_s, run.tension_N[:, k])
-        off = 100 * (tension[inside] - simulated) / run.range_N
-        found.append(
-            Deviation(
-                sensor=k + 1,
-                measured_rms_percent_of_range=float(np.sqrt(np.mean(off**2))),
-                measured_max_percent_of_range=float(np.abs(off).max()),
-            )
-        )
+        rms, largest = _rms_and_largest(tension[inside] - simulated, run.range_N)
+        found.append(Deviation(sensor=k + 1, measured_rms_percent_of_range=rms, measured_max_percent_of_range=largest))
     return tuple(found)

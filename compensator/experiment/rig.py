@@ -111,8 +111,7 @@ class Rig:
                     self._command[k] = self._bumpless(modes[k], k)
             self._modes = modes
             self._simulator = self._new_simulator(self._simulator.state)
-        jump: FloatArray = (self._motor_force(self._command[None, :], self._position[None, :]) - before)[0]
-        return jump
+        return np.asarray((self._motor_force(self._command[None, :], self._position[None, :]) - before)[0])
 
     def advance(self, rates: FloatArray) -> RigRows:
         """Move the commands at given rates; the rows at the ends of the steps. SolveError when a step cannot be solved.

@@ -15,7 +15,7 @@ from tendonff.compensator.identification.fitting.chain_law import (
     fit_free,
 )
 from tendonff.compensator.identification.fitting.errors import Prediction
-from tendonff.compensator.identification.fitting.noisy_input.second_look import look_again
+from tendonff.compensator.identification.fitting.noisy_input import look_again
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece, fit_pieces, spans_of
 from tendonff.compensator.identification.fitting.uncertainty import (
     expected_errors,
