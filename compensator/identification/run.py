@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.identification import messages
 from tendonff.compensator.identification.estimates import estimates_of
 from tendonff.compensator.identification.fitted import Fitted, carried_on, with_coulomb
 from tendonff.compensator.identification.fitting import tendon
@@ -28,14 +29,6 @@ from tendonff.compensator.identification.measured.cleaning import Record, clean
 from tendonff.compensator.identification.measured.plan import check_plan, check_question
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.measured.units import magnitude_warning, unit_warning
-from tendonff.compensator.identification.messages import (
-    about_delay,
-    about_fitted,
-    about_issues,
-    about_moments,
-    about_no_law,
-    about_uneven_path,
-)
 from tendonff.compensator.identification.outcome import Outcome, compared, outcome_of
 from tendonff.compensator.identification.output import Identification
 from tendonff.compensator.identification.result import POOR_PERCENT, CandidateLaw, FileResult
@@ -92,7 +85,7 @@ def identify(
     everything = [clean(one, how) for one in raw]
     records: Sequence[Record] = everything[: len(fit_files)]
     judges = everything[len(fit_files) :]
-    warnings = [unit_warning(how, _positions_of(records)), *about_issues(everything)]
+    warnings = [unit_warning(how, _positions_of(records)), *messages.about_issues(everything)]
     foreign = _foreign(scenario, records)
     if _proximal(scenario, everything, static_only=static_only):
         fits = _fit_proximal(scenario, records, judges, say)
@@ -105,18 +98,18 @@ def identify(
     chain = law if isinstance(law, DynamicFit) else None
     outcome = outcome_of(law, records, fits.judges)
     told = between_files(chain.files, chain.values, records, conditions or {}) if chain is not None else ((), [])
-    warnings += [*told[1], about_delay(fits.delay), about_moments(outcome)]
+    warnings += [*told[1], messages.about_delay(fits.delay), messages.about_moments(outcome)]
     sliding = sliding_ratios(records)
     failure = _failure(outcome)
     if failure:
-        warnings.append(about_no_law(laws, failure, sliding, records))
+        warnings.append(messages.about_no_law(laws, failure, sliding, records))
     estimates, names, correlation = estimates_of(scenario, law, summarise_excitation(records), described=not failure)
     fitted = Fitted(scenario=scenario)
     if not failure:
         say("replay of the fitted scenario")
         fitted = carried_on(scenario, law, records, static_only=static_only)
-        warnings += about_fitted(fitted, records)
-        warnings.append(about_uneven_path(chain, theta))
+        warnings += messages.about_fitted(fitted, records)
+        warnings.append(messages.about_uneven_path(chain, theta))
     sections = friction_by_section(fit_files, how, theta, fitted.scenario.transmission.friction.adhesion_N)
     of_drive = drive_estimate(scenario, raw[: len(fit_files)])
     if of_drive is not None:
