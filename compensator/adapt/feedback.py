@@ -71,7 +71,7 @@ def feedback_certificate(
 ) -> FeedbackCertificate:
     """Bound the gain of the integral action; `gain_per_s` is the one that is wanted."""
     omega = np.geomspace(1e-3, 1, _FREQUENCIES) * np.pi / step_s
-    s = 1j * omega
+    s = (1j * omega).astype(np.complex128)
     z = np.exp(s * step_s)
     integrator = step_s * z ** -(delay_samples + 1.0) / (1 - 1 / z)
     design = transmission_dynamics(transmission, s)

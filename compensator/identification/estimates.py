@@ -10,7 +10,7 @@ from scipy.stats import t as student
 from tendonff.compensator.identification.fitting.dynamic import DynamicFit, relevant_size
 from tendonff.compensator.identification.fitting.static import StaticFit
 from tendonff.compensator.identification.identifiability import ExcitationSummary, reason
-from tendonff.compensator.identification.measured.reading import Array
+from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.result import Estimate
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tendonff.compensator.identification.measured.reading import Array
+from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.result import IdentificationData, PieceComparison
 from tendonff.compensator.identification.suggest import Excitation
 from tendonff.compensator.reporting.colours import BLUE, GREY, INK, ORANGE, VERMILION

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tendonff.compensator.identification.fitted import Fitted
 from tendonff.compensator.identification.fitting.delay import Delay
@@ -16,7 +15,6 @@ from tendonff.compensator.identification.outcome import Outcome
 from tendonff.compensator.identification.result import CandidateLaw, PieceComparison
 from tendonff.ocp.fits.static import StaticParameter
 
-Array = NDArray[np.float64]
 P = StaticParameter
 
 MOST_ALIKE = 3

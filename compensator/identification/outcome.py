@@ -15,8 +15,8 @@ from tendonff.compensator.identification.fitting.errors import (
 from tendonff.compensator.identification.fitting.model_selection import StaticSelection
 from tendonff.compensator.identification.fitting.residuals import FitPiece
 from tendonff.compensator.identification.fitting.static import StaticFit, respond
+from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record
-from tendonff.compensator.identification.measured.reading import Array
 from tendonff.compensator.identification.result import CandidateLaw, FileResult, PieceComparison
 from tendonff.compensator.scenario.measurement import Explain
 

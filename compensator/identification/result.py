@@ -10,7 +10,8 @@ from tendonff.compensator.identification.fitting.by_file import ByFile
 from tendonff.compensator.identification.fitting.errors import FileError
 from tendonff.compensator.identification.fitting.sections import SectionFriction
 from tendonff.compensator.identification.fitting.sliding_ratio import SlidingRatio
-from tendonff.compensator.identification.measured.reading import Array, Finding
+from tendonff.compensator.identification.measured import Array
+from tendonff.compensator.identification.measured.reading import Finding
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 

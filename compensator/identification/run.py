@@ -26,9 +26,13 @@ from tendonff.compensator.identification.fitting.sliding_ratio import sliding_ra
 from tendonff.compensator.identification.fitting.static import StaticFit
 from tendonff.compensator.identification.identifiability import summarise_excitation
 from tendonff.compensator.identification.measured.cleaning import Record, clean
-from tendonff.compensator.identification.measured.plan import check_plan, check_question
+from tendonff.compensator.identification.measured.plan import (
+    check_plan,
+    check_question,
+    magnitude_warning,
+    unit_warning,
+)
 from tendonff.compensator.identification.measured.reading import read_measurement
-from tendonff.compensator.identification.measured.units import magnitude_warning, unit_warning
 from tendonff.compensator.identification.outcome import Outcome, compared, outcome_of
 from tendonff.compensator.identification.output import Identification
 from tendonff.compensator.identification.result import POOR_PERCENT, CandidateLaw, FileResult

@@ -9,8 +9,8 @@ from tendonff.compensator.identification.fitting.by_file import gauss_newton_ste
 from tendonff.compensator.identification.fitting.dynamic import CoarseFit, fit_coarse
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals
 from tendonff.compensator.identification.fitting.uncertainty import slopes_over_all
+from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Piece, Record
-from tendonff.compensator.identification.measured.reading import Array
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.fits.chain import DynamicParameter
 from tendonff.ocp.fits.least_squares import Residuals

@@ -24,8 +24,8 @@ from tendonff.compensator.identification.fitting.uncertainty import (
     with_floors,
     with_other_laws,
 )
+from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record
-from tendonff.compensator.identification.measured.reading import Array
 from tendonff.compensator.identification.measured.smoothing import low_pass
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.models.fidelity import Level

@@ -20,7 +20,7 @@ import numpy as np
 
 from tendonff.compensator.identification.fitting.chain_law import LAW_NAMES, ChainCandidate, ChosenLaw
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece
-from tendonff.compensator.identification.measured.reading import Array
+from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.smoothing import low_pass
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.errors import SolveError

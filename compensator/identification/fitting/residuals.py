@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.compensator.identification.fitting.errors import centred, explained
+from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import SHORT_GAP_ROWS, Piece, Record
-from tendonff.compensator.identification.measured.reading import Array, Mask
 from tendonff.compensator.identification.measured.smoothing import low_pass
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.errors import SolveError

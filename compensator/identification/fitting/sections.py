@@ -13,8 +13,9 @@ import numpy as np
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.fitting.sliding_ratio import last_reversal
+from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import clean
-from tendonff.compensator.identification.measured.reading import Array, read_measurement
+from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.models.capstan import Branch
 

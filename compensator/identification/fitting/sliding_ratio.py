@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import Piece, Record
-from tendonff.compensator.identification.measured.reading import Array, Mask
 from tendonff.models.capstan import Branch
 
 FAST_SHARE, TRAVEL_SHARE = 0.5, 0.4

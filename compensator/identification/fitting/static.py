@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.compensator.identification.fitting.errors import Prediction, explained, span_of
+from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import Piece, Record
-from tendonff.compensator.identification.measured.reading import Array, Mask
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.fits.least_squares import Residuals, Solution, Unknown, solve
 from tendonff.ocp.fits.static import NEUTRAL, ORDER, Response, StaticParameter, input_from_output, output_from_input

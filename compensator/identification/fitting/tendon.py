@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonff.compensator.identification.fitting.static import BLOCKS_WANTED
+from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import Piece, Record
-from tendonff.compensator.identification.measured.reading import Array, Mask
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.parameters import Tendon
 from tendonff.ocp.fits.elongation import TENDON_PARAMETERS, elongation

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals
-from tendonff.compensator.identification.measured.reading import Array
+from tendonff.compensator.identification.measured import Array
 from tendonff.models.path import Section
 from tendonff.ocp.fits.chain import DynamicParameter
 from tendonff.ocp.fits.least_squares import Residuals, Solution, block_covariance

@@ -7,14 +7,8 @@ import numpy as np
 from scipy.ndimage import median_filter, percentile_filter
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.identification.measured.reading import (
-    Array,
-    DataIssue,
-    Finding,
-    Findings,
-    Mask,
-    RawMeasurement,
-)
+from tendonff.compensator.identification.measured import Array, Mask
+from tendonff.compensator.identification.measured.reading import DataIssue, Finding, Findings, RawMeasurement
 from tendonff.compensator.identification.measured.smoothing import (
     adaptive_low_pass,
     find_cutoff_Hz,

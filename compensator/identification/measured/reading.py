@@ -6,7 +6,6 @@ from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tendonff.compensator.files.quantities import (
     ANGLE_UNITS,
@@ -19,17 +18,13 @@ from tendonff.compensator.files.quantities import (
 )
 from tendonff.compensator.files.reading import InputError, nearest_column
 from tendonff.compensator.files.tables import Table, read_table
-from tendonff.compensator.identification.measured.offsets import slack_offsets
-from tendonff.compensator.identification.measured.onset import switched_on_s
+from tendonff.compensator.identification.measured import Array, Mask
+from tendonff.compensator.identification.measured.preparation import slack_rows, switched_on_s
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.models.path import JointMotion
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-
 OUT_OF_ORDER_ROWS = 5
 """A clock that is back on its way after so many rows had rows out of order; one that stays behind has jumped."""
-
 
 _USUAL = {
     key: Quantity(name=name, words=words, units=units, option=f"--{key.replace('_', '-')}-column")
@@ -63,7 +58,6 @@ class DataIssue(StrEnum):
     SPIKE = "spikes"
     NEGATIVE = "negative readings"
     BIAS = "biased cell"
-    SLACK = "slack"
     SHORT = "short pieces"
     SKIPPED = "rows left out at the start"
     ONSET = "load switched on at the start"
@@ -193,6 +187,7 @@ def _zeroed(name: str, data: dict[str, Array], how: Measurement, findings: Findi
     ends = [key for key in ("input", "output") if key in data]
     given: dict[str, float | None] = {"input": how.input_offset_N, "output": how.output_offset_N}
     offsets: dict[str, float] = {key: value for key in ends if (value := given[key]) is not None}
+    rows, why = None, "as given"
     if how.tare_s is not None:
         start, stop = how.tare_s
         time = data["time"] - data["time"][0]
@@ -202,15 +197,12 @@ def _zeroed(name: str, data: dict[str, Array], how: Measurement, findings: Findi
                 f"{name}: {int(rows.sum())} samples between {start:g} and {stop:g} s, {LEAST_TARE_ROWS} are needed to "
                 "set the cells to zero; give --tare a longer time within the file"
             )
-        offsets = {key: float(np.median(data[key][rows])) for key in ends} | offsets
         why = f"their median from {start:g} to {stop:g} s"
-    elif not offsets and len(ends) == 2 and (slack := slack_offsets(data["input"], data["output"])) is not None:
-        offsets = dict(zip(ends, slack.offsets_N, strict=True))
-        why = (
-            f"both cells stay near zero in {slack.rows} samples, read as a slack tendon; --offset 0 keeps the readings"
-        )
-    else:
-        why = "as given"
+    elif not offsets and len(ends) == 2 and (rows := slack_rows(data["input"], data["output"])) is not None:
+        low = f"both cells stay near zero in {rows.sum()} samples"
+        why = f"{low}, read as a slack tendon; --offset 0 keeps the readings"
+    if rows is not None:
+        offsets = {key: float(np.median(data[key][rows])) for key in ends} | offsets
     if any(offsets.values()):
         shown = ", ".join(f"{key} {value:.4g} N" for key, value in offsets.items())
         findings.note(DataIssue.OFFSET, f"subtracted: {shown} ({why})", count=1)
