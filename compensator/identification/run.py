@@ -9,7 +9,7 @@ import numpy as np
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification import messages
-from tendonff.compensator.identification.estimates import estimates_of
+from tendonff.compensator.identification.estimates import estimates_of, summarise_excitation
 from tendonff.compensator.identification.fitted import Fitted, carried_on, with_coulomb
 from tendonff.compensator.identification.fitting import tendon
 from tendonff.compensator.identification.fitting.by_file import between_files
@@ -21,10 +21,8 @@ from tendonff.compensator.identification.fitting.model_selection import (
     choose_explain,
     select_static,
 )
-from tendonff.compensator.identification.fitting.sections import friction_by_section
-from tendonff.compensator.identification.fitting.sliding_ratio import sliding_ratios
+from tendonff.compensator.identification.fitting.sliding import friction_by_section, sliding_ratios
 from tendonff.compensator.identification.fitting.static import StaticFit
-from tendonff.compensator.identification.identifiability import summarise_excitation
 from tendonff.compensator.identification.measured.cleaning import Record, clean
 from tendonff.compensator.identification.measured.plan import (
     check_plan,

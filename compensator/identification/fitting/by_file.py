@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.compensator.identification.fitting.residuals import ChainResiduals
+from tendonff.compensator.identification.fitting.residuals import ChainResiduals, gauss_newton_step
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record
 from tendonff.ocp.fits.chain import DynamicParameter
@@ -63,14 +63,6 @@ def file_estimates(task: ChainResiduals, found: Residuals, solution: Solution) -
             )
         )
     return tuple(estimates)
-
-
-def gauss_newton_step(residuals: Array, slopes: Array) -> Array:
-    """Change of the values that the residuals ask for, large ones counted linearly, shape (k,)."""
-    weight = 1 / np.sqrt(1 + residuals**2)
-    scale = np.maximum(np.sqrt((slopes**2).sum(axis=0)), 1e-300)
-    scaled = slopes / scale
-    return np.asarray(-np.linalg.lstsq(np.sqrt(weight)[:, None] * scaled, np.sqrt(weight) * residuals)[0] / scale)
 
 
 def with_scatter(solution: Solution, files: Sequence[ByFile]) -> Solution:

@@ -6,6 +6,7 @@ from typing import ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import correlate
 
 from tendonff.compensator.identification.fitting.errors import centred, explained
 from tendonff.compensator.identification.measured import Array, Mask
@@ -228,10 +229,8 @@ class ChainResiduals:
             rows = len(explained_rows)
             off = explained_rows / np.sqrt(np.sqrt(1 + explained_rows**2))
             if rows > 8 and float(np.ptp(off)) > 0:
-                size = 2 ** int(np.ceil(np.log2(2 * rows)))
-                power = np.abs(np.fft.rfft(off, size)) ** 2
-                correlation = np.fft.irfft(power)[:rows] / (power.sum() / size * 2)
-                correlation = correlation / correlation[0]
+                correlation = correlate(off, off, method="fft")[rows - 1 :]
+                correlation /= correlation[0]
                 turn = np.flatnonzero(correlation < 0)
                 reach = int(turn[0]) if len(turn) else rows
                 total += rows / (1 + 2 * float(correlation[1:reach].sum()))
@@ -264,3 +263,11 @@ def spans_of(pieces: Sequence[FitPiece]) -> tuple[float, float]:
     output = max(r.measured.max() for r in pieces) - min(r.measured.min() for r in pieces)
     travel = max((float(np.ptp(r.piece.elongation_m())) for r in pieces if r.with_elongation), default=1.0)
     return max(float(output), 1e-15), max(travel, 1e-15)
+
+
+def gauss_newton_step(residuals: Array, slopes: Array) -> Array:
+    """Change of the values that the residuals ask for, large ones counted linearly, shape (k,)."""
+    weight = 1 / np.sqrt(1 + residuals**2)
+    scale = np.maximum(np.sqrt((slopes**2).sum(axis=0)), 1e-300)
+    scaled = slopes / scale
+    return np.asarray(-np.linalg.lstsq(np.sqrt(weight)[:, None] * scaled, np.sqrt(weight) * residuals)[0] / scale)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tendonff.compensator.identification.fitting.residuals import ChainResiduals
+from tendonff.compensator.identification.fitting.residuals import ChainResiduals, gauss_newton_step
 from tendonff.compensator.identification.measured import Array
 from tendonff.models.path import Section
 from tendonff.ocp.fits.chain import DynamicParameter
@@ -128,13 +128,9 @@ def _with_concentration(found: Residuals, task: ChainResiduals) -> Residuals | N
 
 def _newton(found: Residuals, columns: Sequence[int]) -> tuple[Array, float]:
     """A Gauss-Newton step over some columns, and the squared residuals after it."""
-    weight = 1 / np.sqrt(1 + found.values**2)
-    slopes = found.slopes[:, columns]
-    scale = np.maximum(np.sqrt((slopes**2).sum(axis=0)), 1e-300)
-    scaled = slopes / scale
-    step = -np.linalg.pinv(scaled.T @ (scaled * weight[:, None]), rcond=1e-12) @ (scaled.T @ (weight * found.values))
-    after = found.values + scaled @ step
-    return step / scale, max(float((weight * after**2).sum()), 1e-300)
+    step = gauss_newton_step(found.values, found.slopes[:, columns])
+    after = found.values + found.slopes[:, columns] @ step
+    return step, max(float((after**2 / np.sqrt(1 + found.values**2)).sum()), 1e-300)
 
 
 def with_common_errors(solution: Solution) -> Solution:
