@@ -4,8 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tendonff.compensator.adapt.plants import friction_off
-from tendonff.compensator.adapt.result import AdaptationData, Case, Scheme, moving_rms
+from tendonff.compensator.adapt.result import AdaptationData, Case, Scheme, friction_off, moving_rms
 from tendonff.compensator.reporting.colours import BLUE, GREEN, INK, ORANGE, VERMILION
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure, thinned
 

@@ -9,8 +9,18 @@ import numpy as np
 
 from tendonff.compensator.adapt.feedback import FeedbackCertificate, feedback_certificate
 from tendonff.compensator.adapt.output import AdaptationStudy
-from tendonff.compensator.adapt.plants import Change, Variation, friction_off, variations
-from tendonff.compensator.adapt.result import SETTLED_S, WINDOW_S, Case, Scheme, Trace, moving_rms
+from tendonff.compensator.adapt.result import (
+    SETTLED_S,
+    WINDOW_S,
+    Case,
+    Change,
+    Scheme,
+    Trace,
+    Variation,
+    friction_off,
+    moving_rms,
+    variations,
+)
 from tendonff.compensator.adapt.setup import certified, learnt, tuned_chain, tuning_of
 from tendonff.compensator.compensators.base import FloatArray, Problem
 from tendonff.compensator.files.progress import Progress, silent
@@ -108,15 +118,12 @@ def _case(
     reference = problem.reference
     problem, wanted = _extended(problem, one.duration_s)
     rows = len(wanted) - 1
-    shares = np.linspace(0, 1, rows)
     mu = np.ones(rows) * one.mu
-    if one.mu_change is Change.STEP:
-        mu[: rows // 2] = 1.0
-    elif one.mu_change is Change.DRIFT:
-        mu = 1 + (one.mu - 1) * shares
     load = np.ones(rows) * one.load
-    if one.load_change is not Change.CONSTANT:
-        load[: rows // 2] = 1.0
+    if one.change is Change.MU_DRIFT:
+        mu = 1 + (one.mu - 1) * np.linspace(0, 1, rows)
+    elif one.change is not Change.NOTHING:
+        (mu if one.change is Change.MU_STEP else load)[: rows // 2] = 1.0
     traces = {}
     for scheme in schemes:
         if scheme is Scheme.FEEDBACK and certificate is None:
@@ -155,7 +162,11 @@ def _run(
     bristle = {"bristle_stiffness_N_per_m": one.bristle * plant.whole.value("bristle_stiffness_N_per_m")}
     plant = replace(plant, whole=plant.whole.changed(bristle))
     noise = np.random.default_rng(0).normal(size=len(mu)) * tuning.noise + one.offset * tuning.span
-    cuts = [0, len(mu)] if not one.changes else list(np.linspace(0, len(mu), _SEGMENTS_OF_A_DRIFT + 1, dtype=int))
+    cuts = (
+        [0, len(mu)]
+        if one.change is Change.NOTHING
+        else list(np.linspace(0, len(mu), _SEGMENTS_OF_A_DRIFT + 1, dtype=int))
+    )
     tuner = SelfTuner(tuned, reference.step_s, tuning, problem.limits, start)
     rig: SimulatedRig | None = None
     runs = []
