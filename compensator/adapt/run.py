@@ -162,11 +162,8 @@ def _run(
     bristle = {"bristle_stiffness_N_per_m": one.bristle * plant.whole.value("bristle_stiffness_N_per_m")}
     plant = replace(plant, whole=plant.whole.changed(bristle))
     noise = np.random.default_rng(0).normal(size=len(mu)) * tuning.noise + one.offset * tuning.span
-    cuts = (
-        [0, len(mu)]
-        if one.change is Change.NOTHING
-        else list(np.linspace(0, len(mu), _SEGMENTS_OF_A_DRIFT + 1, dtype=int))
-    )
+    segments = 1 if one.change is Change.NOTHING else _SEGMENTS_OF_A_DRIFT
+    cuts = np.linspace(0, len(mu), segments + 1, dtype=int)
     tuner = SelfTuner(tuned, reference.step_s, tuning, problem.limits, start)
     rig: SimulatedRig | None = None
     runs = []
