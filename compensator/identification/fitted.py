@@ -151,10 +151,7 @@ def _chain_of(fitted: Fitted, explain: Explain) -> ChainLaw:
     """The chain that a fitted scenario holds, with its own number of masses."""
     t = fitted.scenario.transmission
     model = ChainModel(
-        transmission=t,
-        level=fitted.scenario.run.level,
-        count=t.path.segments,
-        longest_step_s=REPLAY_STEP_S,
+        transmission=t, level=fitted.scenario.run.level, count=t.path.segments, longest_step_s=REPLAY_STEP_S
     )
     offsets = dict(zip((D.INPUT_BIAS, D.OUTPUT_BIAS), fitted.offsets_N, strict=True))
     return ChainLaw(model=model, values=model.values() | offsets, explain=explain)

@@ -16,11 +16,7 @@ from tendonff.compensator.identification.fitting.by_file import between_files
 from tendonff.compensator.identification.fitting.delay import Delay, align, earlier
 from tendonff.compensator.identification.fitting.drive import drive_estimate
 from tendonff.compensator.identification.fitting.dynamic import DynamicFit, fit_coarse, fit_dynamic
-from tendonff.compensator.identification.fitting.model_selection import (
-    StaticSelection,
-    choose_explain,
-    select_static,
-)
+from tendonff.compensator.identification.fitting.model_selection import StaticSelection, choose_explain, select_static
 from tendonff.compensator.identification.fitting.sliding import friction_by_section, sliding_ratios
 from tendonff.compensator.identification.fitting.static import StaticFit
 from tendonff.compensator.identification.measured.cleaning import Record, clean

@@ -31,15 +31,7 @@ MASSES, SEARCH_STEP_S, NOISE_SHARE = 6, ROW_S, 0.005
 PRIOR = 1e-2
 """Information that is there before: everything is known to ten times its size."""
 
-TOLD = (
-    D.MU_PULL,
-    D.MU_RELEASE,
-    D.BRISTLE,
-    D.ADHESION,
-    D.STIFFNESS,
-    D.RELAXING,
-    D.RELAXATION_TIME,
-)
+TOLD = (D.MU_PULL, D.MU_RELEASE, D.BRISTLE, D.ADHESION, D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME)
 """What a fit looks for, and a design depends on."""
 
 

@@ -159,10 +159,7 @@ class ChainResiduals:
         """The task from a solution on, in units of the size of its residuals, which decides how each channel counts."""
         output, elongation = self.channel_rms(solution.residuals)
         return replace(
-            self,
-            fixed=self.complete(solution.values),
-            output_unit=2 * output,
-            elongation_unit_m=2 * elongation,
+            self, fixed=self.complete(solution.values), output_unit=2 * output, elongation_unit_m=2 * elongation
         )
 
     def evaluate(self, values: Mapping[str, float]) -> Residuals:

@@ -60,10 +60,7 @@ def expected_errors(found: Residuals | None, names: Sequence[DynamicParameter]) 
 
 
 def with_other_laws(
-    solution: Solution,
-    found: Residuals | None,
-    names: Sequence[DynamicParameter],
-    task: ChainResiduals,
+    solution: Solution, found: Residuals | None, names: Sequence[DynamicParameter], task: ChainResiduals
 ) -> tuple[Solution, float]:
     """Add to the covariance what laws with one more effect make doubtful, each weighted by what the data say of it.
 

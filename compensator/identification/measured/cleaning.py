@@ -9,12 +9,7 @@ from scipy.ndimage import median_filter, percentile_filter
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.reading import DataIssue, Finding, Findings, RawMeasurement
-from tendonff.compensator.identification.measured.smoothing import (
-    adaptive_low_pass,
-    find_cutoff_Hz,
-    low_pass,
-    noise_of,
-)
+from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass, find_cutoff_Hz, low_pass, noise_of
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.models.path import JointMotion
 
