@@ -34,7 +34,7 @@ MEANINGS = {
     "bristle_stiffness_factor": "factor on the bristles of the quasi-static run, which stands for the static law",
     "refinement": "difference of seven tensions to the run with more masses, the discretisation error, RMS and largest",
 }
-"""What each number of the test means, in one line."""
+"""What each number of the test means, in one line; most are fields of the classes below."""
 _LEAST_CHANGE = 0.01  # of range: an output that changes less has no transient to speak of
 
 
@@ -42,10 +42,9 @@ _LEAST_CHANGE = 0.01  # of range: an output that changes less has no transient t
 class Relaxation:
     """What changes at the held end during a hold: the tension of a held position, the travel of a held force."""
 
-    # change_N, change_percent_of_range: tension at the end of the hold minus tension at its start
     change_N: float
     change_percent_of_range: float
-    travel_m: float  # how far the motor moves away from the tendon meanwhile: creep
+    travel_m: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,9 +52,8 @@ class Transient:
     """How the far motor's end follows when the tendon reverses."""
 
     change_N: float  # change of the output tension over the state: of the end whose motor loads
-    # time from 5 % to 50 % of that change: how gradually the output breaks away; the rest is slip on all levels
-    width_s: float
-    max_slope_N_per_s: float  # largest rate of the output tension
+    width_s: float  # the rest of the change is slip on all levels
+    max_slope_N_per_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,15 +63,14 @@ class Switch:
     into: str  # the state that began
     # departure of any tension, one step after the switch, from the straight line through the two rows before
     tension_step_percent_of_range: float
-    force_step_percent_of_range: float  # jump of a motor's pull at the switch
+    force_step_percent_of_range: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlipProfile:
     """The profile along the path in one-way slip, when a ramp ends, against e^{mu theta}."""
 
-    exponent_over_law: float  # ln of the ratio of the end tensions (plus adhesion) over mu theta; 1 is the static law
-    # largest departure of ln T along the path from a line of the law's slope, in % of mu theta
+    exponent_over_law: float
     profile_deviation_percent: float
 
 

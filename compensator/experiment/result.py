@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.compensator.experiment.machine import Plan, StatePass
+from tendonff.compensator.experiment.machine import StatePass
+from tendonff.compensator.experiment.rig import Plan
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level

@@ -106,11 +106,10 @@ class Plan:
     hold_taus: float  # their length in relaxation times; at least a second each
     reversals: tuple[float, ...]  # shares of the high force from which small reversals start
     sweep_s: float
-    deep: bool = True  # down to the lowest tension that the reference asks for
 
 
 PLANS = (
-    Plan(strokes=(1.0, 0.6, 1.0), stroke_s=2.0, holds=8, hold_taus=5.0, reversals=(0.7,), sweep_s=12.0, deep=False),
+    Plan(strokes=(1.0, 0.6, 1.0), stroke_s=2.0, holds=8, hold_taus=5.0, reversals=(0.7,), sweep_s=12.0),
     *(
         Plan(strokes=strokes, stroke_s=stroke_s, holds=holds, hold_taus=3.5, reversals=reversals, sweep_s=sweep_s)
         for strokes, stroke_s in (((1.0, 0.6, 1.0), 2.0), ((1.0, 0.3, 0.6) * 2, 1.2), ((1.0, 0.4, 0.2) * 3, 1.0))
@@ -139,9 +138,8 @@ def suggest(scenario: Scenario) -> Excitation:
         return first
     information = _Information(scenario, *wanted)
     best, least = first, information.expected_percent(first.force_N)
-    before = least
+    before, lowest = least, _lowest_N(scenario, wanted[0])
     for plan in PLANS[1:]:
-        lowest = _lowest_N(scenario, wanted[0] if plan.deep else None)
         tried = draw_plan(scenario, plan, lowest)
         if tried.time_s[-1] > first.time_s[-1]:
             continue

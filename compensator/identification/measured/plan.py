@@ -79,7 +79,8 @@ def check_question(scenario: Scenario, fit_files: Sequence[Path], judging: Seque
     """
     if not fit_files:
         raise InputError("no measured file given; name at least one with --data")
-    if scenario.transmission.path.total_angle_rad == 0:
+    theta = scenario.transmission.path.total_angle_rad
+    if theta == 0:
         raise InputError(
             "total_angle_rad is 0: without a wrap angle friction has no coefficient; give the path's angle"
         )
@@ -90,7 +91,6 @@ def check_question(scenario: Scenario, fit_files: Sequence[Path], judging: Seque
         )
     if twice := sorted({p.name for p in fit_files if p.resolve() in {v.resolve() for v in judging}}):
         raise InputError(f"{', '.join(twice)}: given with --data and with --validate; a file cannot judge its own fit")
-    theta = scenario.transmission.path.total_angle_rad
     for angle in scenario.measurement.tension_angles_rad or ():
         if angle >= theta:
             raise InputError(
