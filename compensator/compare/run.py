@@ -81,6 +81,7 @@ def compare(
             profiles[compensator.name] = with_motion(problem, compensator.name, profile)
             forces_of[compensator.name, level] = profile.force_N
             parts.done()
+        warnings += [f"designed on {level}: {note}" for note in problem.unsettled]
         for plant in PLANTS:
             for name, profile in profiles.items():
                 command = b"" if profile.command_m is None else profile.command_m.tobytes()

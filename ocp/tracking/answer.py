@@ -16,26 +16,15 @@ from tendonff.ocp.tracking.search.grids import GridRefinement
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Found:
-    """What a search found.
-
-    Parameters
-    ----------
-    status : TrackStatus
-    note : str
-        How the search stopped, where it was cut short.
-    force_N : ndarray, shape (n,)
-    evaluation, at_clipped : Evaluation
-        Of that force, and of the clipped inverse.
-    refinements : tuple of GridRefinement
-        Of each window; empty where nothing was searched.
-    """
+    """What a search found."""
 
     status: TrackStatus
-    force_N: Array
+    force_N: Array  # shape (n,)
+    # evaluation, at_clipped: of that force, and of the clipped inverse
     evaluation: Evaluation
     at_clipped: Evaluation
-    note: str = ""
-    refinements: tuple[GridRefinement, ...] = ()
+    note: str = ""  # how the search stopped, where it was cut short
+    refinements: tuple[GridRefinement, ...] = ()  # of each window; empty where nothing was searched
 
 
 def answer(
@@ -49,17 +38,8 @@ def answer(
 ) -> Tracking:
     """Put what was found into a result that explains itself.
 
-    Parameters
-    ----------
-    work : Found
-    problem : TrackingProblem
-    inversion : Inversion
-        Exact inverse of the nominal plant.
-    options : TrackOptions
-    cautions : tuple of str
-        Why the profile may deliver less than predicted.
-    solve_s : float
-        Time that the search took [s].
+    `inversion` is the exact inverse of the nominal plant; the cautions say why the profile may deliver less than
+    predicted; the search took `solve_s`.
     """
     h, reference, limits, force = problem.step_s, problem.goal.reference_N, problem.limits, work.force_N
     nominal = problem.plants[0].chain
@@ -154,13 +134,7 @@ def worst_bound(
 ) -> Violation:
     """The bound that is broken most, or met most closely, among the actuator's and the tendon's.
 
-    Parameters
-    ----------
-    tension_N : ndarray, shape (n, N + 1)
-    force_N : ndarray, shape (n,)
-    step_s : float
-    limits : ForceLimits
-    options : TrackOptions
+    Tensions of shape (n, N + 1), force of shape (n,) [N].
     """
     of_force = limits.worst(force_N, step_s)
     if not np.all(np.isfinite(tension_N)):

@@ -9,19 +9,12 @@ from tendonff.ocp.step.protocol import Array
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Band:
-    """Where the output may be.
+    """Where the output may be."""
 
-    Parameters
-    ----------
-    low_N, high_N : ndarray, shape (n,)
-        Infinite for no bound [N].
-    weight : float
-        Of the squared distance to the band beside the squared error [-].
-    """
-
+    # low_N, high_N: shape (n,); infinite for no bound [N]
     low_N: Array
     high_N: Array
-    weight: float
+    weight: float  # of the squared distance to the band beside the squared error [-]
 
     def outside_N(self, output_N: Array) -> Array:
         """Distance to the band, signed, 0 inside, shape (n,) [N]."""

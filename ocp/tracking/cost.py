@@ -19,67 +19,37 @@ Knots = NDArray[np.int_]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evaluation:
-    """What a profile achieves on every plant.
+    """What a profile achieves on every plant."""
 
-    Parameters
-    ----------
-    merit : float
-        What is made small: error, effort and penalty [N^2]; infinite where a simulation fails.
-    squares : ndarray, shape (plants,)
-        Mean squared tension errors [N^2].
-    slopes : ndarray, shape (plants,)
-        Of the merit over each plant's errors [-].
-    density : ndarray, shape (n,)
-        Share of each row in the merit, without penalties [N^2].
-    beyond_N : float
-        Largest excess over the tension bounds, or over those of the motion by `MotionBound` [N], 0 inside.
-    tensions_N : tuple of ndarray, each (n, N + 1)
-    travels_m : tuple of ndarray, each (n,)
-        Position of the near end relative to rest.
-    """
-
-    merit: float
-    squares: Array
-    slopes: Array
-    density: Array
+    merit: float  # what is made small: error, effort and penalty [N^2]; infinite where a simulation fails
+    squares: Array  # shape (plants,); mean squared tension errors [N^2]
+    slopes: Array  # shape (plants,); of the merit over each plant's errors [-]
+    density: Array  # shape (n,); share of each row in the merit, without penalties [N^2]
+    # largest excess over the tension bounds, or over those of the motion by `MotionBound` [N], 0 inside
     beyond_N: float
     tensions_N: tuple[Array, ...]
-    travels_m: tuple[Array, ...] = ()
+    travels_m: tuple[Array, ...] = ()  # position of the near end relative to rest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GaussNewtonModel:
-    """Quadratic model of the merit around a profile, in changes of the force at the knots.
+    """Quadratic model of the merit around a profile, in changes of the force at the knots."""
 
-    Parameters
-    ----------
-    hessian, gradient : ndarray, shape (k, k), (k,)
-    rows, low, high : ndarray, shape (c, k), (c,), (c,)
-        Tension rows: low <= rows @ change <= high, if they can be met.
-    """
-
-    hessian: Array
-    gradient: Array
-    rows: Array
-    low: Array
-    high: Array
+    hessian: Array  # shape (k, k)
+    gradient: Array  # shape (k,)
+    # tension rows: low <= rows @ change <= high, if they can be met
+    rows: Array  # shape (c, k)
+    low: Array  # shape (c,)
+    high: Array  # shape (c,)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hats:
-    """Hat functions of knots: in row r the change is (1 - share) of that at knot `left` and share of the next one's.
+    """Hat functions of knots: in row r the change is (1 - share) of that at knot `left` and share of the next one's."""
 
-    Parameters
-    ----------
-    left : ndarray of int, shape (n,)
-    share : ndarray, shape (n,)
-    gap : ndarray, shape (k - 1,)
-        Rows between knots.
-    """
-
-    left: Knots
-    share: Array
-    gap: Knots
+    left: Knots  # shape (n,)
+    share: Array  # shape (n,)
+    gap: Knots  # shape (k - 1,); rows between knots
 
     @classmethod
     def of(cls, knots: Knots) -> "Hats":
@@ -107,13 +77,7 @@ def add_pairs(hessian: Array, gradient: Array, left: Knots, near: Array, far: Ar
 
 
 def power_mean(squares: Array, power: float) -> tuple[float, Array]:
-    """Mean of order `power` and its slopes over the values.
-
-    Parameters
-    ----------
-    squares : ndarray, shape (s,)
-    power : float
-    """
+    """Mean of order `power` of the values, shape (s,), and its slopes over them."""
     top = float(squares.max())
     if top == 0:
         return 0.0, np.full(len(squares), 1 / len(squares))
@@ -123,13 +87,7 @@ def power_mean(squares: Array, power: float) -> tuple[float, Array]:
 
 
 def evaluate(problem: TrackingProblem, force_N: Array) -> Evaluation:
-    """Simulate every plant and evaluate the profile.
-
-    Parameters
-    ----------
-    problem : TrackingProblem
-    force_N : ndarray, shape (n,)
-    """
+    """Simulate every plant under a force, shape (n,) [N], and evaluate it."""
     goal, bounds, tensions, travels = problem.goal, problem.bounds, [], []
     for plant in problem.plants:
         run = simulate(plant.chain, force_N, problem.step_s, state=plant.state)
@@ -185,18 +143,10 @@ def _motion_beyond_N(problem: TrackingProblem, force_N: Array, travels_m: list[A
 def gauss_newton_model(
     problem: TrackingProblem, force_N: Array, evaluation: Evaluation, knots: Knots, reach_N: float
 ) -> GaussNewtonModel:
-    """Gauss-Newton model of the merit, from exact sensitivities.
+    """Gauss-Newton model of the merit, from exact sensitivities, around a force of shape (n,) and its evaluation.
 
-    Parameters
-    ----------
-    problem : TrackingProblem
-    force_N : ndarray, shape (n,)
-    evaluation : Evaluation
-        Of that force.
-    knots : ndarray of int, shape (k,)
-        Rows where the change of the force has its corners.
-    reach_N : float
-        Tensions that come this close to a bound are watched [N].
+    The change of the force has its corners in the rows `knots`, shape (k,); tensions that come within `reach_N` of a
+    bound are watched.
     """
     goal, bounds, n, k = problem.goal, problem.bounds, len(force_N), len(knots)
     # A position remembers for ever: cut off, its slopes would jump and tell of speeds that are not there.

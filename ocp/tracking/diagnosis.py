@@ -21,22 +21,13 @@ _MERGE_S = 0.02  # departures closer than this share of the horizon are one
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Departure:
-    """A stretch of time in which the output is more than 1 % of the range off the reference.
+    """A stretch of time in which the output is more than 1 % of the range off the reference."""
 
-    Parameters
-    ----------
-    start_s, end_s : float
-        When [s].
-    peak_error_N : float
-        Largest error there, signed: positive where the output is above the reference [N].
-    peak_time_s : float
-        When that is [s].
-    """
-
+    # start_s, end_s: when [s]
     start_s: float
     end_s: float
-    peak_error_N: float
-    peak_time_s: float
+    peak_error_N: float  # largest error there, signed: positive where the output is above the reference [N]
+    peak_time_s: float  # when that is [s]
 
     def __str__(self) -> str:
         """In words."""
@@ -48,14 +39,7 @@ class Departure:
 
 
 def departures(output_N: Array, reference_N: Array, step_s: float) -> tuple[Departure, ...]:
-    """Where an output leaves its reference, in order of time.
-
-    Parameters
-    ----------
-    output_N, reference_N : ndarray, shape (n,)
-    step_s : float
-        h [s].
-    """
+    """Where an output leaves its reference, both of shape (n,) [N], in order of time."""
     error = np.nan_to_num(output_N - reference_N, nan=math.inf)
     off = np.flatnonzero(np.abs(error) > _DEPARTED * float(np.ptp(reference_N)))
     if off.size == 0:
@@ -91,12 +75,7 @@ def _exponent(coefficient: float | Array, count: int) -> float:
 
 
 def reversals(reference_N: Array) -> NDArray[np.int_]:
-    """Rows where the reference turns, ripple below 1 % of its range left out.
-
-    Parameters
-    ----------
-    reference_N : ndarray, shape (n,)
-    """
+    """Rows where the reference, shape (n,) [N], turns; ripple below 1 % of its range is left out."""
     least = _DEPARTED * float(np.ptp(reference_N))
     turns: list[int] = []
     low = high = 0
@@ -129,15 +108,7 @@ def reasons(
 ) -> tuple[str, ...]:
     """Which wishes cannot be fulfilled and why, the hardest first within each kind.
 
-    Parameters
-    ----------
-    law : CapstanLaw
-    reference_N, inverse_N : ndarray, shape (n,)
-        Wanted output and the exact inverse [N].
-    step_s : float
-    limits : ForceLimits
-    minimum_tension_N, maximum_tension_N : float
-        Bounds along the tendon [N].
+    Reference and exact inverse have the shape (n,) [N]; the two tensions are bounds along the tendon [N].
     """
     found = [
         *_range_reasons(law, reference_N, step_s, limits),

@@ -12,25 +12,14 @@ from tendonff.ocp.step.protocol import Array
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Violation:
-    """A bound that a profile breaks, or the one it comes closest to.
+    """A bound that a profile breaks, or the one it comes closest to."""
 
-    Parameters
-    ----------
-    name : str
-        Bound, as the user writes it.
-    time_s : float
-        When [s].
-    value, bound : float
-        What was found and what is allowed, in the bound's unit.
-    excess : float
-        How far beyond the bound, same unit; negative inside.
-    """
-
-    name: str
-    time_s: float
+    name: str  # bound, as the user writes it
+    time_s: float  # when [s]
+    # value, bound: what was found and what is allowed, in the bound's unit
     value: float
     bound: float
-    excess: float
+    excess: float  # how far beyond the bound, same unit; negative inside
 
     def __str__(self) -> str:
         """In words."""
@@ -43,20 +32,13 @@ class MotionLimits:
     """Speed and travel of the actuator's end, and the torque-speed line of its motor.
 
     The line bounds force and speed together, as the supply's voltage does: abs(f + stall_N v/no_load) <= stall_N.
-
-    Parameters
-    ----------
-    speed_m_per_s : float, optional
-        Largest speed, either way [m/s], > 0; infinite for none.
-    low_m, high_m : float, optional
-        Range of the position relative to the start [m], low <= 0 <= high; infinite for none.
-    stall_N, no_load_m_per_s : float, optional
-        Ends of the line [N], [m/s], > 0; infinite for none.
     """
 
-    speed_m_per_s: float = math.inf
+    speed_m_per_s: float = math.inf  # largest speed, either way [m/s], > 0; infinite for none
+    # low_m, high_m: range of the position relative to the start [m], low <= 0 <= high; infinite for none
     low_m: float = -math.inf
     high_m: float = math.inf
+    # stall_N, no_load_m_per_s: ends of the line [N], [m/s], > 0; infinite for none
     stall_N: float = math.inf
     no_load_m_per_s: float = math.inf
 
@@ -122,13 +104,7 @@ class ForceLimits:
         )
 
     def start(self, tension_N: float) -> float:
-        """Force of row 0: what holds the tension at rest, or the nearest force in range [N].
-
-        Parameters
-        ----------
-        tension_N : float
-            T0 [N].
-        """
+        """Force of row 0: what holds the tension T0 at rest, or the nearest force in range [N]."""
         return min(max(tension_N, self.minimum_N), self.maximum_N)
 
     def apply(self, force_N: Array, step_s: float, start_N: float | None = None) -> Array:
@@ -152,14 +128,7 @@ class ForceLimits:
         return _slowed(given, self.rate_N_per_s * step_s)
 
     def worst(self, force_N: Array, step_s: float) -> Violation:
-        """The bound that a profile breaks most, relative to its size, or comes closest to.
-
-        Parameters
-        ----------
-        force_N : ndarray, shape (n,)
-        step_s : float
-            h [s].
-        """
+        """The bound that a profile, shape (n,) [N], breaks most, relative to its size, or comes closest to."""
         force = np.asarray(force_N, dtype=np.float64)
         rate = np.diff(force) / step_s
         low, high = int(np.argmin(force)), int(np.argmax(force))
@@ -174,15 +143,7 @@ class ForceLimits:
         return max(found, key=lambda v: v.excess / self._size(v.name))
 
     def admits(self, force_N: Array, step_s: float, tolerance: float = 1e-6) -> bool:
-        """Whether a profile respects range and rate, each to a share of its size.
-
-        Parameters
-        ----------
-        force_N : ndarray, shape (n,)
-        step_s : float
-            h [s].
-        tolerance : float, optional
-        """
+        """Whether a profile, shape (n,) [N], respects range and rate, each to a share of its size."""
         worst = self.worst(force_N, step_s)
         return worst.excess <= tolerance * self._size(worst.name)
 

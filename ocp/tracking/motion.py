@@ -187,17 +187,9 @@ def _root(beyond: Callable[[float], float | None], wanted_N: float, excess: floa
 def travel_of(
     chain: Chain, force_N: Array, step_s: float, initial_tension_N: float, state: ChainState | None = None
 ) -> Array | None:
-    """Travel of the actuator's end from rest under a force [m]; None where the simulation fails.
+    """Travel of the actuator's end under a force, shape (n,) [m]; None where the simulation fails.
 
-    Parameters
-    ----------
-    chain : Chain
-    force_N : ndarray, shape (n,)
-    step_s : float
-    initial_tension_N : float
-        Of the rest that travel counts from [N].
-    state : ChainState, optional
-        Where the run starts; default: that rest.
+    It counts from rest at the initial tension; the run starts there, or in `state`.
     """
     run = simulate(chain, force_N, step_s, initial_tension_N=initial_tension_N, state=state)
     if run.outcome is Outcome.FAILED:

@@ -97,47 +97,24 @@ class TrackOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TensionBounds:
-    """Bounds on the tension anywhere along the tendon.
+    """Bounds on the tension anywhere along the tendon."""
 
-    Parameters
-    ----------
-    low_N, high_N : float
-        [N]; infinite for none.
-    """
-
+    # low_N, high_N: [N]; infinite for none
     low_N: float
     high_N: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Goal:
-    """What is made small.
+    """What is made small."""
 
-    Parameters
-    ----------
-    reference_N : ndarray, shape (n,)
-        Desired output tension at 0, h, 2 h ... [N].
-    effort_weight : float
-        Weight of the mean squared force beside the mean squared tension error [-].
-    travel_weight : float
-        Cost of a newton of travel of the force, up and down [N].
-    least_travel_N : float
-        Travel in one step below this costs less [N].
-    power : float
-        Mean of order `power` of the plants' mean squared errors: 1 is the mean, large is the worst.
-    penalty_N : float
-        Cost of a newton outside the tension bounds [N].
-    band : Band, optional
-        Where the output shall be kept.
-    """
-
-    reference_N: Array
-    effort_weight: float
-    travel_weight: float
-    least_travel_N: float
-    power: float
-    penalty_N: float
-    band: Band | None = None
+    reference_N: Array  # shape (n,); desired output tension at 0, h, 2 h ... [N]
+    effort_weight: float  # weight of the mean squared force beside the mean squared tension error [-]
+    travel_weight: float  # cost of a newton of travel of the force, up and down [N]
+    least_travel_N: float  # travel in one step below this costs less [N]
+    power: float  # mean of order `power` of the plants' mean squared errors: 1 is the mean, large is the worst
+    penalty_N: float  # cost of a newton outside the tension bounds [N]
+    band: Band | None = None  # where the output shall be kept
 
     def rows(self, taken: "slice | np.typing.NDArray[np.int_]") -> "Goal":
         """The same goal on some rows."""
@@ -147,36 +124,20 @@ class Goal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionBound:
-    """A bound on a sum of force, travel and speed of the actuator's end: low <= sum <= high.
+    """A bound on a sum of force, travel and speed of the actuator's end: low <= sum <= high."""
 
-    Parameters
-    ----------
-    per_force, per_travel_per_m, per_speed_s_per_m : float
-        Weights of the three; the sum has the unit of the bound.
-    ahead_s : float
-        The speed counts that is reached after so long with the present acceleration [s].
-    low, high : float
-        Infinite for none.
-    newtons : float
-        How much tension an excess of 1 counts [N].
-    """
-
+    # per_force, per_travel_per_m, per_speed_s_per_m: weights of the three; the sum has the unit of the bound
     per_force: float = 0.0
     per_travel_per_m: float = 0.0
     per_speed_s_per_m: float = 0.0
-    ahead_s: float = 0.0
+    ahead_s: float = 0.0  # the speed counts that is reached after so long with the present acceleration [s]
+    # low, high: infinite for none
     low: float
     high: float
-    newtons: float
+    newtons: float  # how much tension an excess of 1 counts [N]
 
     def sums(self, force: Array, travel_m: Array, step_s: float) -> Array:
-        """The bounded sum on all rows, or its slopes.
-
-        Parameters
-        ----------
-        force, travel_m : ndarray, shape (n, ...)
-        step_s : float
-        """
+        """The bounded sum on all rows, or its slopes, of force and travel of shape (n, ...)."""
         speed = np.diff(travel_m, axis=0, prepend=travel_m[:1]) / step_s
         if self.ahead_s:
             speed = speed + self.ahead_s / step_s * np.diff(speed, axis=0, prepend=speed[:1])
@@ -187,13 +148,8 @@ class MotionBound:
 def motion_bounds(motion: MotionLimits, span_N: float, stiffness_N_per_m: float) -> tuple[MotionBound, ...]:
     """Speed, travel and torque-speed line as bounds.
 
-    Parameters
-    ----------
-    motion : MotionLimits
-    span_N : float
-        Range of the reference: a tenth of it is what going as fast again counts [N].
-    stiffness_N_per_m : float
-        Tension for a travel of the actuator's end [N/m].
+    Going as fast again counts a tenth of `span_N`, the range of the reference [N], and a travel of the actuator's end
+    as much as the stiffness makes of it [N/m].
     """
     speed, stall = motion.speed_m_per_s, motion.stall_N
     bounds = (
@@ -224,30 +180,15 @@ class PlantModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackingProblem:
-    """Goal, dynamics, limits and bounds over a horizon.
+    """Goal, dynamics, limits and bounds over a horizon."""
 
-    Parameters
-    ----------
-    step_s : float
-        Grid h [s].
-    goal : Goal
-    plants : tuple of PlantModel
-        Every one is driven by the same force.
-    limits : ForceLimits
-    bounds : TensionBounds
-    start_N : float
-        Force of row 0, which is given [N].
-    rest_N : float
-        Tension of the rest that travel counts from [N].
-    """
-
-    step_s: float
+    step_s: float  # grid h [s]
     goal: Goal
-    plants: tuple[PlantModel, ...]
+    plants: tuple[PlantModel, ...]  # every one is driven by the same force
     limits: ForceLimits
     bounds: TensionBounds
-    start_N: float
-    rest_N: float
+    start_N: float  # force of row 0, which is given [N]
+    rest_N: float  # tension of the rest that travel counts from [N]
 
     @classmethod
     def of(
@@ -262,20 +203,9 @@ class TrackingProblem:
         inverse_N: Array,
         power: float = 1.0,
     ) -> "TrackingProblem":
-        """The problem of chains that start at rest.
+        """The problem of chains that start at rest at a tension T0 [N].
 
-        Parameters
-        ----------
-        chains : tuple of Chain
-        reference_N : ndarray, shape (n,)
-        step_s : float
-        limits : ForceLimits
-        options : TrackOptions
-        initial_tension_N : float
-            T0 [N].
-        inverse_N : ndarray, shape (n,)
-            Exact inverse: its travel within the limits is what the task needs [N].
-        power : float, optional
+        The travel of the exact inverse, shape (n,) [N], within the limits is what the task needs.
         """
         span = max(float(np.ptp(reference_N)), 1e-3 * float(reference_N.max()))
         margin = 1e-4 * span  # the search aims a little inside, so that what it finds is inside
@@ -312,28 +242,15 @@ class TrackingProblem:
         )
 
     def clipped(self, force_N: Array) -> Array:
-        """What the actuator makes of a force, from the start of this horizon.
-
-        Parameters
-        ----------
-        force_N : ndarray, shape (n,)
-        """
+        """What the actuator makes of a force, shape (n,) [N], from the start of this horizon."""
         return self.limits.apply(force_N, self.step_s, self.start_N)
 
     def piece(
         self, rows: slice, states: tuple[ChainState, ...], static_N: tuple[float, ...], start_N: float
     ) -> "TrackingProblem":
-        """The same problem on some of its rows.
+        """The same problem on some of its rows, entered in these states of the plants and with this force [N].
 
-        Parameters
-        ----------
-        rows : slice
-        states : tuple of ChainState
-            Of the plants at the first of these rows.
-        static_N : tuple of float
-            Their outputs there by the static law [N].
-        start_N : float
-            Force there [N].
+        `static_N` are the plants' outputs there by the static law [N].
         """
         goal = self.goal.rows(rows)
         weight = goal.travel_weight * len(self.goal.reference_N) / len(goal.reference_N)  # beside a mean of fewer rows
@@ -348,13 +265,7 @@ class TrackingProblem:
         )
 
     def coarsened(self, factor: int) -> "TrackingProblem":
-        """The same problem on a coarser grid of time; the last reference is held to its end.
-
-        Parameters
-        ----------
-        factor : int
-            Rows for one of the new ones.
-        """
+        """The same problem with one row for each `factor` rows; the last reference is held to its end."""
         return replace(
             self,
             step_s=factor * self.step_s,
@@ -369,13 +280,7 @@ class TrackingProblem:
 
 
 def every(values: Array, factor: int) -> Array:
-    """Every so many-th row, and beyond the last one its value.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-    factor : int
-    """
+    """Every so many-th row, and beyond the last one its value."""
     return values[_rows(len(values), factor)]
 
 
@@ -384,10 +289,5 @@ def _rows(count: int, factor: int) -> np.typing.NDArray[np.int_]:
 
 
 def travel_N(force_N: Array) -> float:
-    """How far a force goes up and down in all [N].
-
-    Parameters
-    ----------
-    force_N : ndarray, shape (n,)
-    """
+    """How far a force, shape (n,), goes up and down in all [N]."""
     return float(np.abs(np.diff(force_N)).sum())

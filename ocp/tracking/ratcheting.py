@@ -35,23 +35,12 @@ def stiffened(chain: Chain) -> Chain:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StaticGoal:
-    """What is asked of a tendon by the static law, which no force can pump.
-
-    Parameters
-    ----------
-    law : CapstanLaw
-    weight : float
-        Of its squared error beside that of the chain [-].
-    start_N : float
-        Output before row 0 [N].
-    wanted_N : ndarray, shape (n,)
-        What the exact inverse without limits gives there [N].
-    """
+    """What is asked of a tendon by the static law, which no force can pump."""
 
     law: CapstanLaw
-    weight: float
-    start_N: float
-    wanted_N: Array
+    weight: float  # of its squared error beside that of the chain [-]
+    start_N: float  # output before row 0 [N]
+    wanted_N: Array  # shape (n,); what the exact inverse without limits gives there [N]
 
     @classmethod
     def of(cls, chain: Chain, inverse_N: Array, step_s: float, tension_N: float, weight: float) -> "StaticGoal":
@@ -87,45 +76,20 @@ class StaticGoal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disagreement:
-    """How far other models' outputs are from a chain's under one force, root mean square [N].
+    """How far other models' outputs are from a chain's under one force, root mean square [N]."""
 
-    Parameters
-    ----------
-    stiff_N : float
-        With stiff bristles.
-    play_N : float
-        By the static law.
-    """
-
-    stiff_N: float
-    play_N: float
+    stiff_N: float  # with stiff bristles
+    play_N: float  # by the static law
 
     def exceeds(self, usual: "Disagreement", range_N: float) -> bool:
-        """Whether both differ by far more than usual.
-
-        Parameters
-        ----------
-        usual : Disagreement
-            Under a force that is above suspicion.
-        range_N : float
-            Of the reference [N].
-        """
+        """Whether both differ by far more than usual, that is under a force that is above suspicion."""
         return self.stiff_N > max(_MORE * usual.stiff_N, _LEAST * range_N) and self.play_N > max(
             _MORE * usual.play_N, _LEAST * range_N
         )
 
 
 def disagreement(chain: Chain, force_N: Array, step_s: float, initial_tension_N: float) -> Disagreement:
-    """Compare a chain with one of stiff bristles and with the static law.
-
-    Parameters
-    ----------
-    chain : Chain
-    force_N : ndarray, shape (n,)
-    step_s : float
-    initial_tension_N : float
-        T0 [N].
-    """
+    """Compare a chain with one of stiff bristles and with the static law, under a force from rest at T0 [N]."""
     own = simulate(chain, force_N, step_s, initial_tension_N=initial_tension_N).output_tension_N
     stiff = simulate(stiffened(chain), force_N, step_s, initial_tension_N=initial_tension_N).output_tension_N
     play = law_of(chain).output_history_N(np.maximum(force_N, 0.0), initial_tension_N)

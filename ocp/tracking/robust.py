@@ -27,15 +27,9 @@ POWER = {Objective.WORST: WORST_POWER, Objective.MEAN: 1.0}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sample:
-    """One transmission that the uncertainty admits.
+    """One transmission that the uncertainty admits."""
 
-    Parameters
-    ----------
-    mu, stiffness, bristle_stiffness : float
-        Factors on the nominal parameters [-].
-    transmission : Transmission
-    """
-
+    # mu, stiffness, bristle_stiffness: factors on the nominal parameters [-]
     mu: float
     stiffness: float
     bristle_stiffness: float
@@ -98,14 +92,7 @@ _NEW_SCIPY = "rng" in qmc.LatinHypercube.__init__.__code__.co_varnames
 
 
 def transmission_at(transmission: Transmission, factors: tuple[float, ...]) -> Sample:
-    """The transmission with its friction coefficients, stiffnesses and bristle stiffnesses times three factors.
-
-    Parameters
-    ----------
-    transmission : Transmission
-    factors : tuple of float
-        Of mu, of the tendon's stiffnesses, of both bristle stiffnesses [-].
-    """
+    """The transmission with its friction coefficients, stiffnesses and bristle stiffnesses times three factors."""
     mu, stiffness, bristle = (float(f) for f in factors)
     friction = transmission.friction
     release, release_static = friction.mu_dynamic_release, friction.mu_static_release

@@ -85,15 +85,8 @@ def solve_tracking(
 ) -> Tracking:
     """Solve a tracking problem, and say what the answer is worth.
 
-    Parameters
-    ----------
-    problem : TrackingProblem
-        Its first plant is the nominal one: its inverse is the starting point and its output is predicted.
-    inversion : Inversion
-        Exact inverse of the nominal plant.
-    options : TrackOptions
-    progress : callable, optional
-        Callback(completed, total), in iterations.
+    The first plant is the nominal one: its inverse is the starting point and its output is predicted. Progress is
+    counted in iterations.
     """
     with BLAS.limit(limits=1):
         return _solve(problem, inversion, options, progress)

@@ -38,15 +38,7 @@ _CALM = 0.2  # of the horizon at least, in which the output has to stay
 
 
 def static_time_s(law: CapstanLaw, start_N: float, end_N: float, limits: ForceLimits) -> float:
-    """Least time from uniform tension to another output tension by the static law; infinite where it is out of reach.
-
-    Parameters
-    ----------
-    law : CapstanLaw
-    start_N, end_N : float
-        Tension at rest, and the output wanted [N].
-    limits : ForceLimits
-    """
+    """Least time from rest at a tension to another output by the static law [s]; infinite where it is out of reach."""
     force = float(law.input_for_N(end_N, Branch.PULL if end_N > start_N else Branch.RELEASE))
     if not limits.minimum_N <= force <= limits.maximum_N:
         return float("inf")

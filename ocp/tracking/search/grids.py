@@ -22,25 +22,13 @@ from tendonff.ocp.tracking.search.sqp import Blocks, SqpResult, SqpSettings, Sqp
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GridRefinement:
-    """What the search on all grids made of a profile.
+    """What the search on all grids made of a profile."""
 
-    Parameters
-    ----------
-    force_N : ndarray, shape (n,)
-    evaluation : Evaluation
-    searches : tuple of SqpResult
-        Of all grids, each of the start that won there.
-    improved : bool
-        Better than the clipped inverse.
-    converged : bool
-        The last searches were not cut short by the iteration limit.
-    """
-
-    force_N: Array
+    force_N: Array  # shape (n,)
     evaluation: Evaluation
-    searches: tuple[SqpResult, ...]
-    improved: bool
-    converged: bool
+    searches: tuple[SqpResult, ...]  # of all grids, each of the start that won there
+    improved: bool  # better than the clipped inverse
+    converged: bool  # the last searches were not cut short by the iteration limit
 
     @property
     def iterations(self) -> int:
@@ -54,14 +42,7 @@ class GridRefinement:
 
 
 def nearest_profile(problem: TrackingProblem, wanted_N: Array, knots: Knots) -> Array:
-    """The profile within the limits that comes closest to a wanted force: ramps lie astride its jumps.
-
-    Parameters
-    ----------
-    problem : TrackingProblem
-    wanted_N : ndarray, shape (n,)
-    knots : ndarray of int, shape (k,)
-    """
+    """The profile within the limits that comes closest to a wanted force: ramps lie astride its jumps."""
     clipped, limits, k, hats = problem.clipped(wanted_N), problem.limits, len(knots), Hats.of(knots)
     hessian, gradient, weights = np.zeros((k, k)), np.zeros(k), np.ones(len(wanted_N))
     add_pairs(hessian, gradient, hats.left, 1 - hats.share, hats.share, weights, clipped - wanted_N)
@@ -104,24 +85,12 @@ def _as_far_as_taut(problem: TrackingProblem, best: Profile, force_N: Array) -> 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Stage:
-    """One grid.
+    """One grid."""
 
-    Parameters
-    ----------
-    rows : int
-        Rows of time to a coarse spacing of knots; 0 for all there are.
-    base : int
-        Knots everywhere: so many to a coarse spacing.
-    edge : int
-        Knots near the edges of limits: so many to a coarse spacing; 0 for none more.
-    iterations : int or None
-        At most so many; None: all that are left.
-    """
-
-    rows: int
-    base: int
-    edge: int
-    iterations: int | None
+    rows: int  # rows of time to a coarse spacing of knots; 0 for all there are
+    base: int  # knots everywhere: so many to a coarse spacing
+    edge: int  # knots near the edges of limits: so many to a coarse spacing; 0 for none more
+    iterations: int | None  # at most so many; None: all that are left
 
 
 _SCOUT = _Stage(rows=4, base=1, edge=0, iterations=6)
@@ -143,24 +112,9 @@ def refine(
     """Search from coarse to fine: on the first grid from every start, on the others from the best of them.
 
     The first grids are coarse in time too, which costs little and hardly moves the optimum; what counts is decided on
-    all rows.
-
-    Parameters
-    ----------
-    problem : TrackingProblem
-    starts_N : tuple of ndarray, shape (n,)
-        Forces to start from, whatever the limits. The first is the exact inverse: as the actuator would give it, it is
-        what to beat, and its fine structure is kept where the search follows it.
-    settings : SqpSettings
-    spacing : int
-        Rows between coarse knots.
-    tell : callable, optional
-        Called after each iteration.
-
-    Returns
-    -------
-    GridRefinement
-        Never worse than the clipped inverse.
+    all rows. The starts are forces of shape (n,) [N], whatever the limits. The first is the exact inverse: as the
+    actuator would give it, it is what to beat, and its fine structure is kept where the search follows it. `spacing` is
+    the number of rows between coarse knots; `tell` is called after each iteration.
     """
     inverse = starts_N[0]
     search = _Search(problem=problem, settings=settings, spacing=spacing, tell=tell)

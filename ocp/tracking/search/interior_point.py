@@ -20,21 +20,12 @@ _STEP = 0.995  # of the way to the nearest bound
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KnotProgram:
-    """Minimise x' H x/2 + g' x subject to low <= (x, differences of x, rows x) <= high.
+    """Minimise x' H x/2 + g' x subject to low <= (x, differences of x, rows x) <= high."""
 
-    Parameters
-    ----------
-    hessian : ndarray, shape (k, k)
-        Positive semi-definite.
-    gradient : ndarray, shape (k,)
-    rows : ndarray, shape (c, k)
-    low, high : ndarray, shape (2 k - 1 + c,)
-        Finite, low <= 0 <= high, low < high: no change at all is allowed.
-    """
-
-    hessian: Array
-    gradient: Array
-    rows: Array
+    hessian: Array  # shape (k, k); positive semi-definite
+    gradient: Array  # shape (k,)
+    rows: Array  # shape (c, k)
+    # low, high: shape (2 k - 1 + c,); finite, low <= 0 <= high, low < high: no change at all is allowed
     low: Array
     high: Array
 

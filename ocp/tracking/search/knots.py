@@ -39,15 +39,10 @@ def limited_rows(force_N: Array, step_s: float, limits: ForceLimits) -> np.typin
 
 
 def local_knots(limited: np.typing.NDArray[np.bool_], base: Knots, reach: int, spacing: int) -> Knots:
-    """Knots closer together where a limit begins or ceases to bind, and at those edges.
+    """Knots everywhere, `base`, and closer ones where a limit begins or ceases to bind, and at those edges.
 
-    Parameters
-    ----------
-    limited : ndarray of bool, shape (n - 1,)
-    base : ndarray of int, shape (k,)
-        Knots everywhere.
-    reach, spacing : int
-        Rows on either side of such an edge, and between the knots there.
+    The step into row k + 1 is at a limit where `limited[k]`. `reach` and `spacing` are the rows on either side of such
+    an edge, and between the knots there.
     """
     n = int(base[-1]) + 1
     edges = np.flatnonzero(limited[1:] != limited[:-1]) + 1
@@ -73,14 +68,7 @@ def local_knots(limited: np.typing.NDArray[np.bool_], base: Knots, reach: int, s
 
 
 def straightened(force_N: Array, knots: Knots, limited: np.typing.NDArray[np.bool_]) -> Array:
-    """The profile made linear between knots in and next to the intervals where a limit binds.
-
-    Parameters
-    ----------
-    force_N : ndarray, shape (n,)
-    knots : ndarray of int, shape (k,)
-    limited : ndarray of bool, shape (n - 1,)
-    """
+    """The profile made linear between knots in and next to the intervals where a limit binds; see `local_knots`."""
     hit = np.logical_or.reduceat(limited, knots[:-1])
     near = hit.copy()
     near[1:] |= hit[:-1]

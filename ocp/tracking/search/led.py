@@ -28,23 +28,7 @@ def led_force(
 ) -> tuple[Array, tuple[GridRefinement, ...]]:
     """The force that moves the nominal plant's end along the best motion within its limits.
 
-    Parameters
-    ----------
-    problem : TrackingProblem
-        With limits of the motion.
-    inversion : Inversion
-        Exact inverse of the nominal plant.
-    options : TrackOptions
-
-    Returns
-    -------
-    tuple of ndarray, shape (n,), and of tuple of GridRefinement
-        The force, whose rate is not limited yet, and the search in each window.
-
-    Raises
-    ------
-    SolveError
-        If a simulation fails.
+    Its rate is not limited yet. Also the search in each window. SolveError if a simulation fails.
     """
     plant, limits, step_s = problem.plants[0], problem.limits, problem.step_s
     free = simulate(plant.chain, inversion.force_N, step_s, state=plant.state).require()

@@ -28,20 +28,11 @@ _WIDER, _NARROWER = 1.5, 0.9  # a change that pays makes the next ones larger: i
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stretch:
-    """A block by itself, with those after it that its force still acts on.
-
-    Parameters
-    ----------
-    rows : slice
-    own : ndarray of bool, shape (rows,)
-        Which of them are the block's.
-    problem : TrackingProblem
-        The problem on these rows.
-    """
+    """A block by itself, with those after it that its force still acts on."""
 
     rows: slice
-    own: np.typing.NDArray[np.bool_]
-    problem: TrackingProblem
+    own: np.typing.NDArray[np.bool_]  # shape (rows,); which of them are the block's
+    problem: TrackingProblem  # the problem on these rows
 
     @classmethod
     def of(cls, problem: TrackingProblem, force_N: Array, starts: Knots, index: int) -> "Stretch":
@@ -60,32 +51,18 @@ class Stretch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Walk:
-    """Where a walk of moves came to.
-
-    Parameters
-    ----------
-    best : tuple of Evaluation and ndarray, shape (n,)
-    won : tuple of SqpResult
-        The searches that improved the profile.
-    iterations : int
-        Of all searches.
-    """
+    """Where a walk of moves came to."""
 
     best: Profile
-    won: tuple[SqpResult, ...]
-    iterations: int
+    won: tuple[SqpResult, ...]  # the searches that improved the profile
+    iterations: int  # of all searches
 
 
 @dataclass(slots=True, kw_only=True)
 class Sizes:
-    """How large the small changes of a block are at present.
+    """How large the small changes of a block are at present."""
 
-    Parameters
-    ----------
-    force_N, rows : float
-        Standard deviations of a change of the force and of one in time.
-    """
-
+    # force_N, rows: standard deviations of a change of the force and of one in time
     force_N: float
     rows: float
 
@@ -96,34 +73,19 @@ class Moves:
 
     Where the tendon slips smoothly, quadratic programs find the way from a moved profile. Where it sticks and slips,
     slopes tell little, and small changes that are simulated and kept if they pay lead further; so both take turns.
-
-    Parameters
-    ----------
-    problem : TrackingProblem
-    settings : SqpSettings
-    spacing : int
-        Rows between coarse knots.
-    prepare : callable
-        Knots for a profile on a part of the problem, and the profile made ready for them.
-    tell : callable, optional
-        Called after each iteration.
     """
 
     problem: TrackingProblem
     settings: SqpSettings
-    spacing: int
+    spacing: int  # rows between coarse knots
+    # knots for a profile on a part of the problem, and the profile made ready for them
     prepare: Callable[[TrackingProblem, Array], tuple[Knots, Array]]
-    tell: Callable[[], None] | None
+    tell: Callable[[], None] | None  # called after each iteration
 
     def improve(self, best: Profile, restarts: int, most: int, seed: int) -> Walk:
-        """Search until no block is worth it, or for so many iterations.
+        """Search until no block is worth it, or for `most` iterations.
 
-        Parameters
-        ----------
-        best : tuple of Evaluation and ndarray, shape (n,)
-        restarts : int
-            Turns in a row that may bring next to nothing before a block is left as it is.
-        most, seed : int
+        `restarts` turns in a row may bring next to nothing before a block is left as it is.
         """
         rng, won, spent = np.random.default_rng(seed), list[SqpResult](), 0
         blocks = Blocks.between_reversals(self.problem, np.arange(len(best[1])))
@@ -167,13 +129,8 @@ class Moves:
     ) -> tuple[Profile, list[SqpResult], bool]:
         """Search each block that is worth it on closer knots, the largest error first, and all again while that pays.
 
-        Returns the best profile, the searches that improved it, and whether none of the last was cut short.
-
-        Parameters
-        ----------
-        best : tuple of Evaluation and ndarray, shape (n,)
-        knots_of : callable
-            Knots for a profile on a part of the problem.
+        Returns the best profile, the searches that improved it, and whether none of the last was cut short. `knots_of`
+        gives the knots for a profile on a part of the problem.
         """
         blocks, won, ended = Blocks.between_reversals(self.problem, np.arange(len(best[1]))), list[SqpResult](), True
         rules = replace(self.settings, iterations=_POLISH)

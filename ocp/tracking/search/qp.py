@@ -17,32 +17,18 @@ from tendonff.ocp.tracking.search.interior_point import KnotProgram, solve_knots
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepBounds:
-    """The room that the limits leave for changes of a profile at its knots; 0 lies within.
+    """The room that the limits leave for changes of a profile at its knots; 0 lies within."""
 
-    Parameters
-    ----------
-    low_N, high_N : ndarray, shape (k,)
-        At the knots; the first row is fixed.
-    rise_low_N, rise_high_N : ndarray, shape (k - 1,)
-        From each knot to the next.
-    """
-
+    # low_N, high_N: shape (k,); at the knots; the first row is fixed
     low_N: Array
     high_N: Array
+    # rise_low_N, rise_high_N: shape (k - 1,); from each knot to the next
     rise_low_N: Array
     rise_high_N: Array
 
 
 def step_bounds(problem: TrackingProblem, force_N: Array, knots: Knots) -> StepBounds:
-    """What may change at the knots so that every row respects the limits.
-
-    Parameters
-    ----------
-    problem : TrackingProblem
-    force_N : ndarray, shape (n,)
-        A profile within the limits.
-    knots : ndarray of int, shape (k,)
-    """
+    """What may change at the knots so that every row of a profile within the limits, shape (n,) [N], stays there."""
     limits, step_s = problem.limits, problem.step_s
     rate = np.diff(force_N) / step_s
     fastest, slowest = np.maximum.reduceat(rate, knots[:-1]), np.minimum.reduceat(rate, knots[:-1])
@@ -67,15 +53,8 @@ def step_bounds(problem: TrackingProblem, force_N: Array, knots: Knots) -> StepB
 def solve_qp(model: GaussNewtonModel, room: StepBounds, trust_N: Array | float, penalty_N: float) -> Array | None:
     """Solve the quadratic program: the change at the knots, shape (k,), or None where the solver fails.
 
-    Tension rows may be missed by one common amount, at `penalty_N` per newton.
-
-    Parameters
-    ----------
-    model : GaussNewtonModel
-    room : StepBounds
-    trust_N : float or ndarray, shape (k,)
-        Largest change [N].
-    penalty_N : float
+    No change exceeds `trust_N`, one value or one for each knot. Tension rows may be missed by one common amount, at
+    `penalty_N` per newton.
     """
     low, high = np.maximum(room.low_N, -trust_N), np.minimum(room.high_N, trust_N)
     missed = max(float(model.low.max()), float((-model.high).max()), 0.0) if len(model.low) else 0.0

@@ -29,31 +29,16 @@ _RESTARTS, _RESTARTS_OF_SEVERAL = 6, 5  # unless told otherwise; the latter are 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Window:
-    """One piece: solved from `start` to `end`, kept up to `keep`; the next one starts there.
+    """One piece: solved from `start` to `end`, kept up to `keep`; the next one starts there."""
 
-    Parameters
-    ----------
-    start, keep, end : int
-        Rows; start < keep <= end.
-    """
-
+    # start, keep, end: rows; start < keep <= end
     start: int
     keep: int
     end: int
 
 
 def windows(rows: int, length: int, overlap: int) -> Iterator[Window]:
-    """Cut a horizon into windows.
-
-    Parameters
-    ----------
-    rows : int
-        Rows of the horizon, the last included.
-    length : int
-        Rows that a window keeps.
-    overlap : int
-        Rows that it sees beyond.
-    """
+    """Cut a horizon of so many rows into windows that keep `length` rows and see `overlap` rows beyond."""
     start = 0
     while start < rows - 1:
         # A last piece shorter than the overlap is not worth a window of its own.
@@ -67,19 +52,8 @@ def solve(
 ) -> tuple[Array, tuple[GridRefinement, ...]]:
     """Solve window by window; the plants keep moving on the profile that was kept.
 
-    Parameters
-    ----------
-    problem : TrackingProblem
-    starts_N : tuple of ndarray, shape (n,)
-        Where the search starts; the first is the exact inverse.
-    options : TrackOptions
-    progress : callable, optional
-        Callback(completed, total), in iterations.
-
-    Returns
-    -------
-    tuple of ndarray, shape (n,), and of tuple of GridRefinement
-        The profile, and the search in each window.
+    The search starts from the forces `starts_N`, each of shape (n,); the first is the exact inverse. Progress is
+    counted in iterations. Returns the profile, shape (n,) [N], and the search in each window.
     """
     spacing, step_s = coarse_spacing(problem.goal.reference_N), problem.step_s
     rows = len(starts_N[0])

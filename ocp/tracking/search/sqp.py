@@ -40,49 +40,25 @@ class SqpStatus(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SqpSettings:
-    """Trust region of the start, and when to stop.
+    """Trust region of the start, and when to stop."""
 
-    Parameters
-    ----------
-    iterations : int
-        At most so many quadratic programs.
-    tolerance : float
-        Relative decrease of the merit that is not worth another iteration [-].
-    trust_N : float
-        Largest change of the force in the first step [N].
-    restarts : int
-        Searches from moved profiles in a row that may bring next to nothing before a block is left as it is.
-    """
-
-    iterations: int
-    tolerance: float
-    trust_N: float
+    iterations: int  # at most so many quadratic programs
+    tolerance: float  # relative decrease of the merit that is not worth another iteration [-]
+    trust_N: float  # largest change of the force in the first step [N]
+    # searches from moved profiles in a row that may bring next to nothing before a block is left as it is
     restarts: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SqpResult:
-    """Where a search on one grid came to.
+    """Where a search on one grid came to."""
 
-    Parameters
-    ----------
-    force_N : ndarray, shape (n,)
-    evaluation : Evaluation
-        Of that force.
-    status : SqpStatus
-    iterations : int
-    promise : float
-        Relative decrease of the merit that the last quadratic program promised [-].
-    gain : float
-        Relative decrease of the merit that the last iteration brought [-].
-    """
-
-    force_N: Array
-    evaluation: Evaluation
+    force_N: Array  # shape (n,)
+    evaluation: Evaluation  # of that force
     status: SqpStatus
     iterations: int
-    promise: float
-    gain: float
+    promise: float  # relative decrease of the merit that the last quadratic program promised [-]
+    gain: float  # relative decrease of the merit that the last iteration brought [-]
 
 
 def solve_sqp(
@@ -95,29 +71,10 @@ def solve_sqp(
     held_rows: np.typing.NDArray[np.bool_] | None = None,
     rival: float = np.inf,
 ) -> SqpResult:
-    """Improve a profile until it does not pay any more.
+    """Improve a profile within the limits, shape (n,) [N], until it does not pay any more; the result is never worse.
 
-    Parameters
-    ----------
-    problem : TrackingProblem
-    force_N : ndarray, shape (n,)
-        A profile within the limits.
-    evaluation : Evaluation
-        Of that profile.
-    knots : ndarray of int, shape (k,)
-        From 0 to n - 1.
-    settings : SqpSettings
-    tell : callable, optional
-        Called after each iteration.
-    held_rows : ndarray of bool, shape (n,), optional
-        Blocks that lie in these rows stay as they are.
-    rival : float, optional
-        Merit to beat: a search that is still far from it after a few iterations ends there.
-
-    Returns
-    -------
-    SqpResult
-        Never worse than the profile it started from.
+    Blocks in the rows `held_rows`, shape (n,), stay as they are. A search whose merit is still far from that of a
+    `rival` after a few iterations ends there. `tell` is called after each iteration.
     """
     blocks = Blocks.between_reversals(problem, knots)
     trust = np.full(blocks.count, settings.trust_N)
@@ -163,16 +120,10 @@ _POOR = 2  # a block that gains next to nothing so many times in a row is left a
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Unknowns:
-    """Knots of the blocks that are still searched, with those next to them, whose change is 0.
+    """Knots of the blocks that are still searched, with those next to them, whose change is 0."""
 
-    Parameters
-    ----------
-    knots : ndarray of int, shape (k,)
-    active : ndarray of bool, shape (k,)
-    """
-
-    knots: Knots
-    active: np.typing.NDArray[np.bool_]
+    knots: Knots  # shape (k,)
+    active: np.typing.NDArray[np.bool_]  # shape (k,)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -180,29 +131,15 @@ class Blocks:
     """Stretches of time, one a reversal of the reference: full slip between them wipes out what was before.
 
     So each has a trust region and a share of the step of its own: one reversal that is hard holds up no other.
-
-    Parameters
-    ----------
-    knots : ndarray of int, shape (k,)
-    starts : ndarray of int, shape (b,)
-        First rows.
-    of_knot : ndarray of int, shape (k,)
-        Block of each knot.
     """
 
-    knots: Knots
-    starts: Knots
-    of_knot: Knots
+    knots: Knots  # shape (k,)
+    starts: Knots  # shape (b,); first rows
+    of_knot: Knots  # shape (k,); block of each knot
 
     @classmethod
     def between_reversals(cls, problem: TrackingProblem, knots: Knots) -> "Blocks":
-        """From the middle between two reversals to the next.
-
-        Parameters
-        ----------
-        problem : TrackingProblem
-        knots : ndarray of int, shape (k,)
-        """
+        """From the middle between two reversals to the next."""
         turns = reversals(problem.goal.reference_N)
         starts = np.unique(np.append(0, (turns[1:] + turns[:-1]) // 2))
         return cls(knots=knots, starts=starts, of_knot=np.searchsorted(starts, knots, side="right") - 1)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
+from tendonff.compensator.compare.run import compare
 from tendonff.compensator.compensators.base import Problem, with_motion
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import SimulatedPlant, verify
@@ -178,6 +179,8 @@ def test_an_inverse_that_does_not_repeat_is_said(cable, monkeypatch):
     (warning,) = Problem.of(scenario).unsettled
     assert "after 2 cycles the state still changes" in warning
     assert design(scenario, compensators=(compensator("inverse"),)).warnings.count(warning) == 1
+    compared = compare(scenario, compensators=[compensator(name) for name in ("none", "capstan", "inverse")])
+    assert f"designed on presliding: {warning}" in compared.warnings
 
 
 def test_a_cycle_is_reached_by_an_independent_plant_that_starts_at_rest(cable):
