@@ -10,8 +10,8 @@ dynamics of actuator, tendon and load where their stiffness differs from the des
 import itertools
 from dataclasses import dataclass
 
+import control
 import numpy as np
-from numpy.typing import NDArray
 
 from tendonff.models.parameters import Transmission
 
@@ -53,11 +53,10 @@ class FeedbackCertificate:
 
 
 def transmission_dynamics(
-    transmission: Transmission, s: NDArray[np.complex128], tendon: float = 1.0, load: float = 1.0
-) -> NDArray[np.complex128]:
-    """Output tension over actuator force at `s` without friction: two masses joined by the tendon, stiffness times
-    factors.
-    """
+    transmission: Transmission, tendon: float = 1.0, load: float = 1.0
+) -> control.TransferFunction:
+    """Output tension over actuator force without friction: two masses joined by the tendon, stiffness times factors."""
+    s = control.tf("s")
     t, a, far = transmission.tendon, transmission.actuator, transmission.load
     viscous = transmission.friction.viscous_N_s_per_m / 2
     link = tendon * t.quick_stiffness_N_per_m + t.damping_N_s_per_m * s
@@ -71,14 +70,14 @@ def feedback_certificate(
 ) -> FeedbackCertificate:
     """Bound the gain of the integral action; `gain_per_s` is the one that is wanted."""
     omega = np.geomspace(1e-3, 1, _FREQUENCIES) * np.pi / step_s
-    s = (1j * omega).astype(np.complex128)
-    z = np.exp(s * step_s)
+    z = np.exp(1j * omega * step_s)
     integrator = step_s * z ** -(delay_samples + 1.0) / (1 - 1 / z)
-    design = transmission_dynamics(transmission, s)
+    design = control.frequency_response(transmission_dynamics(transmission), omega).complex
     factors = (1 - STIFFNESS_SPREAD, 1.0, 1 + STIFFNESS_SPREAD)
     least, where = 0.0, float(omega[-1])
     for tendon, load in itertools.product(factors, factors):
-        real = np.real(integrator * transmission_dynamics(transmission, s, tendon, load) / design)
+        actual = control.frequency_response(transmission_dynamics(transmission, tendon, load), omega).complex
+        real = np.real(integrator * actual / design)
         if real.min() < least:
             least, where = float(real.min()), float(omega[np.argmin(real)])
     return FeedbackCertificate(
