@@ -29,7 +29,7 @@ from tendonff.compensator.identification.measured.plan import (
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.outcome import Outcome, compared, outcome_of
 from tendonff.compensator.identification.output import Identification
-from tendonff.compensator.identification.result import POOR_PERCENT, CandidateLaw, FileResult
+from tendonff.compensator.identification.result import POOR_PERCENT, CandidateLaw
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.ocp.errors import SolveError
@@ -217,10 +217,10 @@ def _fit(
     try:
         if all(r.has_positions for r in records):
             say("tendon stage")
-            lengths = tendon.fit_tendon(records, stage.fit.values, transmission.tendon)
-            if lengths.explained >= tendon.EXPLAINED_ENOUGH:
+            found, explained = tendon.fit_tendon(records, stage.fit.values, transmission.tendon)
+            if explained >= tendon.EXPLAINED_ENOUGH:
                 near = start | {D.BRISTLE: coarse.solution.values[D.BRISTLE]}
-                near |= {D(k): v for k, v in lengths.values.items()}
+                near |= {D(k): v for k, v in found.items()}
                 other = fit_coarse(records, transmission, near, several=False)
                 coarse = min(coarse, other, key=lambda c: c.solution.cost)
         biases, offsets = _biased(stage, records), not any(r.zeroed for r in records)
@@ -269,7 +269,7 @@ def _failure(outcome: Outcome) -> str:
         if percent is not None and not percent <= POOR_PERCENT:
             return f"an RMS error of {percent:.3g} % of range on {which} files (more than {POOR_PERCENT:g} %)"
     widest = max(f.error.span for f in outcome.files)
-    poor = [f for f in outcome.files if _is_poor(f, widest)]
+    poor = [f for f in outcome.files if f.error.percent > POOR_PERCENT and f.error.rms > SMALL_SHARE * widest]
     if poor:
         worst = max(poor, key=lambda f: f.error.percent)
         return (
@@ -277,7 +277,3 @@ def _failure(outcome: Outcome) -> str:
             f"{POOR_PERCENT:g} %; {len(poor)} of {len(outcome.files)} files)"
         )
     return ""
-
-
-def _is_poor(file: FileResult, widest_N: float) -> bool:
-    return file.error.percent > POOR_PERCENT and file.error.rms > SMALL_SHARE * widest_N

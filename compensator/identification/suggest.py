@@ -67,12 +67,9 @@ class _Pen:
         self.parts: list[str] = []
         self._rate = rate_N_per_s
 
-    @property
-    def now_s(self) -> float:
-        return (sum(len(p) for p in self.pieces) - 1) * ROW_S
-
     def note(self, text: str) -> None:
-        self.parts.append(f"{self.now_s:.4g} s: {text}")
+        now_s = (sum(len(p) for p in self.pieces) - 1) * ROW_S
+        self.parts.append(f"{now_s:.4g} s: {text}")
 
     def hold(self, seconds: float) -> None:
         self.pieces.append(np.full(max(1, round(seconds / ROW_S)), self.pieces[-1][-1]))

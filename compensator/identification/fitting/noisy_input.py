@@ -188,8 +188,9 @@ def _windows_of(
     drive = replace(run.drive, input_N=run.drive.input_N[::every], step_s=run.record.step_s * every)
     response = model.respond(full, drive, task.free)
     proximal = run.explain is Explain.POSITION
-    by_values: list[Array] = [response.near_slopes if proximal else response.output_slopes, response.elongation_slopes]
-    units, noises = (task.output_unit, task.elongation_unit_m), (run.explained_noise, run.record.elongation_noise_m)
+    by_values = (run.predicted(response)[1], response.elongation_slopes)
+    noise = run.record.travel_noise_m if proximal else run.record.output_noise_N
+    units, noises = (task.output_unit, task.elongation_unit_m), (noise, run.record.elongation_noise_m)
     sizes: Array = np.hypot(np.array(noises) / np.sqrt(run.thin), MISFIT_SHARE * np.array(usual))
     fitted = np.flatnonzero(run.good) * run.thin * run.record.step_s
     clock = np.arange(len(run.piece.read_N)) * run.record.step_s

@@ -54,11 +54,6 @@ class FitPiece:
         return explained(self.piece, self.explain)
 
     @property
-    def explained_noise(self) -> float:
-        """Standard deviation of its white noise before the low-pass."""
-        return self.record.travel_noise_m if self.explain is Explain.POSITION else self.record.output_noise_N
-
-    @property
     def with_elongation(self) -> bool:
         """The elongation is compared as well."""
         return self.record.has_positions and self.explain is Explain.OUTPUT

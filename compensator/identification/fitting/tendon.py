@@ -22,14 +22,6 @@ HOLD_SHARE = 0.02
 """A hold: the tension stays within this share of its range."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TendonFit:
-    """What the elongation tells."""
-
-    values: dict[str, float]  # k1, k2, tau
-    explained: float  # share of the elongation's variance that the law explains
-
-
 def mean_tension(piece: Piece, values: Mapping[StaticParameter, float]) -> Array:
     """Mean tension over the path of a piece, by the play law started from its first output, shape (n,) [N]."""
     law = CapstanLaw(
@@ -87,8 +79,12 @@ def _thinned(record: Record, piece: Piece, values: Mapping[StaticParameter, floa
     )
 
 
-def fit_tendon(records: Sequence[Record], values: Mapping[StaticParameter, float], tendon: Tendon) -> TendonFit:
-    """Fit k1, k2, tau to force and elongation of records with positions; `values` are those of the static law."""
+def fit_tendon(
+    records: Sequence[Record], values: Mapping[StaticParameter, float], tendon: Tendon
+) -> tuple[dict[str, float], float]:
+    """k1, k2, tau by force and elongation of records with positions, and the share of the elongation's variance that
+    they explain; `values` are those of the static law.
+    """
     runs = [_thinned(r, p, values) for r in records for p in r.pieces]
     swing = max(float(np.ptp(r.force_N)) for r in runs)
     travel = max(float(np.ptp(r.elongation_m)) for r in runs)
@@ -143,7 +139,5 @@ def fit_tendon(records: Sequence[Record], values: Mapping[StaticParameter, float
     solution = min(starts, key=lambda s: s.cost)
     everything = np.concatenate([x - x.mean() for x in (r.elongation_m for r in runs)])
     left = solution.residuals.values * unit
-    return TendonFit(
-        values={name: solution.values[name] for name in TENDON_PARAMETERS},
-        explained=1 - float(np.sum(left**2)) / max(float(np.sum(everything**2)), 1e-300),
-    )
+    explained = 1 - float(np.sum(left**2)) / max(float(np.sum(everything**2)), 1e-300)
+    return {name: solution.values[name] for name in TENDON_PARAMETERS}, explained

@@ -282,16 +282,13 @@ def read_measurement(path: Path, how: Measurement, joints: Sequence[str] = ()) -
 
 def _mend_clock(time: Array, findings: Findings) -> tuple[Mask, Array, tuple[int, ...]]:
     """Rows to keep, their times in strictly rising order, and first kept rows after a jump back."""
-    n = len(time)
-    keep = np.ones(n, dtype=bool)
-    if n < 2:
-        return keep, time.copy(), ()
+    if len(time) < 2:
+        return np.ones(len(time), dtype=bool), time.copy(), ()
     step = np.diff(time)
     usual = float(np.median(step[step > 0])) if np.any(step > 0) else 1.0
-    jumps = [int(k) + 1 for k in np.flatnonzero(step < 0)]
     mended = time.copy()
     breaks, jump_times = [], []
-    for k in jumps:
+    for k in (np.flatnonzero(step < 0) + 1).tolist():
         ahead = mended[k : k + OUT_OF_ORDER_ROWS + 1]
         if np.any(ahead > mended[k - 1]):
             continue  # a few rows out of order: dropped below
@@ -303,14 +300,11 @@ def _mend_clock(time: Array, findings: Findings) -> tuple[Mask, Array, tuple[int
     if breaks:
         findings.note(DataIssue.CLOCK_JUMP, "a new piece starts there, its history is not known", jump_times)
     highest = np.maximum.accumulate(mended)
-    late = np.zeros(n, dtype=bool)
-    late[1:] = mended[1:] <= highest[:-1]
-    repeated = late.copy()
-    repeated[1:] &= mended[1:] == highest[:-1]
+    late = np.append(False, mended[1:] <= highest[:-1])
+    repeated = np.append(False, mended[1:] == highest[:-1])
     if repeated.any():
         findings.note(DataIssue.DUPLICATE, "the first row of each was kept", time[repeated])
     if (disordered := late & ~repeated).any():
         findings.note(DataIssue.OUT_OF_ORDER, "rows left out", time[disordered])
-    keep &= ~late
-    index = np.cumsum(keep) - 1
-    return keep, mended[keep], tuple(int(index[k]) for k in breaks if k < n)
+    index = np.cumsum(~late) - 1
+    return ~late, mended[~late], tuple(int(index[k]) for k in breaks)
