@@ -66,8 +66,7 @@ def _over_time(found: IdentificationData, comparisons: Sequence[PieceComparison]
         ax.set_ylabel(f"{'position' if found.explain is Explain.POSITION else 'tension'} [{unit}]")
         ax.margins(x=0.01)
     axes[-1, 0].set_xlabel("time [s]")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=3)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
     save_figure(figure, folder / "time")
 
 
@@ -86,8 +85,7 @@ def _loops(found: IdentificationData, comparisons: Sequence[PieceComparison], fo
         ax.set_ylabel(ends[found.explain is not Explain.INPUT])
     for ax in axes.ravel()[len(comparisons) :]:
         ax.set_axis_off()
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=2)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
     save_figure(figure, folder / "loop")
 
 
@@ -122,8 +120,7 @@ def _relaxation(comparisons: Sequence[PieceComparison], folder: Path) -> None:
         loop.plot(m, f, color=VERMILION, lw=0.8, ls="--")
         loop.set_xlabel("elongation [mm]")
         loop.set_ylabel("input tension [N]")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=2)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
     save_figure(figure, folder / "relaxation")
 
 
