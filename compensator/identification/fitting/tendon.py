@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.compensator.identification.fitting.static import BLOCKS_WANTED
+from tendonff.compensator.identification.fitting.static import block_numbers
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import Piece, Record
 from tendonff.models.capstan import CapstanLaw
@@ -91,18 +91,12 @@ def fit_tendon(
     unit = 0.01 * max(travel, 1e-15)
     stiffness = max(swing, 1e-12) / max(travel, 1e-15)
     seconds = sum(r.step_s * len(r.force_N) for r in runs)
-    block_s = float(np.clip(seconds / BLOCKS_WANTED, 0.1, 5.0))
     offsets = [
         Unknown(name=f"{kind}_{k}", start=0.0, low=-np.inf, high=np.inf, scale=travel)
         for k in range(len(runs))
         for kind in ("zero", "start")
     ]
-    blocks = np.concatenate(
-        [
-            np.floor(np.arange(len(r.good)) * r.step_s / block_s).astype(np.int64) + 10_000_000 * k
-            for k, r in enumerate(runs)
-        ]
-    )
+    blocks = block_numbers([np.arange(len(r.good), dtype=np.float64) * r.step_s for r in runs], seconds)
 
     def evaluate(at: Mapping[str, float]) -> Residuals:
         differences, slopes = [], []
