@@ -147,7 +147,6 @@ class Rig:
         return float(self._position[k]) + _OUTWARD[k] * tension / self._plan.ends[mode].stiffness_N_per_m
 
     def _new_simulator(self, state: ChainState) -> Simulator:
-        """A simulator for the present modes, from a state."""
         near, far = (self._plan.ends[mode] for mode in self._modes)
         chain = replace(self._chain, near=near, far=far)
         return Simulator(chain, self._plan.step_s, state, self._inputs(self._command[None, :], np.zeros((1, 2))))

@@ -121,7 +121,6 @@ def estimates_of(scenario: Scenario, law: DynamicFit | StaticFit, now: Excitatio
 
 
 def _static(rig: _Rig, fit: StaticFit) -> list[Estimate]:
-    """Estimates of the static stage alone."""
     theta, solution = rig.theta_rad, fit.solution
     sliding = dict(zip((P.PULL, P.RELEASE), in_gross_sliding(fit.values), strict=True))
     per_own = {k: v / fit.values[k] / theta if fit.values[k] > 0 else 1 / theta for k, v in sliding.items()}

@@ -6,9 +6,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from tendonff.compensator.identification.fitting.by_file import ByFile
 from tendonff.compensator.identification.fitting.errors import FileError
 from tendonff.compensator.identification.fitting.sliding import SectionFriction, SlidingRatio
+from tendonff.compensator.identification.fitting.uncertainty import ByFile
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.reading import Finding
 from tendonff.compensator.scenario.measurement import Explain

@@ -10,15 +10,14 @@ import numpy as np
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification import messages
 from tendonff.compensator.identification.estimates import estimates_of, summarise_excitation
-from tendonff.compensator.identification.fitted import Fitted, carried_on, with_coulomb
 from tendonff.compensator.identification.fitting import tendon
-from tendonff.compensator.identification.fitting.by_file import between_files
 from tendonff.compensator.identification.fitting.delay import Delay, align, earlier
 from tendonff.compensator.identification.fitting.drive import drive_estimate
 from tendonff.compensator.identification.fitting.dynamic import DynamicFit, fit_coarse, fit_dynamic
 from tendonff.compensator.identification.fitting.model_selection import StaticSelection, choose_explain, select_static
 from tendonff.compensator.identification.fitting.sliding import friction_by_section, sliding_ratios
 from tendonff.compensator.identification.fitting.static import StaticFit
+from tendonff.compensator.identification.fitting.uncertainty import between_files
 from tendonff.compensator.identification.measured.cleaning import Record, clean
 from tendonff.compensator.identification.measured.plan import (
     check_plan,
@@ -27,7 +26,7 @@ from tendonff.compensator.identification.measured.plan import (
     unit_warning,
 )
 from tendonff.compensator.identification.measured.reading import read_measurement
-from tendonff.compensator.identification.outcome import Outcome, compared, outcome_of
+from tendonff.compensator.identification.outcome import Fitted, Outcome, carried_on, compared, outcome_of, with_coulomb
 from tendonff.compensator.identification.output import Identification
 from tendonff.compensator.identification.result import POOR_PERCENT, CandidateLaw
 from tendonff.compensator.scenario.measurement import Explain
@@ -167,7 +166,6 @@ class _Fits:
     warning: str = ""
 
     def chosen(self, laws: Sequence[CandidateLaw]) -> DynamicFit | StaticFit:
-        """The fit of the law that was chosen."""
         dynamic = any(law.chosen and law.stage == "dynamic" for law in laws)
         if self.stage is not None and not dynamic:
             return self.stage.fit

@@ -164,7 +164,6 @@ def _feasible(normal: Array, wanted: Array, step: Array, least: Array) -> Array:
 
 
 def _windows(task: ChainResiduals, solution: Solution) -> Iterator[_Rows]:
-    """Windows of all pieces."""
     full, found = task.complete(solution.values), solution.residuals
     usual = task.channel_rms(found)
     for run, left, (blocks, _) in zip(
