@@ -46,15 +46,17 @@ class End:
         return ()
 
 
-def normal_force(f_near: ca.SX, f_far: ca.SX, adhesion_N: ca.SX) -> ca.SX:
-    """Normal force of an element, f_n = f_i + f_{i+1} + 2 p [N], eq. (4) with adhesion p; at least the floor.
+def tension_sum(f_near: ca.SX, f_far: ca.SX, adhesion_N: ca.SX) -> ca.SX:
+    """What presses an element on its path, f_i + f_{i+1} + 2 p [N], eq. (4) with adhesion p.
 
-    Parameters
-    ----------
-    f_near, f_far : ca.SX
-        Tensions on the actuator's and the load's side [N].
+    In the inverse the tension that its bristle will add is not known yet, and left out.
     """
-    return at_least(f_near + f_far + 2 * adhesion_N, NORMAL_FORCE_FLOOR_N)
+    return f_near + f_far + 2 * adhesion_N
+
+
+def normal_force(f_near: ca.SX, f_far: ca.SX, adhesion_N: ca.SX) -> ca.SX:
+    """Normal force f_n of an element, the `tension_sum` of its two sides; at least the floor [N]."""
+    return at_least(tension_sum(f_near, f_far, adhesion_N), NORMAL_FORCE_FLOOR_N)
 
 
 def path_force(f_near: ca.SX, f_far: ca.SX, f_f: ca.SX) -> ca.SX:

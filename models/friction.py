@@ -12,6 +12,7 @@ from typing import Any, ClassVar, Protocol, Self
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonff.models.assembly import NORMAL_FORCE_FLOOR_N, End
 from tendonff.models.bounds import at_least
@@ -92,6 +93,11 @@ def equivalent_coefficient(mu: ca.SX, angle_rad: ca.SX) -> ca.SX:
     """
     half = mu * angle_rad / 2
     return np.tanh(half) if isinstance(half, np.ndarray) else ca.tanh(half)
+
+
+def equivalent_exponent(coefficient: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mu phi of elements, the inverse of `equivalent_coefficient` [-]."""
+    return 2 * np.arctanh(coefficient)
 
 
 def _ratio(static: ca.SX, dynamic: ca.SX) -> ca.SX:

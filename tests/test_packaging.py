@@ -1,5 +1,7 @@
 """What is in the tree is what gets installed, from a checkout with links or without."""
 
+import ast
+import graphlib
 import re
 import runpy
 import shutil
@@ -31,6 +33,25 @@ def test_every_folder_with_python_files_is_a_package() -> None:
     for top in ("models", "ocp", "compensator"):
         for path in (ROOT / top).rglob("*.py"):
             assert (path.parent / "__init__.py").is_file(), f"{path.parent} needs an __init__.py to be imported"
+
+
+def imported(file: Path) -> set[Path]:
+    """Files of the tree that a file imports anywhere: at its top, in a function, or for type checkers alone."""
+    names = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    places = {ROOT.joinpath(*name.split(".")[1:]) for name in names if name.startswith("tendonff.")}
+    return {f for place in places for f in (place.with_suffix(".py"), place / "__init__.py") if f.is_file()} - {file}
+
+
+def test_no_module_imports_itself_in_a_circle_not_even_within_functions() -> None:
+    code = [file for top in ("models", "ocp", "compensator") for file in (ROOT / top).rglob("*.py")]
+    graph = {file: imported(file) for file in code}
+    assert sum(map(len, graph.values())) > 2 * len(graph)  # or the test would look at nothing
+    graphlib.TopologicalSorter(graph).prepare()
 
 
 @pytest.mark.parametrize("top", LINKED)

@@ -28,8 +28,6 @@ standstill.
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from tendonff.compensator.experiment.rig import Plan
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.scenario.experiment import EndTension, Experiment, ExperimentState, Hold, MotorMode
@@ -161,8 +159,8 @@ def ten_states(
     p = law.adhesion_N
     felt_by_2 = float(law.input_for_N(low_N, Branch.PULL) + p) * _REACH_MARGIN - p
     # Motor 2 pulls and releases in S6 and S7: seen from it, the directions of the law are exchanged.
-    other_end = (high_N + p) * np.exp(-law.release_exponent)
-    felt_by_1 = float(other_end * np.exp(-law.pull_exponent)) / _REACH_MARGIN - p
+    other_end = float(law.input_for_N(high_N, Branch.RELEASE))
+    felt_by_1 = (law.largest_output_N(other_end) + p) / _REACH_MARGIN - p
     felt_by_2, felt_by_1 = min(felt_by_2, high_N / _LEAST_RAMP), max(felt_by_1, low_N * _LEAST_RAMP)
 
     def state(

@@ -209,12 +209,7 @@ def _context(
         first = initial if sensor is Sensor.OUTPUT_TENSION else "0.0"
         words = f"last measurement: {sensor.words}"
         extras.append(_Variable(name="measured", text=words, unit=sensor.unit, start=first))
-    elif kind in (Kind.INVERSE, Kind.TABLE):
-        if kind is Kind.INVERSE:
-            extras.append(_Variable(name="mu", text="mu_dynamic", unit="", start=mu, is_parameter=True))
-        variable = _Variable(name="reference", text="wanted output tension", unit="N", start=initial)
-        outputs = [force]
-    else:
+    elif kind is Kind.PLANT:
         variable = force if servo else _Variable(name="force", text="force of the actuator", unit="N", start=initial)
         near, far = repr(rest.near_position_m), repr(rest.far_position_m)
         outputs = [
@@ -222,6 +217,11 @@ def _context(
             _Variable(name="actuator_position", text="positive towards the actuator", unit="m", start=near),
             _Variable(name="load_position", text="positive towards the actuator", unit="m", start=far),
         ]
+    else:
+        if kind is Kind.INVERSE:
+            extras.append(_Variable(name="mu", text="mu_dynamic", unit="", start=mu, is_parameter=True))
+        variable = _Variable(name="reference", text="wanted output tension", unit="N", start=initial)
+        outputs = [force]
     joints = [] if problem.chain.motion is None else _joint_inputs(problem.chain)
     release = __version__
     name = " ".join(scenario.name.replace("*/", "* /").split())

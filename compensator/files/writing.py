@@ -86,10 +86,6 @@ def _uninterrupted() -> Iterator[None]:
         signal.signal(signal.SIGINT, previous if previous is not None else signal.default_int_handler)
 
 
-def _refused(path: Path, what: str, error: OSError) -> InputError:
-    return InputError(f"{path} cannot be {what}: {error.strerror or error}; name a place that you may write to")
-
-
 def _make_parents(folder: Path) -> list[Path]:
     """Create `folder` and what is missing above it; returns what was created, deepest first."""
     missing = [parent for parent in (folder, *folder.parents) if not parent.exists()]

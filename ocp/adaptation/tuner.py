@@ -126,7 +126,7 @@ class SelfTuner:
                 f"the chain must carry the factors that are tuned, {', '.join(tuning.parameters)}; "
                 f"got {', '.join(tuned.parameters)}"
             )
-        self._library, self._count, self._tuning = host_library(tuned), len(tuning.parameters), tuning
+        self._library, self._count = host_library(tuned), len(tuning.parameters)
         self._chain, self._step_s, self._rows = tuned.chain, step_s, 0
         self._numbers = chain_struct(tuned.chain)  # the tuner points at what differs from mass to mass
         self._struct = _TuningStruct(

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from tendonff.models.bounds import play
 from tendonff.models.capstan.spread_bounds import PLACES, PLAYS, sliding_exponent
-from tendonff.models.friction import LuGreBristle
+from tendonff.models.friction import LuGreBristle, equivalent_coefficient
 
 Array = NDArray[np.float64]
 
@@ -155,7 +155,7 @@ def _bristle_step() -> _Step:
     # Two strands side by side, each with half of the tension. Without speed dependence the law knows no time: with a
     # unit step the velocity is the travel of the sample.
     half_sum = ca.fmax(far + at[P.ADHESION], LIFTED_FLOOR_N)
-    pull, release = (ca.tanh(at[k] / 2) for k in (P.PULL, P.RELEASE))
+    pull, release = (equivalent_coefficient(at[k], 1.0) for k in (P.PULL, P.RELEASE))
     strands: list[ca.SX] = []
     for force, sign in zip(ca.vertsplit(f_s), (1, -1), strict=True):
         bristle = LuGreBristle(

@@ -6,7 +6,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from tendonff.models.assembly import end_force, near_tension
+from tendonff.models.assembly import end_force, near_tension, tension_sum
 from tendonff.models.chain import Chain, laws_at
 from tendonff.models.friction import from_far_side
 from tendonff.models.layout import fields_of
@@ -74,7 +74,7 @@ class CasadiInverse:
                 inertia = mass[i - 1] / H * (v - v_base[i])
                 without = near_tension(f, friction.viscous_force(v), inertia)
                 base = tuple(part[i - 1] for part in own[border:])
-                states = from_far_side(friction, v, base, H, f + without + 2 * piece.adhesion_N)
+                states = from_far_side(friction, v, base, H, tension_sum(f, without, piece.adhesion_N))
                 mass_ends.append(states)
                 f = tendon_force(without + friction.state_force(states))
                 least = ca.fmin(least, f)

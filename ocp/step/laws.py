@@ -15,7 +15,7 @@ from typing import TypeVar
 import casadi as ca
 import numpy as np
 
-from tendonff.models.assembly import End, Piece, end_force, near_tension, normal_force, path_force
+from tendonff.models.assembly import End, Piece, end_force, near_tension, normal_force, path_force, tension_sum
 from tendonff.models.chain import Chain
 from tendonff.models.friction import FrictionLaw, from_far_side
 from tendonff.models.layout import fields_of
@@ -226,7 +226,7 @@ class ElementLaws:
         base, piece = _based(self.friction.states), symbolic(Piece(mass_kg=0, adhesion_N=0), "piece_")
         inertia, viscous = piece.mass_kg / step * (v - v_base), self.friction.viscous_force(v)
         without_states = near_tension(f_far, viscous, inertia)
-        states = from_far_side(self.friction, v, base, step, f_far + without_states + 2 * piece.adhesion_N)
+        states = from_far_side(self.friction, v, base, step, tension_sum(f_far, without_states, piece.adhesion_N))
         state_force = self.friction.state_force(states)
         found = (
             {"drop": state_force + viscous + inertia}

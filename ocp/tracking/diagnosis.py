@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.chain import Chain
+from tendonff.models.friction import equivalent_exponent
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.limits import ForceLimits
 
@@ -71,7 +72,7 @@ def law_of(chain: Chain) -> CapstanLaw:
 
 def _exponent(coefficient: float | Array, count: int) -> float:
     """Mu theta of a row of elements."""
-    return float(np.sum(np.broadcast_to(2 * np.arctanh(coefficient), (count,))))
+    return float(np.sum(np.broadcast_to(equivalent_exponent(np.asarray(coefficient)), (count,))))
 
 
 def reversals(reference_N: Array) -> NDArray[np.int_]:

@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass
 
 import casadi as ca
 
-from tendonff.compensator.compensators.base import CModule, Problem
+from tendonff.compensator.compensators.base import Problem
 from tendonff.models.bounds import at_least
 from tendonff.models.elements import whole_of
 from tendonff.models.friction import COEFFICIENT_FLOOR
@@ -15,12 +15,6 @@ from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.step.joints import Joints
 from tendonff.ocp.step.target import SETTABLE, inverse_code
 from tendonff.ocp.step.target_joints import contact_code
-
-PARAMETERS = CModule(name="parameters", content="what can be changed while the controller runs")
-"""Goes with every module that uses it."""
-
-USERS = ("inverse", "stream", "capstan", "table")
-"""Modules with `<prefix>_<module>_use`."""
 
 _MU_MAX = 2.0
 _EXPONENT_MAX = 20.0  # mu theta beyond which no tension gets through

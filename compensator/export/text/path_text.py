@@ -3,6 +3,7 @@
 import numpy as np
 
 from tendonff.models.chain import Chain
+from tendonff.models.friction import equivalent_exponent
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.step.joints import Joints
 from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT
@@ -43,7 +44,7 @@ def _rated(joints: Joints) -> list[bool]:
 def _friction_shares(chain: Chain) -> list[float]:
     """Share of each mass in what friction can hold along the path, at joint angle zero."""
     pull, _ = chain.friction.slip_coefficients
-    exponent = np.arctanh(np.minimum(np.broadcast_to(np.asarray(pull, float), (chain.count,)), 1 - 1e-12))
+    exponent = equivalent_exponent(np.minimum(np.broadcast_to(np.asarray(pull, float), (chain.count,)), 1 - 1e-12))
     total = float(exponent.sum())
     return (exponent / total).tolist() if total > 0 else [1 / chain.count] * chain.count
 

@@ -17,6 +17,7 @@ from tendonff.compensator.scenario.reference import (
 )
 from tendonff.compensator.scenario.sampled.from_file import read_samples, resample
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.capstan import CapstanLaw
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.reference.motion import tension_of_motion
 
@@ -233,8 +234,6 @@ def _grid(duration_s: float, step_s: float, file: str) -> FloatArray:
 
 def largest_tension(transmission: Transmission) -> float:
     """Largest output tension that force_max_N reaches by slow pulling [N]."""
-    from tendonff.models.capstan import CapstanLaw
-
     actuator = transmission.actuator
     return CapstanLaw.of(transmission).largest_output_N(actuator.force_max_N - (actuator.coulomb_N or 0.0))
 

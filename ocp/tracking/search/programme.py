@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.models.capstan import CapstanLaw
+from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.diagnosis import law_of
 from tendonff.ocp.tracking.problem import TrackingProblem
@@ -38,7 +38,7 @@ def programme(problem: TrackingProblem) -> Array:
         span, wanted = (now - before) * problem.step_s, reference[now]
         reach = min(limits.rate_N_per_s * span, limits.maximum_N - limits.minimum_N)
         moved = np.add.outer(reach * _MOVES, force)
-        aims = np.array([aim for law in extremes for aim in _aims(law, wanted)])
+        aims = np.array([law.input_for_N(wanted, branch) for law in extremes for branch in Branch])
         aimed = np.clip(aims[:, None], force - reach, force + reach)
         tried = np.clip(np.vstack([moved, aimed]), limits.minimum_N, limits.maximum_N)
         parent = np.tile(np.arange(len(force)), len(tried))
@@ -105,15 +105,6 @@ class _Grid:
         _, first = np.unique(key[order], return_index=True)
         kept: NDArray[np.int_] = order[np.sort(first)[: self.most]]
         return kept
-
-
-def _aims(law: CapstanLaw, wanted_N: float) -> tuple[float, float]:
-    """Forces that put the output on the reference, pulling and releasing."""
-    lifted = wanted_N + law.adhesion_N
-    return (
-        lifted * float(np.exp(law.pull_exponent)) - law.adhesion_N,
-        lifted * float(np.exp(-law.release_exponent)) - law.adhesion_N,
-    )
 
 
 def _play(law: CapstanLaw, force_N: Array, output_N: Array) -> Array:

@@ -1,21 +1,26 @@
 """Compensators as objects: what each answers, that they agree everywhere, and what a further one takes."""
 
+import json
 import math
+import subprocess
 from dataclasses import replace
 
+import jinja2
 import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.compare.run import compare
 from tendonff.compensator.compensators import base, optimal
-from tendonff.compensator.compensators.base import Compensator, Problem, Profile, ProfileStatus, Style
+from tendonff.compensator.compensators.base import CModule, Compensator, Problem, Profile, ProfileStatus, Style
+from tendonff.compensator.compensators.closed_form import Capstan
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
 from tendonff.compensator.design.run import design
-from tendonff.compensator.export import c_project
+from tendonff.compensator.export import c_project, modules
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.fmu import build_fmu
 from tendonff.compensator.export.kinds import FmiVersion, Kind
+from tendonff.compensator.export.text import c_text
 from tendonff.compensator.files.progress import silent
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
@@ -121,6 +126,42 @@ def test_a_further_compensator_enters_the_matrix_of_compare(quick):
     assert on_law.rmse_percent_of_range > result.entry("capstan", Level.ELASTIC, "capstan").rmse_percent_of_range
 
 
+class RenamedCapstan(Capstan):
+    """A compensator with C of its own, which only these tests know."""
+
+    name, label = "slack_free", "the static law by another name"
+    c_module = CModule(name="slack_free", content=label, knows_joints=False)
+
+
+class RenamingLoader(jinja2.BaseLoader):
+    """The templates that are shipped, and those of the static law by another name."""
+
+    def __init__(self, shipped):
+        self.shipped = shipped
+
+    def get_source(self, environment, template):
+        text, *rest = self.shipped.get_source(environment, template.replace("slack_free", "capstan"))
+        if "slack_free" in template:
+            text = text.replace("capstan", "slack_free").replace("CAPSTAN", "SLACK_FREE")
+        return text, *rest
+
+
+@pytest.mark.compiler
+def test_a_further_compensator_with_its_two_templates_is_exported_and_tests_itself(quick, monkeypatch, tmp_path):
+    monkeypatch.setattr(modules, "COMPENSATORS", (*COMPENSATORS, RenamedCapstan()))
+    monkeypatch.setattr(c_text._TEMPLATES, "loader", RenamingLoader(c_text._TEMPLATES.loader))
+    export_project(quick, profile_N=compensator("inverse").profile(Problem.of(quick)).force_N).write(tmp_path)
+    built = subprocess.run(["make", "test"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert built.returncode == 0, built.stdout + built.stderr
+    assert "slack_free: golden vectors of other friction" in built.stdout
+    assert json.loads((tmp_path / "design.json").read_text())["scores"]["slack_free"]["rmse_N"] > 0
+
+
+def test_every_module_that_follows_a_reference_has_a_co_simulation_unit(quick):
+    followers = {module.name for _, module in modules.exportable(quick.transmission, moving=False)} - {"profile"}
+    assert followers <= {kind.value for kind in Kind}
+
+
 def test_the_exact_inverse_is_computed_once_in_a_design(quick, monkeypatch):
     calls = []
     for module in (base, tracking, stability):
@@ -143,8 +184,10 @@ def test_progress_of_a_design_goes_on_while_the_optimal_profile_is_sought(design
     done = [step / total for step, total in reports]
     assert done == sorted(done)
     assert done[-1] == 1
-    fast, search = 3 / _parts(reports), 11 / _parts(reports)  # three fast profiles, then eight parts of the search
-    assert sum(fast < share < search for share in done) >= 3
+    shares = {c.name: 1 if c.is_fast else 8 for c in ALL}  # the search counts as eight of the fast profiles
+    before = sum(shares[c.name] for c in ALL[: ALL.index(compensator("optimal"))])
+    first, last = before / _parts(reports), (before + shares["optimal"]) / _parts(reports)
+    assert sum(first < share < last for share in done) >= 3
 
 
 def test_options_of_the_search_reach_it(quick):
@@ -153,6 +196,12 @@ def test_options_of_the_search_reach_it(quick):
     least = 1.02 * free.least_tension_N
     kept = compensator("optimal").profile(Problem.of(quick, options=TrackOptions(minimum_tension_N=least))).tracking
     assert free.least_tension_N < least <= kept.least_tension_N * (1 + 1e-6)
+
+
+def test_options_of_the_search_are_those_of_the_scenario_file(quick, tmp_path):
+    file = tmp_path / "s.toml"
+    file.write_text(f"{scenario_to_toml(quick)}\n[optimal]\nminimum_tension_N = 3.5\nrestarts = 2\n", encoding="utf-8")
+    assert Problem.of(load_scenario(file)).options == TrackOptions(minimum_tension_N=3.5, restarts=2)
 
 
 @pytest.fixture(scope="module")
