@@ -15,7 +15,6 @@ from tendonff.compensator.identification.measured.cleaning import Record
 from tendonff.compensator.identification.result import Estimate
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.models.parameters import Transmission
 from tendonff.ocp.fits.chain import DynamicParameter
 from tendonff.ocp.fits.static import SPREADS, StaticParameter, in_gross_sliding
 
@@ -88,8 +87,53 @@ class _Rig:
         value = getattr(friction, name, getattr(tendon, name, None))
         return None if value is None else float(value)
 
-    def reason(self, name: DynamicParameter, share: float | None = None, *, fitted: bool = False) -> str:
-        return reason(name, self.now, self.scenario.transmission, share, fitted=fitted)
+    def reason(self, name: DynamicParameter, relative_error: float | None = None, *, fitted: bool = False) -> str:
+        """Why a value is not identifiable, with the way out.
+
+        `relative_error` is the standard error that it has or would have; a value that is `fitted` is part of the law
+        and doubtful, another does not reduce the validation error.
+        """
+        now, transmission = self.now, self.scenario.transmission
+        tau = transmission.tendon.relaxation_time_s
+        doubt = ""
+        if relative_error is not None and np.isfinite(relative_error):
+            size = f"{100 * relative_error:.3g}" if relative_error < 10 else "above 1000"
+            doubt = f"standard error {size} %; "
+        if unmeasured := self._unmeasured(name, doubt):
+            return unmeasured
+        if name in (D.RELAXATION_TIME, D.RELAXING) and now.hold_s < 3 * tau:
+            return (
+                f"no hold longer than {now.hold_s:.2g} s: {name} is not identifiable; "
+                f"add a hold of 3 tau, {3 * tau:.3g} s with the scenario's tau"
+            )
+        if name in (D.STATIC_EXCESS, D.STRIBECK_VELOCITY):
+            omega = transmission.friction.stribeck_velocity_m_per_s
+            speed = f" (the input end moved at up to {now.speed_m_per_s:.2g} m/s)" if now.speed_m_per_s else ""
+            useless = "adding a Stribeck term does not reduce the validation error"
+            return (
+                f"{doubt.removesuffix('; ') if fitted else useless}{speed}; "
+                f"add strokes at speeds from {0.2 * omega:.2g} to {5 * omega:.2g} m/s, around the Stribeck velocity"
+            )
+        if name in (D.INPUT_BIAS, D.OUTPUT_BIAS):
+            return "not separable from adhesion and the other cell's offset; read both cells with a slack tendon"
+        if name in EFFECTS and not fitted:
+            doubt += f"{EFFECTS[name]} does not reduce the validation error; "
+        if name in ADVICE:
+            return doubt + ADVICE[name]
+        if now.load_swing < 0.3:
+            return f"{doubt}the output tension varies too little; repeat at several loads"
+        return f"{doubt}repeat with full strokes in both directions at several loads"
+
+    def _unmeasured(self, name: DynamicParameter, doubt: str) -> str:
+        """Which sensor would tell a value; empty where it is not for want of one."""
+        if self.now.proximal and name in (D.STIFFNESS, D.OUTPUT_BIAS, D.INPUT_BIAS):
+            return f"{doubt}nothing was measured at the far end; measure the output tension to tell {name}"
+        if name in (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME) and not self.now.positions and not self.now.proximal:
+            return (
+                f"no positions of both ends were measured: {name} is not identifiable (tensions alone do not show "
+                "elongation); measure both positions"
+            )
+        return ""
 
     def kept(self, name: str, value: float, why: str) -> Estimate:
         """A value that was not fitted."""
@@ -277,59 +321,3 @@ def summarise_excitation(records: Sequence[Record]) -> ExcitationSummary:
         load_swing=float(np.ptp(output) / max(abs(output.mean()), 1e-12)),
         proximal=proximal,
     )
-
-
-def reason(
-    name: DynamicParameter,
-    now: ExcitationSummary,
-    transmission: Transmission,
-    relative_error: float | None = None,
-    *,
-    fitted: bool = False,
-) -> str:
-    """Why a value is not identifiable, with the way out.
-
-    `relative_error` is the standard error that it has or would have; a value that is `fitted` is part of the law and
-    doubtful, another does not reduce the validation error.
-    """
-    tau = transmission.tendon.relaxation_time_s
-    known = relative_error is not None and np.isfinite(relative_error)
-    doubt = _standard_error(float(relative_error or 0)) if known else ""
-    if unmeasured := _unmeasured(name, now, doubt):
-        return unmeasured
-    if name in (D.RELAXATION_TIME, D.RELAXING) and now.hold_s < 3 * tau:
-        return (
-            f"no hold longer than {now.hold_s:.2g} s: {name} is not identifiable; "
-            f"add a hold of 3 tau, {3 * tau:.3g} s with the scenario's tau"
-        )
-    if name in (D.STATIC_EXCESS, D.STRIBECK_VELOCITY):
-        omega = transmission.friction.stribeck_velocity_m_per_s
-        speed = f" (the input end moved at up to {now.speed_m_per_s:.2g} m/s)" if now.speed_m_per_s else ""
-        useless = doubt.removesuffix("; ") if fitted else "adding a Stribeck term does not reduce the validation error"
-        return (
-            f"{useless}{speed}; "
-            f"add strokes at speeds from {0.2 * omega:.2g} to {5 * omega:.2g} m/s, around the Stribeck velocity"
-        )
-    if name in (D.INPUT_BIAS, D.OUTPUT_BIAS):
-        return "not separable from adhesion and the other cell's offset; read both cells with a slack tendon"
-    if name in EFFECTS and not fitted:
-        doubt += f"{EFFECTS[name]} does not reduce the validation error; "
-    if name in ADVICE:
-        return doubt + ADVICE[name]
-    if now.load_swing < 0.3:
-        return f"{doubt}the output tension varies too little; repeat at several loads"
-    return f"{doubt}repeat with full strokes in both directions at several loads"
-
-
-def _standard_error(share: float) -> str:
-    return f"standard error {f'{100 * share:.3g}' if share < 10 else 'above 1000'} %; "
-
-
-def _unmeasured(name: DynamicParameter, now: ExcitationSummary, doubt: str) -> str:
-    """Which sensor would tell a value; empty where it is not for want of one."""
-    if now.proximal and name in (D.STIFFNESS, D.OUTPUT_BIAS, D.INPUT_BIAS):
-        return f"{doubt}nothing was measured at the far end; measure the output tension to tell {name}"
-    if name in (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME) and not now.positions and not now.proximal:
-        what = "tensions alone do not show elongation"
-        return f"no positions of both ends were measured: {name} is not identifiable ({what}); measure both positions"
-    return ""
