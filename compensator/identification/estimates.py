@@ -31,6 +31,7 @@ TWINS = 0.985
 
 BIASES = (D.INPUT_BIAS, D.OUTPUT_BIAS)
 CONSTANTS = (P.ADHESION, P.INPUT_BIAS, P.OUTPUT_BIAS)
+NAMES = {P.PULL: "mu_dynamic", P.RELEASE: "mu_dynamic_release", P.BRISTLE: "soft_bristle_stiffness_N_per_m"}
 EXPONENTS = {"mu_dynamic": "mu_theta", "mu_dynamic_release": "mu_theta_release"}
 
 LOAD_TERMS = (P.PULL, P.RELEASE, P.ADHESION)
@@ -168,15 +169,9 @@ def _static(rig: _Rig, fit: StaticFit) -> list[Estimate]:
     theta, solution = rig.theta_rad, fit.solution
     sliding = dict(zip((P.PULL, P.RELEASE), in_gross_sliding(fit.values), strict=True))
     per_own = {k: v / fit.values[k] / theta if fit.values[k] > 0 else 1 / theta for k, v in sliding.items()}
-    names = {
-        P.PULL: ("mu_dynamic", per_own[P.PULL]),
-        P.RELEASE: ("mu_dynamic_release", per_own[P.RELEASE]),
-        **{k: (k.value, 1.0) for k in (*CONSTANTS, P.GUIDE)},
-        P.BRISTLE: ("soft_bristle_stiffness_N_per_m", 1.0),
-        **{k: (k.value, 1.0) for k in SPREADS},
-    }
     estimates: list[Estimate] = []
-    for parameter, (name, factor) in names.items():
+    for parameter in (P.PULL, P.RELEASE, *CONSTANTS, P.GUIDE, P.BRISTLE, *SPREADS):
+        name, factor = NAMES.get(parameter, parameter.value), per_own.get(parameter, 1.0)
         source = P.PULL if parameter is P.RELEASE and not fit.model.asymmetric else parameter
         own = rig.own(name)
         if source.value not in solution.values:
@@ -203,10 +198,9 @@ def _static(rig: _Rig, fit: StaticFit) -> list[Estimate]:
         estimates.append(rig.fitted(name, float(factor * value), factor * error, interval, told=told, why=why))
     if rig.described and P.ADHESION.value in solution.values:
         estimates.append(_without_load(rig, fit))
-    imposed = (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME, D.DAMPING) if fit.explain is Explain.INPUT else ()
     for name in (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME, D.STRIBECK_VELOCITY, D.VISCOUS, D.DAMPING):
         why = rig.reason(name)
-        if name in imposed:
+        if fit.explain is Explain.INPUT and name not in (D.STRIBECK_VELOCITY, D.VISCOUS):
             why = f"the output tension is imposed: what would tell {name} needs a load that only follows"
         estimates.append(rig.kept(name, rig.own(name) or 0.0, why if rig.described else NOT_DESCRIBED))
     return estimates
