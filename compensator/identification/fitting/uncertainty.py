@@ -151,9 +151,8 @@ def with_common_errors(solution: Solution) -> Solution:
 
 def with_floors(solution: Solution, mean_N: float) -> Solution:
     """Add what the method itself does not resolve, the mean output tension being `mean_N`."""
-    floors: Mapping[DynamicParameter, float] = FLOORS
     errors = [
-        ADHESION_FLOOR * mean_N if D(n) in (D.ADHESION, D.INPUT_BIAS, D.OUTPUT_BIAS) else floors.get(D(n), 0.0) * abs(v)
+        ADHESION_FLOOR * mean_N if D(n) in (D.ADHESION, D.INPUT_BIAS, D.OUTPUT_BIAS) else FLOORS.get(D(n), 0.0) * abs(v)
         for n, v in solution.values.items()
     ]
     return replace(solution, covariance=solution.covariance + np.diag(np.square(errors)))
