@@ -52,23 +52,14 @@ def sliding_ratios(records: Sequence[Record]) -> tuple[SlidingRatio, ...]:
     if not all(r.has_input_position for r in records):
         reason = "no input position was measured: which rows slide is not known; measure it"
         return tuple(SlidingRatio(branch=b, rows=0, log_ratio=None, interval=None, reason=reason) for b in Branch)
-    found = []
-    for branch in Branch:
-        ratios = []
-        total = refused = 0
-        for record in records:
-            for piece in record.pieces:
-                rows = _sliding(piece, record.step_s, branch) & piece.good
-                near, far = piece.input_N[rows], piece.output_N[rows]
-                positive = (near > 0) & (far > 0)
-                total += len(near)
-                refused += int((~positive).sum())
-                ratios.append(np.log(near[positive] / far[positive]))
-        found.append(_judge(branch, np.concatenate(ratios), total, refused))
-    return tuple(found)
+    return tuple(_ratio(branch, records) for branch in Branch)
 
 
-def _judge(branch: Branch, ratios: Array, total: int, refused: int) -> SlidingRatio:
+def _ratio(branch: Branch, records: Sequence[Record]) -> SlidingRatio:
+    pieces = [(p, _sliding(p, r.step_s, branch) & p.good) for r in records for p in r.pieces]
+    near, far = (np.concatenate([getattr(p, name)[rows] for p, rows in pieces]) for name in ("input_N", "output_N"))
+    positive = (near > 0) & (far > 0)
+    total, refused = len(near), int((~positive).sum())
     if total < LEAST_ROWS:
         reason = f"{total} rows slide fast and far enough from a reversal, {LEAST_ROWS} are needed; use longer strokes"
     elif refused > MOST_REFUSED * total:
@@ -77,6 +68,7 @@ def _judge(branch: Branch, ratios: Array, total: int, refused: int) -> SlidingRa
             "is undefined: a biased cell or signed data; zero the cells without tension and measure again"
         )
     else:
+        ratios = np.log(near[positive] / far[positive])
         low, middle, high = (float(v) for v in np.percentile(ratios, [5, 50, 95]))
         return SlidingRatio(branch=branch, rows=total, log_ratio=middle, interval=(low, high), reason="")
     return SlidingRatio(branch=branch, rows=total, log_ratio=None, interval=None, reason=reason)
