@@ -12,8 +12,7 @@ from independent_plant import Array
 
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
-from tendonff.ocp.fits.chain import ChainModel, Drive, DynamicParameter
-from tendonff.ocp.fits.input_knots import input_windows
+from tendonff.ocp.fits.chain import ChainModel, Drive, DynamicParameter, input_windows
 
 D = DynamicParameter
 

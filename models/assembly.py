@@ -74,20 +74,9 @@ def end_force(
 ) -> ca.SX:
     """Sum of the forces on an end mass, positive towards the actuator [N].
 
-    Parameters
-    ----------
-    v, q : ca.SX
-        Velocity [m/s], position [m].
-    tension : ca.SX
-        Tension of the adjacent link [N].
-    pull : ca.SX
-        Direction in which the tension pulls the mass: -1 at the near end, +1 at the far end.
-    f_c, x_c : ca.SX
-        Motor force away from the tendon [N], rest position of the end's spring [m].
-    end : End
-        Numbers or CasADi scalars.
-    own : tuple of ca.SX, optional
-        Its own states, each a force that opposes its motion [N].
+    The tension of the adjacent link pulls the mass in the direction `pull`: -1 at the near end, +1 at the far end. The
+    motor force f_c acts away from the tendon, x_c is the rest position of the end's spring. The end's `own` states are
+    forces that oppose its motion [N].
     """
     without = pull * (tension - f_c) - end.damping_N_s_per_m * v - end.stiffness_N_per_m * (q - x_c)
     return without - sum(own) if own else without
@@ -97,12 +86,5 @@ def rest_damper_force(x_c_rate: ca.SX, pull: ca.SX, end: End) -> ca.SX:
     """Motor force f_c that a damper between an end mass and its moving rest position amounts to [N].
 
     The damper acts on v - dx_c/dt, `end_force` has it against the frame: -b (v - dx_c/dt) = -b v - pull f_c.
-
-    Parameters
-    ----------
-    x_c_rate : float, ndarray or ca.SX
-        dx_c/dt [m/s].
-    pull : float or ca.SX
-        As in `end_force`.
     """
     return -pull * end.damping_N_s_per_m * x_c_rate

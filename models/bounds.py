@@ -16,13 +16,8 @@ def at_least(x: ca.SX, floor: float) -> ca.SX:
 
 
 def play(memory: ca.SX, low: ca.SX, high: ca.SX) -> ca.SX:
-    """One update of the play operator: keep the memory unless a bound pushes it.
+    """One update of the play operator: keep the memory unless a bound that the input sets now pushes it, low <= high.
 
     `models.capstan` has the same for whole histories of numbers.
-
-    Parameters
-    ----------
-    low, high : ca.SX
-        Bounds that the input sets now, low <= high.
     """
     return ca.fmin(ca.fmax(memory, low), high)

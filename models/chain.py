@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from tendonff.models.assembly import End, end_force, normal_force, path_force
-from tendonff.models.elements import Elements, elements_of
+from tendonff.models.elements import Elements, bristle_stiffness_N_per_m, whole_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.friction import FrictionLaw, RubbingEnd
@@ -32,28 +32,15 @@ from tendonff.models.path import ANGLE_FLOOR_RAD, Array, JointMotion, PathRows
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chain:
-    """A transmission at one fidelity level, cut into N masses.
+    """A transmission at one fidelity level, cut into N masses."""
 
-    Parameters
-    ----------
-    elements : Elements
-        Everything per element.
-    level : Level
-        Fidelity level the elements were made for.
-    near, far : End
-        The actuator's end and the load's end.
-    motion : JointMotion, optional
-        What the joints of a moving path do.
-    far_joint : tuple of str and float, optional
-        Joint that moves the far end, and its moment arm [m].
-    """
-
-    elements: Elements
-    level: Level
+    elements: Elements  # everything per element
+    level: Level  # that the elements were made for
+    # near, far: the actuator's end and the load's end
     near: End
     far: End
-    motion: JointMotion | None = None
-    far_joint: tuple[str, float] | None = None
+    motion: JointMotion | None = None  # what the joints of a moving path do
+    far_joint: tuple[str, float] | None = None  # joint that moves the far end, and its moment arm [m]
 
     @classmethod
     def of(cls, transmission: Transmission, level: Level, segments: int | None = None) -> "Chain":
@@ -72,10 +59,13 @@ class Chain:
             If a section or the load names a joint that does not move, or the path has no meaning under the motion.
         """
         load, motion = transmission.load, transmission.motion
+        count = transmission.path.segments if segments is None else segments
+        if not count >= 1:
+            raise ParameterError(f"segments must be >= 1, got {count}; 6 is a good start")
         if motion is not None and load.joint is not None and load.joint not in motion.names:
             raise ParameterError(f'the load names the joint "{load.joint}", which does not move; give it a motion')
         return cls(
-            elements=elements_of(transmission, level, segments),
+            elements=whole_of(transmission, level).divided(count, motion),
             level=level,
             motion=motion,
             far_joint=None if load.joint is None else (load.joint, load.moment_arm_m or 0.0),
@@ -99,12 +89,7 @@ class Chain:
         return self.elements.count
 
     def at_rest(self, angle_rad: Array | None = None) -> "Chain":
-        """The same chain with joints that stand still, at given angles or at those of the start.
-
-        Parameters
-        ----------
-        angle_rad : ndarray, shape (joints,), optional
-        """
+        """The same chain with joints that stand still, at given angles, shape (joints,), or at those of the start."""
         if self.motion is None:
             return self
         return replace(self, motion=self.motion.held(self.motion.angle_rad[0] if angle_rad is None else angle_rad))
@@ -130,21 +115,11 @@ class Chain:
         return self.elements.friction
 
     def path_at(self, time_s: Array) -> PathRows:
-        """Where the path is at instants.
-
-        Parameters
-        ----------
-        time_s : ndarray, shape (rows,)
-        """
+        """Where the path is at instants, shape (rows,)."""
         path = self.elements.path
         if self.motion is None:
-            rows, n = path.at(), len(time_s)
-            return PathRows(
-                angle_rad=np.repeat(rows.angle_rad, n, axis=0),
-                ratio=np.repeat(rows.ratio, n, axis=0),
-                gained_m=np.repeat(rows.gained_m, n, axis=0),
-                far_m=np.zeros(n),
-            )
+            still = fields_of(path.at())
+            return PathRows(**{name: np.repeat(value, len(time_s), axis=0) for name, value in still.items()})
         joints = dict(zip(self.motion.names, self.motion.at(time_s).T, strict=True))
         far = None if self.far_joint is None else -self.far_joint[1] * joints[self.far_joint[0]]
         return path.at(joints, far)
@@ -179,25 +154,13 @@ class Chain:
         }
         return {name: np.broadcast_to(np.asarray(value, float), (self.count,)) for name, value in known.items()}
 
-    def rest_state(self, tension_N: float, far_rest_position_m: float = 0.0, time_s: float = 0.0) -> ChainState:
-        """At rest under uniform tension: f_s = 0, e as long as the tension needs, the far spring carries T0.
+    def rest_state(self, tension_N: float, far_rest_position_m: float = 0.0) -> ChainState:
+        """At rest under uniform tension T0, where the joints stand at first: f_s = 0, the far spring carries T0.
 
-        Parameters
-        ----------
-        tension_N : float
-            T0 [N].
-        far_rest_position_m : float
-            x_c2 [m].
-        time_s : float, optional
-            When: it decides where the joints stand.
-
-        Returns
-        -------
-        ChainState
-            With q_l = x_c2 + T0/k_c2 (0 offset where k_c2 = 0, a far motor that acts with f_c2 = T0).
+        q_l = x_c2 + T0/k_c2; x_c2 where k_c2 = 0, a far motor that acts with f_c2 = T0.
         """
         n, k_far = self.count, self.far.stiffness_N_per_m
-        ratio = self.path_at(np.array([time_s])).ratio[0]
+        ratio = self.path_at(np.zeros(1)).ratio[0]
         stretch, states = self.link.shortened(ratio).rest(tension_N)
         on_spring = k_far > 0 and self.far_joint is None
         q_far = far_rest_position_m + (tension_N / k_far if on_spring else 0.0)
@@ -208,19 +171,17 @@ class Chain:
             friction=np.zeros((len(self.friction.states), n)),
             near_position_m=q_far + math.fsum(stretch),
             far_position_m=q_far,
-            time_s=time_s,
             near=np.zeros(len(self.near.states)),
         )
 
 
 def _actuator_end(transmission: Transmission, level: Level) -> End:
     """The actuator as an end that acts; its dry friction has the bristle of the level."""
-    actuator, friction = transmission.actuator, transmission.friction
+    actuator = transmission.actuator
     end = {"mass_kg": actuator.mass_kg, "damping_N_s_per_m": actuator.damping_N_s_per_m, "stiffness_N_per_m": 0.0}
     if not actuator.coulomb_N:
         return End(**end)
-    soft, stiff = friction.soft_bristle_stiffness_N_per_m, friction.bristle_stiffness_N_per_m
-    bristle = soft if level.features.soft_bristle else stiff
+    bristle = bristle_stiffness_N_per_m(transmission.friction, level)
     return RubbingEnd(**end, coulomb_N=actuator.coulomb_N, bristle_stiffness_N_per_m=bristle)
 
 
@@ -278,18 +239,9 @@ def chain_equations(chain: Chain) -> ChainEquations:
 
 
 def laws_at(chain: Chain, place: ca.SX) -> tuple[FrictionLaw, LinkLaw]:
-    """Laws of the masses and of the links where the path stands.
+    """Laws of the masses and of the links where the path stands; fields are numbers, or one for each mass and link.
 
-    Parameters
-    ----------
-    place : ca.SX, shape (3 N + 3, 1)
-        A row of `PathRows.table`; without use where nothing moves.
-
-    Returns
-    -------
-    friction : FrictionLaw
-    link : LinkLaw
-        Their fields are numbers, or one for each mass and link.
+    The place, shape (3 N + 3, 1), is a row of `PathRows.table`; without use where nothing moves.
     """
     e, n = chain.elements, chain.count
     if not chain.moving:

@@ -11,12 +11,11 @@ import casadi as ca
 import numpy as np
 
 from tendonff.models.assembly import Piece
-from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.friction import FrictionLaw, LuGreBristle
 from tendonff.models.layout import fields_of
 from tendonff.models.link import LinkLaw, TwoTimesLink, ZenerLink
-from tendonff.models.parameters import Tendon, Transmission
+from tendonff.models.parameters import Friction, Tendon, Transmission
 from tendonff.models.path import Array, CutPath, JointMotion, Section, cut_path
 
 
@@ -43,13 +42,7 @@ class Elements:
         return len(self.path.sections) == 1
 
     def angle_share(self, angle_rad: Any) -> Any:
-        """Share of the contact that a piece has [-]: phi_i/theta; by length where the path is straight at rest.
-
-        Parameters
-        ----------
-        angle_rad : float, ndarray or ca.SX
-            phi_i [rad].
-        """
+        """Share of the contact that a piece with phi_i has [-]: phi_i/theta; by length on a path straight at rest."""
         total = self.path.total_angle_rad
         return angle_rad / total if total > 0 else self.path.length_share
 
@@ -69,13 +62,7 @@ class Whole:
         return float(getattr(self._record(name)[1], name))
 
     def changed(self, values: Mapping[str, object]) -> "Whole":
-        """The same tendon with other numbers.
-
-        Parameters
-        ----------
-        values : mapping of str to float or ca.SX
-            By the names of their fields, in whichever record they stand.
-        """
+        """The same tendon with other numbers or symbols, by the names of their fields, in whichever record they are."""
         whole = self
         for name, value in values.items():
             where, record = whole._record(name)
@@ -92,13 +79,8 @@ class Whole:
     def divided(self, n: int, motion: JointMotion | None = None) -> Elements:
         """Divide the tendon among N masses and N + 1 links: the only place that knows how.
 
-        Masses sit in the middle of equal pieces of a section; links reach from middle to middle, half a piece at the
-        ends. Mass and viscous friction go by length, bristles by wrap angle.
-
-        Parameters
-        ----------
-        motion : JointMotion, optional
-            Of the joints: masses go where the tendon ever touches.
+        Masses sit in the middle of equal pieces of a section, wherever the tendon touches under the motion; links reach
+        from middle to middle, half a piece at the ends. Mass and viscous friction go by length, bristles by wrap angle.
         """
         path = cut_path(self.sections, n, self.radius_m, motion)
         rows = path.at()
@@ -132,14 +114,13 @@ def _column(values: list[Any]) -> Any:
 
 def whole_of(transmission: Transmission, level: Level) -> Whole:
     """The numbers of the undivided tendon at a level, defaults resolved."""
-    tendon, friction, features = transmission.tendon, transmission.friction, level.features
-    soft, stiff = friction.soft_bristle_stiffness_N_per_m, friction.bristle_stiffness_N_per_m
+    tendon, friction = transmission.tendon, transmission.friction
     return Whole(
         sections=transmission.path.parts,
         radius_m=transmission.path.radius_m,
         piece=Piece(mass_kg=tendon.mass_kg, adhesion_N=friction.adhesion_N),
         friction=LuGreBristle(
-            bristle_stiffness_N_per_m=soft if features.soft_bristle else stiff,
+            bristle_stiffness_N_per_m=bristle_stiffness_N_per_m(friction, level),
             mu_dynamic_pull=friction.mu_dynamic,
             mu_static_pull=friction.mu_static,
             mu_dynamic_release=friction.release_dynamic,
@@ -147,18 +128,17 @@ def whole_of(transmission: Transmission, level: Level) -> Whole:
             stribeck_velocity_m_per_s=friction.stribeck_velocity_m_per_s,
             viscous_N_s_per_m=friction.viscous_N_s_per_m,
         ),
-        link=link_of(tendon, relaxes=features.link_relaxes),
+        link=_link_of(tendon, relaxes=level.link_relaxes),
     )
 
 
-def link_of(tendon: Tendon, *, relaxes: bool = True) -> ZenerLink:
-    """The law of the whole tendon as a link; a second branch costs a state, and only those who ask for it.
+def bristle_stiffness_N_per_m(friction: Friction, level: Level) -> float:
+    """sigma0 of the whole tendon at a level [N/m]."""
+    return friction.soft_bristle_stiffness_N_per_m if level.soft_bristle else friction.bristle_stiffness_N_per_m
 
-    Parameters
-    ----------
-    relaxes : bool, optional
-        Whether the level's link has relaxing branches; without, k2 = 0.
-    """
+
+def _link_of(tendon: Tendon, *, relaxes: bool) -> ZenerLink:
+    """The law of the whole tendon as a link; a second branch costs a state, and only those who ask for it."""
     second, time = tendon.second_relaxing_stiffness_N_per_m, tendon.second_relaxation_time_s
     link = ZenerLink(
         stiffness_N_per_m=tendon.stiffness_N_per_m,
@@ -169,22 +149,3 @@ def link_of(tendon: Tendon, *, relaxes: bool = True) -> ZenerLink:
     if not relaxes or second is None or time is None:
         return link
     return TwoTimesLink(**fields_of(link), second_relaxing_stiffness_N_per_m=second, second_relaxation_time_s=time)
-
-
-def elements_of(transmission: Transmission, level: Level, segments: int | None = None) -> Elements:
-    """Divide a transmission's tendon among its elements.
-
-    Parameters
-    ----------
-    segments : int, optional
-        Number N of masses; default: the path's own.
-
-    Raises
-    ------
-    ParameterError
-        If there is no mass, or the path has no meaning under the motion of its joints.
-    """
-    n = transmission.path.segments if segments is None else segments
-    if not n >= 1:
-        raise ParameterError(f"segments must be >= 1, got {n}; 6 is a good start")
-    return whole_of(transmission, level).divided(n, transmission.motion)

@@ -16,13 +16,7 @@ LARGEST = 1e15
 
 
 def require(name: str, value: float, *, above: float | None = None, least: float | None = None, hint: str) -> None:
-    """Refuse `value` unless it is finite and above / at least the bound; NaN fails every comparison.
-
-    Parameters
-    ----------
-    above, least : float, optional
-        Exclusive, and inclusive, lower bound.
-    """
+    """Refuse `value` unless it is finite and above / at least the bound; NaN fails every comparison."""
     within = (above is None or value > above) and (least is None or value >= least)
     if not (within and math.isfinite(value)):
         bound = f" > {above:g}" if above is not None else f" >= {least:g}" if least is not None else ""

@@ -1,6 +1,5 @@
 """The paper's three models as data: which link, and which bristle."""
 
-from dataclasses import dataclass
 from enum import StrEnum
 
 
@@ -22,21 +21,11 @@ class Level(StrEnum):
     PRESLIDING = "presliding"
 
     @property
-    def features(self) -> "LevelFeatures":
-        """What this level switches on."""
-        return _FEATURES[self]
+    def link_relaxes(self) -> bool:
+        """The link has the relaxing branch k2, tau of eq. (7)."""
+        return self is not Level.ELASTIC
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LevelFeatures:
-    """What distinguishes one level from another."""
-
-    link_relaxes: bool  # the link has the relaxing branch k2, tau of eq. (7)
-    soft_bristle: bool  # the bristle has the soft stiffness instead of the stiff one
-
-
-_FEATURES = {
-    Level.ELASTIC: LevelFeatures(link_relaxes=False, soft_bristle=False),
-    Level.VISCOELASTIC: LevelFeatures(link_relaxes=True, soft_bristle=False),
-    Level.PRESLIDING: LevelFeatures(link_relaxes=True, soft_bristle=True),
-}
+    @property
+    def soft_bristle(self) -> bool:
+        """The bristle has the soft stiffness instead of the stiff one."""
+        return self is Level.PRESLIDING

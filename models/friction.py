@@ -41,55 +41,40 @@ class FrictionLaw(Protocol):
     @property
     def slip_coefficients(self) -> tuple[Any, Any]:
         """Friction over normal force in fast steady slip, pulling and releasing [-]; arrays where masses differ."""
-        ...
 
     @property
     def weakening_speed_m_per_s(self) -> float | None:
         """Speed about which friction falls, so that slow sliding may be unstable [m/s]; None where it does not."""
-        ...
 
     def in_section(self, section: Section) -> Self:
         """The whole's law with the coefficients of one section."""
-        ...
 
     def on_piece(self, angle_rad: ca.SX, angle_share: ca.SX, length_share: ca.SX) -> Self:
         """The law of one element: its wrap angle phi, and its shares of the whole's angle and length."""
-        ...
 
     def aliases(self) -> Mapping[str, str]:
         """Fields that equal another, by name: code for them can be left out; empty where there are none."""
-        ...
 
     def rate(self, v: ca.SX, states: States, f_n: ca.SX) -> States:
         """Time derivatives of the states at sliding speed v [m/s] under a normal force f_n [N]."""
-        ...
 
     def state_force(self, states: States) -> ca.SX:
         """Part of the friction force that the states carry [N], positive when it opposes pulling."""
-        ...
 
     def viscous_force(self, v: ca.SX) -> ca.SX:
         """Part that the speed alone decides [N]."""
-        ...
 
     def implicit(self, v: ca.SX, base: States, step_s: ca.SX, f_n: ca.SX) -> States:
         """States at the end of a step of weight H."""
-        ...
 
     def implicit_from_far_side(self, v: ca.SX, base: States, step_s: ca.SX, far_sum: ca.SX) -> States | None:
         """The same where f_n = A + state_force(states) with A = `far_sum` known; None without a closed form."""
-        ...
 
 
 def equivalent_coefficient(mu: ca.SX, angle_rad: ca.SX) -> ca.SX:
-    """Coefficient of one lumped element, (1 - e^{-mu phi})/(1 + e^{-mu phi}) = tanh(mu phi/2) [-].
+    """Coefficient of one lumped element of angle phi, (1 - e^{-mu phi})/(1 + e^{-mu phi}) = tanh(mu phi/2) [-].
 
     Eqs. (8), (9): with it N elements in one-way slip give e^{mu theta} exactly.
-
-    Parameters
-    ----------
-    angle_rad : float or ca.SX
-        phi, the element's wrap angle [rad].
     """
     half = mu * angle_rad / 2
     return np.tanh(half) if isinstance(half, np.ndarray) else ca.tanh(half)
@@ -107,16 +92,7 @@ def _ratio(static: ca.SX, dynamic: ca.SX) -> ca.SX:
 def from_far_side(law: FrictionLaw, v: ca.SX, base: States, step_s: ca.SX, far_sum: ca.SX) -> States:
     """States at the end of a step where f_n = A + state_force(states): closed form, or a guarded scalar Newton.
 
-    Parameters
-    ----------
-    v : ca.SX
-        Velocity at the end of the step [m/s].
-    base : tuple of ca.SX
-        What the scheme adds the rates to: the old states for implicit Euler.
-    step_s : ca.SX
-        H, the weight of the rates [s].
-    far_sum : ca.SX
-        A = 2 f_{i+1} + 2 p + b v + m dv/dt [N].
+    `base` is what the scheme adds the rates times H = `step_s` to, `far_sum` is A = 2 f_{i+1} + 2 p + b v + m dv/dt.
     """
     closed = law.implicit_from_far_side(v, base, step_s, far_sum)
     if closed is not None:
@@ -237,15 +213,7 @@ class LuGreBristle:
         )
 
     def on_piece(self, angle_rad: ca.SX, angle_share: ca.SX, length_share: ca.SX) -> "LuGreBristle":
-        """The bristle of one element: stiffness by contact, viscous friction by length.
-
-        Parameters
-        ----------
-        angle_rad : float or ca.SX
-            phi [rad].
-        angle_share, length_share : float or ca.SX
-            Shares of the whole's wrap angle at rest and of its length [-].
-        """
+        """The bristle of one element: stiffness by contact, viscous friction by length."""
         mus = (self.mu_dynamic_pull, self.mu_static_pull, self.mu_dynamic_release, self.mu_static_release)
         return replace(
             self._with_coefficients(*(equivalent_coefficient(mu, angle_rad) for mu in mus)),
@@ -258,11 +226,6 @@ class LuGreBristle:
 
         First power of abs(v) as in the paper; much of the literature squares it. Extension: pulling (v >= 0) and
         releasing (v < 0) may have different coefficients; at v = 0 the bristle law does not use mu.
-
-        Parameters
-        ----------
-        v : ca.SX
-            Sliding velocity [m/s], positive towards the actuator.
         """
         pulling = v >= 0
         low = ca.if_else(pulling, self.mu_dynamic_pull, self.mu_dynamic_release)
@@ -274,17 +237,7 @@ class LuGreBristle:
         return at_least(mu, COEFFICIENT_FLOOR)
 
     def rate(self, v: ca.SX, states: States, f_n: ca.SX) -> States:
-        """df_s/dt = sigma0 (v - f_s abs(v)/(f_n mu(v))) [N/s], eq. (5a).
-
-        Parameters
-        ----------
-        v : ca.SX
-            Sliding velocity [m/s], positive towards the actuator.
-        states : tuple of one ca.SX
-            f_s [N], positive when it opposes pulling.
-        f_n : ca.SX
-            Normal force [N], > 0.
-        """
+        """df_s/dt = sigma0 (v - f_s abs(v)/(f_n mu(v))) [N/s], eq. (5a), f_n > 0."""
         (f_s,) = states
         return (bristle_rate(self.bristle_stiffness_N_per_m, v, f_s, f_n * self.coefficient(v)),)
 

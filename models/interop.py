@@ -1,13 +1,13 @@
-"""The chain as python-control sees it: a nonlinear system, its linearisation, and the link as a transfer function.
+"""The chain as python-control sees it: a nonlinear system, and its linearisation.
 
 ::
 
     force_N --> [ chain ] --> tension_1_N .. tension_{N+1}_N, actuator_position_m, load_position_m
 
 Positive is as in `models.chain`: forces pull, positions grow towards the actuator, tensions are positive. The systems
-are built from `chain_equations` and `link.transfer_function`: no law is written here again. They are stiff, so
-`control.input_output_response` needs an implicit method (`solve_ivp_method="Radau"`); `ocp.simulate` is a thousand
-times faster for the same answer. Use these to close a loop around the chain or to look at its poles.
+are built from `chain_equations`: no law is written here again. They are stiff, so `control.input_output_response`
+needs an implicit method (`solve_ivp_method="Radau"`); `ocp.simulate` is a thousand times faster for the same answer.
+Use these to close a loop around the chain or to look at its poles.
 """
 
 from collections.abc import Mapping
@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from tendonff.models.chain import Chain, chain_equations
 from tendonff.models.layout import ChainState
 from tendonff.models.linearise import Lineariser
-from tendonff.models.link import ZenerLink, transfer_function
 
 Array = NDArray[np.float64]
 
@@ -40,7 +39,6 @@ def as_iosystem(chain: Chain, *, both_ends: bool = False, name: str = "tendon") 
 
     Parameters
     ----------
-    chain : Chain
     both_ends : bool, optional
         Inputs f_c1, x_c1, f_c2, x_c2 of both ends instead of the actuator's force f_c1 alone (x_c1 = f_c2 = x_c2 = 0).
     name : str, optional
@@ -83,15 +81,8 @@ def as_iosystem(chain: Chain, *, both_ends: bool = False, name: str = "tendon") 
 def linear_system(chain: Chain, state: ChainState, *, name: str = "linear tendon") -> control.StateSpace:
     """The chain linearised at a state: small changes of the force to small changes of tensions and end positions.
 
-    See `models.linearise`.
-
-    Parameters
-    ----------
-    chain : Chain
-    state : ChainState
-        Where: `chain.rest_state(T0)` or a recorded state of a simulation. The chain is linear in the force, which
-        therefore does not matter.
-    name : str, optional
+    See `models.linearise`. The state is `chain.rest_state(T0)` or a recorded one of a simulation; the chain is linear
+    in the force, which therefore does not matter.
 
     Returns
     -------
@@ -110,18 +101,3 @@ def linear_system(chain: Chain, state: ChainState, *, name: str = "linear tendon
         states=list(linear.states),
         name=name,
     )
-
-
-def link_impedance(link: ZenerLink) -> control.TransferFunction:
-    """F/V of one link: force [N] over the rate of its elongation [m/s], as the paper prints it.
-
-    [c tau s^2 + (tau (k1 + k2) + c) s + k1]/(tau s^2 + s); with c = 0 and tau = b_k/k2 it is eq. (7),
-    [b_k (k1 + k2) s + k1 k2]/(b_k s^2 + k2 s). F/E itself has more zeros than poles when c > 0.
-
-    Parameters
-    ----------
-    link : ZenerLink
-        Numbers.
-    """
-    numerator, denominator = transfer_function(link)
-    return control.TransferFunction(numerator, [*denominator, 0.0], name="link")

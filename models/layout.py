@@ -90,12 +90,6 @@ class ChainState:
     # shape (states,); the near end's own states; f_d [N] where the drive has dry friction
     near: Array = field(default_factory=lambda: np.empty(0))
 
-    @property
-    def bristle_N(self) -> Array:
-        """f_s of each mass, shape (N,): the first state of the friction law."""
-        first: Array = self.friction[0]
-        return first
-
     def vector(self) -> Array:
         """All states in one array, in the order of `StateLayout`."""
         ends = [self.near_position_m, self.far_position_m]
@@ -105,12 +99,7 @@ class ChainState:
 
     @classmethod
     def from_vector(cls, x: Array, layout: StateLayout, time_s: float = 0.0) -> "ChainState":
-        """Inverse of `vector`.
-
-        Parameters
-        ----------
-        x : ndarray, shape (size,)
-        """
+        """Inverse of `vector`."""
         n, x = layout.count, np.array(x, dtype=np.float64)
         middle = x[layout.part("e").stop : -2]
         border = len(layout.link_states) * (n + 1)
@@ -128,16 +117,9 @@ class ChainState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChainInputs:
-    """What acts on the chain from outside at successive instants, each array of shape (rows,).
+    """What acts on the chain from outside at successive instants, each array of shape (rows,)."""
 
-    Parameters
-    ----------
-    near_force_N, far_force_N : ndarray
-        f_c1, f_c2: motor forces away from the tendon.
-    near_rest_m, far_rest_m : ndarray
-        x_c1, x_c2: rest positions of the ends' springs.
-    """
-
+    # force, rest: f_c1, f_c2, motor forces away from the tendon; x_c1, x_c2, rest positions of the ends' springs
     near_force_N: Array
     near_rest_m: Array
     far_force_N: Array
@@ -151,13 +133,7 @@ class ChainInputs:
 
     @classmethod
     def of(cls, rows: int, **values: "Array | float") -> "ChainInputs":
-        """Inputs of which only some differ from zero.
-
-        Parameters
-        ----------
-        **values : ndarray of shape (rows,), or float
-            By name of the field.
-        """
+        """Inputs of which only some differ from zero: arrays or numbers, by name of the field."""
         filled = {f.name: np.broadcast_to(np.asarray(values.pop(f.name, 0.0), float), (rows,)) for f in fields(cls)}
         if values:
             raise TypeError(f"ChainInputs has no field {', '.join(values)}")
@@ -165,12 +141,7 @@ class ChainInputs:
 
     @classmethod
     def of_force(cls, force_N: Array) -> "ChainInputs":
-        """The actuator's force alone: x_c1 = f_c2 = x_c2 = 0.
-
-        Parameters
-        ----------
-        force_N : ndarray, shape (rows,)
-        """
+        """The actuator's force alone: x_c1 = f_c2 = x_c2 = 0."""
         force = np.asarray(force_N, dtype=np.float64)
         return cls.of(len(force), near_force_N=force)
 
@@ -190,11 +161,5 @@ INPUT_NAMES: tuple[str, ...] = tuple(f.name for f in fields(ChainInputs))
 
 
 def fields_of(record: Any, prefix: str = "") -> dict[str, Any]:
-    """Fields of a record by name, with a prefix.
-
-    Parameters
-    ----------
-    prefix : str, optional
-        Such as "link_".
-    """
+    """Fields of a record by name, with a prefix such as "link_"."""
     return {f"{prefix}{f.name}": getattr(record, f.name) for f in fields(record)}

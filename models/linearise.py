@@ -30,12 +30,7 @@ class LinearChain:
 
 
 class Lineariser:
-    """Linearises one chain at many states.
-
-    Parameters
-    ----------
-    chain : Chain
-    """
+    """Linearises one chain at many states."""
 
     def __init__(self, chain: Chain) -> None:
         equations = chain_equations(chain)
@@ -53,12 +48,7 @@ class Lineariser:
         At rest the derivative of abs(v) is taken as zero: the tendon sticks, and its bristles act as springs. Sliding,
         the sign of each velocity counts. States that only repeat others are left out, so that no integrator remains
         that the force cannot reach: q_a = q_l + sum of e, and the bristle of a sticking mass, which is sigma0 times
-        its position.
-
-        Parameters
-        ----------
-        state : ChainState
-            The chain is linear in the force, which therefore does not matter.
+        its position. The chain is linear in the force, which therefore does not matter.
         """
         place = self._chain.path_at(np.array([state.time_s])).table()[0]  # as if it stood still there
         matrices = self._matrices(state.vector(), 0.0, place, np.zeros_like(place))

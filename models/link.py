@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Protocol, Self
 
 import casadi as ca
-import numpy as np
 
 from tendonff.models.bounds import at_least
+from tendonff.models.layout import fields_of
 
 States = tuple[ca.SX, ...]
 
@@ -31,23 +31,18 @@ class LinkLaw(Protocol):
 
     def shortened(self, ratio: ca.SX) -> Self:
         """The law of a link, of which `ratio` make the whole tendon."""
-        ...
 
     def rate(self, e: ca.SX, states: States) -> States:
         """Time derivatives of the states at elongation e [m]."""
-        ...
 
     def unclipped_force(self, e: ca.SX, e_rate: ca.SX, states: States) -> ca.SX:
         """What a link that can push would carry [N]."""
-        ...
 
     def implicit(self, e: ca.SX, base: States, step_s: ca.SX) -> States:
         """States at the end of a step of weight H that ends at elongation e."""
-        ...
 
     def rest(self, tension_N: ca.SX) -> tuple[ca.SX, States]:
         """Elongation [m] and states under a lasting tension."""
-        ...
 
 
 def tendon_force(unclipped_N: ca.SX) -> ca.SX:
@@ -72,35 +67,17 @@ class ZenerLink:
         """Stiffness [N/m] and time [s] of each relaxing branch, one for each state."""
         return ((self.relaxing_stiffness_N_per_m, self.relaxation_time_s),)
 
-    def shortened(self, ratio: ca.SX) -> "ZenerLink":
-        """The link of which `ratio` make the whole: stiffness and damping are that much higher."""
-        return replace(
-            self,
-            stiffness_N_per_m=self.stiffness_N_per_m * ratio,
-            relaxing_stiffness_N_per_m=self.relaxing_stiffness_N_per_m * ratio,
-            damping_N_s_per_m=self.damping_N_s_per_m * ratio,
-        )
+    def shortened(self, ratio: ca.SX) -> Self:
+        """The link of which `ratio` make the whole: all but times are that much higher."""
+        higher = {name: value * ratio for name, value in fields_of(self).items() if not name.endswith("_time_s")}
+        return replace(self, **higher)
 
     def rate(self, e: ca.SX, states: States) -> States:
-        """dz/dt = (e - z)/tau [m/s], eq. (7) in the time domain.
-
-        Parameters
-        ----------
-        states : tuple of ca.SX
-            z, elongation of each relaxing branch's damper [m].
-        """
+        """dz/dt = (e - z)/tau [m/s], eq. (7) in the time domain; z is the elongation of a relaxing branch's damper."""
         return tuple((e - z) / time for z, (_, time) in zip(states, self.branches, strict=True))
 
     def unclipped_force(self, e: ca.SX, e_rate: ca.SX, states: States) -> ca.SX:
-        """k1 e + k2 (e - z) + c de/dt [N], eqs. (6), (7).
-
-        Parameters
-        ----------
-        e, e_rate : ca.SX
-            Elongation [m], its rate [m/s].
-        states : tuple of ca.SX
-            z of each relaxing branch [m].
-        """
+        """k1 e + k2 (e - z) + c de/dt [N], eqs. (6), (7), with z of each relaxing branch."""
         force = self.stiffness_N_per_m * e
         for z, (stiffness, _) in zip(states, self.branches, strict=True):
             force = force + stiffness * (e - z)
@@ -138,29 +115,3 @@ class TwoTimesLink(ZenerLink):
         """Stiffness [N/m] and time [s] of each relaxing branch."""
         first = self.relaxing_stiffness_N_per_m, self.relaxation_time_s
         return first, (self.second_relaxing_stiffness_N_per_m, self.second_relaxation_time_s)
-
-    def shortened(self, ratio: ca.SX) -> "TwoTimesLink":
-        """See `ZenerLink.shortened`."""
-        one = ZenerLink.shortened(self, ratio)
-        assert isinstance(one, TwoTimesLink)  # noqa: S101 - for type checkers: `replace` keeps the class
-        return replace(one, second_relaxing_stiffness_N_per_m=self.second_relaxing_stiffness_N_per_m * ratio)
-
-
-def transfer_function(link: ZenerLink) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Numerator and denominator of F/E of one link in powers of s, highest first, eq. (7).
-
-    F/E = k1 + c s + sum_j k_j tau_j s/(tau_j s + 1) over the relaxing branches. The paper prints F/V = F/(s E) with
-    c = 0 and tau = b_k/k2: [b_k (k1 + k2) s + k1 k2]/(b_k s^2 + k2 s).
-
-    Parameters
-    ----------
-    link : ZenerLink
-        Numbers.
-    """
-    numerator = np.array([float(link.damping_N_s_per_m), float(link.stiffness_N_per_m)])
-    denominator = np.array([1.0])
-    for stiffness, time in link.branches:
-        lag = np.array([float(time), 1.0])
-        relaxing = np.polymul([float(stiffness) * float(time), 0.0], denominator)
-        numerator, denominator = np.polyadd(np.polymul(numerator, lag), relaxing), np.polymul(denominator, lag)
-    return tuple(numerator.tolist()), tuple(denominator.tolist())

@@ -27,18 +27,10 @@ ANGLE_FLOOR_RAD = 1e-12
 
 
 class SectionKind(StrEnum):
-    """What the tendon touches in a section.
+    """What the tendon touches in a section."""
 
-    Attributes
-    ----------
-    ARC
-        A curved guide on which the tendon slides; a straight is an arc of angle zero.
-    PULLEY
-        A wheel on a bearing that turns with the tendon.
-    """
-
-    ARC = "arc"
-    PULLEY = "pulley"
+    ARC = "arc"  # a curved guide on which the tendon slides; a straight is an arc of angle zero
+    PULLEY = "pulley"  # a wheel on a bearing that turns with the tendon
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,12 +107,7 @@ class JointMotion:
         return np.column_stack([np.interp(time, self.time_s, column) for column in self.angle_rad.T])
 
     def held(self, angle_rad: Array) -> "JointMotion":
-        """Joints that stand still.
-
-        Parameters
-        ----------
-        angle_rad : ndarray, shape (joints,)
-        """
+        """Joints that stand still at angles, shape (joints,)."""
         return JointMotion(names=self.names, time_s=np.zeros(1), angle_rad=np.asarray(angle_rad, float)[None, :])
 
     @property
@@ -179,14 +166,9 @@ class CutPath:
         return math.fsum(section.angle_rad for section in self.sections)
 
     def at(self, joints: dict[str, Array] | None = None, far_m: Array | None = None) -> PathRows:
-        """The path for joint angles.
+        """The path for joint angles by name, each of shape (rows,) [rad]; default: one row with all of them zero.
 
-        Parameters
-        ----------
-        joints : dict of str to ndarray of shape (rows,), optional
-            Angles by name [rad]; default: one row with all of them zero.
-        far_m : ndarray, shape (rows,), optional
-            What a joint does to the far end's position [m].
+        `far_m`, shape (rows,), is what a joint does to the far end's position.
         """
         rows = len(next(iter(joints.values()))) if joints else 1
         angle, gained = np.empty((rows, len(self.sections))), np.zeros((rows, len(self.sections)))
@@ -205,17 +187,7 @@ class CutPath:
 
 
 def check_motion(sections: tuple[Section, ...], length_m: float | None, motion: JointMotion) -> None:
-    """Refuse a motion under which the path has no meaning.
-
-    Parameters
-    ----------
-    length_m : float or None
-        Length of the whole where lengths are given.
-
-    Raises
-    ------
-    ParameterError
-    """
+    """Refuse a motion under which the path has no meaning; the length of the whole is known where lengths are given."""
     for section in sections:
         if section.joint is None:
             continue
@@ -245,17 +217,8 @@ def cut_path(
 ) -> CutPath:
     """Cut a path into pieces: masses by the largest wrap angle over the motion, at least one where it ever touches.
 
-    Parameters
-    ----------
-    sections : tuple of Section
-        At least one.
-    radius_m : float, optional
-        Gives lengths to sections that have none.
-
-    Raises
-    ------
-    ParameterError
-        If there are fewer masses than sections that touch.
+    The radius gives lengths to sections that have none. ParameterError if there are fewer masses than sections that
+    touch.
     """
     known = [_length_of(section, radius_m) for section in sections]
     if any(length is None for length in known):
@@ -276,17 +239,10 @@ def cut_path(
     counts = _apportion(most, count, sections)
     section_of = np.repeat(np.arange(len(sections)), counts)
     parts = np.zeros((count + 1, len(sections)))
-    link = 0
-    for k, pieces in enumerate(counts):
-        if pieces == 0:
-            parts[link, k] = 1.0
-            continue
-        parts[link, k] += 0.5 / pieces
-        for _ in range(pieces - 1):
-            link += 1
-            parts[link, k] += 1.0 / pieces
-        link += 1
-        parts[link, k] += 0.5 / pieces
+    for mass, k in enumerate(section_of):  # either link beside a mass has half of its piece
+        parts[mass : mass + 2, k] += 0.5 / counts[k]
+    for k in np.flatnonzero(counts == 0):
+        parts[counts[:k].sum(), k] = 1.0
     if not (parts @ lengths > 0).all():
         raise ParameterError(
             "a link between two masses would have no length; give every section that touches a length_m"
@@ -309,7 +265,7 @@ def _largest_angle(section: Section, motion: JointMotion | None) -> float:
     return float(np.maximum(section.angle_rad + section.angle_per_rad * q, 0.0).max())
 
 
-def _apportion(weights: Array, count: int, sections: tuple[Section, ...]) -> list[int]:
+def _apportion(weights: Array, count: int, sections: tuple[Section, ...]) -> NDArray[np.int_]:
     """Whole numbers in proportion to weights, at least one where there is any."""
     touching = np.flatnonzero(weights > 0)
     if count < len(touching):
@@ -322,4 +278,4 @@ def _apportion(weights: Array, count: int, sections: tuple[Section, ...]) -> lis
     counts[touching] = 1
     for _ in range(count - len(touching)):  # to whom the next mass brings most
         counts[int(np.argmax(np.where(counts > 0, weights / np.maximum(counts, 1), -1.0)))] += 1
-    return [int(c) for c in counts]
+    return counts

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from tendonff.models.chain import Chain
-from tendonff.models.layout import ChainState
+from tendonff.models.layout import ChainState, fields_of
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import Simulation, simulate
@@ -74,21 +74,7 @@ def run_jobs(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulationJob:
-    """Arguments of one `simulate`.
-
-    Parameters
-    ----------
-    force_N : ndarray, shape (n,)
-        f_c1 at 0, h, 2 h ... [N].
-    step_s : float
-        h [s].
-    initial_tension_N : float, optional
-        T0 of the start at rest [N]; default: the first force.
-    state : ChainState, optional
-        Start from here instead.
-    record : bool, optional
-        Keep every state.
-    """
+    """Arguments of one `simulate`, which says what they are."""
 
     chain: Chain
     force_N: Array
@@ -101,15 +87,7 @@ class SimulationJob:
 
 def run_simulation(job: SimulationJob) -> Simulation:
     """Simulate one job."""
-    return simulate(
-        job.chain,
-        job.force_N,
-        job.step_s,
-        initial_tension_N=job.initial_tension_N,
-        state=job.state,
-        record=job.record,
-        engine=job.engine,
-    )
+    return simulate(**fields_of(job))
 
 
 def simulate_batch(
@@ -118,19 +96,9 @@ def simulate_batch(
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Done[Simulation]]:
-    """Simulate many jobs at once.
+    """Simulate many jobs at once, as `run_jobs` does.
 
-    Parameters
-    ----------
-    executor : concurrent.futures.Executor, optional
-        See `run_jobs`.
-    progress : callable, optional
-        Told jobs done and jobs in all.
-
-    Returns
-    -------
-    list of Done
-        In the order of the jobs. A run whose step could not be solved is a result whose outcome says so; errors are
-        jobs that could not be run, such as a force that is not finite.
+    A run whose step could not be solved is a result whose outcome says so; errors are jobs that could not be run, such
+    as a force that is not finite.
     """
     return run_jobs(run_simulation, jobs, executor=executor, progress=progress)

@@ -41,6 +41,7 @@ class Inversion:
     force_N: Array
     least_tension_N: Array  # shape (n,); smallest tension along the path at each row
     states: Array | None  # shape (n, size); in the order of `StateLayout`, recorded on request
+    final: ChainState  # state after the last row
 
 
 def invert(
@@ -114,6 +115,7 @@ def invert(
         force_N=np.concatenate([[force], rows.force_N]),
         least_tension_N=least_tension,
         states=None if rows.states is None else np.vstack([first, rows.states]),
+        final=ChainState.from_vector(rows.x, chain.layout, state.time_s + (len(reference) - 1) * step_s),
     )
 
 

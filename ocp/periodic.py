@@ -13,7 +13,6 @@ import numpy as np
 
 from tendonff.models.chain import Chain
 from tendonff.models.layout import ChainState, StateLayout
-from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import InverseStatus, Inversion, invert
 from tendonff.ocp.simulate import Simulation, simulate
 from tendonff.ocp.step.protocol import Array
@@ -47,16 +46,14 @@ def steady_inverse(chain: Chain, cycle_N: Array, step_s: float) -> tuple[Inversi
     """
 
     def run(state: ChainState) -> tuple[Array, ChainState]:
-        found = invert(chain, cycle_N, step_s, state=state, record=True)
-        return found.force_N[1:], _last(found.states, chain.layout)
+        found = invert(chain, cycle_N, step_s, state=state)
+        return found.force_N[1:], replace(found.final, time_s=0.0)
 
     rest = chain.rest_state(float(cycle_N[0]))
     state, steadiness = _steady(run, rest, chain.layout, float(np.ptp(cycle_N)))
     # Two periods, of which the second has no seam: the first step of a run is of first order.
     twice = invert(chain, np.concatenate([cycle_N[:-1], cycle_N]), step_s, state=state, record=True)
     second = slice(len(cycle_N) - 1, None)
-    if twice.states is None:
-        raise SolveError("the steady cycle kept no states")
     least = twice.least_tension_N[second]
     whole = bool(np.all(least > 0))
     return replace(
@@ -66,7 +63,7 @@ def steady_inverse(chain: Chain, cycle_N: Array, step_s: float) -> tuple[Inversi
         time_s=np.arange(len(cycle_N), dtype=np.float64) * step_s,
         force_N=twice.force_N[second],
         least_tension_N=least,
-        states=twice.states[second],
+        states=None if twice.states is None else twice.states[second],
     ), steadiness
 
 
@@ -94,12 +91,6 @@ def steady_response(
         near_position_m=twice.near_position_m[second],
         far_position_m=twice.far_position_m[second],
     ), steadiness
-
-
-def _last(states: Array | None, layout: StateLayout) -> ChainState:
-    if states is None:
-        raise SolveError("a cycle kept no states")
-    return ChainState.from_vector(states[-1], layout)
 
 
 def _steady(

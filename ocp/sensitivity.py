@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from tendonff.models.chain import Chain
 from tendonff.models.elements import Whole
 from tendonff.models.errors import ParameterError
-from tendonff.models.friction import RubbingEnd
-from tendonff.models.layout import ChainInputs, ChainState, fields_of
+from tendonff.models.layout import ChainInputs, ChainState
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import describe_failure, tensions_of
@@ -26,15 +25,8 @@ from tendonff.ocp.step.laws import ElementLaws
 from tendonff.ocp.step.protocol import Array, Rows
 
 
-class Links(StrEnum):
-    """Which tensions a sensitivity reports."""
-
-    OUTPUT = "output"  # f_{N+1} only
-    ALL = "all"  # f_1 .. f_{N+1}
-
-
 class Parameter(StrEnum):
-    """Parameters that a sensitivity may be taken over: the fields of `Whole`, and the drive's dry friction."""
+    """Parameters that a sensitivity may be taken over: the fields of `Whole`."""
 
     MASS = "mass_kg"
     VISCOUS = "viscous_N_s_per_m"
@@ -49,11 +41,6 @@ class Parameter(StrEnum):
     MU_STATIC_PULL = "mu_static_pull"
     MU_DYNAMIC_RELEASE = "mu_dynamic_release"
     MU_STATIC_RELEASE = "mu_static_release"
-    COULOMB = "coulomb_N"
-
-
-_OF_DRIVE = (Parameter.COULOMB, Parameter.BRISTLE_STIFFNESS)
-"""Its dry friction has the bristle of the tendon's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,15 +80,6 @@ class _Directions:
         return change
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Numbers:
-    """The numbers of a chain as symbols, for the engine that needs no compiler."""
-
-    chain: Chain
-    symbols: ca.SX
-    values: Array
-
-
 def _parameter_source(chain: Chain) -> str:
     return _source(chain, ElementLaws.of(chain))
 
@@ -123,7 +101,7 @@ def force_sensitivity(
     knot_rows: NDArray[np.int_],
     *,
     state: ChainState,
-    links: Links = Links.OUTPUT,
+    all_links: bool = False,
     ends: bool = False,
     wiped_rows: NDArray[np.int_] | None = None,
     watched_rows: NDArray[np.int_] | None = None,
@@ -137,12 +115,12 @@ def force_sensitivity(
         f_c1 at 0, h, 2 h ... [N].
     knot_rows : ndarray of int, shape (k,)
         Rows of the knots: strictly increasing from 0 to n - 1.
-    ends : bool, optional
-        Report the positions of the ends too.
+    all_links, ends : bool, optional
+        Report all tensions instead of the output alone, and the positions of the ends too.
     wiped_rows : ndarray of int, shape (k,), optional
         Never falling: from this row on a knot's influence is forgotten; default: it is followed to the end.
     watched_rows : ndarray of int, shape (w,), optional
-        Different rows > 0 in which all links are reported, whatever `links` says.
+        Different rows > 0 in which all links are reported in any case.
     """
     rows = np.asarray(knot_rows, dtype=np.int64)
     if rows[0] != 0 or rows[-1] != len(force_N) - 1 or np.any(np.diff(rows) <= 0):
@@ -160,9 +138,9 @@ def force_sensitivity(
         watched=np.empty(0, dtype=np.int_) if watched_rows is None else watched_rows,
     )
     if resolve_engine(engine) is Engine.CASADI:
-        fixed = _Numbers(chain=chain, symbols=ca.SX(0, 1), values=np.empty(0))
-        return _run_casadi(chain, fixed, force_N, step_s, state, directions, links)
-    return _run(chain, force_N, step_s, state, directions, links, with_ends=ends)
+        tangent = CasadiTangent(chain, chain, ca.SX(0, 1), np.empty(0), step_s)
+        return _run_casadi(tangent, chain, force_N, step_s, state, directions, all_links=all_links)
+    return _run(chain, force_N, step_s, state, directions, all_links=all_links, with_ends=ends)
 
 
 def parameter_sensitivity(
@@ -173,24 +151,18 @@ def parameter_sensitivity(
     parameters: tuple[Parameter, ...],
     *,
     initial_tension_N: float,
-    links: Links = Links.OUTPUT,
+    all_links: bool = False,
     engine: Engine = Engine.AUTO,
 ) -> Sensitivity:
     """How the tensions and the end positions change with parameters of the whole tendon, per SI unit of each.
 
-    The chain is that of `whole`; the force is f_c1 at 0, h, 2 h ..., shape (n,), and the start is at rest under
-    `initial_tension_N`.
+    The chain is that of `whole`; what the ends are made of does not change. The force is f_c1 at 0, h, 2 h ..., shape
+    (n,), and the start is at rest under `initial_tension_N`.
     """
     symbols: dict[str, ca.SX] = {name: ca.SX.sym(name) for name in parameters}
-    rubs = isinstance(chain.near, RubbingEnd)
-    if Parameter.COULOMB in symbols and not rubs:
-        raise ParameterError("coulomb_N must be > 0 for a sensitivity, got 0; start from a small one")
-    of_drive = {name: s for name, s in symbols.items() if rubs and name in _OF_DRIVE}
-    of_tendon = {name: s for name, s in symbols.items() if name != Parameter.COULOMB}
-    elements = whole.changed(of_tendon).divided(chain.count, chain.motion)
-    symbolic = replace(chain, elements=elements, near=replace(chain.near, **of_drive))
+    symbolic = replace(chain, elements=whole.changed(symbols).divided(chain.count, chain.motion))
     unknowns = ca.vertcat(*symbols.values())
-    at = [fields_of(chain.near)[name] if name == Parameter.COULOMB else whole.value(name) for name in parameters]
+    at = [whole.value(name) for name in parameters]
     numbers = ca.vertcat(*symbolic.numbers().values())
     stretch, own = symbolic.link.shortened(ca.DM(chain.path_at(np.zeros(1)).ratio[0])).rest(initial_tension_N)
     by_link = [ca.densify(state) for state in (stretch, *own)]
@@ -203,9 +175,9 @@ def parameter_sensitivity(
     directions = _Directions(start=by_start, numbers=by_number)
     state = chain.rest_state(initial_tension_N)
     if resolve_engine(engine) is Engine.CASADI or chain.moving:  # C knows the parameters of pieces, not of the whole
-        free = _Numbers(chain=symbolic, symbols=unknowns, values=np.array(at))
-        return _run_casadi(chain, free, force_N, step_s, state, directions, links)
-    return _run(chain, force_N, step_s, state, directions, links, with_ends=True)
+        tangent = CasadiTangent(chain, symbolic, unknowns, np.array(at), step_s)
+        return _run_casadi(tangent, chain, force_N, step_s, state, directions, all_links=all_links)
+    return _run(chain, force_N, step_s, state, directions, all_links=all_links, with_ends=True)
 
 
 def _run(
@@ -214,8 +186,8 @@ def _run(
     step_s: float,
     state: ChainState,
     directions: _Directions,
-    links: Links,
     *,
+    all_links: bool,
     with_ends: bool,
 ) -> Sensitivity:
     source = _force_source if directions.numbers is None else _parameter_source
@@ -223,7 +195,7 @@ def _run(
     library.tff_tangent_run.restype = ctypes.c_long
     inputs = np.ascontiguousarray(ChainInputs.of_force(force_N).table())
     rows = len(inputs) - 1
-    first_link = n if links is Links.OUTPUT else 0
+    first_link = 0 if all_links else n
     x = state.vector()
     x_old = x.copy()
     dx = np.ascontiguousarray(directions.start)
@@ -247,26 +219,17 @@ def _run(
         pointer(inputs),
         ctypes.c_long(rows),
         ctypes.c_int(1),
-        pointer(x),
-        pointer(x_old),
-        pointer(work),
-        pointer(tension[1:]),
-        pointer(ends[1:]),
+        *map(pointer, (x, x_old, work, tension[1:], ends[1:])),
         ctypes.byref(report),
         ctypes.byref(worst),
         *map(pointer, places),
         ctypes.c_int(width),
         pointer(directions.numbers),
-        ctypes.c_void_p(None if directions.knot is None else directions.knot.ctypes.data),
-        pointer(directions.weight),
-        ctypes.c_void_p(None if directions.forgotten is None else directions.forgotten.ctypes.data),
-        pointer(dx),
-        pointer(dx_old),
-        pointer(tangent_work),
+        *map(pointer, (directions.knot, directions.weight, directions.forgotten, dx, dx_old, tangent_work)),
         ctypes.c_int(first_link),
         pointer(slopes[1:]),
         pointer(None if ends_slopes is None else ends_slopes[1:]),
-        ctypes.c_void_p(slot.ctypes.data),
+        pointer(slot),
         pointer(watched_slopes),
     )
     if done < rows:
@@ -286,29 +249,28 @@ def _run(
 
 
 def _run_casadi(
+    tangent: CasadiTangent,
     chain: Chain,
-    numbers: _Numbers,
     force_N: Array,
     step_s: float,
     state: ChainState,
     directions: _Directions,
-    links: Links,
+    *,
+    all_links: bool,
 ) -> Sensitivity:
     inputs, x = ChainInputs.of_force(force_N), state.vector()
-    tangent = CasadiTangent(chain, numbers.chain, numbers.symbols, numbers.values, step_s)
     steps = len(inputs) - 1
     rows, slopes, ends_slopes = tangent.run(
         x,
         state.time_s,
         inputs,
         directions.start,
-        np.eye(len(numbers.values), directions.width),
         directions.drive(steps),
         np.zeros(steps, dtype=np.intc) if directions.forgotten is None else directions.forgotten,
     )
     if len(rows.tension_N) < steps:
         raise SolveError(describe_failure(chain, rows, (len(rows.tension_N) + 1) * step_s, step_s))
-    first_link = chain.count if links is Links.OUTPUT else 0
+    first_link = 0 if all_links else chain.count
     start = np.zeros((1, chain.count + 1, directions.width))
     return Sensitivity(
         tension_N=np.vstack([tensions_of(chain, x, state.time_s), rows.tension_N]),

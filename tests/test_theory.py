@@ -237,7 +237,7 @@ def test_between_two_tensions_lie_friction_and_inertia_of_one_mass(finger):
     before, now, after = (ChainState.from_vector(run.states[row], chain.layout) for row in (1399, 1400, 1401))
     acceleration = (after.velocity_m_per_s - before.velocity_m_per_s)[1:-1] / (2 * step)
     inertia = 1.0 / 6 * acceleration
-    friction = now.bristle_N + whole.friction.viscous_N_s_per_m / 6 * now.velocity_m_per_s[1:-1]
+    friction = now.friction[0] + whole.friction.viscous_N_s_per_m / 6 * now.velocity_m_per_s[1:-1]
     difference = run.tension_N[1400][:-1] - run.tension_N[1400][1:]
     assert np.max(np.abs(inertia)) > 0.02 * np.max(np.abs(difference))
     assert difference == pytest.approx(friction + inertia, abs=0.005 * np.max(np.abs(difference)))

@@ -57,8 +57,8 @@ def parameters_of(level: Level | None) -> tuple[str, ...]:
     """Parameters that a level needs, beyond masses and geometry; None is the static law."""
     if level is None:
         return ("mu_dynamic",)
-    relaxing = ("relaxing_stiffness_N_per_m", "relaxation_time_s") if level.features.link_relaxes else ()
-    bristle = "soft_bristle_stiffness_N_per_m" if level.features.soft_bristle else "bristle_stiffness_N_per_m"
+    relaxing = ("relaxing_stiffness_N_per_m", "relaxation_time_s") if level.link_relaxes else ()
+    bristle = "soft_bristle_stiffness_N_per_m" if level.soft_bristle else "bristle_stiffness_N_per_m"
     return (
         "mu_dynamic",
         "mu_static",

@@ -16,7 +16,6 @@ from tendonff.compensator.compensators.base import (
     Style,
     with_motion,
 )
-from tendonff.compensator.compensators.optimal import Optimal
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import Score, SimulatedPlant, score, verify
 from tendonff.compensator.reporting.colours import PURPLE
@@ -53,7 +52,7 @@ class ExploreParameters:
     def of(cls, scenario: Scenario) -> "ExploreParameters":
         """The values of a scenario; joints as they are."""
         transmission = scenario.transmission
-        friction, soft = transmission.friction, scenario.run.level.features.soft_bristle
+        friction, soft = transmission.friction, scenario.run.level.soft_bristle
         return cls(
             mu=friction.mu_dynamic,
             total_angle_deg=float(np.degrees(transmission.path.total_angle_rad)),
@@ -74,7 +73,7 @@ class ExploreParameters:
             old,
             path=self._path(old),
             tendon=replace(old.tendon, relaxation_time_s=self.relaxation_time_s),
-            friction=self._friction(old.friction, soft=scenario.run.level.features.soft_bristle),
+            friction=self._friction(old.friction, soft=scenario.run.level.soft_bristle),
             actuator=replace(old.actuator, force_rate_max_N_per_s=self.force_rate_max_N_per_s),
             load=replace(load, stiffness_N_per_m=self.load_stiffness_N_per_m, mass_kg=self.load_mass_kg),
         )
@@ -160,10 +159,11 @@ class Curve:
     compensator: Compensator | None  # None tunes itself to a measurement
 
 
-FAST = tuple(Curve(name=c.name, label=c.label, style=c.style, compensator=c) for c in COMPENSATORS if c.is_fast)
+_ALL = tuple(Curve(name=c.name, label=c.label, style=c.style, compensator=c) for c in COMPENSATORS)
+FAST = tuple(curve for curve, c in zip(_ALL, COMPENSATORS, strict=True) if c.is_fast)
 """Fast enough to follow a slider."""
 SLOW = (
-    *(Curve(name=c.name, label=c.label, style=c.style, compensator=c) for c in COMPENSATORS if isinstance(c, Optimal)),
+    *(curve for curve in _ALL if curve not in FAST),
     Curve(name="self_tuning", label="self-tuning inverse", style=Style(color=PURPLE, linestyle="-"), compensator=None),
 )
 """These take a second or more, and come when they are asked for."""

@@ -27,8 +27,7 @@ from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.adaptation.tuning import Sensor
-from tendonff.ocp.codegen.compiler import find_compiler, run_compiler
-from tendonff.ocp.codegen.cross import Target, cross_compile
+from tendonff.ocp.codegen.compiler import Target, cross_compile, find_compiler, run_compiler
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.templates import environment
 from tendonff.ocp.errors import CodeError

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tendonff.models.capstan.spread_bounds import SpreadPlays
-from tendonff.models.errors import ParameterError
+from tendonff.models.errors import ParameterError, require
 from tendonff.models.parameters.transmission import Transmission
 from tendonff.models.path import Section
 
@@ -106,9 +106,7 @@ class CapstanLaw:
 
     def __post_init__(self) -> None:
         for name in ("pull_exponent", "release_exponent", "adhesion_N"):
-            value = getattr(self, name)
-            if not 0 <= value < math.inf:  # NaN fails too
-                raise ParameterError(f"{name} must be a finite number >= 0, got {value}; use 0 for none")
+            require(name, getattr(self, name), least=0, hint="use 0 for none")
         for name in ("pull_exponent", "release_exponent"):
             value = getattr(self, name)
             if value > _LARGEST_EXPONENT:
@@ -144,17 +142,9 @@ class CapstanLaw:
         return replace(self, pull_exponent=share * self.pull_exponent, release_exponent=share * self.release_exponent)
 
     def output_bounds_N(self, input_N: ArrayLike) -> tuple[Array, Array]:
-        """Least and largest output tension that an input tension admits [N].
+        """Least and largest output tension that an input tension T_in admits [N].
 
-        Parameters
-        ----------
-        input_N : array_like
-            T_in [N].
-
-        Returns
-        -------
-        low, high : ndarray
-            (T_in + p) e^{-mu_pull theta} - p and (T_in + p) e^{mu_release theta} - p.
+        They are (T_in + p) e^{-mu_pull theta} - p and (T_in + p) e^{mu_release theta} - p.
         """
         lifted = np.asarray(input_N, dtype=np.float64) + self.adhesion_N
         return (
@@ -163,7 +153,7 @@ class CapstanLaw:
         )
 
     def output_history_N(self, input_N: ArrayLike, initial_output_N: float | None = None) -> Array:
-        """Output tension for any input history, by the play law.
+        """Output tension for any input history, by the play law, shape (n,).
 
         A tendon cannot push: the output does not fall below zero.
 
@@ -173,10 +163,6 @@ class CapstanLaw:
             T_in at successive instants [N].
         initial_output_N : float, optional
             Output before the first of them [N]; default: the first input (uniform tension).
-
-        Returns
-        -------
-        ndarray, shape (n,)
         """
         history = np.asarray(input_N, dtype=np.float64)
         start = history[0] if initial_output_N is None else initial_output_N
@@ -192,7 +178,7 @@ class CapstanLaw:
         return output
 
     def profile_history_N(self, input_N: ArrayLike, shares: ArrayLike, initial_N: float | None = None) -> Array:
-        """Tension along the path for any input history, started from uniform tension.
+        """Tension along the path for any input history, started from uniform tension, shape (n, m).
 
         Parameters
         ----------
@@ -202,29 +188,18 @@ class CapstanLaw:
             Places on the path as shares of the wrap angle, 0 (actuator) to 1 (load).
         initial_N : float, optional
             Uniform tension before the first instant [N]; default: the first input.
-
-        Returns
-        -------
-        ndarray, shape (n, m)
         """
         places = np.asarray(shares, dtype=np.float64)
         return np.stack([self.part(float(s)).output_history_N(input_N, initial_N) for s in places], axis=1)
 
     def input_for_N(self, output_N: ArrayLike, branch: Branch) -> Array:
-        """Input tension that holds an output tension in slip, the right inverse on one branch [N].
-
-        Parameters
-        ----------
-        output_N : array_like
-            T_out [N].
-        branch : Branch
-        """
+        """Input tension that holds an output tension in slip, the right inverse on one branch [N]."""
         lifted = np.asarray(output_N, dtype=np.float64) + self.adhesion_N
         exponent = self.pull_exponent if branch is Branch.PULL else -self.release_exponent
         return lifted * math.exp(exponent) - self.adhesion_N
 
     def input_history_N(self, output_N: ArrayLike, initial_input_N: float | None = None) -> Array:
-        """Input tension for a wanted output history: the branch of its last change, held while it stands still.
+        """Input tension for a wanted output history, shape (n,): the branch of its last change, held while it stands.
 
         At each reversal the answer jumps by the factor e^{(mu_pull + mu_release) theta} in T + p; an actuator's rate
         limit decides what is left of that. With spread bounds it jumps by the band of the narrowest play alone. The
@@ -236,10 +211,6 @@ class CapstanLaw:
             T_out at successive instants [N].
         initial_input_N : float, optional
             Input before the first change [N]; default: the first output (uniform tension).
-
-        Returns
-        -------
-        ndarray, shape (n,)
         """
         wanted = np.asarray(output_N, dtype=np.float64)
         start = float(wanted[0] if initial_input_N is None else initial_input_N)
@@ -260,50 +231,26 @@ class CapstanLaw:
         """Smallest output tension that releasing down to a force leaves, (F + p) e^{mu_release theta} - p [N]."""
         return float(self.output_bounds_N(force_min_N)[1])
 
-    def stiffness_N_per_m(self, tendon_stiffness_N_per_m: float, branch: Branch) -> float:
-        """dT_in/d(elongation) in slip: k a/(1 - e^{-a}) pulling, k a/(e^a - 1) releasing, a = mu theta.
+    def _shape(self, branch: Branch) -> float:
+        """Mean of (T + p)/(T_in + p) over the path in slip."""
+        return _shape(self.pull_exponent if branch is Branch.PULL else -self.release_exponent)
 
-        Parameters
-        ----------
-        tendon_stiffness_N_per_m : float
-            k = EA/L of the whole tendon [N/m].
-        branch : Branch
-        """
-        if branch is Branch.PULL:
-            return tendon_stiffness_N_per_m / _shape(self.pull_exponent)
-        return tendon_stiffness_N_per_m / _shape(-self.release_exponent)
+    def stiffness_N_per_m(self, tendon_stiffness_N_per_m: float, branch: Branch) -> float:
+        """dT_in/d(elongation) in slip: k a/(1 - e^{-a}) pulling, k a/(e^a - 1) releasing, a = mu theta, k = EA/L."""
+        return tendon_stiffness_N_per_m / self._shape(branch)
 
     def elongation_m(self, input_N: ArrayLike, tendon_stiffness_N_per_m: float, branch: Branch) -> Array:
-        """Elongation of the tendon in slip [m], the mean tension over the path divided by k.
-
-        Parameters
-        ----------
-        input_N : array_like
-            T_in [N].
-        tendon_stiffness_N_per_m : float
-            k = EA/L of the whole tendon [N/m].
-        branch : Branch
-        """
+        """Elongation of the tendon in slip [m], the mean tension over the path divided by k = EA/L."""
         lifted = np.asarray(input_N, dtype=np.float64) + self.adhesion_N
-        shape = _shape(self.pull_exponent if branch is Branch.PULL else -self.release_exponent)
-        return (lifted * shape - self.adhesion_N) / tendon_stiffness_N_per_m
+        return (lifted * self._shape(branch) - self.adhesion_N) / tendon_stiffness_N_per_m
 
     def dead_zone_m(self, input_N: float, tendon_stiffness_N_per_m: float, branch: Branch) -> float:
-        """Travel of the input end after a reversal before the output moves [m], > 0.
+        """Travel of the input end after a reversal at T_in, where a branch ends, before the output moves [m], > 0.
 
-        With mu_pull = mu_release and p = 0 it is (R T_in/(EA mu)) (1 - e^{-a})^2 when pulling ends.
-
-        Parameters
-        ----------
-        input_N : float
-            T_in at the reversal [N].
-        tendon_stiffness_N_per_m : float
-            k = EA/L of the whole tendon [N/m].
-        branch : Branch
-            The branch that ends there.
+        With mu_pull = mu_release and p = 0 it is (R T_in/(EA mu)) (1 - e^{-a})^2 when pulling ends, k = EA/L.
         """
         lifted, both = input_N + self.adhesion_N, self.pull_exponent + self.release_exponent
-        pull, release = _shape(self.pull_exponent), _shape(-self.release_exponent)
+        pull, release = self._shape(Branch.PULL), self._shape(Branch.RELEASE)
         if branch is Branch.PULL:
             return lifted * (pull - math.exp(-both) * release) / tendon_stiffness_N_per_m
         return lifted * (math.exp(both) * pull - release) / tendon_stiffness_N_per_m

@@ -30,15 +30,7 @@ def sliding_exponent(middle: float, spread: float) -> float:
 
 
 def middle_exponent(exponent: float, spread: float) -> float:
-    """Middle of the plays' exponents that gives `exponent` in gross sliding, signed as it is.
-
-    Parameters
-    ----------
-    exponent : float
-        -mu theta when pulling, mu theta when releasing [-].
-    spread : float
-        From 0 to 1 [-].
-    """
+    """Middle of the plays' exponents that gives `exponent` in gross sliding, signed: -mu theta when pulling."""
     middle, reach = exponent, 1 + spread * np.array(PLACES)
     for _ in range(50):  # Newton: the sliding exponent rises with the middle, and is convex
         weights = np.exp(middle * reach)
@@ -67,31 +59,16 @@ class SpreadPlays:
     def of(
         cls, pull_exponent: float, release_exponent: float, pull_spread: float, release_spread: float
     ) -> "SpreadPlays":
-        """Plays with spread bounds.
-
-        Parameters
-        ----------
-        pull_exponent, release_exponent : float
-            mu theta in gross sliding [-].
-        pull_spread, release_spread : float
-            Bounds reach over (1 -+ spread) of the middle [-], 0 to 1.
-        """
+        """Plays with mu theta in gross sliding, whose bounds reach over (1 -+ spread) of their middle."""
         return cls(
             low=np.exp(play_exponents(-pull_exponent, pull_spread)),
             high=np.exp(play_exponents(release_exponent, release_spread)),
         )
 
     def inputs(self, outputs: Array, start: float, held: float) -> Array:
-        """Least travelling input whose mean play is the output: the exact inverse, shape (n,).
+        """Least travelling input whose mean play is the output, shape (n,): the exact inverse.
 
-        Parameters
-        ----------
-        outputs : ndarray, shape (n,)
-            T_out + p at successive instants.
-        start : float
-            T_out + p before them, in all plays.
-        held : float
-            T_in + p before the first change.
+        All tensions with p added: `start` is that of all plays before, `held` the input before the first change.
         """
         w, u, last, answer = np.full(PLAYS, start), held, start, np.empty(len(outputs))
         w = np.clip(w, u * self.low, u * self.high)

@@ -48,14 +48,7 @@ class TwoEndedLaw:
 
     @classmethod
     def of(cls, transmission: Transmission, segments: int | None = None) -> "TwoEndedLaw":
-        """Law of a transmission with its joints at zero.
-
-        Parameters
-        ----------
-        transmission : Transmission
-        segments : int, optional
-            N; default: the path's own.
-        """
+        """Law of a transmission with its joints at zero; N is the path's own, unless it is given."""
         path = transmission.path
         cut = cut_path(path.parts, path.segments if segments is None else segments, path.radius_m)
         pull, release = (
@@ -108,9 +101,8 @@ class TwoEndedLaw:
         ----------
         near_N, far_N : array_like, shape (n,)
         before_N : array_like, shape (N + 1,)
-            The profile before the first of them.
         excess : float, optional
-            As in `profile_N`.
+            All as in `profile_N`.
         """
         profile, rows = np.asarray(before_N, dtype=np.float64), []
         for near, far in zip(np.asarray(near_N, float), np.asarray(far_N, float), strict=True):

@@ -13,18 +13,10 @@ from tendonff.models.errors import ParameterError, require_given
 
 
 class Drive(StrEnum):
-    """What the actuator is told.
+    """What the actuator is told."""
 
-    Attributes
-    ----------
-    FORCE
-        Its force f_c1: a current loop.
-    POSITION
-        Its position x_c1, behind the servo's stiffness k_c1: a position servo.
-    """
-
-    FORCE = "force"
-    POSITION = "position"
+    FORCE = "force"  # its force f_c1: a current loop
+    POSITION = "position"  # its position x_c1, behind the servo's stiffness k_c1: a position servo
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,12 +88,9 @@ class Motor:
         return self.speed_max_rad_per_s * self.travel_per_rad_m
 
     def torque_limit_N_m(self, speed_rad_per_s: float) -> float:
-        """Largest torque at a speed, by torque_max_N_m and the torque-speed line [N m].
+        """Largest torque at a speed in its direction, by torque_max_N_m and the torque-speed line [N m].
 
-        Parameters
-        ----------
-        speed_rad_per_s : float
-            Speed in the direction of the torque [rad/s]; below 0 the motor brakes, and the line does not bind.
+        Below 0 the motor brakes, and the line does not bind.
         """
         if self.stall_torque_N_m is None or self.no_load_speed_rad_per_s is None:
             return self.torque_max_N_m

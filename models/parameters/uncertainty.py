@@ -8,18 +8,10 @@ from tendonff.models.errors import ParameterError, require_whole
 
 
 class Objective(StrEnum):
-    """Which error over the parameter samples a robust profile makes small.
+    """Which error over the parameter samples a robust profile makes small."""
 
-    Attributes
-    ----------
-    WORST
-        The largest.
-    MEAN
-        The root of the mean square.
-    """
-
-    WORST = "worst"
-    MEAN = "mean"
+    WORST = "worst"  # the largest
+    MEAN = "mean"  # the root of the mean square
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

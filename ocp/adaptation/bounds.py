@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.models.capstan import CapstanLaw
-from tendonff.models.errors import ParameterError
+from tendonff.models.errors import ParameterError, require
 from tendonff.ocp.step.protocol import Array
 
 
@@ -30,9 +30,7 @@ class CertifiedInterval:
         if not 0 <= self.spread < 1:
             raise ParameterError(f"spread must be >= 0 and < 1, got {self.spread}; 0.2 means within 20 % either way")
         for name in ("noise_N", "margin"):
-            value = getattr(self, name)
-            if not 0 <= value < math.inf:
-                raise ParameterError(f"{name} must be a finite number >= 0, got {value}; use 0 for none")
+            require(name, getattr(self, name), least=0, hint="use 0 for none")
 
     def _with(self, pull: float, release: float) -> CapstanLaw:
         return CapstanLaw(

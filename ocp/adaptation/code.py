@@ -18,7 +18,7 @@ from tendonff.ocp.codegen.compiler import find_compiler, load_library, why_no_co
 from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.codegen.printer import literal, real_type
+from tendonff.ocp.codegen.printer import literal
 from tendonff.ocp.codegen.templates import environment
 from tendonff.ocp.errors import CodeError
 from tendonff.ocp.step.c_engine import PREFIX, host_source
@@ -75,8 +75,7 @@ class TunedChain:
         if own and (mus := {n: f * getattr(elements.contact, n) for n, f in scales.items() if n in _OF_SECTIONS}):
             path, contact = elements.path, replace(elements.contact, **mus)  # type: ignore[type-var]
             phi = path.at().angle_rad[0]
-            share = phi / path.total_angle_rad if path.total_angle_rad > 0 else path.length_share
-            friction = contact.on_piece(phi, share, path.length_share)
+            friction = contact.on_piece(phi, elements.angle_share(phi), path.length_share)
             elements = replace(elements, contact=contact, friction=friction)
         return replace(self.chain, elements=elements, far=far)
 
@@ -120,10 +119,6 @@ class TunedChain:
         comment = "Change of friction on a piece with the tuned factors."
         return Law(name="own_slopes", comment=comment, inputs=(*law.inputs, *factors), outputs=outputs)
 
-    def rest(self, tension_N: float) -> Array:
-        """State at rest of the model beside the rig: q_l = 0, where the load's spring has the tension of the start."""
-        return rest_on_spring(self.chain, tension_N)
-
 
 def rest_on_spring(chain: Chain, tension_N: float) -> Array:
     """State at rest with q_l = 0, where the load's spring has the start tension, unless a joint holds the end."""
@@ -134,11 +129,11 @@ def rest_on_spring(chain: Chain, tension_N: float) -> Array:
 def tuner_context(tuned: TunedChain, precision: Precision, *, prefix: str, past: int) -> dict[str, object]:
     """What the template `tuner.c.j2` needs, whatever it is rendered for; `past` samples are remembered."""
     chain, (law, names) = tuned.chain, tuned.retuned_numbers()
-    slopes, layout = tuned.rest(1.0) - tuned.rest(0.0), chain.layout
+    slopes, layout = rest_on_spring(chain, 1.0) - rest_on_spring(chain, 0.0), chain.layout
     return {
         "prefix": prefix,
         "upper": f"{prefix.upper()}_TUNER",
-        "real": real_type(precision),
+        "real": precision.value,
         "fabs": "fabsf" if precision is Precision.FLOAT else "fabs",
         "number": lambda value: literal(value, precision),
         "zero": literal(0.0, precision),
@@ -196,7 +191,7 @@ def _host_text(tuned: TunedChain) -> str:
     printer = Specialiser(prefix=PREFIX, precision=precision, parameters={})
     own = {law.name: printer.fold(law) for law in tuner_laws(tuned)}
     slopes = chain.rest_state(1.0).vector() - chain.rest_state(0.0).vector()
-    gain = f"{PREFIX}_link_gain({', '.join(_gain_arguments(laws))}, &rows[k].gain)"
+    gain_arguments = ", ".join(f"c->{symbol.name()}" for symbol in laws.link_gain().inputs)
     context = tuner_context(tuned, precision, prefix=PREFIX, past=MAX_DELAY) | {
         "model": PREFIX,
         "inverse": PREFIX,
@@ -205,8 +200,8 @@ def _host_text(tuned: TunedChain) -> str:
         "inverse_rows": 4,
         "shifted": False,
         "inverse_rest": lambda array: rest_statements(slopes, precision, array),
-        "gain_calls": {PREFIX: gain},
-        "work_argument": f", {real_type(precision)} *memory",
+        "gain_calls": {PREFIX: f"{PREFIX}_link_gain({gain_arguments}, &rows[k].gain)"},
+        "work_argument": f", {precision} *memory",
         "work_declaration": f"{PREFIX}_work work_area = {PREFIX}_work_of(memory, {PREFIX.upper()}_TUNER_COUNT);",
         "work": "&work_area",
         "plant_q_a": "(({} * n) + {})".format(*chain.layout.offset("q_a")),
@@ -237,21 +232,7 @@ def _moving_context(tuned: TunedChain, own_slopes: SpecialisedLaw) -> dict[str, 
     }
 
 
-def _gain_arguments(laws: ElementLaws) -> list[str]:
-    return [f"c->{symbol.name()}" for symbol in laws.link_gain().inputs]
-
-
-def _loaded(text: str) -> ctypes.CDLL:
-    library = load_library(text)
-    library.tff_tuner_bytes.restype = ctypes.c_long
-    library.tff_tuner_begin.restype = None
-    library.tff_tuner_step.restype = ctypes.c_double
-    library.tff_tuner_report.restype = None
-    library.tff_tuner_run.restype = ctypes.c_long
-    library.tff_work_reals.restype = ctypes.c_int
-    return library
-
-
+@functools.lru_cache(maxsize=32)
 def host_library(tuned: TunedChain) -> ctypes.CDLL:
     """The compiled tuner of the host; double.
 
@@ -265,9 +246,11 @@ def host_library(tuned: TunedChain) -> ctypes.CDLL:
             f"self-tuning runs as compiled C only: {why_no_compiler()} (whatever has no [adaptation] works without, "
             "several times slower)"
         )
-    return _loaded(_host_text(tuned)) if tuned.chain.moving else _cached(tuned)
-
-
-@functools.lru_cache(maxsize=32)
-def _cached(tuned: TunedChain) -> ctypes.CDLL:
-    return _loaded(_host_text(tuned))
+    library = load_library(_host_text(tuned))
+    library.tff_tuner_bytes.restype = ctypes.c_long
+    library.tff_tuner_begin.restype = None
+    library.tff_tuner_step.restype = ctypes.c_double
+    library.tff_tuner_report.restype = None
+    library.tff_tuner_run.restype = ctypes.c_long
+    library.tff_work_reals.restype = ctypes.c_int
+    return library

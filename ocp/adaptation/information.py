@@ -23,9 +23,9 @@ class Information:
     deviation: Array  # shape (n, parameters); standard deviation of each factor if nothing is forgotten [-]
     correlation: float  # between the two factors at the end [-]; 0 where there is one
 
-    def known_after_s(self, index: int, target: float = TARGET) -> float | None:
-        """Time from which on the factor with that index is known to within `target`; None where it never is."""
-        rows = np.flatnonzero(self.deviation[:, index] <= target)
+    def known_after_s(self, index: int) -> float | None:
+        """Time from which on the factor with that index counts as known; None where it never does."""
+        rows = np.flatnonzero(self.deviation[:, index] <= TARGET)
         return float(self.time_s[rows[0]]) if rows.size else None
 
     def sentences(self) -> tuple[str, ...]:

@@ -15,10 +15,10 @@ from tendonff.ocp.adaptation.code import (
 from tendonff.ocp.adaptation.tuning import Tunable
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.codegen.printer import literal, real_type
+from tendonff.ocp.codegen.printer import literal
 from tendonff.ocp.step.folding import Weights, chain_specialiser, record_code, rest_statements
-from tendonff.ocp.step.joints import Joints, way_of
-from tendonff.ocp.step.laws import ElementLaws, end_mass, end_mass_tangent
+from tendonff.ocp.step.joints import Joints
+from tendonff.ocp.step.laws import ElementLaws, end_mass, end_mass_tangent, way_of
 from tendonff.ocp.step.render import Compliances, Limits, law_calls
 from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT
 from tendonff.ocp.step.target import compliances_of, controller_limits, folded_inverse, step_code
@@ -143,13 +143,13 @@ def tuner_code(tuned: TunedChain, step_s: float, prefix: str, precision: Precisi
     types_code = step_code(chain, model_prefix, precision, (), limits=limits, contact=contact, tuned=True)
     printer = Specialiser(prefix=prefix, precision=precision, parameters={})
     own = [printer.fold(law).code for law in tuner_laws(tuned, on_target=True)]
-    on_path = f"    {real_type(precision)} tension[{chain.count + 1}];\n    {real_type(precision)} last;"
+    on_path = f"    {precision} tension[{chain.count + 1}];\n    {precision} last;"
     past = [
         "/* Tensions of the last sample, as changes: states are kept relative to what these alone would cause. */",
         "typedef struct {",
-        f"    {real_type(precision)} reference;",
-        f"    {real_type(precision)} change[{chain.count + 1}];",
-        f"    {real_type(precision)} drop[{chain.count}];",
+        f"    {precision} reference;",
+        f"    {precision} change[{chain.count + 1}];",
+        f"    {precision} drop[{chain.count}];",
         *([] if contact is None else [on_path]),
         f"}} {inverse_prefix}_past;\n",
     ]

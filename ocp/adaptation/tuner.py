@@ -168,23 +168,18 @@ class SelfTuner:
         return self._report()[0]
 
     @property
-    def deviation(self) -> Array:
-        """Their standard deviations, shape (parameters,)."""
-        return self._report()[1]
-
-    @property
     def status(self) -> TunerStatus:
         """What the last step says."""
-        return self._report()[2]
+        return self._report()[1]
 
-    def _report(self) -> tuple[Array, Array, TunerStatus]:
+    def _report(self) -> tuple[Array, TunerStatus]:
         f, deviation, s = (np.empty(self._count) for _ in range(3))
         moved, residual, status = ctypes.c_double(), ctypes.c_double(), ctypes.c_int()
         self._library.tff_tuner_report(
             *(self._state, ctypes.byref(self._struct), *map(pointer, (f, deviation, s))),
             *(ctypes.byref(moved), ctypes.byref(residual), ctypes.byref(status)),
         )
-        return f, deviation, TunerStatus(status.value)
+        return f, TunerStatus(status.value)
 
     def run(self, rig: SimulatedRig, reference_N: Array, noise: Array, *, adapt: bool = True) -> TunedRun:
         """Close the loop around a simulated rig, which goes on from where it is.

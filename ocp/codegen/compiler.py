@@ -1,4 +1,7 @@
-"""Compile generated C with the system's compiler, once, and load it."""
+"""Compile generated C with the system's compiler, once, and load it; compile for other systems.
+
+The package ziglang, where it is installed, carries clang and the headers of each system.
+"""
 
 import atexit
 import ctypes
@@ -14,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from tendonff.ocp.codegen.leftovers import remove_leftovers, temporary_name
@@ -49,7 +53,7 @@ def _candidates() -> list[tuple[str, ...]]:
         path = shutil.which(words[0]) if words else None
         return [(path, *words[1:])] if path else []
     found: list[tuple[str, ...]] = [(path,) for name in ("cc", "gcc", "clang") if (path := shutil.which(name))]
-    if importlib.util.find_spec("ziglang") is not None:  # clang; without a target it writes for this machine alone
+    if has_cross_compiler():  # without a target it writes for this machine alone
         found.append((sys.executable, *_PACKAGED, "-mcpu=baseline"))
     return found
 
@@ -194,3 +198,36 @@ def _is_whole(library: Path) -> bool:
         return _seal_of(library).read_text(encoding="ascii") == _digest(library)
     except (OSError, ValueError):
         return False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """A system that libraries can be made for."""
+
+    triple: str  # as clang names it
+    suffix: str  # of its shared libraries, with the dot
+
+
+def has_cross_compiler() -> bool:
+    """Whether ziglang is installed."""
+    return importlib.util.find_spec("ziglang") is not None
+
+
+def cross_compile(target: Target, sources: Sequence[str], folder: Path) -> bytes:
+    """The shared library of some C sources in a folder, where their headers are too; equal sources give equal bytes.
+
+    Raises
+    ------
+    CodeError
+        If ziglang is not installed or refuses the sources.
+    """
+    if not has_cross_compiler():
+        raise CodeError("binaries for other systems need ziglang, which is not installed; pip install ziglang")
+    name = f"cross{target.suffix}"
+    arguments = [
+        *("-target", target.triple, "-std=c99", "-O2", "-g0", "-shared", "-fPIC", "-mcpu=baseline", "-s"),
+        *("-ffp-contract=off", "-fno-math-errno", "-Wno-unused-parameter", "-o", name, *sources, "-lm"),
+    ]
+    if complaint := run_compiler((sys.executable, *_PACKAGED), arguments, folder):
+        raise CodeError(f"the sources for {target.triple}: {complaint}")
+    return (folder / name).read_bytes()

@@ -17,10 +17,4 @@ class Law:
 
     def function(self) -> ca.Function:
         """The law as a CasADi function."""
-        return ca.Function(
-            self.name,
-            list(self.inputs),
-            list(self.outputs.values()),
-            [s.name() for s in self.inputs],
-            list(self.outputs),
-        )
+        return ca.Function(self.name, [*self.inputs], [*self.outputs.values()])

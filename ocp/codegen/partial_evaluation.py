@@ -17,7 +17,7 @@ import casadi as ca
 
 from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.codegen.printer import OPERATORS, SELECT, literal, operator, real_type
+from tendonff.ocp.codegen.printer import OPERATORS, SELECT, literal, operator
 from tendonff.ocp.errors import CodeError
 
 Values = tuple[float, ...]
@@ -85,7 +85,7 @@ class Specialiser:
         return tuple(_constant_of(node, law.name) for node in _Tape(False).run(law, self.parameters, self.weights))
 
     def _print(self, law: Law, name: str, results: Sequence[_Node]) -> SpecialisedLaw:
-        real = real_type(self.precision)
+        real = self.precision.value
         constants = {"zero": literal(0.0, self.precision), "one": literal(1.0, self.precision)}
         suffix = "f" if self.precision is Precision.FLOAT else ""
         used: set[str] = set()

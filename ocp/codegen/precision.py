@@ -4,7 +4,7 @@ from enum import StrEnum
 
 
 class Precision(StrEnum):
-    """Real type of generated C."""
+    """Real type of generated C, by its name there."""
 
     DOUBLE = "double"
     FLOAT = "float"

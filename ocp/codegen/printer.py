@@ -87,8 +87,3 @@ def literal(value: float, precision: Precision) -> str:
     if not any(mark in text for mark in ".en"):
         text += ".0"
     return text + suffix
-
-
-def real_type(precision: Precision) -> str:
-    """The C type."""
-    return "float" if precision is Precision.FLOAT else "double"

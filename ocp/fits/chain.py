@@ -1,4 +1,4 @@
-"""The chain under a measured input tension, with exact sensitivities over what identification looks for.
+"""The chain under a measured input tension, with exact sensitivities over what identification looks for and the input.
 
 The force cell sits between motor and tendon: the measured tension is f_1 itself. The near end is therefore a mass too
 light to matter that the measured tension pulls::
@@ -7,11 +7,15 @@ light to matter that the measured tension pulls::
 
 The history before the first sample is not known. The run starts at rest under the first output tension and reaches the
 first input over a short smooth lead-in, so that the output starts where it was measured.
+
+Friction forgets: what a change of the input did is wiped out by the next full sweep. So its slopes are those of windows
+of many seconds, each with knots from some seconds before it on, at a cost that grows with the length only.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +25,7 @@ from tendonff.models.assembly import End
 from tendonff.models.chain import Chain
 from tendonff.models.elements import Whole, whole_of
 from tendonff.models.fidelity import Level
+from tendonff.models.layout import ChainState
 from tendonff.models.parameters import Transmission
 from tendonff.models.path import JointMotion
 from tendonff.ocp.errors import SolveError
@@ -268,3 +273,54 @@ class ChainModel:
                         + whole.value(Parameter.MU_DYNAMIC_RELEASE) * column[Parameter.MU_STATIC_RELEASE]
                     )
         return run.tension_N[:, -1], run.ends_m[:, 0], run.ends_m[:, 1], slopes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InputWindow:
+    """Slopes over the input at knots, linear between them."""
+
+    time_s: Array  # shape (n,); from the first sample of the drive
+    first_s: float  # where the window itself begins; what is before belongs to the window before
+    knots_s: Array  # shape (k,)
+    output_slopes: Array  # shape (n, k) [N/N]
+    # near_slopes, elongation_slopes: shape (n, k) [m/N]
+    near_slopes: Array
+    elongation_slopes: Array
+
+
+def input_windows(
+    model: ChainModel,
+    values: Mapping[DynamicParameter, float],
+    drive: Drive,
+    *,
+    knot_s: float,
+    window_s: float,
+    before_s: float,
+) -> Iterator[InputWindow]:
+    """Windows of a drive of about `window_s`, with knots from about `before_s` earlier on; SolveError if the run
+    fails.
+    """
+    run_up = model.with_lead_in(values, drive)
+    chain = model.chain(model.whole(values), run_up.motion)
+    run = simulate(chain, run_up.force_N, run_up.step_s, initial_tension_N=run_up.rest_N, record=True).require()
+    if run.states is None:
+        raise SolveError("the run did not keep its states")
+    last, step = len(run_up.force_N) - 1, run_up.step_s
+    edges = np.linspace(0, last, max(1, round((last - run_up.lead) * step / window_s)) + 1).astype(int)
+    stride = max(1, round(knot_s / step))
+    for first, stop in pairwise(edges.tolist()):
+        start = max(first - round(before_s / step), 0)
+        knots = np.unique(np.append(np.arange(0, stop - start, stride), stop - start))
+        state = ChainState.from_vector(run.states[start], chain.layout, start * step)
+        found = force_sensitivity(chain, run_up.force_N[start : stop + 1], step, knots, state=state, ends=True)
+        if found.ends_slopes is None:
+            raise SolveError("the sensitivities of the ends' positions are missing")
+        near, far = found.ends_slopes[:, 0], found.ends_slopes[:, 1]
+        yield InputWindow(
+            time_s=(np.arange(start, stop + 1) - run_up.lead) * step,
+            first_s=(first - run_up.lead) * step,
+            knots_s=(start + knots - run_up.lead) * step,
+            output_slopes=found.tension_slopes[:, 0],
+            near_slopes=near,
+            elongation_slopes=near - far,
+        )

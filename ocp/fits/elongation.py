@@ -46,14 +46,9 @@ _DIGITAL = _digital()
 
 
 def elongation(numbers: tuple[float, float, float], tension_N: Array, step_s: float) -> Elongation:
-    """Elongation under a mean tension that has stood at its first value for long.
+    """Elongation under a mean tension over the path, shape (n,), that has stood at its first value for long.
 
-    Parameters
-    ----------
-    numbers : tuple of 3 floats
-        k1 > 0 [N/m], k2 >= 0 [N/m], tau > 0 [s] of the whole tendon.
-    tension_N : ndarray, shape (n,)
-        Mean tension over the path.
+    The numbers are k1 > 0 [N/m], k2 >= 0 [N/m] and tau > 0 [s] of the whole tendon.
     """
     (b0, b1, a), by = (np.asarray(m) for m in _DIGITAL(numbers, step_s))
     b0, b1, a = float(b0[0]), float(b1[0]), float(a[0])

@@ -68,9 +68,9 @@ class Solution:
         k = list(self.values).index(name)
         return float(np.sqrt(max(self.covariance[k, k], 0.0)))
 
-    def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
-        """Confidence interval of one value."""
-        reach = float(student.ppf(0.5 + level / 2, max(self.degrees, 1))) * self.standard_error(name)
+    def interval(self, name: str) -> tuple[float, float]:
+        """95 % confidence interval of one value."""
+        reach = float(student.ppf(0.975, max(self.degrees, 1))) * self.standard_error(name)
         return self.values[name] - reach, self.values[name] + reach
 
     def correlation(self) -> Array:

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonff.models.chain import Chain
-from tendonff.models.layout import ChainState
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import simulate
 from tendonff.ocp.step.protocol import Array
@@ -95,16 +94,14 @@ def keep_force(
     for start, end in (*holds, (len(wanted) - 1, len(wanted) - 1)):
         if start > row:
             moved = wanted[row : start + 1] + drift * _fade(start - row, step_s)
-            found = invert(chain, moved, step_s, state=state, record=True)
+            found = invert(chain, moved, step_s, state=state)
             force[row + 1 : start + 1] = found.force_N[1:]
-            if found.states is not None:
-                state = ChainState.from_vector(found.states[-1], chain.layout)
+            state = found.final
         if end > start:
             force[start : end + 1] = force[start]
-            rest = simulate(chain, force[start : end + 1], step_s, state=state, record=True).require()
+            rest = simulate(chain, force[start : end + 1], step_s, state=state).require()
             drift = float(rest.output_tension_N[-1] - wanted[end])
-            if rest.states is not None:
-                state = ChainState.from_vector(rest.states[-1], chain.layout)
+            state = rest.final
         row = end
     followed = simulate(chain, force, step_s, initial_tension_N=tension).require().output_tension_N
     return KeptForce(

@@ -205,4 +205,4 @@ class CompiledInverse:
             *(ctypes.c_long(rows), ctypes.c_int(1), *map(pointer, [*places, work] if places else [])),
             *map(pointer, (now, old, force, least, states)),
         )
-        return InverseRows(force_N=force, least_tension_N=least, states=states)
+        return InverseRows(force_N=force, least_tension_N=least, states=states, x=now)

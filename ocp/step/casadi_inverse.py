@@ -90,7 +90,7 @@ class CasadiInverse:
     def invert(self, x: Array, time_s: float, reference: Array, record: bool) -> InverseRows:
         """See `protocol.Inverse`."""
         if not len(reference):
-            return InverseRows(force_N=np.empty(0), least_tension_N=np.empty(0), states=None)
+            return InverseRows(force_N=np.empty(0), least_tension_N=np.empty(0), states=None, x=x)
         times = time_s + self._step_s * np.arange(-1.0, len(reference) + 1)
         moves = path_moves(self._chain, self._chain.path_at(times).table(), self._step_s, fresh=True)
         pair, force, least = self._first(np.concatenate([x, x]), reference[0], moves[:, 0])
@@ -104,4 +104,5 @@ class CasadiInverse:
             force_N=np.hstack([np.asarray(f).ravel() for f in forces]),
             least_tension_N=np.hstack([np.asarray(f).ravel() for f in leasts]),
             states=states if record else None,
+            x=states[-1],
         )

@@ -11,7 +11,7 @@ from tendonff.models.chain import Chain
 from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import Specialiser
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.codegen.printer import literal, real_type
+from tendonff.ocp.codegen.printer import literal
 from tendonff.ocp.step.c_engine import link_ratios
 from tendonff.ocp.step.laws import ElementLaws
 from tendonff.ocp.step.protocol import Array
@@ -80,26 +80,9 @@ def weighted_sum(law: Law, *names: str) -> Law:
     return replace(law, outputs=outputs)
 
 
-def link_compliances(chain: Chain, precision: Precision) -> dict[str, tuple[str, str]]:
-    """What a lasting newton does to the states of an inner link and of one at an end [m/N], as C text.
-
-    Where links differ, it is that of the whole. A float holds a position of centimetres to nanometres only, which a
-    stiff bristle turns into newtons over a hold. Relative to what the tension alone would cause, positions are small
-    and their rounding harmless. Double code keeps the states themselves, and so agrees with Python to rounding.
-    """
-    ratios = (1.0, 1.0) if chain.moving else link_ratios(chain.elements.ratio)
-    rests = [chain.link.shortened(ratio).rest(1.0) for ratio in ratios]
-    kinds = {"e": [stretch for stretch, _ in rests]}
-    kinds |= {name: [states[k] for _, states in rests] for k, name in enumerate(chain.link.states)}
-    return {
-        name: (literal(float(inner), precision), literal(float(ends), precision))
-        for name, (inner, ends) in kinds.items()
-    }
-
-
 def record_code(folder: Specialiser, columns: Mapping[str, tuple[float, ...]]) -> tuple[str, str]:
     """Type of the record of what depends on the weight H, and the function that gives its rows."""
-    real, name = real_type(folder.precision), f"{folder.prefix}_weights"
+    real, name = folder.precision.value, f"{folder.prefix}_weights"
     fields = "\n".join(f"    {real} {column};" for column in columns)
     each = [", ".join(literal(v, folder.precision) for v in row) for row in zip(*columns.values(), strict=True)]
     rows = "\n".join(f"        {{ {row} }}," for row in each)

@@ -5,12 +5,11 @@ mass and which link belongs to which.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from tendonff.models.chain import Chain
-from tendonff.models.layout import fields_of
 from tendonff.models.path import Section
 
 _MOST_TURNS = 100.0
@@ -128,30 +127,3 @@ def _ranges(sections: tuple[Section, ...], names: tuple[str, ...]) -> tuple[tupl
         least.append(low)
         most.append(high)
     return tuple(least), tuple(most)
-
-
-def way_of(name: str) -> str:
-    """Direction that a coefficient of friction is for, "pull" or "release"; empty for other fields of the law."""
-    way = name.rpartition("_")[2]
-    return way if name.startswith("mu_") and way in ("pull", "release") else ""
-
-
-def equal_numbers(chain: Chain, *, ways_differ: bool = False) -> dict[str, str]:
-    """Fields of the law of friction that equal another on every mass, wherever the joints stand.
-
-    Coefficients of the two directions count as different where they may be set apart.
-    """
-    contact, path = chain.elements.contact, chain.elements.path
-    rows = []
-    for angle in (0.3, 0.7):
-        angles = np.full(chain.count, angle)
-        columns = {name: np.broadcast_to(v, (chain.count,)) for name, v in fields_of(contact).items()}
-        if ways_differ:
-            columns |= {name: 1.1 * v for name, v in columns.items() if way_of(name) == "release"}
-        law = replace(contact, **columns).on_piece(angles, chain.elements.angle_share(angles), path.length_share)  # type: ignore[type-var]
-        rows.append(fields_of(law))
-    same = {
-        name: next(other for other in rows[0] if all(np.array_equal(row[name], row[other]) for row in rows))
-        for name in rows[0]
-    }
-    return {name: other for name, other in same.items() if name != other}

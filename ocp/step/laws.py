@@ -39,15 +39,21 @@ def symbolic(record: R, prefix: str, aliases: dict[str, str] | None = None) -> R
     return replace(record, **(known | {name: known[other] for name, other in (aliases or {}).items()}))  # type: ignore[type-var]
 
 
-def twins_of(chain: Chain, *, ways_differ: bool = False) -> dict[str, str]:
-    """Fields of the law of contact that equal an earlier one on every mass, and the first such.
+def way_of(name: str) -> str:
+    """Direction that a coefficient of friction is for, "pull" or "release"; empty for other fields of the law."""
+    way = name.rpartition("_")[2]
+    return way if name.startswith("mu_") and way in ("pull", "release") else ""
 
-    Coefficients of the two directions count as different where they may be set apart.
+
+def twins_of(chain: Chain, *, ways_differ: bool = False) -> dict[str, str]:
+    """Coefficients of friction that equal an earlier one on every mass, wherever the joints stand, and the first such.
+
+    Those of the two directions count as different where they may be set apart.
     """
-    known = fields_of(chain.elements.contact)
+    known = {name: value for name, value in fields_of(chain.elements.contact).items() if way_of(name)}
 
     def equal(name: str, other: str) -> bool:
-        apart = ways_differ and name.endswith("_release") != other.endswith("_release")
+        apart = ways_differ and way_of(name) != way_of(other)
         return not apart and np.array_equal(known[name], known[other])
 
     first = {name: next(other for other in known if equal(name, other)) for name in known}

@@ -46,6 +46,7 @@ class InverseRows:
     force_N: Array
     least_tension_N: Array
     states: Array | None  # shape (rows, size); recorded on request
+    x: Array  # shape (size,); state after the last of them
 
 
 class Stepper(Protocol):
@@ -53,7 +54,6 @@ class Stepper(Protocol):
 
     def advance(self, memory: StepperMemory, inputs: ChainInputs, record: bool) -> Rows:
         """Advance `memory` over `inputs`; fewer rows come back where a step fails for good."""
-        ...
 
 
 class Inverse(Protocol):
@@ -61,4 +61,3 @@ class Inverse(Protocol):
 
     def invert(self, x: Array, time_s: float, reference: Array, record: bool) -> InverseRows:
         """Force, least tension and states for tensions [N] at the ends of the steps that follow the state x."""
-        ...

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from tendonff.models.layout import INPUT_NAMES, StateLayout
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.codegen.printer import literal, real_type
+from tendonff.ocp.codegen.printer import literal
 from tendonff.ocp.codegen.templates import environment
 from tendonff.ocp.step.scheme import (
     BDF2_CARRY,
@@ -30,6 +30,9 @@ _HOST_LINKS = (("c", "for (i = 1; i < n; i++)"), ("of_ends", "i = 0;"), ("of_end
 """Loops over links: those at the ends are half as long, and have rows of their own. On the host a loop over the two
 ends would be made one over vectors, and cost more than the rest."""
 
+
+_OF_MASSES = ("friction_", "piece_mass")
+"""How the names of what each mass may have for itself begin."""
 
 Compliances = Mapping[str, str | tuple[str, str]]
 
@@ -61,13 +64,10 @@ class OnJoints:
     factors: bool = False  # friction carries factors that are known at run time only
 
 
-def law_calls(
-    prefix: str, laws: Mapping[str, SpecialisedLaw], own_names: tuple[str, ...] = ("friction_", "piece_mass")
-) -> Callable[..., str]:
+def law_calls(prefix: str, laws: Mapping[str, SpecialisedLaw]) -> Callable[..., str]:
     """How generated code calls its laws: see `StepCode.call`.
 
-    Laws of an end mass that differ between the ends are named with "_near" or "_far" behind; what each mass has for
-    itself has a name that begins as `own_names` say.
+    Laws of an end mass that differ between the ends are named with "_near" or "_far" behind.
     """
 
     def call(law: str, *parts: Mapping[str, str], end: str = "", link: str = "c", own: str = "", mass: str = "") -> str:
@@ -77,7 +77,7 @@ def law_calls(
         def value(name: str) -> str:
             if (text := arguments.get(name)) is not None:
                 return text
-            if own and mass and name.startswith(own_names):
+            if own and mass and name.startswith(_OF_MASSES):
                 return own.format(name=name, mass=mass)
             return f"{link}->{name.replace('end_', f'{end}_', 1)}"
 
@@ -158,7 +158,7 @@ class StepCode:
         enter = f"const {self.prefix}_weights *const c = given;\n    (void)c;"
         if self.host:  # a copy that nothing can change lets the compiler keep the numbers in registers
             enter = f"const {self.prefix}_weights local = given[0], *const c = &local;"
-        real, restrict = real_type(precision), "restrict " if self.host else ""
+        real, restrict = precision.value, "restrict " if self.host else ""
         own = ("piece_mass_kg", *self.friction_numbers) if self.moving and self.host else ()
         on_joints = self.on_joints
         contact = f"const {self.prefix}_contact *contact, " if on_joints else ""

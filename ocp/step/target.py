@@ -8,11 +8,11 @@ from tendonff.models.friction import COEFFICIENT_FLOOR
 from tendonff.models.layout import fields_of
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.codegen.printer import literal, real_type
+from tendonff.ocp.codegen.printer import literal
+from tendonff.ocp.step.c_engine import link_ratios
 from tendonff.ocp.step.folding import (
     Weights,
     chain_specialiser,
-    link_compliances,
     record_code,
     rest_statements,
     weighted_sum,
@@ -111,7 +111,8 @@ def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -
     pieces = tuple((step_s / 2**k, 0.0) for k in range(1, limits.splits + 1))
     weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY), *pieces)
     contact = _contact(chain, prefix, precision)
-    folder, laws = chain_specialiser(chain, weights, prefix, precision, contact, whole=False), _laws(chain, contact)
+    folder = chain_specialiser(chain, weights, prefix, precision, contact, whole=False)
+    laws = ElementLaws.of(chain) if contact is None else contact.laws
     near, far = {"pull": -1.0}, {"x_c": 0.0, "f_c": 0.0, "pull": 1.0}
     if not chain.near.stiffness_N_per_m:
         near["x_c"] = 0.0
@@ -203,21 +204,28 @@ def _contact(chain: Chain, prefix: str, precision: Precision, *, settable: bool 
     return contact_code(chain, Joints.of(chain), prefix, precision, settable=settable) if chain.moving else None
 
 
-def _laws(chain: Chain, contact: Contact | None) -> ElementLaws:
-    return ElementLaws.of(chain) if contact is None else contact.laws
-
-
 def _text(folded: tuple[SpecialisedLaw, ...], contact: Contact | None) -> str:
     parts = [law.code for law in folded] + ([contact.functions] if contact else [])
     return "\n".join(parts)
 
 
 def compliances_of(chain: Chain, precision: Precision, load: str = "") -> Compliances:
-    """What a lasting newton does to the load (default: its number) and to the states of a link [m/N]."""
-    links = link_compliances(chain, precision)
-    if chain.far_joint:
-        return links
-    return {"q_l": load or literal(1 / float(chain.far.stiffness_N_per_m), precision), **links}
+    """What a lasting newton does to the load (default: its number) and to the states of a link [m/N], as C text.
+
+    Of links it is that of an inner one and that of one at an end; where links differ, of the whole. A float holds a
+    position of centimetres to nanometres only, which a stiff bristle turns into newtons over a hold. Relative to what
+    the tension alone would cause, positions are small and their rounding harmless. Double code keeps the states
+    themselves, and so agrees with Python to rounding.
+    """
+    ratios = (1.0, 1.0) if chain.moving else link_ratios(chain.elements.ratio)
+    (e, states), (e_of_end, states_of_end) = (chain.link.shortened(ratio).rest(1.0) for ratio in ratios)
+    links = zip(("e", *chain.link.states), (e, *states), (e_of_end, *states_of_end), strict=True)
+    known: dict[str, str | tuple[str, str]] = {
+        name: (literal(float(inner), precision), literal(float(end), precision)) for name, inner, end in links
+    }
+    if not chain.far_joint:
+        known["q_l"] = load or literal(1 / float(chain.far.stiffness_N_per_m), precision)
+    return known
 
 
 def _travel(chain: Chain, precision: Precision, compliances: Compliances | None, prefix: str) -> str:
@@ -232,7 +240,7 @@ def _travel(chain: Chain, precision: Precision, compliances: Compliances | None,
     lines = (
         "    {",
         f"        const int32_t n = {upper}_COUNT;",
-        f"        {real_type(precision)} tension = self->past.reference;",
+        f"        {precision} tension = self->past.reference;",
         "        int32_t i;",
         f"        travel = self->x[{layout.part('q_l').start}] + ({more} * {compliances['q_l']});",
         "        for (i = n; i >= 0; i--) {",

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import zip_longest
 
 import casadi as ca
 import numpy as np
@@ -14,9 +15,9 @@ from tendonff.models.layout import fields_of
 from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import Specialiser
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.codegen.printer import literal, real_type
-from tendonff.ocp.step.joints import Joints, equal_numbers, way_of
-from tendonff.ocp.step.laws import ElementLaws, symbolic
+from tendonff.ocp.codegen.printer import literal
+from tendonff.ocp.step.joints import Joints
+from tendonff.ocp.step.laws import ElementLaws, symbolic, twins_of, way_of
 
 _TANH = """/* tanh without a library where friction of one mass is moderate: a fraction, exact to rounding there. */
 static {real} {prefix}_short_tanh({real} x)
@@ -63,7 +64,7 @@ def contact_code(
     path; default: `prefix` without its last word.
     """
     types = types or prefix.rpartition("_")[0]
-    twins = equal_numbers(chain, ways_differ=settable)
+    twins = twins_of(chain, ways_differ=settable)
     friction = symbolic(chain.friction, "friction_", twins)
     known = {name: _of_masses(chain, value) for name, value in fields_of(chain.friction, "friction_").items()}
     known["piece_mass_kg"] = _of_masses(chain, chain.elements.piece.mass_kg)
@@ -100,7 +101,7 @@ def contact_code(
         for name, values in known.items()
         if name.removeprefix("friction_") not in twins and (name in renewed or np.ptp(values) > 0)
     ) or ("piece_mass_kg",)
-    more = ", {0} pull, {0} release".format(real_type(precision)) if settable else ""
+    more = f", {precision.value} pull, {precision.value} release" if settable else ""
     head = f"const {types}_path *path, {prefix}_contact *contact{more}"
     if all(calls[False][k].split("(")[0] == text.split("(")[0] for k, text in calls[True].items()):
         calls[True] = {}
@@ -127,7 +128,7 @@ def contact_code(
         own=own,
         constants={name: value for name, value in everything.items() if name not in own},
         floors={name: COEFFICIENT_FLOOR for name in own if name.startswith(_COEFFICIENTS)},
-        record=f"typedef struct {{ /* friction of one mass of a bend */\n    {real_type(precision)} "
+        record=f"typedef struct {{ /* friction of one mass of a bend */\n    {precision} "
         f"{', '.join(fields)};\n}} {prefix}_contact;\n",
         functions="\n".join(functions),
     )
@@ -183,7 +184,7 @@ def _helper(chain: Chain, prefix: str, precision: Precision) -> str:
 
     return _TANH.format(
         prefix=prefix,
-        real=real_type(precision),
+        real=precision.value,
         f="f" if precision is Precision.FLOAT else "",
         most=literal(x * x, precision),
         above=text(above),
@@ -196,7 +197,8 @@ def tanh_fraction(most: float, rounding: float) -> tuple[list[int], list[int]]:
 
     Convergents of the continued fraction x/(1 + y/(3 + y/(5 + ...))) lie on both sides of tanh in turn.
     """
-    y, rows = Fraction(most) ** 2, [([0], [1]), ([1], [1])]
+    y = Fraction(most) ** 2
+    rows: list[tuple[list[int], list[int]]] = [([], [1]), ([1], [1])]
     while True:
         odd = 2 * len(rows) - 1
         rows.append((_next(odd, rows[-1][0], rows[-2][0]), _next(odd, rows[-1][1], rows[-2][1])))
@@ -210,13 +212,7 @@ def _value(factors: list[int], y: Fraction) -> Fraction:
 
 
 def _next(odd: int, last: list[int], before: list[int]) -> list[int]:
-    grown = [0, *before]
-    size = max(len(last), len(grown))
-    first, second = last + [0] * (size - len(last)), grown + [0] * (size - len(grown))
-    result = [odd * a + b for a, b in zip(first, second, strict=True)]
-    while result[-1] == 0:
-        result.pop()
-    return result
+    return [odd * a + b for a, b in zip_longest(last, [0, *before], fillvalue=0)]
 
 
 def _distinct(record: object) -> tuple[ca.SX, ...]:
@@ -239,7 +235,7 @@ def _contact_law(chain: Chain, mass: int, twins: dict[str, str], factor_names: t
         own[name] = number * factors[way_of(name)] if factors and way_of(name) else number
     length = float(e.path.length_share[mass])
     angle = ca.SX.sym("angle_rad")
-    share = angle / e.path.total_angle_rad if e.path.total_angle_rad > 0 else length
+    share = e.angle_share(angle) if e.path.total_angle_rad > 0 else length
     there = fields_of(replace(e.contact, **own).on_piece(angle, share, length), "friction_")  # type: ignore[type-var]
     outputs = {
         name: at_least(value, COEFFICIENT_FLOOR) if name.startswith(_COEFFICIENTS) else value

@@ -1,15 +1,12 @@
 """python-control's view of the chain against the chain itself."""
 
-from dataclasses import replace
-
 import control
 import numpy as np
 import pytest
 
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
-from tendonff.models.interop import as_iosystem, linear_system, link_impedance, output_names
-from tendonff.models.link import ZenerLink
+from tendonff.models.interop import as_iosystem, linear_system, output_names
 from tendonff.ocp.simulate import simulate
 
 START_N = 30.0
@@ -88,16 +85,3 @@ def test_the_linear_system_is_stable_and_small_steps_agree_with_the_simulator(ch
     played = simulate(chain, START_N + small, 1e-4).output_tension_N - START_N
     expected = np.asarray(control.forced_response(linear, time, small).outputs[chain.count])
     assert played == pytest.approx(expected, abs=0.01 * np.abs(expected).max())
-
-
-@pytest.mark.parametrize("damping", [0.0, 3.0])
-def test_a_link_answers_a_steady_stretch_with_its_springs(damping):
-    """F/V at s = j w against k1/(j w) + k2 tau/(1 + j w tau) + c: springs and dampers side by side, eq. (7)."""
-    link = ZenerLink(
-        stiffness_N_per_m=2e4, relaxing_stiffness_N_per_m=6e3, relaxation_time_s=0.4, damping_N_s_per_m=damping
-    )
-    s = 1j * np.array([0.1, 2.0, 50.0])
-    expected = 2e4 / s + 6e3 * 0.4 / (1 + 0.4 * s) + damping
-    assert link_impedance(link)(s) == pytest.approx(expected, rel=1e-12)
-    elastic = link_impedance(replace(link, relaxing_stiffness_N_per_m=0.0))
-    assert elastic(s) == pytest.approx(2e4 / s + damping, rel=1e-12)

@@ -9,7 +9,6 @@ import pytest
 from benchmarks.adaptive import AdaptiveIntegrator
 from tendonff.models.chain import Chain
 from tendonff.models.elements import whole_of
-from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.friction import RubbingEnd
 from tendonff.models.linearise import Lineariser
@@ -114,32 +113,16 @@ def test_sensitivities_are_those_of_finite_differences(dry: Transmission, engine
     def central(change, size: float) -> np.ndarray:
         return (change(size) - change(-size)) / (2 * size)
 
+    def heavier(by: float) -> np.ndarray:
+        return respond(replace(dry, tendon=replace(dry.tendon, mass_kg=dry.tendon.mass_kg + by)))
+
     chain, whole = Chain.of(dry, Level.PRESLIDING, 3), whole_of(dry, Level.PRESLIDING)
-    names = (Parameter.COULOMB, Parameter.BRISTLE_STIFFNESS, Parameter.MASS)
-    found = parameter_sensitivity(whole, chain, force, H, names, initial_tension_N=30.0, engine=engine)
-    slopes = np.stack([found.tension_slopes[:, 0], 1e4 * found.ends_slopes[:, 0]], axis=1)
-    for k, (part, name, size) in enumerate(
-        (
-            ("actuator", "coulomb_N", 1e-3),
-            ("friction", "soft_bristle_stiffness_N_per_m", 1.0),
-            ("tendon", "mass_kg", 1e-6),
-        )
-    ):
-
-        def change(by: float, part: str = part, name: str = name) -> np.ndarray:
-            table = getattr(dry, part)
-            return respond(replace(dry, **{part: replace(table, **{name: getattr(table, name) + by})}))
-
-        expected = central(change, size)
-        assert slopes[:, :, k] == pytest.approx(expected, abs=1e-4 * np.abs(expected).max())
+    found = parameter_sensitivity(whole, chain, force, H, (Parameter.MASS,), initial_tension_N=30.0, engine=engine)
+    slopes = np.column_stack([found.tension_slopes[:, 0, 0], 1e4 * found.ends_slopes[:, 0, 0]])
+    expected = central(heavier, 1e-6)
+    assert slopes == pytest.approx(expected, abs=1e-4 * np.abs(expected).max())
     knots = np.array([0, 80, 160, 299])
     by_knot = force_sensitivity(chain, force, H, knots, state=chain.rest_state(30.0), engine=engine)
     hat = np.interp(np.arange(300), knots, np.eye(4)[1])
     expected = central(lambda by: respond(dry, force + by * hat)[:, 0], 1e-4)
     assert by_knot.tension_slopes[:, 0, 1] == pytest.approx(expected, abs=1e-6)
-
-
-def test_a_sensitivity_without_friction_of_the_drive_is_refused(generic: Transmission) -> None:
-    chain, whole = Chain.of(generic, Level.PRESLIDING), whole_of(generic, Level.PRESLIDING)
-    with pytest.raises(ParameterError, match="coulomb_N must be > 0 for a sensitivity, got 0"):
-        parameter_sensitivity(whole, chain, WISH, H, (Parameter.COULOMB,), initial_tension_N=30.0)

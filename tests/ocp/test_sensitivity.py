@@ -12,13 +12,12 @@ from tendonff.models.parameters import Transmission
 from tendonff.ocp.codegen.compiler import find_compiler
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.sensitivity import Links, Parameter, force_sensitivity, parameter_sensitivity
+from tendonff.ocp.sensitivity import Parameter, force_sensitivity, parameter_sensitivity
 from tendonff.ocp.simulate import simulate
 
 Array = NDArray[np.float64]
 STEP = 1e-3
 ROWS = 600
-OF_TENDON = tuple(p for p in Parameter if p is not Parameter.COULOMB)  # that of the drive: test_dry_drive
 
 
 def force() -> Array:
@@ -34,7 +33,7 @@ def knots() -> NDArray[np.int_]:
 def test_force_sensitivity_is_the_slope_of_central_differences(generic: Transmission, level: Level) -> None:
     chain = Chain.of(generic, level, 3)
     start = chain.rest_state(30.0)
-    found = force_sensitivity(chain, force(), STEP, knots(), state=start, links=Links.ALL)
+    found = force_sensitivity(chain, force(), STEP, knots(), state=start, all_links=True)
     plain = simulate(chain, force(), STEP, state=start).require()
     assert np.array_equal(found.tension_N, plain.tension_N)
     assert found.tension_slopes.shape == (ROWS, 4, len(knots()))
@@ -67,11 +66,11 @@ def test_knots_are_forgotten_from_their_rows_on_and_nothing_else_is(generic: Tra
     assert np.abs(whole[~kept]).max() > 1e-6
 
 
-@pytest.mark.parametrize("parameter", OF_TENDON)
+@pytest.mark.parametrize("parameter", Parameter)
 def test_parameter_sensitivity_is_the_slope_of_central_differences(generic: Transmission, parameter: Parameter) -> None:
     whole = whole_of(generic, Level.PRESLIDING)
     chain = Chain.of(generic, Level.PRESLIDING, 3)
-    found = parameter_sensitivity(whole, chain, force(), STEP, (parameter,), initial_tension_N=30.0, links=Links.ALL)
+    found = parameter_sensitivity(whole, chain, force(), STEP, (parameter,), initial_tension_N=30.0, all_links=True)
     assert found.ends_slopes is not None
     value = whole.value(parameter.value)
     delta = 1e-6 * value
@@ -111,7 +110,7 @@ def test_without_a_compiler_the_slopes_over_forces_are_the_same(
     chain = Chain.of(generic, level, 3)
     start, wiped = chain.rest_state(30.0), None if kept_rows is None else knots() + kept_rows
     ours, theirs = (
-        force_sensitivity(chain, force(), STEP, knots(), state=start, links=Links.ALL, wiped_rows=wiped, engine=engine)
+        force_sensitivity(chain, force(), STEP, knots(), state=start, all_links=True, wiped_rows=wiped, engine=engine)
         for engine in compiled_and_casadi()
     )
     assert theirs.tension_slopes == pytest.approx(ours.tension_slopes, abs=1e-9)
@@ -122,7 +121,7 @@ def test_without_a_compiler_the_slopes_over_parameters_are_the_same(generic: Tra
     chain, whole = Chain.of(generic, Level.PRESLIDING, 3), whole_of(generic, Level.PRESLIDING)
     ours, theirs = (
         parameter_sensitivity(
-            whole, chain, force(), STEP, OF_TENDON, initial_tension_N=30.0, links=Links.ALL, engine=engine
+            whole, chain, force(), STEP, tuple(Parameter), initial_tension_N=30.0, all_links=True, engine=engine
         )
         for engine in compiled_and_casadi()
     )

@@ -24,8 +24,7 @@ from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.smoothing import low_pass
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.fits.chain import DynamicParameter
-from tendonff.ocp.fits.input_knots import input_windows
+from tendonff.ocp.fits.chain import DynamicParameter, input_windows
 from tendonff.ocp.fits.least_squares import Blocks, Residuals, Solution
 
 D = DynamicParameter

@@ -21,7 +21,7 @@ from tendonff.compensator.scenario.reference import Shape, WaypointReference
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
 from tendonff.models.chain import Chain
-from tendonff.ocp.codegen.cross import has_cross_compiler
+from tendonff.ocp.codegen.compiler import has_cross_compiler
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import simulate

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tendonff.models.chain import Chain, chain_equations
-from tendonff.models.elements import elements_of, whole_of
+from tendonff.models.elements import whole_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs, ChainState, StateLayout
@@ -87,7 +87,7 @@ def test_left_out_release_coefficients_follow_pulling(generic: Transmission) -> 
 @pytest.mark.parametrize("n", [1, 6, 40])
 def test_the_parts_add_up_to_the_whole(generic: Transmission, n: int) -> None:
     """Masses, bristles and viscous friction in parallel, links in series."""
-    e = elements_of(generic, Level.VISCOELASTIC, n)
+    e = whole_of(generic, Level.VISCOELASTIC).divided(n)
     friction, link = e.friction, e.link
     assert n * e.piece.mass_kg == pytest.approx(0.002)
     assert n * friction.viscous_N_s_per_m == pytest.approx(1.0)
@@ -133,7 +133,7 @@ def test_a_state_survives_its_vector() -> None:
     x = np.arange(4 * 3 + 6, dtype=np.float64)
     state = ChainState.from_vector(x, StateLayout(count=3, link_states=("z",), friction_states=("f_s",)))
     assert state.vector() == pytest.approx(x)
-    assert state.bristle_N == pytest.approx([13.0, 14.0, 15.0])
+    assert state.friction[0] == pytest.approx([13.0, 14.0, 15.0])
 
 
 def test_a_layout_gives_every_state_of_every_law_its_place() -> None:

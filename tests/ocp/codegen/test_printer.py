@@ -17,7 +17,7 @@ from tendonff.ocp.codegen import compiler
 from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import Specialiser
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.codegen.printer import literal, real_type
+from tendonff.ocp.codegen.printer import literal
 from tendonff.ocp.errors import CodeError
 from tendonff.ocp.step.laws import ElementLaws
 
@@ -58,7 +58,7 @@ def test_float_literals_read_back_as_the_same_float(value: float) -> None:
 
 def wrapped(law: Law, precision: Precision) -> str:
     """The law in C with a visible entry that takes arrays."""
-    real = real_type(precision)
+    real = precision.value
     printed = Specialiser(prefix="c", precision=precision, parameters={}).fold(law)
     place = {symbol.name(): k for k, symbol in enumerate(law.inputs)}
     arguments = [f"in[{place[name]}]" for name in printed.inputs] + [f"&out[{k}]" for k in range(len(law.outputs))]

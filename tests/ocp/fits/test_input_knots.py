@@ -7,8 +7,7 @@ import pytest
 
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.fidelity import Level
-from tendonff.ocp.fits.chain import ChainModel, Drive
-from tendonff.ocp.fits.input_knots import input_windows
+from tendonff.ocp.fits.chain import ChainModel, Drive, input_windows
 
 STEP = 4e-3
 

@@ -8,7 +8,8 @@ import pytest
 
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
-from tendonff.models.parameters import Transmission
+from tendonff.models.parameters import Path, Transmission
+from tendonff.models.path import JointMotion, Section
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.reference.hold import find_holds, keep_force, last_approach
 
@@ -84,3 +85,14 @@ def test_a_kept_force_stays_spares_the_way_there_and_back_and_says_what_it_costs
 def test_the_followed_reference_has_the_kept_force_as_its_exact_inverse(chain: Chain) -> None:
     kept = keep_force(chain, LIFT_AND_HOLD, STEP, find_holds(LIFT_AND_HOLD, STEP))
     assert invert(chain, kept.followed_N, STEP).force_N == pytest.approx(kept.force_N, abs=1e-6)
+
+
+def test_on_a_path_that_moves_what_follows_a_hold_begins_where_the_joint_is_then(generic: Transmission) -> None:
+    time = np.arange(len(LIFT_AND_HOLD)) * STEP
+    bends = Section(name="knuckle", angle_rad=1.2, joint="q", angle_per_rad=1.0, length_per_rad_m=0.002)
+    motion = JointMotion(names=("q",), time_s=time, angle_rad=0.3 * (1 - np.cos(time))[:, None])
+    path = Path(total_angle_rad=1.2, segments=4, sections=(bends,))
+    chain = Chain.of(replace(generic, path=path, motion=motion), Level.PRESLIDING)
+    holds = find_holds(LIFT_AND_HOLD, STEP)
+    kept = keep_force(chain, LIFT_AND_HOLD, STEP, holds)
+    assert np.abs(kept.followed_N - LIFT_AND_HOLD)[holds[0][1] + 150 :].max() < 1e-4

@@ -114,7 +114,7 @@ def test_one_balance_that_is_not_a_number_is_not_overlooked(generic: Transmissio
     """NaN at one mass, all others in balance."""
     chain = Chain.of(generic, Level.PRESLIDING, 4)
     state = chain.rest_state(30.0)
-    state.bristle_N[1] = np.nan
+    state.friction[0, 1] = np.nan
     inputs = ChainInputs.of(3, near_force_N=30.0)
     rows = Simulator(chain, 1e-3, state, inputs[:1], engine).advance(inputs)
     assert len(rows.tension_N) == 0
