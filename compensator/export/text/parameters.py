@@ -9,9 +9,9 @@ from tendonff.models.bounds import at_least
 from tendonff.models.elements import whole_of
 from tendonff.models.friction import COEFFICIENT_FLOOR
 from tendonff.models.layout import fields_of
-from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import Specialiser
 from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.codegen.printer import Law
 from tendonff.ocp.step.joints import Joints
 from tendonff.ocp.step.target import SETTABLE, inverse_code
 from tendonff.ocp.step.target_joints import contact_code
