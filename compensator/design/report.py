@@ -3,11 +3,10 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from tendonff.compensator.compensators.base import Style
 from tendonff.compensator.compensators.score import scale_N
 from tendonff.compensator.design.drive_use import drive_use
 from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS, DesignData
-from tendonff.compensator.reporting.colours import INK
+from tendonff.compensator.reporting.colours import INK, Style
 from tendonff.compensator.reporting.interactive import interactive_view
 from tendonff.compensator.reporting.page import (
     Block,

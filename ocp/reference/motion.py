@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from tendonff.models.assembly import End, end_force
 from tendonff.models.parameters import Load
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT
@@ -23,13 +24,9 @@ def tension_of_motion(
         course = np.concatenate([course[:-1], course[:-1], course])
     velocity = _rate(course, step_s)
     acceleration = _rate(velocity, step_s)
-    # `assembly.end_force` says the same; it would load CasADi before a reference is checked.
-    tension: Array = (
-        initial_tension_N
-        + load.mass_kg * acceleration
-        + load.damping_N_s_per_m * velocity
-        + load.stiffness_N_per_m * course
-    )
+    end = End(mass_kg=load.mass_kg, damping_N_s_per_m=load.damping_N_s_per_m, stiffness_N_per_m=load.stiffness_N_per_m)
+    without_tension = end_force(velocity, course, 0.0, 1.0, 0.0, 0.0, end)
+    tension: Array = initial_tension_N + load.mass_kg * acceleration - without_tension
     return tension[-len(position_m) :] if periodic else tension
 
 
