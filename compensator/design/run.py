@@ -77,7 +77,6 @@ def design(
         reference.tension_N,
         reference.step_s,
         force_N=next((p.force_N for p in profiles.values() if p.tracking is not None), None),
-        initial_tension_N=reference.initial_tension_N,
         inversion=problem.inversion,
     )
     warnings += foresight.warnings

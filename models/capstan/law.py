@@ -19,14 +19,13 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tendonff.models.capstan.spread_bounds import SpreadPlays
 from tendonff.models.errors import ParameterError, require
+from tendonff.models.layout import Array
 from tendonff.models.parameters.transmission import Transmission
 from tendonff.models.path import Section
-
-Array = NDArray[np.float64]
 
 _LARGEST_EXPONENT = 100.0  # e^100 newtons for one: beyond any tendon, and far below overflow
 

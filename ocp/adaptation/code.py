@@ -57,9 +57,7 @@ class TunedChain:
     ) -> "TunedChain":
         """Chain of a transmission."""
         return cls(
-            whole=whole_of(transmission, level),
-            chain=Chain.of(transmission, level, segments),
-            parameters=parameters,
+            whole=whole_of(transmission, level), chain=Chain.of(transmission, level, segments), parameters=parameters
         )
 
     def with_factors(self, factors: Mapping[Tunable, ca.SX | float]) -> Chain:

@@ -64,10 +64,6 @@ class Specialiser:
     steady: Sequence[str] = ()
     coefficients: dict[str, Values] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        if len({len(values) for values in self.parameters.values()}) > 1:
-            raise CodeError("every parameter needs one value for each weight of the scheme")
-
     @property
     def weights(self) -> int:
         """Number of weights H."""
