@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tendonff.compensator.adapt.result import AdaptationData, Case, Scheme, moving_rms
+from tendonff.compensator.adapt.result import AdaptationData, Case, Scheme, friction_off, moving_rms
 from tendonff.compensator.reporting.colours import BLUE, GREEN, INK, ORANGE, VERMILION
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure, thinned
 
@@ -20,25 +20,11 @@ def adaptation_figures(result: AdaptationData) -> dict[str, Figure]:
     with figure_style():
         return {
             "overview": overview_figure(result),
-            "friction": case_figure(result, _case(result, mu=1.2)),
+            "friction": case_figure(result, next(case for case in result.cases if case.variation == friction_off(1.2))),
             "drift": case_figure(result, max(result.cases, key=lambda case: case.time_s[-1])),
             "information": information_figure(result),
             **({} if result.interval is None else {"bounds": bounds_figure(result, result.interval.spread)}),
         }
-
-
-def _case(result: AdaptationData, mu: float) -> Case:
-    return min(
-        (case for case in result.cases if not case.variation.changes),
-        key=lambda case: (
-            abs(case.variation.mu - mu)
-            + abs(case.variation.bristle - 1)
-            + abs(case.variation.stiffness - 1)
-            + abs(case.variation.load - 1)
-            + abs(case.variation.start - 1)
-            + abs(case.variation.offset)
-        ),
-    )
 
 
 def overview_figure(result: AdaptationData) -> Figure:

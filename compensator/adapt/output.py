@@ -19,13 +19,7 @@ class AdaptationStudy(AdaptationData):
     """A study that can be written."""
 
     def write(self, folder: str | os.PathLike[str]) -> None:
-        """Write `estimate.csv`, `summary.json`, figures and `report.html`, all or nothing.
-
-        Parameters
-        ----------
-        folder : str or path
-            Made where it is missing.
-        """
+        """Write `estimate.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
         figures = adaptation_figures(self)
         with atomic_directory(folder) as partial:
             write_estimates(self, partial / "estimate.csv")

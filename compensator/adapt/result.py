@@ -1,18 +1,23 @@
-"""What a study of the self-tuning compensator holds."""
+"""What a study of the self-tuning compensator holds, and the plants it is tried on, which differ from the scenario."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
 
 from tendonff.compensator.adapt.feedback import FeedbackCertificate
-from tendonff.compensator.adapt.plants import Variation
 from tendonff.compensator.compensators.base import FloatArray
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.ocp.adaptation.bounds import CertifiedInterval
 from tendonff.ocp.adaptation.information import Information
-from tendonff.ocp.adaptation.tuning import Tuning
+from tendonff.ocp.adaptation.tuning import Sensor, Tuning
+
+SHORT_S = 6.0
+"""Least duration of a run [s]: shorter references go forwards and backwards until then."""
+
+DRIFT_S = 60.0
+"""Duration of the drift [s]."""
 
 SETTLED_S = 2.0
 """Errors after this time count as settled [s]."""
@@ -30,6 +35,68 @@ def moving_rms(error: FloatArray, step_s: float) -> FloatArray:
     return np.sqrt(np.convolve(error**2, np.ones(window) / window)[: len(error)])
 
 
+class Change(StrEnum):
+    """What of a plant changes during the run; all else differs from the start."""
+
+    NOTHING = "nothing"
+    MU_STEP = "mu_step"  # in the middle of the run, at once
+    MU_DRIFT = "mu_drift"  # linearly over the whole run
+    LOAD_STEP = "load_step"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variation:
+    """One plant: factors on the scenario's values, and what is wrong with the start and the sensor."""
+
+    name: str
+    # mu, bristle, stiffness, load: factors on friction coefficients, bristle stiffness, k1 and k2, and k_l
+    mu: float = 1.0
+    bristle: float = 1.0
+    stiffness: float = 1.0
+    load: float = 1.0
+    change: Change = Change.NOTHING
+    start: float = 1.0  # true tension at the start over the one that the controller is told
+    offset: float = 0.0  # sensor offset as a share of the range that the measurement covers
+    duration_s: float = SHORT_S  # least duration [s]
+
+
+def friction_off(mu: float) -> Variation:
+    """The plant with nothing but the factor `mu` on its friction coefficients."""
+    return Variation(name=f"friction {100 * (mu - 1):+.0f} %".replace("-", "\N{MINUS SIGN}"), mu=mu)
+
+
+def variations(sensor: Sensor) -> tuple[Variation, ...]:
+    """The plants of the study, the scenario's own first.
+
+    An offset means nothing for a position that is relative to the start, but drift of its zero does.
+    """
+    others = tuple(
+        replace(one, name=f"{prefix}{one.name} {sign}20 %", mu=mu)
+        for mu, prefix in ((1.0, ""), (1.2, "friction +20 %, "))
+        for sign, factor in (("\N{MINUS SIGN}", 0.8), ("+", 1.2))
+        for one in (
+            Variation(name="bristles", bristle=factor),
+            Variation(name="tendon", stiffness=factor),
+            Variation(name="load", load=factor),
+        )
+    )
+    return (
+        Variation(name="as the scenario"),
+        *map(friction_off, (0.6, 0.8, 0.9, 1.1, 1.2, 1.4)),
+        *others,
+        Variation(name="friction steps by +20 %", mu=1.2, change=Change.MU_STEP),
+        Variation(name="friction drifts by +30 % in a minute", mu=1.3, change=Change.MU_DRIFT, duration_s=DRIFT_S),
+        Variation(name="load steps by \N{MINUS SIGN}33 %", mu=1.2, load=2 / 3, change=Change.LOAD_STEP),
+        Variation(name="load steps by +33 %", mu=1.2, load=4 / 3, change=Change.LOAD_STEP),
+        Variation(name="start tension 5 % higher", mu=1.2, start=1.05),
+        Variation(
+            name="sensor offset 1 % of range" if sensor is Sensor.OUTPUT_TENSION else "zero off by 1 % of travel",
+            mu=1.2,
+            offset=0.01,
+        ),
+    )
+
+
 class Scheme(StrEnum):
     """What is compared."""
 
@@ -42,7 +109,6 @@ class Scheme(StrEnum):
 class Trace:
     """One scheme on one plant."""
 
-    scheme: Scheme
     tension_N: FloatArray  # shape (n,); output tension at the samples of the case [N]
     # factors, deviation: shape (n, parameters); estimates and their standard deviations
     factors: FloatArray

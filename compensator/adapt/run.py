@@ -9,8 +9,18 @@ import numpy as np
 
 from tendonff.compensator.adapt.feedback import FeedbackCertificate, feedback_certificate
 from tendonff.compensator.adapt.output import AdaptationStudy
-from tendonff.compensator.adapt.plants import Change, Variation, variations
-from tendonff.compensator.adapt.result import SETTLED_S, WINDOW_S, Case, Scheme, Trace, moving_rms
+from tendonff.compensator.adapt.result import (
+    SETTLED_S,
+    WINDOW_S,
+    Case,
+    Change,
+    Scheme,
+    Trace,
+    Variation,
+    friction_off,
+    moving_rms,
+    variations,
+)
 from tendonff.compensator.adapt.setup import certified, learnt, tuned_chain, tuning_of
 from tendonff.compensator.compensators.base import FloatArray, Problem
 from tendonff.compensator.files.progress import Progress, silent
@@ -31,16 +41,6 @@ _VARIED = (Tunable.MU, Tunable.TENDON_STIFFNESS, Tunable.LOAD_STIFFNESS)
 
 def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy:
     """Try the self-tuning compensator on plants that differ from the scenario.
-
-    Parameters
-    ----------
-    scenario : Scenario
-        With a table [adaptation].
-    progress : callable, optional
-
-    Returns
-    -------
-    AdaptationStudy
 
     Raises
     ------
@@ -118,15 +118,12 @@ def _case(
     reference = problem.reference
     problem, wanted = _extended(problem, one.duration_s)
     rows = len(wanted) - 1
-    shares = np.linspace(0, 1, rows)
     mu = np.ones(rows) * one.mu
-    if one.mu_change is Change.STEP:
-        mu[: rows // 2] = 1.0
-    elif one.mu_change is Change.DRIFT:
-        mu = 1 + (one.mu - 1) * shares
     load = np.ones(rows) * one.load
-    if one.load_change is not Change.CONSTANT:
-        load[: rows // 2] = 1.0
+    if one.change is Change.MU_DRIFT:
+        mu = 1 + (one.mu - 1) * np.linspace(0, 1, rows)
+    elif one.change is not Change.NOTHING:
+        (mu if one.change is Change.MU_STEP else load)[: rows // 2] = 1.0
     traces = {}
     for scheme in schemes:
         if scheme is Scheme.FEEDBACK and certificate is None:
@@ -165,7 +162,8 @@ def _run(
     bristle = {"bristle_stiffness_N_per_m": one.bristle * plant.whole.value("bristle_stiffness_N_per_m")}
     plant = replace(plant, whole=plant.whole.changed(bristle))
     noise = np.random.default_rng(0).normal(size=len(mu)) * tuning.noise + one.offset * tuning.span
-    cuts = [0, len(mu)] if not one.changes else list(np.linspace(0, len(mu), _SEGMENTS_OF_A_DRIFT + 1, dtype=int))
+    segments = 1 if one.change is Change.NOTHING else _SEGMENTS_OF_A_DRIFT
+    cuts = np.linspace(0, len(mu), segments + 1, dtype=int)
     tuner = SelfTuner(tuned, reference.step_s, tuning, problem.limits, start)
     rig: SimulatedRig | None = None
     runs = []
@@ -206,7 +204,6 @@ def _trace(scheme: Scheme, run: TunedRun, wanted: FloatArray, reference: Referen
     frozen = np.flatnonzero(run.status & TunerStatus.FROZEN)
     tuning = scheme is Scheme.SELF_TUNING
     return Trace(
-        scheme=scheme,
         tension_N=run.tension_N,
         factors=run.factors,
         deviation=run.deviation,
@@ -222,8 +219,7 @@ def _widest(cases: list[Case]) -> Case:
 
 
 def _headline(cases: list[Case], known: Information, advice: tuple[str, float] | None) -> str:
-    off = [case for case in cases if case.variation.name.startswith("friction ") and "20 %" in case.variation.name]
-    off = [case for case in off if case.variation.mu in (0.8, 1.2) and not case.variation.changes][:2]
+    off = [case for case in cases if case.variation in (friction_off(0.8), friction_off(1.2))]
     plain = max(case.traces[Scheme.FEEDFORWARD].settled_percent for case in off)
     tuned = max(case.traces[Scheme.SELF_TUNING].settled_percent for case in off)
     widest = _widest(cases)

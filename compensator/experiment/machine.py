@@ -28,7 +28,7 @@ standstill.
 import math
 from dataclasses import dataclass
 
-from tendonff.compensator.experiment.rig import RigSpec
+from tendonff.compensator.experiment.rig import Plan
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.scenario.experiment import EndTension, Experiment, ExperimentState, Hold, MotorMode
 from tendonff.compensator.scenario.scenario import Scenario
@@ -46,17 +46,6 @@ _REACH_MARGIN = 1.1  # S2 and S7 go this much further than the static law says t
 _LEAST_RAMP = 1.05  # factor of tension that S3 and S8 still have to go
 _PAUSE_S = 0.2  # of S1 and S10
 _PATIENCE = 3.0  # a ramp's longest time over its planned time
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
-    """The test of one scenario: rig, states and how commands blend."""
-
-    rig: RigSpec
-    states: tuple[ExperimentState, ...]
-    # blend_s, rest_s: time in which a command takes up and gives up its rate, and rest after that [s]
-    blend_s: float
-    rest_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,7 +110,10 @@ def plan_experiment(scenario: Scenario) -> Plan:
         MotorMode.HOLD: end(settings.hold_damping_N_s_per_m, hold),
     }
     return Plan(
-        rig=RigSpec(transmission=transmission, step_s=scenario.run.step_s, start_tension_N=low, ends=ends),
+        transmission=transmission,
+        step_s=scenario.run.step_s,
+        start_tension_N=low,
+        ends=ends,
         states=states,
         blend_s=blend,
         rest_s=settings.rest_s,
@@ -206,8 +198,8 @@ def ten_states(
 class Machine:
     """The state machine in one state: says what the commands do next, from the end tensions it is shown."""
 
-    def __init__(self, state: ExperimentState, plan: "Plan") -> None:
-        step_s = plan.rig.step_s
+    def __init__(self, state: ExperimentState, plan: Plan) -> None:
+        step_s = plan.step_s
         self._state = state
         self._gain = 0.0
         self._gain_step = min(step_s / plan.blend_s, 1.0)

@@ -14,7 +14,7 @@ import numpy as np
 
 from tendonff.compensator.experiment.machine import StatePass
 from tendonff.compensator.experiment.result import SECTIONS, ExperimentData, ExperimentRun, MeasuredTensions
-from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.tables import read_table
 from tendonff.models.capstan.two_ended import TwoEndedLaw
 
@@ -34,7 +34,7 @@ MEANINGS = {
     "bristle_stiffness_factor": "factor on the bristles of the quasi-static run, which stands for the static law",
     "refinement": "difference of seven tensions to the run with more masses, the discretisation error, RMS and largest",
 }
-"""What each number of the test means, in one line."""
+"""What each number of the test means, in one line; most are fields of the classes below."""
 _LEAST_CHANGE = 0.01  # of range: an output that changes less has no transient to speak of
 
 
@@ -42,10 +42,9 @@ _LEAST_CHANGE = 0.01  # of range: an output that changes less has no transient t
 class Relaxation:
     """What changes at the held end during a hold: the tension of a held position, the travel of a held force."""
 
-    # change_N, change_percent_of_range: tension at the end of the hold minus tension at its start
     change_N: float
     change_percent_of_range: float
-    travel_m: float  # how far the motor moves away from the tendon meanwhile: creep
+    travel_m: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,9 +52,8 @@ class Transient:
     """How the far motor's end follows when the tendon reverses."""
 
     change_N: float  # change of the output tension over the state: of the end whose motor loads
-    # time from 5 % to 50 % of that change: how gradually the output breaks away; the rest is slip on all levels
-    width_s: float
-    max_slope_N_per_s: float  # largest rate of the output tension
+    width_s: float  # the rest of the change is slip on all levels
+    max_slope_N_per_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,15 +63,14 @@ class Switch:
     into: str  # the state that began
     # departure of any tension, one step after the switch, from the straight line through the two rows before
     tension_step_percent_of_range: float
-    force_step_percent_of_range: float  # jump of a motor's pull at the switch
+    force_step_percent_of_range: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlipProfile:
     """The profile along the path in one-way slip, when a ramp ends, against e^{mu theta}."""
 
-    exponent_over_law: float  # ln of the ratio of the end tensions (plus adhesion) over mu theta; 1 is the static law
-    # largest departure of ln T along the path from a line of the law's slope, in % of mu theta
+    exponent_over_law: float
     profile_deviation_percent: float
 
 
@@ -93,6 +90,12 @@ class Refinement:
     fine_segments: int
     rms_percent_of_range: float
     max_percent_of_range: float
+
+
+def _rms_and_largest(off_N: FloatArray, range_N: float) -> tuple[float, float]:
+    """RMS and largest size of differences, in % of a range."""
+    rms, largest = math.sqrt(float((off_N**2).mean())), float(np.abs(off_N).max())
+    return percent_of(rms, range_N), percent_of(largest, range_N)
 
 
 def percent_of(value: float, range_N: float) -> float:
@@ -209,20 +212,18 @@ def law_deviation(run: ExperimentRun) -> LawDeviation:
     law = TwoEndedLaw.of(run.transmission, tension.shape[1] - 1)
     # inertia and viscous friction may take the ends beyond full slip: no tension is too far here
     off = law.history_N(tension[:, 0], tension[:, -1], tension[0], excess=math.inf) - tension
-    return LawDeviation(
-        rms_percent_of_range=percent_of(math.sqrt(float((off**2).mean())), run.range_N),
-        max_percent_of_range=percent_of(float(np.abs(off).max()), run.range_N),
-    )
+    rms, largest = _rms_and_largest(off, run.range_N)
+    return LawDeviation(rms_percent_of_range=rms, max_percent_of_range=largest)
 
 
 def refinement(coarse: ExperimentRun, fine: ExperimentRun) -> Refinement:
     """Difference of two runs of the same schedule."""
-    off = fine.tension_N - coarse.tension_N
+    rms, largest = _rms_and_largest(fine.tension_N - coarse.tension_N, coarse.range_N)
     return Refinement(
         segments=coarse.link_tension_N.shape[1] - 1,
         fine_segments=fine.link_tension_N.shape[1] - 1,
-        rms_percent_of_range=percent_of(math.sqrt(float((off**2).mean())), coarse.range_N),
-        max_percent_of_range=percent_of(float(np.abs(off).max()), coarse.range_N),
+        rms_percent_of_range=rms,
+        max_percent_of_range=largest,
     )
 
 
@@ -301,12 +302,6 @@ def deviations(run: ExperimentRun, measured: MeasuredTensions) -> tuple[Deviatio
     found = []
     for k, tension in measured.tension_N.items():
         simulated = np.interp(measured.time_s[inside], run.time_s, run.tension_N[:, k])
-        off = 100 * (tension[inside] - simulated) / run.range_N
-        found.append(
-            Deviation(
-                sensor=k + 1,
-                measured_rms_percent_of_range=float(np.sqrt(np.mean(off**2))),
-                measured_max_percent_of_range=float(np.abs(off).max()),
-            )
-        )
+        rms, largest = _rms_and_largest(tension[inside] - simulated, run.range_N)
+        found.append(Deviation(sensor=k + 1, measured_rms_percent_of_range=rms, measured_max_percent_of_range=largest))
     return tuple(found)

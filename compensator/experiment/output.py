@@ -7,18 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from tendonff.compensator.experiment import numbers
 from tendonff.compensator.experiment.figures import experiment_figures
-from tendonff.compensator.experiment.numbers import (
-    deviations,
-    law_deviation,
-    refinement,
-    relaxation,
-    reversals,
-    slip_profiles,
-    switches,
-    transient,
-    warnings_of,
-)
 from tendonff.compensator.experiment.report import experiment_report
 from tendonff.compensator.experiment.result import SECTIONS, ExperimentData, ExperimentRun
 from tendonff.compensator.files.writing import atomic_directory, csv_text, write_text
@@ -54,22 +44,24 @@ def write_run(run: ExperimentRun, path: Path) -> None:
 
 def summary(result: ExperimentData) -> dict[str, object]:
     """The contents of `summary.json`."""
-    lead = result.runs[result.lead]
+    lead, measured = result.runs[result.lead], result.measured
     per_level = {
         level: {
             "range_N": run.range_N,
-            "relaxation": {state: asdict(value) for state, value in relaxation(run).items()},
+            "relaxation": {state: asdict(value) for state, value in numbers.relaxation(run).items()},
             "transient": {
-                done.state.name: asdict(value) for done in reversals(run) if (value := transient(run, done)) is not None
+                done.state.name: asdict(value)
+                for done in numbers.reversals(run)
+                if (value := numbers.transient(run, done)) is not None
             },
-            "switches": [asdict(value) for value in switches(run)],
-            "slip_profile": {state: asdict(value) for state, value in slip_profiles(run).items()},
-            "two_ended_law": asdict(law_deviation(run)),
+            "switches": [asdict(value) for value in numbers.switches(run)],
+            "slip_profile": {state: asdict(value) for state, value in numbers.slip_profiles(run).items()},
+            "two_ended_law": asdict(numbers.law_deviation(run)),
         }
-        | ({} if result.measured is None else {"measured": [asdict(d) for d in deviations(run, result.measured)]})
+        | ({} if measured is None else {"measured": [asdict(d) for d in numbers.deviations(run, measured)]})
         for level, run in result.runs.items()
     }
-    steps = [value for run in result.runs.values() for value in switches(run)]
+    steps = [value for run in result.runs.values() for value in numbers.switches(run)]
     return {
         "schema": 1,
         "scenario": result.scenario.name,
@@ -78,7 +70,7 @@ def summary(result: ExperimentData) -> dict[str, object]:
             "The paper shows this test in pictures and prints no numbers; its Fig. 7 cannot be read, so the states are "
             "chosen. All levels receive the schedule of the machine's level."
         ),
-        **({} if result.measured is None else {"measured_file": result.measured.name}),
+        **({} if measured is None else {"measured_file": measured.name}),
         "states": [
             {
                 "state": done.state.name,
@@ -102,9 +94,9 @@ def summary(result: ExperimentData) -> dict[str, object]:
         },
         "quasi_static_elastic": {
             "bristle_stiffness_factor": result.quasi_static_factor,
-            "two_ended_law": asdict(law_deviation(result.quasi_static)),
+            "two_ended_law": asdict(numbers.law_deviation(result.quasi_static)),
         },
-        "refinement": asdict(refinement(lead, result.fine)),
+        "refinement": asdict(numbers.refinement(lead, result.fine)),
         "sections": SECTIONS,
-        "warnings": warnings_of(result),
+        "warnings": numbers.warnings_of(result),
     }

@@ -2,19 +2,7 @@
 
 from matplotlib.figure import Figure
 
-from tendonff.compensator.experiment.numbers import (
-    MEANINGS,
-    deviations,
-    holds,
-    law_deviation,
-    refinement,
-    relaxation,
-    reversals,
-    slip_profiles,
-    switches,
-    transient,
-    warnings_of,
-)
+from tendonff.compensator.experiment import numbers
 from tendonff.compensator.experiment.result import ExperimentData, MeasuredTensions
 from tendonff.compensator.reporting.page import (
     FileNote,
@@ -49,7 +37,7 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
         rows=tuple(
             (level.value, state, value.change_N, value.change_percent_of_range, 1e3 * value.travel_m)
             for level, run in result.runs.items()
-            for state, value in relaxation(run).items()
+            for state, value in numbers.relaxation(run).items()
         ),
         least=1e-3,
     )
@@ -59,8 +47,8 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
         rows=tuple(
             (level.value, done.state.name, value.width_s, value.max_slope_N_per_s)
             for level, run in result.runs.items()
-            for done in reversals(run)
-            if (value := transient(run, done)) is not None
+            for done in numbers.reversals(run)
+            if (value := numbers.transient(run, done)) is not None
         ),
     )
     models = {**{level.value: run for level, run in result.runs.items()}, "quasi-static elastic": result.quasi_static}
@@ -70,18 +58,19 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
         rows=tuple(
             (name, off.rms_percent_of_range, off.max_percent_of_range)
             for name, run in models.items()
-            for off in (law_deviation(run),)
+            for off in (numbers.law_deviation(run),)
         ),
     )
-    finer = refinement(result.runs[result.lead], result.fine)
+    finer = numbers.refinement(result.runs[result.lead], result.fine)
     step = max(
-        (value.tension_step_percent_of_range for run in result.runs.values() for value in switches(run)), default=0.0
+        (value.tension_step_percent_of_range for run in result.runs.values() for value in numbers.switches(run)),
+        default=0.0,
     )
-    slips = sum(len(slip_profiles(run)) for run in result.runs.values())
+    slips = sum(len(numbers.slip_profiles(run)) for run in result.runs.values())
     return Report(
         title=f"Two-motor test: {result.scenario.name}",
         summary=_summary(result),
-        warnings=warnings_of(result),
+        warnings=numbers.warnings_of(result),
         sections=(
             Section(
                 title="Seven tensions",
@@ -109,7 +98,7 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
                     Table(
                         caption="What each number of this page and of summary.json means",
                         columns=("number", "meaning"),
-                        rows=tuple(MEANINGS.items()),
+                        rows=tuple(numbers.MEANINGS.items()),
                     ),
                 ),
             ),
@@ -126,7 +115,7 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
 
 def _measured(result: ExperimentData, measured: MeasuredTensions) -> Table:
     """RMS difference of each sensor from each model."""
-    by_level = {level: deviations(run, measured) for level, run in result.runs.items()}
+    by_level = {level: numbers.deviations(run, measured) for level, run in result.runs.items()}
     return Table(
         caption=f"{measured.name}, dashed in the figure: RMS difference from the models [% of range]",
         columns=("tension", *(str(level) for level in by_level)),
@@ -163,8 +152,8 @@ def _states(result: ExperimentData) -> Table:
 
 def _summary(result: ExperimentData) -> str:
     lead = result.runs[result.lead]
-    held = {level: relaxation(run).values() for level, run in result.runs.items()}
-    modes = {done.state.modes[motor] for done, motor in holds(lead)}
+    held = {level: numbers.relaxation(run).values() for level, run in result.runs.items()}
+    modes = {done.state.modes[motor] for done, motor in numbers.holds(lead)}
     sentences = []
     if MotorMode.HOLD in modes or not modes:
         largest = {

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.compensator.experiment.machine import Plan, StatePass
+from tendonff.compensator.experiment.machine import StatePass
+from tendonff.compensator.experiment.rig import Plan
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
@@ -42,15 +43,13 @@ class ExperimentRun:
         left = np.minimum(places.astype(int), max(links - 2, 0))
         share = places - left
         log = np.log(np.maximum(self.link_tension_N, 1e-12))
-        sections: FloatArray = np.exp((1 - share) * log[:, left] + share * log[:, left + 1])
-        return sections
+        return np.asarray(np.exp((1 - share) * log[:, left] + share * log[:, left + 1]))
 
     @property
     def elongation_m(self) -> FloatArray:
         """Elongation of the tendon since the start, q_a - q_l, shape (n,) [m]."""
         length = self.position_m[:, 0] - self.position_m[:, 1]
-        change: FloatArray = length - length[0]
-        return change
+        return np.asarray(length - length[0])
 
     @property
     def range_N(self) -> float:

@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError
-from tendonff.compensator.scenario.experiment import MotorMode
+from tendonff.compensator.scenario.experiment import ExperimentState, MotorMode
 from tendonff.models.assembly import End, rest_damper_force
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
@@ -36,13 +36,17 @@ _OUTWARD = (1.0, -1.0)  # direction in which a motor's position moves away from 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RigSpec:
-    """What the rig is made of."""
+class Plan:
+    """The test of one scenario: what the rig is made of, its states and how commands blend."""
 
     transmission: Transmission  # path, tendon and friction; both motors have the mass and damping of its actuator
     step_s: float  # time step [s]
     start_tension_N: float  # uniform tension at rest before the test [N]
     ends: Mapping[MotorMode, End]  # a motor in each mode: its mass, its damper, k_c
+    states: tuple[ExperimentState, ...]
+    # blend_s, rest_s: time in which a command takes up and gives up its rate, and rest after that [s]
+    blend_s: float
+    rest_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,14 +66,14 @@ class Rig:
     `modes` is what the motors do at first; by default the number of masses is the path's own.
     """
 
-    def __init__(self, spec: RigSpec, level: Level, modes: Modes, segments: int | None = None) -> None:
-        self._spec = spec
-        if spec.transmission.actuator.coulomb_N:
+    def __init__(self, plan: Plan, level: Level, modes: Modes, segments: int | None = None) -> None:
+        self._plan = plan
+        if plan.transmission.actuator.coulomb_N:
             raise InputError("coulomb_N must be 0 in the two-motor test, which knows motors without dry friction")
-        chain = Chain.of(spec.transmission, level, segments)
+        chain = Chain.of(plan.transmission, level, segments)
         self._chain = replace(chain, far=chain.near)  # two equal motors
-        state = self._chain.rest_state(spec.start_tension_N)
-        self._tension = np.full(self._chain.count + 1, spec.start_tension_N)
+        state = self._chain.rest_state(plan.start_tension_N)
+        self._tension = np.full(self._chain.count + 1, plan.start_tension_N)
         self._position = np.array([state.near_position_m, state.far_position_m])
         self._time = 0.0
         self._modes: Modes = modes
@@ -111,8 +115,7 @@ class Rig:
                     self._command[k] = self._bumpless(modes[k], k)
             self._modes = modes
             self._simulator = self._new_simulator(self._simulator.state)
-        jump: FloatArray = (self._motor_force(self._command[None, :], self._position[None, :]) - before)[0]
-        return jump
+        return np.asarray((self._motor_force(self._command[None, :], self._position[None, :]) - before)[0])
 
     def advance(self, rates: FloatArray) -> RigRows:
         """Move the commands at given rates; the rows at the ends of the steps. SolveError when a step cannot be solved.
@@ -120,15 +123,15 @@ class Rig:
         The rates, shape (n, 2), are N/s where a motor acts, else m/s; positive tightens the tendon.
         """
         outward = [1.0 if mode.by_force else _OUTWARD[k] for k, mode in enumerate(self._modes)]
-        commands = self._command + np.cumsum(rates * outward, axis=0) * self._spec.step_s
+        commands = self._command + np.cumsum(rates * outward, axis=0) * self._plan.step_s
         rows = self._simulator.advance(self._inputs(commands, rates * outward), record=True)
         good = len(rows.tension_N)
         if good < len(rates) or rows.states is None:
-            failed = self._time + (good + 1) * self._spec.step_s
-            raise SolveError(describe_failure(self._chain, rows, failed, self._spec.step_s))
+            failed = self._time + (good + 1) * self._plan.step_s
+            raise SolveError(describe_failure(self._chain, rows, failed, self._plan.step_s))
         self._command = commands[-1].copy()
         self._tension, self._position = rows.tension_N[-1], rows.ends_m[-1]
-        self._time += good * self._spec.step_s
+        self._time += good * self._plan.step_s
         return RigRows(
             tension_N=rows.tension_N,
             position_m=rows.ends_m,
@@ -141,13 +144,12 @@ class Rig:
         tension = self.end_tensions_N[k]
         if mode.by_force:
             return tension
-        return float(self._position[k]) + _OUTWARD[k] * tension / self._spec.ends[mode].stiffness_N_per_m
+        return float(self._position[k]) + _OUTWARD[k] * tension / self._plan.ends[mode].stiffness_N_per_m
 
     def _new_simulator(self, state: ChainState) -> Simulator:
-        """A simulator for the present modes, from a state."""
-        near, far = (self._spec.ends[mode] for mode in self._modes)
+        near, far = (self._plan.ends[mode] for mode in self._modes)
         chain = replace(self._chain, near=near, far=far)
-        return Simulator(chain, self._spec.step_s, state, self._inputs(self._command[None, :], np.zeros((1, 2))))
+        return Simulator(chain, self._plan.step_s, state, self._inputs(self._command[None, :], np.zeros((1, 2))))
 
     def _inputs(self, commands: FloatArray, speeds: FloatArray) -> ChainInputs:
         """What the two motors do: a force, or a rest position, whose speed the damper feels."""
@@ -158,7 +160,7 @@ class Rig:
                 values[f"{side}_force_N"] = commands[:, k]
             else:
                 values[f"{side}_rest_m"] = commands[:, k]
-                values[f"{side}_force_N"] = rest_damper_force(speeds[:, k], pull, self._spec.ends[mode])
+                values[f"{side}_force_N"] = rest_damper_force(speeds[:, k], pull, self._plan.ends[mode])
         return ChainInputs.of(len(commands), **values)
 
     def _motor_force(self, commands: FloatArray, positions: FloatArray) -> FloatArray:
@@ -166,6 +168,6 @@ class Rig:
         force = commands.copy()
         for k, mode in enumerate(self._modes):
             if not mode.by_force:
-                spring = self._spec.ends[mode].stiffness_N_per_m
+                spring = self._plan.ends[mode].stiffness_N_per_m
                 force[:, k] = spring * _OUTWARD[k] * (commands[:, k] - positions[:, k])
         return force

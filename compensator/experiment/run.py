@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from tendonff.compensator.experiment.machine import Machine, Plan, Schedule, StatePass, plan_experiment
+from tendonff.compensator.experiment.machine import Machine, Schedule, StatePass, plan_experiment
 from tendonff.compensator.experiment.numbers import read_measured
 from tendonff.compensator.experiment.output import ExperimentResult
 from tendonff.compensator.experiment.result import ExperimentRun
-from tendonff.compensator.experiment.rig import Rig, RigRows
+from tendonff.compensator.experiment.rig import Plan, Rig, RigRows
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.scenario.scenario import Scenario
@@ -30,7 +30,7 @@ _QUASI_STATIC_FACTOR = 1000.0
 
 def run_machine(plan: Plan, level: Level) -> tuple[Schedule, ExperimentRun]:
     """Run the state machine on one model; what it did, to be played on other models, and the run."""
-    rig = Rig(plan.rig, level, plan.states[0].modes)
+    rig = Rig(plan, level, plan.states[0].modes)
     pieces, jumps = [rig.now()], []
     passes: list[StatePass] = []
     rates: list[tuple[float, float]] = []
@@ -58,12 +58,12 @@ def run_machine(plan: Plan, level: Level) -> tuple[Schedule, ExperimentRun]:
 
 def follow_schedule(plan: Plan, schedule: Schedule, level: Level, segments: int | None = None) -> ExperimentRun:
     """Give a model, of the path's own number of masses or another, the commands of a schedule."""
-    rig = Rig(plan.rig, level, plan.states[0].modes, segments)
+    rig = Rig(plan, level, plan.states[0].modes, segments)
     pieces, jumps = [rig.now()], []
     for done in schedule.passes:
         jumps.append(rig.switch(done.state.modes))
         rates = schedule.rates[done.first_row : done.last_row]
-        pieces.append(rig.advance(rates * _scales(rates, rig.forces_N, done.end_forces_N, plan.rig.step_s)))
+        pieces.append(rig.advance(rates * _scales(rates, rig.forces_N, done.end_forces_N, plan.step_s)))
     return _run(level, plan, schedule, pieces, jumps)
 
 
@@ -105,7 +105,7 @@ def experiment(
     for level in Level:
         runs[level] = leading if level is lead else follow_schedule(plan, schedule, level)
         parts.done(level is not lead)
-    friction = plan.rig.transmission.friction
+    friction = plan.transmission.friction
     ideal = replace(
         friction,
         mu_static=friction.mu_dynamic,
@@ -114,7 +114,7 @@ def experiment(
         viscous_N_s_per_m=0.0,
         bristle_stiffness_N_per_m=_QUASI_STATIC_FACTOR * friction.bristle_stiffness_N_per_m,
     )
-    rig = replace(plan.rig, transmission=replace(plan.rig.transmission, friction=ideal))
+    quasi_static = replace(plan, transmission=replace(plan.transmission, friction=ideal))
     fine = follow_schedule(plan, schedule, lead, scenario.experiment.fine_segments)
     parts.done()
     return ExperimentResult(
@@ -123,7 +123,7 @@ def experiment(
         lead=lead,
         runs=runs,
         fine=fine,
-        quasi_static=follow_schedule(replace(plan, rig=rig), schedule, Level.ELASTIC),
+        quasi_static=follow_schedule(quasi_static, schedule, Level.ELASTIC),
         quasi_static_factor=_QUASI_STATIC_FACTOR,
         measured=laid_over,
     )
@@ -131,10 +131,10 @@ def experiment(
 
 def _run(level: Level, plan: Plan, schedule: Schedule, pieces: list[RigRows], jumps: list[FloatArray]) -> ExperimentRun:
     tension = np.concatenate([piece.tension_N for piece in pieces])
-    time: FloatArray = np.arange(len(tension), dtype=np.float64) * plan.rig.step_s
+    time: FloatArray = np.arange(len(tension), dtype=np.float64) * plan.step_s
     return ExperimentRun(
         level=level,
-        transmission=plan.rig.transmission,
+        transmission=plan.transmission,
         passes=schedule.passes,
         time_s=time,
         link_tension_N=tension,

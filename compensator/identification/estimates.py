@@ -1,4 +1,4 @@
-"""Estimates in the words of the scenario file, from what each stage found."""
+"""Estimates in the words of the scenario file; why a value is not identifiable, and what would tell it."""
 
 import math
 from collections.abc import Sequence
@@ -9,8 +9,9 @@ from scipy.stats import t as student
 
 from tendonff.compensator.identification.fitting.dynamic import DynamicFit, relevant_size
 from tendonff.compensator.identification.fitting.static import StaticFit
-from tendonff.compensator.identification.identifiability import ExcitationSummary, reason
-from tendonff.compensator.identification.measured.reading import Array
+from tendonff.compensator.identification.fitting.tendon import longest_hold_s
+from tendonff.compensator.identification.measured import Array
+from tendonff.compensator.identification.measured.cleaning import Record
 from tendonff.compensator.identification.result import Estimate
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
@@ -30,15 +31,41 @@ TWINS = 0.985
 
 BIASES = (D.INPUT_BIAS, D.OUTPUT_BIAS)
 CONSTANTS = (P.ADHESION, P.INPUT_BIAS, P.OUTPUT_BIAS)
+NAMES = {P.PULL: "mu_dynamic", P.RELEASE: "mu_dynamic_release", P.BRISTLE: "soft_bristle_stiffness_N_per_m"}
 EXPONENTS = {"mu_dynamic": "mu_theta", "mu_dynamic_release": "mu_theta_release"}
 
 LOAD_TERMS = (P.PULL, P.RELEASE, P.ADHESION)
 OF_CHAIN = {P.PULL: D.MU_PULL, P.RELEASE: D.MU_RELEASE, P.ADHESION: D.ADHESION, P.BRISTLE: D.BRISTLE}
 """What the chain calls the values of the static law; the others are told as biases are."""
 
+ADVICE = {
+    D.RELAXING: "the holds show no relaxation beyond the noise; use larger steps before longer holds",
+    D.RELAXATION_TIME: "the holds show no relaxation beyond the noise; use larger steps before longer holds",
+    D.STIFFNESS: "the elongation does not follow the tension; check the positions' units, sign and zero drift",
+    D.VISCOUS: "add faster strokes (10 times)",
+    D.ADHESION: "add strokes at low tension",
+    D.DAMPING: "it acts on fast changes only; add excitation above 20 Hz",
+    D.BRISTLE: "add small reversals that do not reach gross sliding",
+}
+"""What would tell a value; friction coefficients want full strokes."""
+
+EFFECTS = {D.VISCOUS: "adding viscous friction", D.ADHESION: "load-independent friction"}
+"""Values that a law may do without, and what is then said of them."""
+
 NOT_DESCRIBED = "no law explains these files, so its parameters mean nothing here"
 
 Answer = tuple[tuple[Estimate, ...], tuple[str, ...], Array]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExcitationSummary:
+    """What was measured."""
+
+    positions: bool  # both ends' positions
+    hold_s: float  # longest hold of the input tension
+    speed_m_per_s: float  # usual top speed of the input end; 0 if not measured
+    load_swing: float  # range of the output tension over its mean; of the input's where the output was not measured
+    proximal: bool  # nothing was measured at the far end
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,20 +88,57 @@ class _Rig:
         value = getattr(friction, name, getattr(tendon, name, None))
         return None if value is None else float(value)
 
-    def reason(self, name: DynamicParameter, share: float | None = None, *, fitted: bool = False) -> str:
-        return reason(name, self.now, self.scenario.transmission, share, fitted=fitted)
+    def reason(self, name: DynamicParameter, relative_error: float | None = None, *, fitted: bool = False) -> str:
+        """Why a value is not identifiable, with the way out.
+
+        `relative_error` is the standard error that it has or would have; a value that is `fitted` is part of the law
+        and doubtful, another does not reduce the validation error.
+        """
+        now, transmission = self.now, self.scenario.transmission
+        tau = transmission.tendon.relaxation_time_s
+        doubt = ""
+        if relative_error is not None and np.isfinite(relative_error):
+            size = f"{100 * relative_error:.3g}" if relative_error < 10 else "above 1000"
+            doubt = f"standard error {size} %; "
+        if unmeasured := self._unmeasured(name, doubt):
+            return unmeasured
+        if name in (D.RELAXATION_TIME, D.RELAXING) and now.hold_s < 3 * tau:
+            return (
+                f"no hold longer than {now.hold_s:.2g} s: {name} is not identifiable; "
+                f"add a hold of 3 tau, {3 * tau:.3g} s with the scenario's tau"
+            )
+        if name in (D.STATIC_EXCESS, D.STRIBECK_VELOCITY):
+            omega = transmission.friction.stribeck_velocity_m_per_s
+            speed = f" (the input end moved at up to {now.speed_m_per_s:.2g} m/s)" if now.speed_m_per_s else ""
+            useless = "adding a Stribeck term does not reduce the validation error"
+            return (
+                f"{doubt.removesuffix('; ') if fitted else useless}{speed}; "
+                f"add strokes at speeds from {0.2 * omega:.2g} to {5 * omega:.2g} m/s, around the Stribeck velocity"
+            )
+        if name in (D.INPUT_BIAS, D.OUTPUT_BIAS):
+            return "not separable from adhesion and the other cell's offset; read both cells with a slack tendon"
+        if name in EFFECTS and not fitted:
+            doubt += f"{EFFECTS[name]} does not reduce the validation error; "
+        if name in ADVICE:
+            return doubt + ADVICE[name]
+        if now.load_swing < 0.3:
+            return f"{doubt}the output tension varies too little; repeat at several loads"
+        return f"{doubt}repeat with full strokes in both directions at several loads"
+
+    def _unmeasured(self, name: DynamicParameter, doubt: str) -> str:
+        """Which sensor would tell a value; empty where it is not for want of one."""
+        if self.now.proximal and name in (D.STIFFNESS, D.OUTPUT_BIAS, D.INPUT_BIAS):
+            return f"{doubt}nothing was measured at the far end; measure the output tension to tell {name}"
+        if name in (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME) and not self.now.positions and not self.now.proximal:
+            return (
+                f"no positions of both ends were measured: {name} is not identifiable (tensions alone do not show "
+                "elongation); measure both positions"
+            )
+        return ""
 
     def kept(self, name: str, value: float, why: str) -> Estimate:
         """A value that was not fitted."""
-        return Estimate(
-            name=str(name),
-            value=value,
-            standard_error=None,
-            interval=None,
-            identifiable=False,
-            why=why,
-            scenario=self.own(name),
-        )
+        return Estimate(name=str(name), value=value, why=why, scenario=self.own(name))
 
     def fitted(
         self, name: str, value: float, error: float, interval: tuple[float, float], *, told: bool, why: str
@@ -102,19 +166,12 @@ def estimates_of(scenario: Scenario, law: DynamicFit | StaticFit, now: Excitatio
 
 
 def _static(rig: _Rig, fit: StaticFit) -> list[Estimate]:
-    """Estimates of the static stage alone."""
     theta, solution = rig.theta_rad, fit.solution
     sliding = dict(zip((P.PULL, P.RELEASE), in_gross_sliding(fit.values), strict=True))
     per_own = {k: v / fit.values[k] / theta if fit.values[k] > 0 else 1 / theta for k, v in sliding.items()}
-    names = {
-        P.PULL: ("mu_dynamic", per_own[P.PULL]),
-        P.RELEASE: ("mu_dynamic_release", per_own[P.RELEASE]),
-        **{k: (k.value, 1.0) for k in (*CONSTANTS, P.GUIDE)},
-        P.BRISTLE: ("soft_bristle_stiffness_N_per_m", 1.0),
-        **{k: (k.value, 1.0) for k in SPREADS},
-    }
     estimates: list[Estimate] = []
-    for parameter, (name, factor) in names.items():
+    for parameter in (P.PULL, P.RELEASE, *CONSTANTS, P.GUIDE, P.BRISTLE, *SPREADS):
+        name, factor = NAMES.get(parameter, parameter.value), per_own.get(parameter, 1.0)
         source = P.PULL if parameter is P.RELEASE and not fit.model.asymmetric else parameter
         own = rig.own(name)
         if source.value not in solution.values:
@@ -141,10 +198,9 @@ def _static(rig: _Rig, fit: StaticFit) -> list[Estimate]:
         estimates.append(rig.fitted(name, float(factor * value), factor * error, interval, told=told, why=why))
     if rig.described and P.ADHESION.value in solution.values:
         estimates.append(_without_load(rig, fit))
-    imposed = (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME, D.DAMPING) if fit.explain is Explain.INPUT else ()
     for name in (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME, D.STRIBECK_VELOCITY, D.VISCOUS, D.DAMPING):
         why = rig.reason(name)
-        if name in imposed:
+        if fit.explain is Explain.INPUT and name not in (D.STRIBECK_VELOCITY, D.VISCOUS):
             why = f"the output tension is imposed: what would tell {name} needs a load that only follows"
         estimates.append(rig.kept(name, rig.own(name) or 0.0, why if rig.described else NOT_DESCRIBED))
     return estimates
@@ -240,3 +296,22 @@ def _exponents(estimates: Sequence[Estimate], theta: float) -> list[Estimate]:
         for e in estimates
         if e.name in EXPONENTS
     ]
+
+
+def summarise_excitation(records: Sequence[Record]) -> ExcitationSummary:
+    """What was measured in these records."""
+    speeds = [
+        float(np.percentile(np.abs(np.gradient(p.input_m, r.step_s)), 95))
+        for r in records
+        for p in r.pieces
+        if p.input_m is not None
+    ]
+    proximal = not all(r.has_output for r in records)
+    output = np.concatenate([r.joined("input_N" if proximal else "output_N") for r in records])
+    return ExcitationSummary(
+        positions=all(r.has_positions for r in records),
+        hold_s=longest_hold_s(records),
+        speed_m_per_s=max(speeds, default=0.0),
+        load_swing=float(np.ptp(output) / max(abs(output.mean()), 1e-12)),
+        proximal=proximal,
+    )

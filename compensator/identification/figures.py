@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tendonff.compensator.identification.measured.reading import Array
+from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.result import IdentificationData, PieceComparison
 from tendonff.compensator.identification.suggest import Excitation
 from tendonff.compensator.reporting.colours import BLUE, GREY, INK, ORANGE, VERMILION
@@ -15,14 +15,15 @@ from tendonff.compensator.scenario.measurement import Explain
 MOST_PANELS = 4
 
 
-def draw(found: IdentificationData, folder: Path) -> list[Path]:
+def draw(found: IdentificationData, folder: Path) -> None:
     """Write every figure that the data has material for."""
     shown = _chosen(found.comparisons)
     with figure_style():
-        written = [*_over_time(found, shown, folder), *_loops(found, shown, folder), *_residuals(shown, folder)]
+        _over_time(found, shown, folder)
+        _loops(found, shown, folder)
+        _residuals(shown, folder)
         if any(c.elongation_m is not None for c in shown):
-            written += _relaxation(shown, folder)
-    return written
+            _relaxation(shown, folder)
 
 
 def _chosen(comparisons: Sequence[PieceComparison]) -> list[PieceComparison]:
@@ -52,7 +53,7 @@ def _title(piece: PieceComparison) -> str:
     return f"{piece.name} ({'validation' if piece.role == 'validate' else 'fitted'})"
 
 
-def _over_time(found: IdentificationData, comparisons: Sequence[PieceComparison], folder: Path) -> list[Path]:
+def _over_time(found: IdentificationData, comparisons: Sequence[PieceComparison], folder: Path) -> None:
     figure, axes = new_figure(len(comparisons), 1)
     name, other, scale, unit = CHANNELS[found.explain]
     for ax, piece in zip(axes[:, 0], comparisons, strict=True):
@@ -65,12 +66,11 @@ def _over_time(found: IdentificationData, comparisons: Sequence[PieceComparison]
         ax.set_ylabel(f"{'position' if found.explain is Explain.POSITION else 'tension'} [{unit}]")
         ax.margins(x=0.01)
     axes[-1, 0].set_xlabel("time [s]")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=3)
-    return save_figure(figure, folder / "time")
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    save_figure(figure, folder / "time")
 
 
-def _loops(found: IdentificationData, comparisons: Sequence[PieceComparison], folder: Path) -> list[Path]:
+def _loops(found: IdentificationData, comparisons: Sequence[PieceComparison], folder: Path) -> None:
     columns = min(2, len(comparisons))
     rows = -(-len(comparisons) // columns)
     figure, axes = new_figure(rows, columns, height_in=2.8 * rows + 0.5)
@@ -85,12 +85,11 @@ def _loops(found: IdentificationData, comparisons: Sequence[PieceComparison], fo
         ax.set_ylabel(ends[found.explain is not Explain.INPUT])
     for ax in axes.ravel()[len(comparisons) :]:
         ax.set_axis_off()
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=2)
-    return save_figure(figure, folder / "loop")
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
+    save_figure(figure, folder / "loop")
 
 
-def _residuals(comparisons: Sequence[PieceComparison], folder: Path) -> list[Path]:
+def _residuals(comparisons: Sequence[PieceComparison], folder: Path) -> None:
     figure, axes = new_figure(len(comparisons), 1, height_in=1.7 * len(comparisons) + 0.5)
     for ax, piece in zip(axes[:, 0], comparisons, strict=True):
         span = max(float(np.ptp(piece.measured)), 1e-300)
@@ -102,10 +101,10 @@ def _residuals(comparisons: Sequence[PieceComparison], folder: Path) -> list[Pat
         ax.set_ylabel("model less\nmeasured [%]")
         ax.margins(x=0.01)
     axes[-1, 0].set_xlabel("time [s]")
-    return save_figure(figure, folder / "residuals")
+    save_figure(figure, folder / "residuals")
 
 
-def _relaxation(comparisons: Sequence[PieceComparison], folder: Path) -> list[Path]:
+def _relaxation(comparisons: Sequence[PieceComparison], folder: Path) -> None:
     shown = [c for c in comparisons if c.elongation_m is not None][:2]
     figure, axes = new_figure(len(shown), 2, height_in=2.6 * len(shown) + 0.5)
     for (over, loop), piece in zip(axes, shown, strict=True):
@@ -121,12 +120,11 @@ def _relaxation(comparisons: Sequence[PieceComparison], folder: Path) -> list[Pa
         loop.plot(m, f, color=VERMILION, lw=0.8, ls="--")
         loop.set_xlabel("elongation [mm]")
         loop.set_ylabel("input tension [N]")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=2)
-    return save_figure(figure, folder / "relaxation")
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
+    save_figure(figure, folder / "relaxation")
 
 
-def draw_suggestion(excitation: Excitation, folder: Path) -> list[Path]:
+def draw_suggestion(excitation: Excitation, folder: Path) -> None:
     """Figure of a suggested excitation, its parts marked."""
     with figure_style():
         figure, axes = new_figure(1, 1, height_in=2.8)
@@ -146,4 +144,4 @@ def draw_suggestion(excitation: Excitation, folder: Path) -> list[Path]:
         ax.set_title("; ".join(f"{k + 1} {name}" for k, name in enumerate(names)), fontsize=7)
         ax.set_xlabel("time [s]")
         ax.set_ylabel("actuator force [N]")
-        return save_figure(figure, folder / "suggested_force")
+        save_figure(figure, folder / "suggested_force")

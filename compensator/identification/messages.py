@@ -3,20 +3,17 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tendonff.compensator.identification.fitted import Fitted
 from tendonff.compensator.identification.fitting.delay import Delay
 from tendonff.compensator.identification.fitting.dynamic import DynamicFit
-from tendonff.compensator.identification.fitting.sliding_ratio import SlidingRatio
+from tendonff.compensator.identification.fitting.sliding import SlidingRatio
 from tendonff.compensator.identification.fitting.tendon import stretches_within
 from tendonff.compensator.identification.measured.cleaning import Record
 from tendonff.compensator.identification.measured.reading import DataIssue
-from tendonff.compensator.identification.outcome import Outcome
+from tendonff.compensator.identification.outcome import Fitted, Outcome
 from tendonff.compensator.identification.result import CandidateLaw, PieceComparison
 from tendonff.ocp.fits.static import StaticParameter
 
-Array = NDArray[np.float64]
 P = StaticParameter
 
 MOST_ALIKE = 3

@@ -1,24 +1,49 @@
-"""Errors, compared laws and curves of the law that won."""
+"""What becomes of the law that won: its errors and curves beside the others', and the scenario that goes on with it.
+
+The scenario takes every value of the law that was fitted; what simulating it again leaves is told as well.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from tendonff.compensator.identification.fitting.dynamic import DynamicFit
+from tendonff.compensator.identification.fitting.dynamic import ChainLaw, DynamicFit
 from tendonff.compensator.identification.fitting.errors import (
     FittedLaw,
     centred,
     errors_of,
     explained,
+    percent_of,
     pooled_percent,
     span_of,
 )
 from tendonff.compensator.identification.fitting.model_selection import StaticSelection
 from tendonff.compensator.identification.fitting.residuals import FitPiece
 from tendonff.compensator.identification.fitting.static import StaticFit, respond
+from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record
-from tendonff.compensator.identification.measured.reading import Array
 from tendonff.compensator.identification.result import CandidateLaw, FileResult, PieceComparison
 from tendonff.compensator.scenario.measurement import Explain
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.capstan import CapstanLaw
+from tendonff.models.capstan.spread_bounds import middle_exponent
+from tendonff.models.fidelity import Level
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.fits.chain import ChainModel, DynamicParameter
+from tendonff.ocp.fits.static import NEUTRAL, StaticParameter, in_gross_sliding
+
+P, D = StaticParameter, DynamicParameter
+
+REPLAY_STEP_S = 1e-3
+
+FRICTION_KEYS = (
+    "mu_dynamic_release",
+    "mu_static_release",
+    "stribeck_velocity_m_per_s",
+    "viscous_N_s_per_m",
+    "adhesion_N",
+)
+TENDON_KEYS = ("stiffness_N_per_m", "relaxing_stiffness_N_per_m", "relaxation_time_s", "damping_N_s_per_m")
+"""Values that the scenario and the undivided tendon call alike."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,3 +136,137 @@ def _comparisons(law: FittedLaw, record: Record, role: str) -> list[PieceCompari
             )
         )
     return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fitted:
+    """A scenario with fitted values."""
+
+    scenario: Scenario
+    # what the input and the output cell read at zero, beyond what was taken off when the files were read
+    offsets_N: tuple[float, float] = (0.0, 0.0)
+    # error of the scenario's own law, static or of the chain, simulated again [% of range]; None where none was fitted
+    percent: float | None = None
+    # what the chain of the scenario leaves where a static law was fitted [% of range]; None where nothing drives it
+    chain_percent: float | None = None
+
+
+def carried_on(
+    scenario: Scenario, law: DynamicFit | StaticFit, records: Sequence[Record], *, static_only: bool
+) -> Fitted:
+    """The scenario with the values of the law that won, and its own error; with `static_only` nothing is simulated."""
+    if isinstance(law, DynamicFit):
+        fitted = scenario_of_chain(scenario, law, records)
+        return replace(fitted, percent=_percent(_chain_of(fitted, law.explain), records))
+    fitted = scenario_of_static(scenario, law, records, static_only=static_only)
+    return replace(fitted, percent=percent_of(static_law_of(fitted, law), records))
+
+
+def scenario_of_chain(scenario: Scenario, fit: DynamicFit, records: Sequence[Record]) -> Fitted:
+    """The scenario with all values of a fitted chain: they were fitted together and belong together."""
+    t, number = scenario.transmission, fit.model.whole(fit.values).value
+    friction = replace(
+        t.friction,
+        mu_dynamic=number("mu_dynamic_pull"),
+        mu_static=number("mu_static_pull"),
+        soft_bristle_stiffness_N_per_m=number("bristle_stiffness_N_per_m"),
+        **{name: number(name) for name in FRICTION_KEYS},
+    )
+    tendon = replace(t.tendon, **{name: number(name) for name in TENDON_KEYS})
+    changed = replace(scenario, transmission=replace(t, friction=friction, tendon=tendon))
+    return _fitted(changed, fit.model.level, (fit.values[D.INPUT_BIAS], fit.values[D.OUTPUT_BIAS]), records)
+
+
+def scenario_of_static(scenario: Scenario, fit: StaticFit, records: Sequence[Record], *, static_only: bool) -> Fitted:
+    """The scenario with all values of a fitted static law, at the fidelity level whose chain comes closest."""
+    t, values = scenario.transmission, fit.values
+    theta, f = t.path.total_angle_rad, t.friction
+    pull, release = (max(exponent, 0.0) / theta for exponent in in_gross_sliding(values))
+    ratio = f.mu_static / f.mu_dynamic if f.mu_dynamic > 0 else 1.0
+    friction = replace(
+        f,
+        mu_dynamic=pull,
+        mu_static=ratio * pull,
+        mu_dynamic_release=release,
+        mu_static_release=ratio * release,
+        adhesion_N=max(values[P.ADHESION], 0.0),
+        pull_spread=values[P.PULL_SPREAD] or None,
+        release_spread=values[P.RELEASE_SPREAD] or None,
+    )
+    if fit.model.presliding:
+        friction = replace(friction, soft_bristle_stiffness_N_per_m=values[P.BRISTLE])
+    how = replace(
+        scenario.measurement,
+        explain=fit.explain if fit.explain is Explain.INPUT else scenario.measurement.explain,
+        guide_stiffness_N_per_m=values[P.GUIDE] or None,
+        guide_zero_m=fit.middle_m if values[P.GUIDE] else None,
+        bristle_spread=values[P.BRISTLE_SPREAD] or None,
+    )
+    changed = replace(scenario, transmission=replace(t, friction=friction), measurement=how)
+    offsets = (values[P.INPUT_BIAS], values[P.OUTPUT_BIAS])
+    own = scenario.run.level
+    driven = static_only or fit.explain is Explain.INPUT or any(r.signed for r in records)
+    levels = [Level.PRESLIDING] if fit.model.presliding else [own] if driven else [own, Level.VISCOELASTIC]
+    tried = [_fitted(changed, level, offsets, records) for level in dict.fromkeys(levels)]
+    if driven:
+        return tried[0]
+    left = [_percent(_chain_of(found, fit.explain), records) for found in tried]
+    best = min(range(len(tried)), key=left.__getitem__)
+    return replace(tried[best], chain_percent=left[best])
+
+
+def static_law_of(fitted: Fitted, fit: StaticFit) -> StaticFit:
+    """The static law that a fitted scenario holds, of the kind of `fit`, from its own keys."""
+    t, how = fitted.scenario.transmission, fitted.scenario.measurement
+    law, friction = CapstanLaw.of(t), t.friction
+    values = {
+        **NEUTRAL,
+        P.PULL: -middle_exponent(-law.pull_exponent, law.pull_spread),
+        P.RELEASE: middle_exponent(law.release_exponent, law.release_spread),
+        P.PULL_SPREAD: law.pull_spread,
+        P.RELEASE_SPREAD: law.release_spread,
+        P.ADHESION: law.adhesion_N,
+        P.INPUT_BIAS: fitted.offsets_N[0],
+        P.OUTPUT_BIAS: fitted.offsets_N[1],
+        P.GUIDE: how.guide_stiffness_N_per_m or 0.0,
+        P.BRISTLE_SPREAD: how.bristle_spread or 0.0,
+    }
+    if fit.model.presliding:
+        values[P.BRISTLE] = friction.soft_bristle_stiffness_N_per_m
+    return replace(fit, values=values, middle_m=fit.middle_m if how.guide_zero_m is None else how.guide_zero_m)
+
+
+def with_coulomb(scenario: Scenario, coulomb_N: float) -> Scenario:
+    """The scenario with another dry friction of the drive [N]."""
+    t = scenario.transmission
+    return replace(scenario, transmission=replace(t, actuator=replace(t.actuator, coulomb_N=coulomb_N)))
+
+
+def _fitted(scenario: Scenario, level: Level, offsets_N: tuple[float, float], records: Sequence[Record]) -> Fitted:
+    """The scenario with its level; what the cells read at zero becomes part of how files are read."""
+    how = scenario.measurement
+    if any(offsets_N) and not any(r.zeroed for r in records):
+        before = (how.input_offset_N or 0.0, how.output_offset_N or 0.0)
+        how = replace(how, input_offset_N=before[0] + offsets_N[0], output_offset_N=before[1] + offsets_N[1])
+    run = replace(scenario.run, level=level)
+    return Fitted(
+        scenario=replace(scenario, name=f"{scenario.name}, fitted", run=run, measurement=how), offsets_N=offsets_N
+    )
+
+
+def _chain_of(fitted: Fitted, explain: Explain) -> ChainLaw:
+    """The chain that a fitted scenario holds, with its own number of masses."""
+    t = fitted.scenario.transmission
+    model = ChainModel(
+        transmission=t, level=fitted.scenario.run.level, count=t.path.segments, longest_step_s=REPLAY_STEP_S
+    )
+    offsets = dict(zip((D.INPUT_BIAS, D.OUTPUT_BIAS), fitted.offsets_N, strict=True))
+    return ChainLaw(model=model, values=model.values() | offsets, explain=explain)
+
+
+def _percent(law: ChainLaw, records: Sequence[Record]) -> float:
+    """Error of a chain in percent of range; infinite where it fails."""
+    try:
+        return percent_of(law, records)
+    except SolveError:
+        return float("inf")

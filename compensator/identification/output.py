@@ -18,12 +18,8 @@ class Identification(IdentificationData):
     """An identification that can be written."""
 
     def write(self, folder: str | os.PathLike[str]) -> None:
-        """Write `fitted.toml`, `fit.json`, figures, the suggested excitation and `report.html`, all or nothing.
-
-        Parameters
-        ----------
-        folder : str or path
-            Made where it is missing.
+        """Write `fitted.toml`, `fit.json`, figures, the suggested excitation and `report.html`, all or nothing; makes
+        the folder.
         """
         with atomic_directory(folder) as partial:
             write_text(partial / "fitted.toml", scenario_to_toml(self.scenario, folder=folder))

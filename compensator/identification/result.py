@@ -6,11 +6,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from tendonff.compensator.identification.fitting.by_file import ByFile
 from tendonff.compensator.identification.fitting.errors import FileError
-from tendonff.compensator.identification.fitting.sections import SectionFriction
-from tendonff.compensator.identification.fitting.sliding_ratio import SlidingRatio
-from tendonff.compensator.identification.measured.reading import Array, Finding
+from tendonff.compensator.identification.fitting.sliding import SectionFriction, SlidingRatio
+from tendonff.compensator.identification.fitting.uncertainty import ByFile
+from tendonff.compensator.identification.measured import Array
+from tendonff.compensator.identification.measured.reading import Finding
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 
@@ -25,9 +25,9 @@ class Estimate:
     name: str  # key of the scenario file, or what it is
     value: float  # estimate; the scenario's value where it was not fitted
     # standard_error, interval: 95 %; None where it was not fitted, or the data do not see it
-    standard_error: float | None
-    interval: tuple[float, float] | None
-    identifiable: bool  # the data tell it by itself
+    standard_error: float | None = None
+    interval: tuple[float, float] | None = None
+    identifiable: bool = False  # the data tell it by itself
     why: str  # where the value comes from, or what keeps the data from telling and which experiment would tell
     scenario: float | None = None  # the scenario's own value
     fitted: bool = False  # the value is the joint estimate, which fitted.toml has; else it is the scenario's

@@ -8,37 +8,27 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.identification.estimates import estimates_of
-from tendonff.compensator.identification.fitted import Fitted, carried_on, with_coulomb
+from tendonff.compensator.identification import messages
+from tendonff.compensator.identification.estimates import estimates_of, summarise_excitation
 from tendonff.compensator.identification.fitting import tendon
-from tendonff.compensator.identification.fitting.by_file import between_files
 from tendonff.compensator.identification.fitting.delay import Delay, align, earlier
 from tendonff.compensator.identification.fitting.drive import drive_estimate
 from tendonff.compensator.identification.fitting.dynamic import DynamicFit, fit_coarse, fit_dynamic
-from tendonff.compensator.identification.fitting.model_selection import (
-    StaticSelection,
-    choose_explain,
-    select_static,
-)
-from tendonff.compensator.identification.fitting.sections import friction_by_section
-from tendonff.compensator.identification.fitting.sliding_ratio import sliding_ratios
+from tendonff.compensator.identification.fitting.model_selection import StaticSelection, choose_explain, select_static
+from tendonff.compensator.identification.fitting.sliding import friction_by_section, sliding_ratios
 from tendonff.compensator.identification.fitting.static import StaticFit
-from tendonff.compensator.identification.identifiability import summarise_excitation
+from tendonff.compensator.identification.fitting.uncertainty import between_files
 from tendonff.compensator.identification.measured.cleaning import Record, clean
-from tendonff.compensator.identification.measured.plan import check_plan, check_question
-from tendonff.compensator.identification.measured.reading import read_measurement
-from tendonff.compensator.identification.measured.units import magnitude_warning, unit_warning
-from tendonff.compensator.identification.messages import (
-    about_delay,
-    about_fitted,
-    about_issues,
-    about_moments,
-    about_no_law,
-    about_uneven_path,
+from tendonff.compensator.identification.measured.plan import (
+    check_plan,
+    check_question,
+    magnitude_warning,
+    unit_warning,
 )
-from tendonff.compensator.identification.outcome import Outcome, compared, outcome_of
+from tendonff.compensator.identification.measured.reading import read_measurement
+from tendonff.compensator.identification.outcome import Fitted, Outcome, carried_on, compared, outcome_of, with_coulomb
 from tendonff.compensator.identification.output import Identification
-from tendonff.compensator.identification.result import POOR_PERCENT, CandidateLaw, FileResult
+from tendonff.compensator.identification.result import POOR_PERCENT, CandidateLaw
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.ocp.errors import SolveError
@@ -92,7 +82,7 @@ def identify(
     everything = [clean(one, how) for one in raw]
     records: Sequence[Record] = everything[: len(fit_files)]
     judges = everything[len(fit_files) :]
-    warnings = [unit_warning(how, _positions_of(records)), *about_issues(everything)]
+    warnings = [unit_warning(how, _positions_of(records)), *messages.about_issues(everything)]
     foreign = _foreign(scenario, records)
     if _proximal(scenario, everything, static_only=static_only):
         fits = _fit_proximal(scenario, records, judges, say)
@@ -105,18 +95,18 @@ def identify(
     chain = law if isinstance(law, DynamicFit) else None
     outcome = outcome_of(law, records, fits.judges)
     told = between_files(chain.files, chain.values, records, conditions or {}) if chain is not None else ((), [])
-    warnings += [*told[1], about_delay(fits.delay), about_moments(outcome)]
+    warnings += [*told[1], messages.about_delay(fits.delay), messages.about_moments(outcome)]
     sliding = sliding_ratios(records)
     failure = _failure(outcome)
     if failure:
-        warnings.append(about_no_law(laws, failure, sliding, records))
+        warnings.append(messages.about_no_law(laws, failure, sliding, records))
     estimates, names, correlation = estimates_of(scenario, law, summarise_excitation(records), described=not failure)
     fitted = Fitted(scenario=scenario)
     if not failure:
         say("replay of the fitted scenario")
         fitted = carried_on(scenario, law, records, static_only=static_only)
-        warnings += about_fitted(fitted, records)
-        warnings.append(about_uneven_path(chain, theta))
+        warnings += messages.about_fitted(fitted, records)
+        warnings.append(messages.about_uneven_path(chain, theta))
     sections = friction_by_section(fit_files, how, theta, fitted.scenario.transmission.friction.adhesion_N)
     of_drive = drive_estimate(scenario, raw[: len(fit_files)])
     if of_drive is not None:
@@ -176,7 +166,6 @@ class _Fits:
     warning: str = ""
 
     def chosen(self, laws: Sequence[CandidateLaw]) -> DynamicFit | StaticFit:
-        """The fit of the law that was chosen."""
         dynamic = any(law.chosen and law.stage == "dynamic" for law in laws)
         if self.stage is not None and not dynamic:
             return self.stage.fit
@@ -226,10 +215,10 @@ def _fit(
     try:
         if all(r.has_positions for r in records):
             say("tendon stage")
-            lengths = tendon.fit_tendon(records, stage.fit.values, transmission.tendon)
-            if lengths.explained >= tendon.EXPLAINED_ENOUGH:
+            found, explained = tendon.fit_tendon(records, stage.fit.values, transmission.tendon)
+            if explained >= tendon.EXPLAINED_ENOUGH:
                 near = start | {D.BRISTLE: coarse.solution.values[D.BRISTLE]}
-                near |= {D(k): v for k, v in lengths.values.items()}
+                near |= {D(k): v for k, v in found.items()}
                 other = fit_coarse(records, transmission, near, several=False)
                 coarse = min(coarse, other, key=lambda c: c.solution.cost)
         biases, offsets = _biased(stage, records), not any(r.zeroed for r in records)
@@ -278,7 +267,7 @@ def _failure(outcome: Outcome) -> str:
         if percent is not None and not percent <= POOR_PERCENT:
             return f"an RMS error of {percent:.3g} % of range on {which} files (more than {POOR_PERCENT:g} %)"
     widest = max(f.error.span for f in outcome.files)
-    poor = [f for f in outcome.files if _is_poor(f, widest)]
+    poor = [f for f in outcome.files if f.error.percent > POOR_PERCENT and f.error.rms > SMALL_SHARE * widest]
     if poor:
         worst = max(poor, key=lambda f: f.error.percent)
         return (
@@ -286,7 +275,3 @@ def _failure(outcome: Outcome) -> str:
             f"{POOR_PERCENT:g} %; {len(poor)} of {len(outcome.files)} files)"
         )
     return ""
-
-
-def _is_poor(file: FileResult, widest_N: float) -> bool:
-    return file.error.percent > POOR_PERCENT and file.error.rms > SMALL_SHARE * widest_N

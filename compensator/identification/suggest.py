@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.identification.measured.reading import Array
+from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import Branch, CapstanLaw
@@ -31,15 +31,7 @@ MASSES, SEARCH_STEP_S, NOISE_SHARE = 6, ROW_S, 0.005
 PRIOR = 1e-2
 """Information that is there before: everything is known to ten times its size."""
 
-TOLD = (
-    D.MU_PULL,
-    D.MU_RELEASE,
-    D.BRISTLE,
-    D.ADHESION,
-    D.STIFFNESS,
-    D.RELAXING,
-    D.RELAXATION_TIME,
-)
+TOLD = (D.MU_PULL, D.MU_RELEASE, D.BRISTLE, D.ADHESION, D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME)
 """What a fit looks for, and a design depends on."""
 
 
@@ -75,12 +67,9 @@ class _Pen:
         self.parts: list[str] = []
         self._rate = rate_N_per_s
 
-    @property
-    def now_s(self) -> float:
-        return (sum(len(p) for p in self.pieces) - 1) * ROW_S
-
     def note(self, text: str) -> None:
-        self.parts.append(f"{self.now_s:.4g} s: {text}")
+        now_s = (sum(len(p) for p in self.pieces) - 1) * ROW_S
+        self.parts.append(f"{now_s:.4g} s: {text}")
 
     def hold(self, seconds: float) -> None:
         self.pieces.append(np.full(max(1, round(seconds / ROW_S)), self.pieces[-1][-1]))
@@ -114,11 +103,10 @@ class Plan:
     hold_taus: float  # their length in relaxation times; at least a second each
     reversals: tuple[float, ...]  # shares of the high force from which small reversals start
     sweep_s: float
-    deep: bool = True  # down to the lowest tension that the reference asks for
 
 
 PLANS = (
-    Plan(strokes=(1.0, 0.6, 1.0), stroke_s=2.0, holds=8, hold_taus=5.0, reversals=(0.7,), sweep_s=12.0, deep=False),
+    Plan(strokes=(1.0, 0.6, 1.0), stroke_s=2.0, holds=8, hold_taus=5.0, reversals=(0.7,), sweep_s=12.0),
     *(
         Plan(strokes=strokes, stroke_s=stroke_s, holds=holds, hold_taus=3.5, reversals=reversals, sweep_s=sweep_s)
         for strokes, stroke_s in (((1.0, 0.6, 1.0), 2.0), ((1.0, 0.3, 0.6) * 2, 1.2), ((1.0, 0.4, 0.2) * 3, 1.0))
@@ -147,9 +135,8 @@ def suggest(scenario: Scenario) -> Excitation:
         return first
     information = _Information(scenario, *wanted)
     best, least = first, information.expected_percent(first.force_N)
-    before = least
+    before, lowest = least, _lowest_N(scenario, wanted[0])
     for plan in PLANS[1:]:
-        lowest = _lowest_N(scenario, wanted[0] if plan.deep else None)
         tried = draw_plan(scenario, plan, lowest)
         if tried.time_s[-1] > first.time_s[-1]:
             continue

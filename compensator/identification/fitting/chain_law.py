@@ -117,7 +117,6 @@ class _Search:
         self.best = self.attempt(train, train.fixed, name)
 
     def attempt(self, task: ChainResiduals, at: Mapping[DynamicParameter, float], name: str) -> ChainCandidate:
-        """Fit a candidate."""
         solution = fit_free(task, at, self.span_N, 15, 1e-4)
         full = task.complete(solution.values)
         fit, validation = task.rms_of_chain(full), replace(self.judge, model=task.model).rms_of_chain(full)

@@ -5,15 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.compensator.identification.fitting.by_file import gauss_newton_step
 from tendonff.compensator.identification.fitting.dynamic import CoarseFit, fit_coarse
-from tendonff.compensator.identification.fitting.residuals import ChainResiduals
+from tendonff.compensator.identification.fitting.residuals import gauss_newton_step
 from tendonff.compensator.identification.fitting.uncertainty import slopes_over_all
+from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Piece, Record
-from tendonff.compensator.identification.measured.reading import Array
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.fits.chain import DynamicParameter
-from tendonff.ocp.fits.least_squares import Residuals
 
 SURE, LEAST_STEPS = 4.0, 1.0
 """A delay is taken out when it is so many standard errors from nothing, and at least so many sampling steps."""
@@ -40,19 +38,17 @@ def align(
     """
     step = max(r.step_s for r in records)
     found, shifted, total = coarse, tuple(records), 0.0
+    seconds, error = at_first = _left_in(coarse)
     for _ in range(ROUNDS):
-        seconds, error = _left_in(found.task, found)
         if not abs(seconds) > LEAST_STEPS * step:
             break
         total += seconds
         shifted = tuple(earlier(r, total) for r in records)
         found = fit_coarse(shifted, transmission, found.task.complete(found.solution.values), several=False)
-    else:
-        seconds, error = _left_in(found.task, found)
-    told = abs(total) > max(SURE * error, LEAST_STEPS * step) and found.percent < coarse.percent
-    if told:
+        seconds, error = _left_in(found)
+    if abs(total) > max(SURE * error, LEAST_STEPS * step) and found.percent < coarse.percent:
         return Delay(seconds=total + seconds, error_s=error, told=True), found, shifted
-    seconds, error = _left_in(coarse.task, coarse)
+    seconds, error = at_first
     return Delay(seconds=seconds, error_s=error, told=False), coarse, tuple(records)
 
 
@@ -76,17 +72,12 @@ def _shifted(piece: Piece, seconds: float) -> Piece:
     )
 
 
-def _left_in(task: ChainResiduals, fit: CoarseFit) -> tuple[float, float]:
+def _left_in(fit: CoarseFit) -> tuple[float, float]:
     """Delay that the residuals of a fit still hold, found together with its values and adhesion, and its error."""
-    names = (*task.free, DynamicParameter.ADHESION)
-    at = replace(task, fixed=task.complete(fit.solution.values))
-    found = slopes_over_all(at, names)
+    task = replace(fit.task, fixed=fit.task.complete(fit.solution.values))
+    found = slopes_over_all(task, (*task.free, DynamicParameter.ADHESION))
     if found is None:
         return 0.0, float("inf")
-    return _with_delay(at, found)
-
-
-def _with_delay(task: ChainResiduals, found: Residuals) -> tuple[float, float]:
     rates: list[Array] = []
     for run in task.pieces:
         response = task.model.respond(task.fixed, run.drive)

@@ -64,9 +64,7 @@ def drive_estimate(scenario: Scenario, raw: Sequence[RawMeasurement]) -> Estimat
 
 
 def _kept(own_N: float, why: str) -> Estimate:
-    return Estimate(
-        name=COULOMB, value=own_N, standard_error=None, interval=None, identifiable=False, why=why, scenario=own_N
-    )
+    return Estimate(name=COULOMB, value=own_N, why=why, scenario=own_N)
 
 
 def _smoothed(raw: Sequence[RawMeasurement]) -> tuple[list[DriveRun], float]:

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.compensator.identification.fitting.by_file import ByFile, file_estimates, with_scatter
 from tendonff.compensator.identification.fitting.chain_law import (
     CONSTANTS,
     CORE,
@@ -15,17 +14,20 @@ from tendonff.compensator.identification.fitting.chain_law import (
     fit_free,
 )
 from tendonff.compensator.identification.fitting.errors import Prediction
-from tendonff.compensator.identification.fitting.noisy_input.second_look import look_again
+from tendonff.compensator.identification.fitting.noisy_input import look_again
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece, fit_pieces, spans_of
 from tendonff.compensator.identification.fitting.uncertainty import (
+    ByFile,
     expected_errors,
+    file_estimates,
     slopes_over_all,
     with_common_errors,
     with_floors,
     with_other_laws,
+    with_scatter,
 )
+from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record
-from tendonff.compensator.identification.measured.reading import Array
 from tendonff.compensator.identification.measured.smoothing import low_pass
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.models.fidelity import Level

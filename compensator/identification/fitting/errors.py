@@ -6,8 +6,8 @@ from typing import Protocol
 
 import numpy as np
 
+from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Piece, Record
-from tendonff.compensator.identification.measured.reading import Array
 from tendonff.compensator.scenario.measurement import Explain
 
 

@@ -6,10 +6,11 @@ from typing import ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import correlate
 
 from tendonff.compensator.identification.fitting.errors import centred, explained
+from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import SHORT_GAP_ROWS, Piece, Record
-from tendonff.compensator.identification.measured.reading import Array, Mask
 from tendonff.compensator.identification.measured.smoothing import low_pass
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.errors import SolveError
@@ -51,11 +52,6 @@ class FitPiece:
     def measured(self) -> Array:
         """The explained channel, shape (n,)."""
         return explained(self.piece, self.explain)
-
-    @property
-    def explained_noise(self) -> float:
-        """Standard deviation of its white noise before the low-pass."""
-        return self.record.travel_noise_m if self.explain is Explain.POSITION else self.record.output_noise_N
 
     @property
     def with_elongation(self) -> bool:
@@ -158,10 +154,7 @@ class ChainResiduals:
         """The task from a solution on, in units of the size of its residuals, which decides how each channel counts."""
         output, elongation = self.channel_rms(solution.residuals)
         return replace(
-            self,
-            fixed=self.complete(solution.values),
-            output_unit=2 * output,
-            elongation_unit_m=2 * elongation,
+            self, fixed=self.complete(solution.values), output_unit=2 * output, elongation_unit_m=2 * elongation
         )
 
     def evaluate(self, values: Mapping[str, float]) -> Residuals:
@@ -228,10 +221,8 @@ class ChainResiduals:
             rows = len(explained_rows)
             off = explained_rows / np.sqrt(np.sqrt(1 + explained_rows**2))
             if rows > 8 and float(np.ptp(off)) > 0:
-                size = 2 ** int(np.ceil(np.log2(2 * rows)))
-                power = np.abs(np.fft.rfft(off, size)) ** 2
-                correlation = np.fft.irfft(power)[:rows] / (power.sum() / size * 2)
-                correlation = correlation / correlation[0]
+                correlation = correlate(off, off, method="fft")[rows - 1 :]
+                correlation /= correlation[0]
                 turn = np.flatnonzero(correlation < 0)
                 reach = int(turn[0]) if len(turn) else rows
                 total += rows / (1 + 2 * float(correlation[1:reach].sum()))
@@ -264,3 +255,11 @@ def spans_of(pieces: Sequence[FitPiece]) -> tuple[float, float]:
     output = max(r.measured.max() for r in pieces) - min(r.measured.min() for r in pieces)
     travel = max((float(np.ptp(r.piece.elongation_m())) for r in pieces if r.with_elongation), default=1.0)
     return max(float(output), 1e-15), max(travel, 1e-15)
+
+
+def gauss_newton_step(residuals: Array, slopes: Array) -> Array:
+    """Change of the values that the residuals ask for, large ones counted linearly, shape (k,)."""
+    weight = 1 / np.sqrt(1 + residuals**2)
+    scale = np.maximum(np.sqrt((slopes**2).sum(axis=0)), 1e-300)
+    scaled = slopes / scale
+    return np.asarray(-np.linalg.lstsq(np.sqrt(weight)[:, None] * scaled, np.sqrt(weight) * residuals)[0] / scale)

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.compensator.identification.fitting.errors import Prediction, explained, span_of
+from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import Piece, Record
-from tendonff.compensator.identification.measured.reading import Array, Mask
 from tendonff.compensator.scenario.measurement import Explain
-from tendonff.ocp.fits.least_squares import Residuals, Solution, Unknown, solve
+from tendonff.ocp.fits.least_squares import Blocks, Residuals, Solution, Unknown, solve
 from tendonff.ocp.fits.static import NEUTRAL, ORDER, Response, StaticParameter, input_from_output, output_from_input
 
 ROBUST_UNIT = 0.03
@@ -151,13 +151,7 @@ def _fit(
     unit = ROBUST_UNIT * span
     unknowns = _unknowns(records, free, span, start)
     seconds = sum(float(np.ptp(r.piece.time_s)) for r in runs)
-    block_s = float(np.clip(seconds / BLOCKS_WANTED, 0.1, 5.0))
-    blocks = np.concatenate(
-        [
-            np.floor(r.piece.time_s[:: r.thin] / block_s)[r.good].astype(np.int64) + 10_000_000 * k
-            for k, r in enumerate(runs)
-        ]
-    )
+    blocks = block_numbers([r.piece.time_s[:: r.thin][r.good] for r in runs], seconds)
     columns = [ORDER.index(name) for name in free]
 
     def evaluate(values: Mapping[str, float]) -> Residuals:
@@ -181,6 +175,12 @@ def _fit(
     solution = solve(evaluate, first, most=most)
     values = complete(solution.values, model)
     return StaticFit(model=model, explain=explain, values=values, solution=solution, middle_m=middle)
+
+
+def block_numbers(clocks_s: Sequence[Array], seconds: float) -> Blocks:
+    """Block of every row, the runs with these clocks one after the other; together they take `seconds`."""
+    block_s = float(np.clip(seconds / BLOCKS_WANTED, 0.1, 5.0))
+    return np.concatenate([np.floor(t / block_s).astype(np.int64) + 10_000_000 * k for k, t in enumerate(clocks_s)])
 
 
 def complete(values: Mapping[str, float], model: StaticModel) -> dict[StaticParameter, float]:

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.compensator.identification.fitting.static import BLOCKS_WANTED
+from tendonff.compensator.identification.fitting.static import block_numbers
+from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import Piece, Record
-from tendonff.compensator.identification.measured.reading import Array, Mask
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.parameters import Tendon
 from tendonff.ocp.fits.elongation import TENDON_PARAMETERS, elongation
@@ -20,14 +20,6 @@ EXPLAINED_ENOUGH = 0.8
 
 HOLD_SHARE = 0.02
 """A hold: the tension stays within this share of its range."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TendonFit:
-    """What the elongation tells."""
-
-    values: dict[str, float]  # k1, k2, tau
-    explained: float  # share of the elongation's variance that the law explains
 
 
 def mean_tension(piece: Piece, values: Mapping[StaticParameter, float]) -> Array:
@@ -87,26 +79,24 @@ def _thinned(record: Record, piece: Piece, values: Mapping[StaticParameter, floa
     )
 
 
-def fit_tendon(records: Sequence[Record], values: Mapping[StaticParameter, float], tendon: Tendon) -> TendonFit:
-    """Fit k1, k2, tau to force and elongation of records with positions; `values` are those of the static law."""
+def fit_tendon(
+    records: Sequence[Record], values: Mapping[StaticParameter, float], tendon: Tendon
+) -> tuple[dict[str, float], float]:
+    """k1, k2, tau by force and elongation of records with positions, and the share of the elongation's variance that
+    they explain; `values` are those of the static law.
+    """
     runs = [_thinned(r, p, values) for r in records for p in r.pieces]
     swing = max(float(np.ptp(r.force_N)) for r in runs)
     travel = max(float(np.ptp(r.elongation_m)) for r in runs)
     unit = 0.01 * max(travel, 1e-15)
     stiffness = max(swing, 1e-12) / max(travel, 1e-15)
     seconds = sum(r.step_s * len(r.force_N) for r in runs)
-    block_s = float(np.clip(seconds / BLOCKS_WANTED, 0.1, 5.0))
     offsets = [
         Unknown(name=f"{kind}_{k}", start=0.0, low=-np.inf, high=np.inf, scale=travel)
         for k in range(len(runs))
         for kind in ("zero", "start")
     ]
-    blocks = np.concatenate(
-        [
-            np.floor(np.arange(len(r.good)) * r.step_s / block_s).astype(np.int64) + 10_000_000 * k
-            for k, r in enumerate(runs)
-        ]
-    )
+    blocks = block_numbers([np.arange(len(r.good), dtype=np.float64) * r.step_s for r in runs], seconds)
 
     def evaluate(at: Mapping[str, float]) -> Residuals:
         differences, slopes = [], []
@@ -143,7 +133,5 @@ def fit_tendon(records: Sequence[Record], values: Mapping[StaticParameter, float
     solution = min(starts, key=lambda s: s.cost)
     everything = np.concatenate([x - x.mean() for x in (r.elongation_m for r in runs)])
     left = solution.residuals.values * unit
-    return TendonFit(
-        values={name: solution.values[name] for name in TENDON_PARAMETERS},
-        explained=1 - float(np.sum(left**2)) / max(float(np.sum(everything**2)), 1e-300),
-    )
+    explained = 1 - float(np.sum(left**2)) / max(float(np.sum(everything**2)), 1e-300)
+    return {name: solution.values[name] for name in TENDON_PARAMETERS}, explained

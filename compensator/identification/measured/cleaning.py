@@ -7,20 +7,9 @@ import numpy as np
 from scipy.ndimage import median_filter, percentile_filter
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.identification.measured.reading import (
-    Array,
-    DataIssue,
-    Finding,
-    Findings,
-    Mask,
-    RawMeasurement,
-)
-from tendonff.compensator.identification.measured.smoothing import (
-    adaptive_low_pass,
-    find_cutoff_Hz,
-    low_pass,
-    noise_of,
-)
+from tendonff.compensator.identification.measured import Array, Mask
+from tendonff.compensator.identification.measured.reading import DataIssue, Finding, Findings, RawMeasurement
+from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass, find_cutoff_Hz, low_pass, noise_of
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.models.path import JointMotion
 
@@ -79,8 +68,8 @@ class Piece:
 
     def part(self, rows: slice) -> "Piece":
         """Some of the rows."""
-        channels = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "motion"}
-        cut: dict[str, Any] = {name: x if x is None else x[rows] for name, x in channels.items()}
+        channels = {field.name: getattr(self, field.name) for field in fields(self)}
+        cut: dict[str, Any] = {name: x[rows] for name, x in channels.items() if isinstance(x, np.ndarray)}
         return replace(self, **cut)
 
 
@@ -117,7 +106,7 @@ class Record:
     @property
     def has_positions(self) -> bool:
         """Both ends' positions were measured."""
-        return self.pieces[0].input_m is not None and self.pieces[0].output_m is not None
+        return self.has_input_position and self.pieces[0].output_m is not None
 
     @property
     def has_input_position(self) -> bool:

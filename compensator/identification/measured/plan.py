@@ -1,5 +1,6 @@
-"""What a fit will have to do, said before any of it is done."""
+"""Before any work is done: the question, units that do not fit, and how much a fit will have to do."""
 
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -18,6 +19,22 @@ MANY_STEPS = 1_000_000
 
 SLOW_S = 0.05
 """A clock with longer intervals may count milliseconds."""
+
+_FORCES = ("Nm", "mNm", "kN", "mN", "lbf", "lb", "kg", "V", "mV", "mA")
+_LENGTHS = ("rad", "deg", "mm", "cm", "um", "counts")
+OTHERS = {
+    "time": ("s", ("ms", "us")),
+    "input": ("N", _FORCES),
+    "output": ("N", _FORCES),
+    "input_position": ("m", _LENGTHS),
+    "output_position": ("m", _LENGTHS),
+    "actuator_force": ("N", _FORCES),
+}
+"""For each column the unit it is read in, and last words of names that tell another one; `A`, `g` and `in` may as well
+name a place."""
+
+MOST_ABOVE, MOST_BELOW = 20.0, 400.0
+"""A largest tension so many times above, or below, what the actuator can do is in another unit or of another rig."""
 
 
 def check_plan(
@@ -62,7 +79,8 @@ def check_question(scenario: Scenario, fit_files: Sequence[Path], judging: Seque
     """
     if not fit_files:
         raise InputError("no measured file given; name at least one with --data")
-    if scenario.transmission.path.total_angle_rad == 0:
+    theta = scenario.transmission.path.total_angle_rad
+    if theta == 0:
         raise InputError(
             "total_angle_rad is 0: without a wrap angle friction has no coefficient; give the path's angle"
         )
@@ -73,10 +91,37 @@ def check_question(scenario: Scenario, fit_files: Sequence[Path], judging: Seque
         )
     if twice := sorted({p.name for p in fit_files if p.resolve() in {v.resolve() for v in judging}}):
         raise InputError(f"{', '.join(twice)}: given with --data and with --validate; a file cannot judge its own fit")
-    theta = scenario.transmission.path.total_angle_rad
     for angle in scenario.measurement.tension_angles_rad or ():
         if angle >= theta:
             raise InputError(
                 f"tension_angles_rad: a cell at {angle:g} rad; its angle from the actuator must be less than that of "
                 f"the whole path, {theta:g} rad"
             )
+
+
+def unit_warning(how: Measurement, positions: Sequence[str]) -> str:
+    """Columns, of positions those in `positions`, whose names tell another unit than they are read in; else empty."""
+    found = []
+    for key, (unit, others) in OTHERS.items():
+        name, scale = getattr(how, f"{key}_column"), getattr(how, f"{key}_scale")
+        if name is None or (scale or 1) != 1 or (key.endswith("position") and key not in positions):
+            continue
+        word = re.split(r"[^A-Za-z]+", name.rstrip(" ])"))[-1]
+        if word in others:
+            found.append(f"{name} as {unit} (--scale {key}=FACTOR)")
+    if not found:
+        return ""
+    return (
+        f"read without a factor: {', '.join(found)}; estimates with N and m in their names are then in the file's own "
+        "units. A torque over the drum's radius is a tension, an angle times it a position"
+    )
+
+
+def magnitude_warning(largest_N: float, force_max_N: float) -> str:
+    """What to say where the measured tensions are far from what the scenario's actuator can do; else empty."""
+    if force_max_N / MOST_BELOW <= largest_N <= force_max_N * MOST_ABOVE:
+        return ""
+    return (
+        f"the measured tensions reach {largest_N:.3g} N, the scenario's actuator {force_max_N:.3g} N: is this its rig, "
+        "and the unit N (--scale)? Masses, load and limits are the scenario's; no excitation is suggested"
+    )

@@ -6,7 +6,6 @@ from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tendonff.compensator.files.quantities import (
     ANGLE_UNITS,
@@ -19,17 +18,13 @@ from tendonff.compensator.files.quantities import (
 )
 from tendonff.compensator.files.reading import InputError, nearest_column
 from tendonff.compensator.files.tables import Table, read_table
-from tendonff.compensator.identification.measured.offsets import slack_offsets
-from tendonff.compensator.identification.measured.onset import switched_on_s
+from tendonff.compensator.identification.measured import Array, Mask
+from tendonff.compensator.identification.measured.preparation import slack_rows, switched_on_s
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.models.path import JointMotion
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-
 OUT_OF_ORDER_ROWS = 5
 """A clock that is back on its way after so many rows had rows out of order; one that stays behind has jumped."""
-
 
 _USUAL = {
     key: Quantity(name=name, words=words, units=units, option=f"--{key.replace('_', '-')}-column")
@@ -63,7 +58,6 @@ class DataIssue(StrEnum):
     SPIKE = "spikes"
     NEGATIVE = "negative readings"
     BIAS = "biased cell"
-    SLACK = "slack"
     SHORT = "short pieces"
     SKIPPED = "rows left out at the start"
     ONSET = "load switched on at the start"
@@ -193,6 +187,7 @@ def _zeroed(name: str, data: dict[str, Array], how: Measurement, findings: Findi
     ends = [key for key in ("input", "output") if key in data]
     given: dict[str, float | None] = {"input": how.input_offset_N, "output": how.output_offset_N}
     offsets: dict[str, float] = {key: value for key in ends if (value := given[key]) is not None}
+    rows, why = None, "as given"
     if how.tare_s is not None:
         start, stop = how.tare_s
         time = data["time"] - data["time"][0]
@@ -202,15 +197,12 @@ def _zeroed(name: str, data: dict[str, Array], how: Measurement, findings: Findi
                 f"{name}: {int(rows.sum())} samples between {start:g} and {stop:g} s, {LEAST_TARE_ROWS} are needed to "
                 "set the cells to zero; give --tare a longer time within the file"
             )
-        offsets = {key: float(np.median(data[key][rows])) for key in ends} | offsets
         why = f"their median from {start:g} to {stop:g} s"
-    elif not offsets and len(ends) == 2 and (slack := slack_offsets(data["input"], data["output"])) is not None:
-        offsets = dict(zip(ends, slack.offsets_N, strict=True))
-        why = (
-            f"both cells stay near zero in {slack.rows} samples, read as a slack tendon; --offset 0 keeps the readings"
-        )
-    else:
-        why = "as given"
+    elif not offsets and len(ends) == 2 and (rows := slack_rows(data["input"], data["output"])) is not None:
+        low = f"both cells stay near zero in {rows.sum()} samples"
+        why = f"{low}, read as a slack tendon; --offset 0 keeps the readings"
+    if rows is not None:
+        offsets = {key: float(np.median(data[key][rows])) for key in ends} | offsets
     if any(offsets.values()):
         shown = ", ".join(f"{key} {value:.4g} N" for key, value in offsets.items())
         findings.note(DataIssue.OFFSET, f"subtracted: {shown} ({why})", count=1)
@@ -290,16 +282,13 @@ def read_measurement(path: Path, how: Measurement, joints: Sequence[str] = ()) -
 
 def _mend_clock(time: Array, findings: Findings) -> tuple[Mask, Array, tuple[int, ...]]:
     """Rows to keep, their times in strictly rising order, and first kept rows after a jump back."""
-    n = len(time)
-    keep = np.ones(n, dtype=bool)
-    if n < 2:
-        return keep, time.copy(), ()
+    if len(time) < 2:
+        return np.ones(len(time), dtype=bool), time.copy(), ()
     step = np.diff(time)
     usual = float(np.median(step[step > 0])) if np.any(step > 0) else 1.0
-    jumps = [int(k) + 1 for k in np.flatnonzero(step < 0)]
     mended = time.copy()
     breaks, jump_times = [], []
-    for k in jumps:
+    for k in (np.flatnonzero(step < 0) + 1).tolist():
         ahead = mended[k : k + OUT_OF_ORDER_ROWS + 1]
         if np.any(ahead > mended[k - 1]):
             continue  # a few rows out of order: dropped below
@@ -311,14 +300,11 @@ def _mend_clock(time: Array, findings: Findings) -> tuple[Mask, Array, tuple[int
     if breaks:
         findings.note(DataIssue.CLOCK_JUMP, "a new piece starts there, its history is not known", jump_times)
     highest = np.maximum.accumulate(mended)
-    late = np.zeros(n, dtype=bool)
-    late[1:] = mended[1:] <= highest[:-1]
-    repeated = late.copy()
-    repeated[1:] &= mended[1:] == highest[:-1]
+    late = np.append(False, mended[1:] <= highest[:-1])
+    repeated = np.append(False, mended[1:] == highest[:-1])
     if repeated.any():
         findings.note(DataIssue.DUPLICATE, "the first row of each was kept", time[repeated])
     if (disordered := late & ~repeated).any():
         findings.note(DataIssue.OUT_OF_ORDER, "rows left out", time[disordered])
-    keep &= ~late
-    index = np.cumsum(keep) - 1
-    return keep, mended[keep], tuple(int(index[k]) for k in breaks if k < n)
+    index = np.cumsum(~late) - 1
+    return ~late, mended[~late], tuple(int(index[k]) for k in breaks)

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.signal import butter, sosfiltfilt
 
-from tendonff.compensator.identification.measured.reading import Array
+from tendonff.compensator.identification.measured import Array
 
 CUTOFFS_HZ = (5.0, 7.0, 10.0, 14.0, 20.0, 28.0)
 HIGHEST_CUTOFF_HZ, CUTOFF_WINDOW_S, LEAST_NOISE = 40.0, 0.1, 1e-4

@@ -5,7 +5,7 @@ import json
 
 import pytest
 
-from tendonff.compensator.adapt.plants import variations
+from tendonff.compensator.adapt.result import variations
 from tendonff.compensator.cli import run
 from tendonff.ocp.adaptation.tuning import Sensor
 

@@ -111,7 +111,7 @@ def test_a_tendon_that_goes_slack_is_reported_with_its_state(finger: Scenario) -
 @pytest.mark.parametrize("modes", [(A, L), (F, L), (L, F), (H, L), (L, A), (L, H), (L, L), (H, A), (A, H), (H, H)])
 def test_changing_modes_at_rest_leaves_the_rig_at_rest(finger: Scenario, modes: Modes) -> None:
     """L to A sets f_c = f; A to L sets x_c = x +- f/k: after a pull, with unequal tensions at the ends."""
-    rig = Rig(plan_experiment(finger).rig, Level.ELASTIC, (A, L))
+    rig = Rig(plan_experiment(finger), Level.ELASTIC, (A, L))
     ramp = np.concatenate([np.linspace(0, 300, 100), np.full(200, 300.0), np.linspace(300, 0, 100), np.zeros(2000)])
     rig.advance(np.column_stack([ramp, np.zeros_like(ramp)]))
     near, far = rig.end_tensions_N
@@ -125,11 +125,11 @@ def test_changing_modes_at_rest_leaves_the_rig_at_rest(finger: Scenario, modes: 
 @pytest.mark.parametrize("level", Level)
 def test_the_rig_is_the_same_from_both_ends(finger: Scenario, level: Level) -> None:
     """What motor 1 does to f_1 .. f_7, motor 2 does to f_7 .. f_1, where friction has no preferred direction."""
-    spec = plan_experiment(finger).rig
+    plan = plan_experiment(finger)
     ramp = np.concatenate([np.full(300, 200.0), np.full(400, -130.0)])
     still = np.zeros_like(ramp)
-    one = Rig(spec, level, (A, L)).advance(np.column_stack([ramp, still]))
-    two = Rig(spec, level, (L, A)).advance(np.column_stack([still, ramp]))
+    one = Rig(plan, level, (A, L)).advance(np.column_stack([ramp, still]))
+    two = Rig(plan, level, (L, A)).advance(np.column_stack([still, ramp]))
     np.testing.assert_allclose(two.tension_N[:, ::-1], one.tension_N, atol=1e-6)
     np.testing.assert_allclose(two.force_N[:, ::-1], one.force_N, atol=1e-6)
     np.testing.assert_allclose(-np.diff(two.position_m[:, ::-1], axis=0), np.diff(one.position_m, axis=0), atol=1e-9)
@@ -240,8 +240,8 @@ def test_a_damper_acts_between_the_motor_and_its_moving_rest_position(finger: Sc
     ends = []
     for damping in (0.0, 200.0):
         settings = replace(finger.experiment, load_damping_N_s_per_m=damping)
-        spec = plan_experiment(replace(finger, experiment=settings)).rig
-        rig = Rig(spec, Level.ELASTIC, (A, L))
+        plan = plan_experiment(replace(finger, experiment=settings))
+        rig = Rig(plan, Level.ELASTIC, (A, L))
         rows = rig.advance(np.column_stack([np.zeros(3000), np.full(3000, 5e-3)]))
         speed = rows.velocity_m_per_s[-1, -1]
         assert speed == pytest.approx(-5e-3, rel=1e-3)
@@ -251,8 +251,8 @@ def test_a_damper_acts_between_the_motor_and_its_moving_rest_position(finger: Sc
 
 def test_each_mode_has_its_own_damper(finger: Scenario) -> None:
     settings = replace(finger.experiment, load_damping_N_s_per_m=3.0, hold_damping_N_s_per_m=0.0)
-    spec = plan_experiment(replace(finger, experiment=settings)).rig
-    dampings = {mode: spec.ends[mode].damping_N_s_per_m for mode in MotorMode}
+    plan = plan_experiment(replace(finger, experiment=settings))
+    dampings = {mode: plan.ends[mode].damping_N_s_per_m for mode in MotorMode}
     own = finger.transmission.actuator.damping_N_s_per_m
     assert own > 0
     assert dampings == {A: own, F: own, L: 3.0, H: 0.0}

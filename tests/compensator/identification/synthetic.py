@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.files.writing import write_text
-from tendonff.compensator.identification.measured.reading import Array
+from tendonff.compensator.identification.measured import Array
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from tendonff.compensator.identification.fitting.by_file import ByFile, between_files
+from tendonff.compensator.identification.fitting.uncertainty import ByFile, between_files
 from tendonff.ocp.fits.chain import DynamicParameter
 
 VALUES = {**dict.fromkeys(DynamicParameter, 1.0), DynamicParameter.MU_PULL: 0.2}

@@ -7,7 +7,7 @@ import pytest
 from synthetic import Faults, write_synthetic
 
 from tendonff.compensator.identification.fitting.chain_law import CORE, fit_free
-from tendonff.compensator.identification.fitting.noisy_input.estimation import with_input_estimated
+from tendonff.compensator.identification.fitting.noisy_input import with_input_estimated
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, fit_pieces, spans_of
 from tendonff.compensator.identification.measured.cleaning import clean
 from tendonff.compensator.identification.measured.reading import read_measurement

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tendonff.compensator.identification.fitting.sliding_ratio import sliding_ratios
+from tendonff.compensator.identification.fitting.sliding import sliding_ratios
 from tendonff.compensator.identification.measured.cleaning import clean
 from tendonff.compensator.identification.measured.reading import DataIssue, read_measurement
 from tendonff.compensator.identification.run import identify

@@ -8,7 +8,7 @@ import pytest
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification.measured.cleaning import clean
-from tendonff.compensator.identification.measured.offsets import slack_offsets
+from tendonff.compensator.identification.measured.preparation import slack_rows
 from tendonff.compensator.identification.measured.reading import DataIssue, read_measurement
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.models.errors import ParameterError
@@ -74,12 +74,12 @@ def test_a_tare_sets_both_cells_to_zero_over_a_time(tmp_path):
 def test_a_hold_at_low_tension_is_not_slack():
     """The lowest tension is held for long, and it is a tension: 2.5 N of 32."""
     tension = PULLED + 2.5
-    assert slack_offsets(tension + 0.02 * NOISE[0], play(tension) + 0.02 * NOISE[1]) is None
+    assert slack_rows(tension + 0.02 * NOISE[0], play(tension) + 0.02 * NOISE[1]) is None
 
 
 def test_a_tendon_that_is_never_slack_has_no_zero():
     tension = 20 + 10 * np.sin(2 * np.pi * 0.4 * TIME)
-    assert slack_offsets(tension, play(tension)) is None
+    assert slack_rows(tension, play(tension)) is None
 
 
 def test_scatter_around_zero_while_slack_is_no_biased_cell(tmp_path):

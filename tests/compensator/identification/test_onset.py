@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tendonff.compensator.identification.measured.onset import switched_on_s
+from tendonff.compensator.identification.measured.preparation import switched_on_s
 
 TIME = np.arange(4000) / 200
 SLIDING = 40 + 4 * np.sin(2 * np.pi * 0.3 * TIME)

@@ -5,8 +5,8 @@ import pytest
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.identification.measured.plan import magnitude_warning, unit_warning
 from tendonff.compensator.identification.measured.reading import read_measurement
-from tendonff.compensator.identification.measured.units import magnitude_warning, unit_warning
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.compensator.scenario.scenario import load_scenario

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv
-from tendonff.compensator.identification.measured.centreline.output import Centreline
-from tendonff.compensator.identification.measured.centreline.result import Stretch
+from tendonff.compensator.identification.measured.centreline.result import Centreline, Stretch
 from tendonff.compensator.identification.measured.centreline.smoothing import smooth_curve
 
 _FEWEST = 8

@@ -7,6 +7,7 @@ restricted maximum likelihood, which, unlike cross-validation, hardly ever follo
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import BSpline
 from scipy.linalg import eigh
 from scipy.ndimage import gaussian_filter1d
@@ -35,8 +36,7 @@ class SmoothCurve:
     @property
     def kept(self) -> FloatArray:
         """What the penalty leaves of each mode [-]."""
-        kept: FloatArray = 1 / (1 + self.weight * self.roughness)
-        return kept
+        return np.asarray(1 / (1 + self.weight * self.roughness))
 
     @property
     def noise_m(self) -> float:
@@ -68,8 +68,7 @@ class SmoothCurve:
 
     def _loads(self, points_m: FloatArray) -> FloatArray:
         basis = BSpline.design_matrix(self.parameter_m, self.knots, _DEGREE)
-        loads: FloatArray = self.modes.T @ (basis.T @ points_m)
-        return loads
+        return np.asarray(self.modes.T @ (basis.T @ points_m))
 
     def spline(self) -> BSpline:
         """The curve over its parameter."""
@@ -87,24 +86,21 @@ class SmoothCurve:
         tangent = first / speed[:, None]
 
         def across(vector: FloatArray) -> FloatArray:
-            part: FloatArray = vector - (vector * tangent).sum(axis=1)[:, None] * tangent
-            return part
+            return np.asarray(vector - (vector * tangent).sum(axis=1)[:, None] * tangent)
 
         turn = across(second) / speed[:, None]
         window = (_PLACES - 1) / float(self.kept.sum())
         mean = across(gaussian_filter1d(turn, window, axis=0, mode="nearest"))
         size = np.maximum(np.linalg.norm(mean, axis=1), 1e-300)
         step = places[1] - places[0]
-        return _running(speed, step), _running((turn * mean).sum(axis=1) / size, step)
+        length, angle = (
+            cumulative_trapezoid(rate, dx=step, initial=0) for rate in (speed, (turn * mean).sum(axis=1) / size)
+        )
+        return length, angle
 
     def wider(self) -> "SmoothCurve":
         """The curve at half of the resolution: lengths go with the sixth root of the weight."""
         return replace(self, weight=self.weight * 2 ** (2 * _ORDER))
-
-
-def _running(rate: FloatArray, step: float) -> FloatArray:
-    sums: FloatArray = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * step)])
-    return sums
 
 
 def _places_of(points_m: FloatArray) -> FloatArray:

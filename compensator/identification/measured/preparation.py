@@ -1,9 +1,21 @@
-"""A load that is switched on as the recording starts: the jump of the output that nothing at the input explains."""
+"""What a recording holds besides the test: a slack tendon, which shows the cells' zero, and a load being switched on.
+
+What both cells read while nothing pulls is their zero. A load that is switched on as the recording starts shows as a
+jump of the output that nothing at the input explains.
+"""
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
-Array = NDArray[np.float64]
+from tendonff.compensator.identification.measured import Array, Mask
+
+NEAR_SHARE = 0.02
+"""A slack cell reads less than this share of its range."""
+
+FLAT_SIGMAS, FLAT_SHARE = 4.0, 2e-4
+"""Slack readings scatter by no more than so many deviations of the noise, or than a share of the range."""
+
+LEAST_SHARE, LEAST_ROWS = 0.01, 30
 
 FIRST_ROWS = 5
 """The jump lies between two of so many first rows."""
@@ -20,6 +32,30 @@ RUNG_DOWN, QUIET_S = 0.05, 0.1
 
 ROOM = 2.0
 """What is left out, in units of the time until the ringing is over: its tail is slower than its rows show."""
+
+
+def slack_rows(input_N: Array, output_N: Array) -> Mask | None:
+    """Rows in which the tendon is slack, shape (n,); None where it never is for long.
+
+    Slack shows as a floor of both tensions at once, near zero and flat: a tendon cannot push.
+    """
+    slack = _on_the_floor(input_N) & _on_the_floor(output_N)
+    return slack if slack.sum() >= max(LEAST_ROWS, LEAST_SHARE * len(slack)) else None
+
+
+def _on_the_floor(x: Array) -> Mask:
+    """Samples within the noise of the lowest readings, where these are near zero and last."""
+    low, high = np.percentile(x, [0.5, 99.5])
+    span = float(high - low)
+    noise = 1.4826 * float(np.median(np.abs(np.diff(x)))) / np.sqrt(2)
+    width = max(FLAT_SIGMAS * noise, FLAT_SHARE * span)
+    smooth = uniform_filter1d(x, 9, mode="nearest")
+    floor = float(np.percentile(smooth, 0.5))
+    if abs(floor) > NEAR_SHARE * span + width:
+        return np.zeros(len(x), dtype=bool)
+    near = np.abs(smooth - floor) < width
+    level = float(np.median(x[near]))
+    return np.asarray(np.abs(smooth - level) < width)
 
 
 def switched_on_s(time_s: Array, input_N: Array, output_N: Array) -> float:

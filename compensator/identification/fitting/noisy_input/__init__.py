@@ -1,1 +1,0 @@
-"""The fit where the input is noisy: estimated with the values, and the law judged again."""
