@@ -29,10 +29,7 @@ class Design(DesignData):
     def write(self, folder: str | os.PathLike[str], *, interactive: bool = False) -> None:
         """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder.
 
-        Parameters
-        ----------
-        interactive : bool, optional
-            Put a view with zoom, hover and a legend that hides curves into the report; needs Bokeh.
+        An interactive report has a view with zoom, hover and a legend that hides curves, and needs Bokeh.
         """
         figures = design_figures(self)
         view = interactive_panels(self) if interactive else None

@@ -7,17 +7,18 @@ from tendonff.compensator.compensators.base import Style
 from tendonff.compensator.compensators.score import scale_N
 from tendonff.compensator.design.drive_use import drive_use
 from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS, DesignData
-from tendonff.compensator.reporting.cells import Cell, format_cell
 from tendonff.compensator.reporting.colours import INK
 from tendonff.compensator.reporting.interactive import interactive_view
 from tendonff.compensator.reporting.page import (
     Block,
+    Cell,
     FileNote,
     Interactive,
     Report,
     Section,
     Table,
     Text,
+    format_cell,
     pictures_of,
     provenance_of,
 )

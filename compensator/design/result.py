@@ -12,9 +12,8 @@ from tendonff.models.fidelity import Level
 from tendonff.ocp.stability import Foresight
 from tendonff.ocp.tracking.result import Tracking
 
-FINE_SEGMENTS = 40
-FINE_REFINEMENT = 10
-"""The plant of the verification: so many masses, and so many steps to a row of the profile."""
+FINE_SEGMENTS = 40  # masses of the finer chain that proves a design
+FINE_REFINEMENT = 10  # its steps to a row of the profile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

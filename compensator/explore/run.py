@@ -176,10 +176,6 @@ class Explorer:
         self._scenario = scenario
         self.start = ExploreParameters.of(scenario)
 
-    def scenario_at(self, parameters: ExploreParameters) -> Scenario:
-        """The scenario with changed parameters."""
-        return parameters.apply(self._scenario)
-
     def at(
         self, parameters: ExploreParameters, *, design_knows: bool = True, curves: Sequence[Curve] = FAST
     ) -> Exploration:
@@ -188,7 +184,7 @@ class Explorer:
         The design is made for the changed transmission; else for the scenario's own, and tried on the changed one, with
         the changed actuator. TendonffError when the reference cannot be delivered, or a value is out of bounds.
         """
-        changed = self.scenario_at(parameters)
+        changed = parameters.apply(self._scenario)
         known = self._scenario.transmission
         model = (
             changed
