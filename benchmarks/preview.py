@@ -12,8 +12,7 @@ import time
 from optimise_others import EXAMPLES
 
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.compensators.stream.run import choose_stream, over_preview
-from tendonff.compensator.export.text.c_text import accepted_range
+from tendonff.compensator.compensators.stream import choose_stream, over_preview
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.ocp.tracking.goals.preview import track_preview
 from tendonff.ocp.tracking.track import track
@@ -28,7 +27,7 @@ def main() -> None:
     task = (problem.chain, reference.tension_N, reference.step_s, problem.limits)
     whole = track(*task)
     print(f"clipped inverse {whole.clipped_rms_error_N:.3f} N, all known {whole.rms_error_N:.3f} N")
-    choice = choose_stream(problem, scenario.stream, accepted_range(problem))
+    choice = choose_stream(problem, scenario.stream)
     assert choice is not None
     for preview in map(float, sys.argv[1:] or PREVIEWS_S):
         began = time.process_time()

@@ -24,10 +24,10 @@ from tendonff.models.elements import Elements, bristle_stiffness_N_per_m, whole_
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.friction import FrictionLaw, RubbingEnd
-from tendonff.models.layout import INPUT_NAMES, ChainState, StateLayout, fields_of
+from tendonff.models.layout import INPUT_NAMES, Array, ChainState, StateLayout, fields_of
 from tendonff.models.link import LinkLaw, tendon_force
 from tendonff.models.parameters import Transmission
-from tendonff.models.path import ANGLE_FLOOR_RAD, Array, JointMotion, PathRows
+from tendonff.models.path import ANGLE_FLOOR_RAD, JointMotion, PathRows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,10 +13,10 @@ import numpy as np
 from tendonff.models.assembly import Piece
 from tendonff.models.fidelity import Level
 from tendonff.models.friction import FrictionLaw, LuGreBristle
-from tendonff.models.layout import fields_of
+from tendonff.models.layout import Array, fields_of
 from tendonff.models.link import LinkLaw, TwoTimesLink, ZenerLink
 from tendonff.models.parameters import Friction, Tendon, Transmission
-from tendonff.models.path import Array, CutPath, JointMotion, Section, cut_path
+from tendonff.models.path import CutPath, JointMotion, Section, cut_path
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -15,13 +15,10 @@ from collections.abc import Mapping
 import casadi as ca
 import control
 import numpy as np
-from numpy.typing import NDArray
 
 from tendonff.models.chain import Chain, chain_equations
-from tendonff.models.layout import ChainState
+from tendonff.models.layout import Array, ChainState
 from tendonff.models.linearise import Lineariser
-
-Array = NDArray[np.float64]
 
 FORCE_INPUT = "force_N"
 END_INPUTS = (FORCE_INPUT, "actuator_rest_position_m", "load_force_N", "load_rest_position_m")

@@ -7,9 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.models.chain import Chain, chain_equations
-from tendonff.models.layout import INPUT_NAMES, ChainState, StateLayout
-
-Array = NDArray[np.float64]
+from tendonff.models.layout import INPUT_NAMES, Array, ChainState, StateLayout
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

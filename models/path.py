@@ -17,10 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.models.errors import ParameterError
+from tendonff.models.layout import Array
 
-Array = NDArray[np.float64]
-
-_MOST_TURNS = 100.0
+MOST_TURNS = 100.0
 
 ANGLE_FLOOR_RAD = 1e-12
 """Below this wrap angle there is no contact whose loss could be told."""
@@ -199,9 +198,9 @@ def check_motion(sections: tuple[Section, ...], length_m: float | None, motion: 
             )
         q = motion.angle_rad[:, motion.names.index(section.joint)]
         most = float((section.angle_rad + section.angle_per_rad * q).max())
-        if most > 2 * math.pi * _MOST_TURNS:
+        if most > 2 * math.pi * MOST_TURNS:
             raise ParameterError(
-                f'section "{section.name}": the wrap angle would reach {most:g} rad, more than {_MOST_TURNS:g} turns; '
+                f'section "{section.name}": the wrap angle would reach {most:g} rad, more than {MOST_TURNS:g} turns; '
                 f'check angle_per_rad and the motion of "{section.joint}", which is in radians'
             )
         least = (section.length_m or 0.0) + float((section.length_per_rad_m * q).min())

@@ -58,7 +58,6 @@ def foresee(
     step_s: float,
     *,
     force_N: Array | None = None,
-    initial_tension_N: float | None = None,
     inversion: Inversion | None = None,
 ) -> Foresight:
     """Linearise the chain along a reference and say where feedforward will not hold it.
@@ -68,7 +67,7 @@ def foresee(
     """
     reference = np.asarray(reference_N, dtype=np.float64)
     if inversion is None or inversion.states is None:
-        inversion = invert(chain, reference, step_s, initial_tension_N=initial_tension_N, record=True)
+        inversion = invert(chain, reference, step_s, record=True)
     force = inversion.force_N if force_N is None else force_N
     expected = expected_error_N(chain, force, reference, step_s, float(inversion.force_N[0]))
     states = inversion.states

@@ -3,8 +3,8 @@
 from matplotlib.figure import Figure
 
 from tendonff.compensator.adapt.result import SETTLED_S, AdaptationData, Case, Scheme
-from tendonff.compensator.reporting.cells import Cell
 from tendonff.compensator.reporting.page import (
+    Cell,
     FileNote,
     Picture,
     Report,

@@ -5,16 +5,13 @@ from typing import Literal
 
 from tendonff.compensator.compare.levels import LevelCost, LevelTraits
 from tendonff.compensator.compensators.base import Compensator, FloatArray
-from tendonff.compensator.compensators.score import IgnoredMotion
-from tendonff.compensator.compensators.uncertain import Doubt
+from tendonff.compensator.compensators.score import Doubt, IgnoredMotion
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
 
-CAPSTAN_PLANT: Literal["capstan"] = "capstan"
-"""Name of the static law as a plant."""
-PLANTS = (*(level.value for level in Level), CAPSTAN_PLANT)
-"""Names of the plants: the levels, then the static law."""
+CAPSTAN_PLANT: Literal["capstan"] = "capstan"  # name of the static law as a plant
+PLANTS = (*(level.value for level in Level), CAPSTAN_PLANT)  # names of the plants: the levels, then the static law
 
 ENOUGH_PERCENT = 0.5
 """A simpler level is enough if its design costs no more than this on the most detailed plant [% of range]."""

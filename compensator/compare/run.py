@@ -14,13 +14,14 @@ from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import (
     SimulatedPlant,
     Slack,
+    doubt,
+    error_bands,
     ignored_motion,
     scale_N,
     score,
     simulate_profile,
     slack_warnings,
 )
-from tendonff.compensator.compensators.uncertain import doubt, error_bands
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
@@ -31,8 +32,7 @@ from tendonff.models.parameters import Transmission
 from tendonff.ocp.crosscheck import NUDGE
 from tendonff.ocp.tracking.problem import TrackOptions
 
-REFINEMENTS = (4, 2, 1)
-"""Steps to a row of the profile; the first gives the figures, the others the spread."""
+REFINEMENTS = (4, 2, 1)  # steps to a row of the profile; the first gives the figures, the others the spread
 
 _SMOOTHED = "smoothed"  # tuned on the level, but no model of it
 _LAG_ROWS = 4000
@@ -48,19 +48,9 @@ def compare(
 ) -> Comparison:
     """Compare the fidelity levels with each other and with the static law on one scenario.
 
-    Parameters
-    ----------
-    compensators : sequence of Compensator, optional
-        Default: all; "none", "capstan" and one beside "smoothed" that knows the level must be among them.
-    options : TrackOptions, optional
-        What the optimal profile is optimised for.
-
-    Raises
-    ------
-    InputError
-        If the reference cannot be delivered.
-    SolveError
-        If a simulation fails.
+    Of the compensators, by default all, "none", "capstan" and one beside "smoothed" that knows the level must be among
+    them; the options say what the optimal profile is optimised for. InputError if the reference cannot be delivered,
+    SolveError if a simulation fails.
     """
     reference = sample_reference(scenario)
     transmission = moved(scenario, float(reference.time_s[-1]), periodic=scenario.reference.periodic)
@@ -121,22 +111,21 @@ def compare(
 
 def recommend(
     entries: Sequence[Entry],
-    compensators: Sequence[Compensator] = COMPENSATORS,
-    worst_percent: Mapping[tuple[str, Level], float] | None = None,
-    doubt: str = "",
+    compensators: Sequence[Compensator],
+    worst_percent: Mapping[tuple[str, Level], float],
+    doubt: str,
 ) -> str:
     """Which level to design on, in one sentence; the most detailed level stands for the real transmission.
 
-    What counts is the error to expect on a rig: the worst over what may be the real transmission [% of range], where it
-    is given, by name of the compensator and design level; `doubt` names it in words.
+    What counts is the error to expect on a rig: the worst over what may be the real transmission [% of range], by name
+    of the compensator and design level; `doubt` names it in words.
     """
     fixed = {c.name for c in compensators if not c.knows_the_level}
     plant = Level.PRESLIDING.value
     on_plant = [e for e in entries if e.plant_level == plant]
-    worst = worst_percent or {}
 
     def error(entry: Entry) -> float:
-        return worst.get((entry.compensator, entry.design_level), entry.rmse_percent_of_range)
+        return worst_percent[entry.compensator, entry.design_level]
 
     def designed(level: Level) -> Entry:
         models = [e for e in on_plant if e.design_level is level and e.compensator not in {*fixed, _SMOOTHED}]
@@ -144,14 +133,14 @@ def recommend(
 
     smoothed = [e for e in on_plant if e.compensator == _SMOOTHED and e.design_level is Level.PRESLIDING]
     candidates = [
-        ("No compensation", _first(on_plant, "none")),
-        ("The static capstan law", _first(on_plant, "capstan")),
+        ("No compensation", next(e for e in on_plant if e.compensator == "none")),
+        ("The static capstan law", next(e for e in on_plant if e.compensator == "capstan")),
         *(("The capstan law with a smoothed sign change", entry) for entry in smoothed),
         *((f"The {level} level", designed(level)) for level in Level),
     ]
     ideal = min((entry for _, entry in candidates), key=error)
     best = f"{error(ideal):.2g} %"
-    over = f" of range on the {plant} plant{f', for {doubt}' if doubt else ''}"
+    over = f" of range on the {plant} plant, for {doubt}"
     for name, entry in candidates:
         margin = max(ENOUGH_PERCENT, entry.spread_percent_of_range, ideal.spread_percent_of_range)
         if error(entry) <= error(ideal) + margin:
@@ -161,10 +150,6 @@ def recommend(
             return f"{name} {verb}: RMS error {error(entry):.2g} %{over}; the best design {best}."
     others = ", ".join(f"{name[0].lower()}{name[1:]} {error(entry):.2g} %" for name, entry in candidates[1:-1])
     return f"Design on the {plant} level: RMS error {best}{over}, against {others}."
-
-
-def _first(entries: list[Entry], name: str) -> Entry:
-    return next(e for e in entries if e.compensator == name)
 
 
 def _entry(

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.compensator.files.progress import Progress, silent
+from tendonff.compensator.reporting.colours import Style
 from tendonff.compensator.scenario.reference import Hold
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
@@ -43,18 +44,14 @@ class Problem:
 
     Parameters
     ----------
-    transmission : Transmission
+    transmission, level : Transmission, Level
         Of the design model.
-    level : Level
-        Fidelity level of the design model.
     samples : tuple of Sample, optional
         Transmissions that the uncertainty admits, the nominal one first; empty where all is certain.
     objective : Objective, optional
         Which error over the samples counts.
-    options : TrackOptions, optional
-        What the optimal profile is optimised for.
-    asked : OptimalSettings, optional
-        Whether it is to follow the reference, or what else.
+    options, asked : TrackOptions, OptimalSettings, optional
+        What the optimal profile is optimised for, and whether it is to follow the reference, or what else.
     live : bool, optional
         The reference comes sample by sample, as on a controller: nothing is known ahead, no force is kept, and the
         limits are those of the force.
@@ -81,17 +78,7 @@ class Problem:
         reference: Reference | None = None,
         options: TrackOptions | None = None,
     ) -> "Problem":
-        """The problem that a scenario poses, with its uncertainty.
-
-        Parameters
-        ----------
-        level : Level, optional
-            Default: the scenario's own.
-        reference : Reference, optional
-            Default: the scenario's own, sampled.
-        options : TrackOptions, optional
-            Default: those of the scenario.
-        """
+        """The problem that a scenario poses, with its uncertainty; level, reference and options by default its own."""
         reference = sample_reference(scenario) if reference is None else reference
         transmission = moved(scenario, float(reference.time_s[-1]), periodic=scenario.reference.periodic)
         samples = sample_transmissions(transmission, scenario.robust)
@@ -193,10 +180,9 @@ class Profile:
     ----------
     force_N : ndarray, shape (n,)
         Force of the actuator at the rows of the reference [N].
-    travel_m : ndarray, shape (n,), or None
-        Travel of the actuator's end from rest that belongs to the force [m]; None where the compensator knows none.
-    command_m : ndarray, shape (n,), or None
-        Command of a position drive relative to the start [m]; None for a force drive.
+    travel_m, command_m : ndarray, shape (n,), or None
+        Travel of the actuator's end from rest that belongs to the force, where the compensator knows it, and command of
+        a position drive relative to the start [m].
     message : str
         Why the status is not good; empty where it is.
     warnings : tuple of str
@@ -221,14 +207,6 @@ class Profile:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Style:
-    """How a compensator is drawn everywhere."""
-
-    color: str
-    linestyle: str  # "-", "--", "-." or ":"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class CModule:
     """What `export-c` makes of a compensator."""
 
@@ -244,10 +222,8 @@ class Compensator(ABC):
 
     Attributes
     ----------
-    name : str
-        Key in files and on the command line.
-    label : str
-        Name for people.
+    name, label : str
+        Key in files and on the command line, and name for people.
     knows_the_level : bool
         The profile depends on the fidelity level of the design model.
     is_fast : bool

@@ -14,7 +14,6 @@ What is interpolated is the ratio (force + p)/(T + p), which hardly depends on T
 same operations in the same order.
 """
 
-import math
 from bisect import bisect_right
 from dataclasses import dataclass
 from functools import cache
@@ -36,32 +35,16 @@ class BranchTable:
     share: FloatArray
     force_N: FloatArray  # shape (k, m); force at each reference node and share [N]
 
-    def __post_init__(self) -> None:
-        if not (self.share.size >= 2 and self.share[0] == 0 and np.all(np.diff(self.share) > 0)):
-            raise ParameterError(f"share must rise from 0 over at least two nodes, got {self.share}")
-        if not np.all(np.isfinite(self.force_N)):
-            raise ParameterError("force_N must be finite in every node of the table")
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LookupTable:
     """Feedforward force over reference, branch and share of the transition."""
 
-    reference_N: FloatArray  # shape (k,); nodes of the reference tension T [N], rising in equal steps
+    # shape (k,); nodes of the reference tension T [N], rising in equal steps: the cell is found by one multiplication
+    reference_N: FloatArray
     adhesion_N: float  # p [N]
     pull: BranchTable
     release: BranchTable
-
-    def __post_init__(self) -> None:
-        if not (self.reference_N.size >= 2 and np.all(np.diff(self.reference_N) > 0)):
-            raise ParameterError(f"reference_N must rise over at least two nodes, got {self.reference_N}")
-        steps = np.diff(self.reference_N)
-        if not np.allclose(steps, steps.mean(), rtol=1e-9, atol=0):
-            raise ParameterError("reference_N must rise in equal steps: the cell is found by one multiplication")
-        for name in Branch:
-            branch = self.branch(name)
-            if branch.force_N.shape != (self.reference_N.size, branch.share.size):
-                raise ParameterError(f"{name}: force_N must have one row per reference node and one column per share")
 
     def branch(self, branch: Branch) -> BranchTable:
         """Forces of a branch."""
@@ -80,8 +63,7 @@ class LookupTable:
     def ratio(self, branch: Branch) -> FloatArray:
         """(force + p)/(T + p) at the nodes of a branch, shape (k, m) [-]."""
         p = self.adhesion_N
-        result: FloatArray = (self.branch(branch).force_N + p) / (self.reference_N[:, None] + p)
-        return result
+        return (self.branch(branch).force_N + p) / (self.reference_N[:, None] + p)
 
     def force_N(self, reference_N: FloatArray, branch: Branch, share: FloatArray) -> FloatArray:
         """Force by bilinear interpolation of the ratio at points inside the table's range, shape (n,) [N].
@@ -93,8 +75,7 @@ class LookupTable:
         column, b = _locate(table.share, share)
         f = self.ratio(branch)
         near, far = ((1 - a) * f[row, c] + a * f[row + 1, c] for c in (column, column + 1))
-        result: FloatArray = (near + b * (far - near)) * (reference_N + self.adhesion_N) - self.adhesion_N
-        return result
+        return (near + b * (far - near)) * (reference_N + self.adhesion_N) - self.adhesion_N
 
 
 def _locate(nodes: FloatArray, values: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
@@ -130,7 +111,9 @@ class TableLookup:
         branch = Branch.PULL if reference_N > self._last else Branch.RELEASE
         sign = 1.0 if branch is Branch.PULL else -1.0
         shares, ratios = self._branches[branch]
-        row, a = self._row(reference_N)
+        cells = (reference_N - self._low) * self._cells_per_N
+        row = min(int(cells), self._last_row)
+        a = cells - row
         if branch is not self._branch:
             share = self._share_of(shares, ratios[row], ratios[row + 1], a, sign)
             self._turn = self._last - sign * (share * (self._last + self._adhesion))
@@ -143,12 +126,6 @@ class TableLookup:
         self._last, self._ratio = reference_N, near + b * (far - near)
         self._force = self._ratio * (reference_N + self._adhesion) - self._adhesion
         return self._force
-
-    def _row(self, reference_N: float) -> tuple[int, float]:
-        """Cell of a reference and its place in the cell, 0 to 1."""
-        cells = (reference_N - self._low) * self._cells_per_N
-        row = min(int(cells), self._last_row)
-        return row, cells - row
 
     def _share_of(self, shares: list[float], below: list[float], above: list[float], a: float, sign: float) -> float:
         """Share at which a branch has the present ratio at this reference: bisection over its nodes."""
@@ -179,20 +156,7 @@ def halves(nodes: int) -> tuple[int, ...]:
     return tuple(steps)
 
 
-def table_force(table: LookupTable, reference_N: FloatArray, initial_tension_N: float | None = None) -> FloatArray:
+def table_force(table: LookupTable, reference_N: FloatArray, initial_tension_N: float) -> FloatArray:
     """Force of the table for a reference course, from rest on, before actuator limits, shape (n,) [N]."""
-    start = float(reference_N[0]) if initial_tension_N is None else initial_tension_N
-    lookup = TableLookup(table, start)
+    lookup = TableLookup(table, initial_tension_N)
     return np.array([lookup.step(float(t)) for t in reference_N])
-
-
-def table_range_N(reference_N: FloatArray, largest_N: float, margin: float = 0.05) -> tuple[float, float]:
-    """Range of tension that a table should cover: the reference's own and a margin at each end [N].
-
-    It does not exceed the largest deliverable tension where the reference, shape (n,), does not.
-    """
-    low, high = float(np.min(reference_N)), float(np.max(reference_N))
-    spread = max(high - low, 0.1 * high)
-    return max(low - margin * spread, 0.5 * low), max(
-        min(high + margin * spread, largest_N), math.nextafter(high, math.inf)
-    )

@@ -1,7 +1,8 @@
-"""How well a force delivers the wanted tension: simulate it on a chain, and score what arrives."""
+"""How well a force does: simulated on a chain and scored, and on all chains that may be the real one."""
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -10,10 +11,17 @@ from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
+from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.models.path import JointMotion
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.periodic import steady_response
 from tendonff.ocp.simulate import Outcome, Simulation, simulate
+from tendonff.ocp.tracking.robust import ErrorBand, Sample, error_band, sample_transmissions
+
+K = TypeVar("K", bound=Hashable)
+
+ASSUMED = Uncertainty(mu=0.1, samples=3)
+"""What is assumed where the scenario states no uncertainty: friction known to 10 % either way."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,9 +116,7 @@ class Verified:
     compensator: str  # name of the compensator
     plant: SimulatedPlant
     output_N: FloatArray  # shape (n,); delivered tension at the rows of the reference [N]
-    # travel_m, load_m: shape (n,); positions of the actuator's end and of the load relative to the start [m]
-    travel_m: FloatArray
-    load_m: FloatArray
+    travel_m: FloatArray  # shape (n,); position of the actuator's end relative to the start [m]
     score: Score
     # root mean square and largest error of the load's position [m], where that is wanted
     position_error_m: tuple[float, float] | None
@@ -132,7 +138,6 @@ def verify(
         plant=plant,
         output_N=output,
         travel_m=travel,
-        load_m=load,
         score=score(reference.tension_N, output),
         position_error_m=None if off is None else (float(np.sqrt(np.mean(off**2))), float(np.max(np.abs(off)))),
         slack=Slack.of(run),
@@ -202,3 +207,44 @@ def ignored_motion(problem: Problem) -> IgnoredMotion | None:
         for force in forces
     )
     return IgnoredMotion(motion=motion, known=known, ignored=ignored)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Doubt:
+    """Transmissions that may be the real one."""
+
+    samples: tuple[Sample, ...]  # the first is the nominal one
+    is_assumed: bool  # the scenario states no uncertainty
+    widths: str  # in words: "mu ±10 %"
+
+    def __str__(self) -> str:
+        source = "an assumption: [robust] states nothing" if self.is_assumed else "as [robust] states"
+        return f"{self.widths} ({source})"
+
+
+def doubt(transmission: Transmission, uncertainty: Uncertainty) -> Doubt:
+    """What may be the real transmission, by the scenario's uncertainty.
+
+    Where that says that all is certain, or takes a single sample, it is `ASSUMED` instead.
+    """
+    is_assumed = uncertainty.is_certain or uncertainty.samples == 1
+    stated = ASSUMED if is_assumed else uncertainty
+    widths = (("mu", stated.mu), ("stiffness", stated.stiffness), ("bristle stiffness", stated.bristle_stiffness))
+    return Doubt(
+        samples=sample_transmissions(transmission, stated),
+        is_assumed=is_assumed,
+        widths=", ".join(f"{name} ±{100 * width:.3g} %" for name, width in widths if width > 0),
+    )
+
+
+def error_bands(
+    samples: tuple[Sample, ...], level: Level, forces_N: Mapping[K, FloatArray], reference: Reference
+) -> dict[K, ErrorBand]:
+    """Errors of each force, shape (n,), over samples of the transmission; equal forces are tried once."""
+    tension, step, start = reference.tension_N, reference.step_s, reference.initial_tension_N
+    unique = {force.tobytes(): force for force in forces_N.values()}
+    seen = {
+        key: error_band(samples, level, force, tension, step, initial_tension_N=start, periodic=reference.periodic)
+        for key, force in unique.items()
+    }
+    return {name: seen[force.tobytes()] for name, force in forces_N.items()}

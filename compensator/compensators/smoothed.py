@@ -4,19 +4,18 @@ The baseline that a model has to beat. The jumps of the inverted law are what a 
 not; smoothed, the same law does much better.
 """
 
-from collections.abc import Callable
-from dataclasses import replace
+import math
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 
-from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, Style
+from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile
+from tendonff.compensator.compensators.score import score
 from tendonff.compensator.files.progress import Progress, silent
-from tendonff.compensator.reporting.colours import PURPLE
+from tendonff.compensator.reporting.colours import PURPLE, Style
 from tendonff.models.capstan import CapstanLaw
-from tendonff.models.layout import ChainInputs
-from tendonff.ocp.simulate import Simulator
+from tendonff.ocp.simulate import simulate
 
 _TIMES = 12  # tried between a step and a quarter of the duration, in equal ratios
 
@@ -44,36 +43,20 @@ class Smoothed(Compensator):
 
     def profile(self, problem: Problem, *, progress: Progress = silent) -> Profile:
         """Answer by the best of all smoothing times; see `Compensator.profile`."""
-        reference = problem.reference
+        reference, start = problem.reference, problem.reference.initial_tension_N
         law = CapstanLaw.of(problem.transmission)
         lifted = reference.tension_N + law.adhesion_N
-        jumping = law.input_history_N(reference.tension_N, reference.initial_tension_N)
+        jumping = law.input_history_N(reference.tension_N, start)
         exponent = np.log((jumping + law.adhesion_N) / lifted)
         most = max(2.0, 0.25 * len(exponent))
         candidates = [(smoother, steps) for smoother in (lagged, centred) for steps in np.geomspace(1, most, _TIMES)]
         forces: list[FloatArray] = []
         errors: list[float] = []
-        errors_of = _errors(problem)
         for k, (smoother, steps) in enumerate(candidates, start=1):
             force = lifted * np.exp(smoother(exponent, float(steps))) - law.adhesion_N
             forces.append(problem.limited(force))
-            errors.append(errors_of(forces[-1]))
+            run = simulate(problem.chain, forces[-1], reference.step_s, initial_tension_N=start)
+            whole = len(run.output_tension_N) == len(reference.tension_N)
+            errors.append(score(reference.tension_N, run.output_tension_N).rmse_N if whole else math.inf)
             progress(k, len(candidates))
         return Profile(force_N=forces[int(np.argmin(errors))])
-
-
-def _errors(problem: Problem) -> Callable[[FloatArray], float]:
-    """Mean squared error of a force on the design model, which is set up once for all [N^2]."""
-    reference, chain = problem.reference, problem.chain
-    rest = chain.rest_state(reference.initial_tension_N)
-    simulator = Simulator(chain, reference.step_s, rest, ChainInputs.of_force(np.array([reference.initial_tension_N])))
-    fresh = simulator.checkpoint()
-
-    def error(force_N: FloatArray) -> float:
-        inputs = ChainInputs.of_force(force_N)
-        simulator.restore(replace(fresh, inputs=inputs[:1]))
-        output = simulator.advance(inputs[1:]).tension_N[:, -1]
-        wanted = reference.tension_N[1:]
-        return float(np.mean((output - wanted) ** 2)) if len(output) == len(wanted) else float("inf")
-
-    return error

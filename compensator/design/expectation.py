@@ -6,15 +6,13 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from tendonff.compensator.compensators.base import FloatArray, Problem
-from tendonff.compensator.compensators.score import scale_N
-from tendonff.compensator.compensators.uncertain import Doubt, doubt, error_bands
+from tendonff.compensator.compensators.score import Doubt, doubt, error_bands, scale_N
 from tendonff.models.chain import Chain
 from tendonff.models.parameters.uncertainty import Objective, Uncertainty
 from tendonff.ocp.simulate import simulate
 from tendonff.ocp.tracking.robust import ErrorBand, Sample
 
-_OVERCOMPENSATION = 0.02
-"""Swing beyond the wanted one that is worth a warning [-]."""
+_OVERCOMPENSATION = 0.02  # swing beyond the wanted one that is worth a warning [-]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,16 +10,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.compensators.stream.model import StreamFilter
-from tendonff.compensator.compensators.stream.run import (
+from tendonff.compensator.compensators.stream import (
     NOISE_GOAL_DB,
     Candidate,
     StreamChoice,
+    StreamFilter,
     choose_stream,
     over_preview,
     rate_binds,
 )
-from tendonff.compensator.export.text.c_text import accepted_range
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.reporting.colours import GREY, INK
@@ -28,8 +27,7 @@ from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import CapstanLaw
 from tendonff.ocp.errors import SolveError
 
-_PREVIEW_S = 0.05
-"""Longest filter that is drawn, where the scenario's own are shorter [s]."""
+_PREVIEW_S = 0.05  # longest filter that is drawn, where the scenario's own are shorter [s]
 _PREVIEW_SHARES = (0.1, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0, 1.3)  # of the time for the largest jump
 
 
@@ -95,10 +93,9 @@ def study_online(scenario: Scenario, optimum_percent: float | None = None) -> On
             "that takes joint angles, and `design` without --online the profile"
         )
     problem = Problem.of(scenario)
-    accepted = accepted_range(problem)
-    choice = choose_stream(problem, scenario.stream, accepted)
+    choice = choose_stream(problem, scenario.stream)
     further = replace(scenario.stream, preview_s=_PREVIEW_S)
-    longer = choose_stream(problem, further, accepted, with_ramps=False)
+    longer = choose_stream(problem, further, with_ramps=False)
     if choice is None or longer is None:
         raise SolveError(
             "no force of a live reference can be simulated on this chain; check it with tendonff simulate, "

@@ -29,10 +29,7 @@ class Design(DesignData):
     def write(self, folder: str | os.PathLike[str], *, interactive: bool = False) -> None:
         """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder.
 
-        Parameters
-        ----------
-        interactive : bool, optional
-            Put a view with zoom, hover and a legend that hides curves into the report; needs Bokeh.
+        An interactive report has a view with zoom, hover and a legend that hides curves, and needs Bokeh.
         """
         figures = design_figures(self)
         view = interactive_panels(self) if interactive else None
@@ -127,9 +124,8 @@ def print_scores(result: DesignData, folder: Path) -> None:
     table.add_column(f"{FINE_SEGMENTS} masses, step/{FINE_REFINEMENT}", justify="right")
     for compensator in result.compensators:
         name = compensator.name
-        scores = [*(result.on_level(name, level).score for level in Level), result.on_proof(name).score]
         worst = result.expectation.worst_percent.get(name)
-        table.add_row(name, "–" if worst is None else f"{worst:.3g}", *[score.percent for score in scores])
+        table.add_row(name, "–" if worst is None else f"{worst:.3g}", *[score.percent for score in result.scores(name)])
     console.print(table)
     console.print(f"* design level, used in the last column too; range {result.reference.range_N:.4g} N")
     console.print(headline(result), soft_wrap=True, markup=False, highlight=False)

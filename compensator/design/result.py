@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tendonff.compensator.compensators.base import Compensator, FloatArray, Profile, ProfileStatus
-from tendonff.compensator.compensators.score import IgnoredMotion, Verified
+from tendonff.compensator.compensators.score import IgnoredMotion, Score, Verified
 from tendonff.compensator.design.expectation import Expectation, Robustness
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
@@ -12,9 +12,8 @@ from tendonff.models.fidelity import Level
 from tendonff.ocp.stability import Foresight
 from tendonff.ocp.tracking.result import Tracking
 
-FINE_SEGMENTS = 40
-FINE_REFINEMENT = 10
-"""The plant of the verification: so many masses, and so many steps to a row of the profile."""
+FINE_SEGMENTS = 40  # masses of the finer chain that proves a design
+FINE_REFINEMENT = 10  # its steps to a row of the profile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +60,10 @@ class DesignData:
     def on_level(self, name: str, level: Level) -> Verified:
         """What a compensator delivers on a level."""
         return next(v for v in self.verified if v.compensator == name and v.plant.level is level)
+
+    def scores(self, name: str) -> list[Score]:
+        """What a compensator is worth on every level, then on the finer chain."""
+        return [*(self.on_level(name, level).score for level in Level), self.on_proof(name).score]
 
     def on_proof(self, name: str) -> Verified:
         """What a compensator delivers on the finer chain."""

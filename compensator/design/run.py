@@ -40,6 +40,8 @@ def design(
 ) -> Design:
     """Design the force profile of a scenario by every compensator, and simulate each on every level.
 
+    InputError if the reference cannot be delivered, SolveError if a simulation fails.
+
     Parameters
     ----------
     compensators : sequence of Compensator, optional
@@ -50,13 +52,6 @@ def design(
         Refuse a reference out of the actuator's reach, instead of designing the best achievable profile.
     progress : callable, optional
         Told parts done and parts in all.
-
-    Raises
-    ------
-    InputError
-        If the reference cannot be delivered.
-    SolveError
-        If a simulation fails.
     """
     problem = Problem.of(scenario, reference=sample_reference(scenario, strict=strict), options=options)
     reference, transmission, level = problem.reference, problem.transmission, problem.level
@@ -77,7 +72,6 @@ def design(
         reference.tension_N,
         reference.step_s,
         force_N=next((p.force_N for p in profiles.values() if p.tracking is not None), None),
-        initial_tension_N=reference.initial_tension_N,
         inversion=problem.inversion,
     )
     warnings += foresight.warnings
@@ -173,11 +167,9 @@ def _file_warnings(scenario: Scenario, problem: Problem) -> list[str]:
             return force
         return invert(problem.chain, tension, step, initial_tension_N=reference.initial_tension_N).force_N
 
-    noise = None if spec.cutoff_Hz is not None else noise_advice(reference.tension_N, step, force_of, file=spec.file)
-    if noise is not None:
-        return [noise.message]
-    ripple = ripple_advice(force, step, reference.sample_interval_s, file=spec.file)
-    return [] if ripple is None else [ripple]
+    advice = None if spec.cutoff_Hz is not None else noise_advice(reference.tension_N, step, force_of, file=spec.file)
+    advice = advice or ripple_advice(force, step, reference.sample_interval_s, file=spec.file)
+    return [] if advice is None else [advice]
 
 
 def _hold_notes(problem: Problem) -> list[str]:

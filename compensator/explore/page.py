@@ -32,8 +32,7 @@ from tendonff.compensator.reporting.interactive import DASHES
 from tendonff.compensator.scenario.scenario import Scenario, scenario_to_toml
 from tendonff.models.errors import TendonffError
 
-ADDRESS = "127.0.0.1"
-"""The only address that the page is served on."""
+ADDRESS = "127.0.0.1"  # the only address that the page is served on
 
 _STALE = 0.25  # opacity of what was computed for other values
 _EMPTY: dict[str, Any] = {"time": [], "force": [], "output": [], "error": []}
@@ -56,11 +55,10 @@ class ExplorerPage:
     """One visitor's page."""
 
     def __init__(self, scenario: Scenario) -> None:
-        self._explorer = Explorer(scenario)
+        self._scenario, self._explorer = scenario, Explorer(scenario)
         start = self._explorer.start
         self._document: Document | None = None
         self._waiting = False
-        self._name, self._file = scenario.name, scenario.source.name
         self._sliders = {
             "mu": _slider("friction coefficient mu [-]", start.mu, 0.0, max(0.5, 2 * start.mu), 0.005, "0.000"),
             "total_angle_deg": _slider(
@@ -100,8 +98,10 @@ class ExplorerPage:
         fit = Button(label="Fit the scales to the curves")
         fit.on_click(self.fit_scales)
         save = Button(label="Save these values as TOML")
-        save.js_on_click(CustomJS(args={"source": self._toml, "name": f"explored_{self._file}"}, code=_DOWNLOAD))
-        heading = Div(text=f"<h1 style='font-size:1.2rem;margin:0'>{escape(self._name)}</h1>")
+        save.js_on_click(
+            CustomJS(args={"source": self._toml, "name": f"explored_{self._scenario.source.name}"}, code=_DOWNLOAD)
+        )
+        heading = Div(text=f"<h1 style='font-size:1.2rem;margin:0'>{escape(self._scenario.name)}</h1>")
         boxes = (self._knows, *self._slow.values(), fit, save)
         wide = {"flex": "1 1 300px", "min-width": "280px", "max-width": "420px"}
         controls = column(heading, *sliders, *boxes, self._scores, styles=wide, sizing_mode="stretch_width")
@@ -110,7 +110,7 @@ class ExplorerPage:
         )
         document.add_root(row(controls, panels, sizing_mode="stretch_width", styles={"flex-wrap": "wrap"}))
         document.template = Template(_TEMPLATE)
-        document.title = f"tendonff: {self._name}"
+        document.title = f"tendonff: {self._scenario.name}"
 
     def _changed(self, _attribute: str, _old: object, _new: object) -> None:
         """Ask for an update; while one waits, further movements of a slider join it."""
@@ -143,7 +143,7 @@ class ExplorerPage:
         reference = shown.reference
         rows = slice(None, None, max(1, len(reference.time_s) // len(next(iter(shown.courses.values())).time_s)))
         self._wanted.data = {"time": reference.time_s[rows], "tension": reference.tension_N[rows]}
-        self._toml.data = {"text": [scenario_to_toml(self._explorer.scenario_at(parameters))]}
+        self._toml.data = {"text": [scenario_to_toml(parameters.apply(self._scenario))]}
         wanted = [curve for curve in SLOW if self._slow[curve.name].active]
         for curve in SLOW:
             self._fade(curve.name, stale=True)

@@ -13,12 +13,11 @@ from tendonff.compensator.compensators.base import (
     Problem,
     Profile,
     ProfileStatus,
-    Style,
     with_motion,
 )
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import Score, SimulatedPlant, score, verify
-from tendonff.compensator.reporting.colours import PURPLE
+from tendonff.compensator.reporting.colours import PURPLE, Style
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, Joint, SineJoint, WaypointJoint
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
@@ -176,10 +175,6 @@ class Explorer:
         self._scenario = scenario
         self.start = ExploreParameters.of(scenario)
 
-    def scenario_at(self, parameters: ExploreParameters) -> Scenario:
-        """The scenario with changed parameters."""
-        return parameters.apply(self._scenario)
-
     def at(
         self, parameters: ExploreParameters, *, design_knows: bool = True, curves: Sequence[Curve] = FAST
     ) -> Exploration:
@@ -188,7 +183,7 @@ class Explorer:
         The design is made for the changed transmission; else for the scenario's own, and tried on the changed one, with
         the changed actuator. TendonffError when the reference cannot be delivered, or a value is out of bounds.
         """
-        changed = self.scenario_at(parameters)
+        changed = parameters.apply(self._scenario)
         known = self._scenario.transmission
         model = (
             changed

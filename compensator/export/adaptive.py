@@ -16,11 +16,9 @@ from tendonff.ocp.adaptation.tuner import REALS, SelfTuner, SimulatedRig
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable
 from tendonff.ocp.codegen.precision import Precision
 
-_RIG = 1.1
-"""Factor on friction of the rig behind the golden vectors."""
+_RIG = 1.1  # factor on friction of the rig behind the golden vectors
 
-_COAST_S = 0.05
-"""Time in which joints whose angles are missing come to rest [s]."""
+_COAST_S = 0.05  # time in which joints whose angles are missing come to rest [s]
 
 _FRICTION = (Tunable.MU, Tunable.MU_PULL, Tunable.MU_RELEASE)
 _MEASURED = {

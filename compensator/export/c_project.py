@@ -12,9 +12,8 @@ from tendonff._version import __version__
 from tendonff.compensator.adapt.setup import learnt, tuning_of
 from tendonff.compensator.compensators.base import CModule, FloatArray, Problem
 from tendonff.compensator.compensators.registry import compensator
-from tendonff.compensator.compensators.stream.run import StreamChoice, choose_stream
-from tendonff.compensator.compensators.table import table_of
-from tendonff.compensator.compensators.table_build import BuiltTable
+from tendonff.compensator.compensators.stream import StreamChoice, choose_stream
+from tendonff.compensator.compensators.table import BuiltTable, table_of
 from tendonff.compensator.export.adaptive import adaptive_golden
 from tendonff.compensator.export.golden import golden_vectors
 from tendonff.compensator.export.host import run_on_host
@@ -22,7 +21,6 @@ from tendonff.compensator.export.judgement import Judged, answer_of, chosen, for
 from tendonff.compensator.export.modules import ADAPTIVE_MODULES, c_modules, check_prefix, check_tuning
 from tendonff.compensator.export.self_test import FloatLoss, float_losses, loss_warnings, self_test_context
 from tendonff.compensator.export.text.c_text import (
-    accepted_range,
     c_sources,
     folder_files,
     measured,
@@ -50,13 +48,7 @@ class Exported:
     notes: tuple[str, ...] = ()
 
     def write(self, folder: str | os.PathLike[str]) -> None:
-        """Write every file, all or nothing.
-
-        Parameters
-        ----------
-        folder : str or path
-            Made where it is missing.
-        """
+        """Write every file, all or nothing; makes the folder."""
         with atomic_directory(folder) as partial:
             for name, text in self.files.items():
                 (partial / name).parent.mkdir(parents=True, exist_ok=True)
@@ -75,11 +67,11 @@ def export_project(
     """Print the whole folder.
 
     Every module is simulated on the scenario's reference and level first; one whose error is above that of no
-    compensation is left out.
+    compensation is left out. InputError if the prefix is no C identifier or the reference cannot be delivered,
+    SolveError if there is no profile that may be exported, or nothing is better than no compensation.
 
     Parameters
     ----------
-    scenario : Scenario
     precision : Precision, optional
         Real type of all arithmetic.
     prefix : str, optional
@@ -91,13 +83,6 @@ def export_project(
         for each of the reference.
     force_export : bool, optional
         Export modules all the same that are worse than no compensation.
-
-    Raises
-    ------
-    InputError
-        If the prefix is no C identifier or the reference cannot be delivered.
-    SolveError
-        If there is no profile that may be exported, or nothing is better than no compensation; the message says why.
     """
     check_prefix(prefix)
     check_tuning(scenario)
@@ -118,7 +103,7 @@ def export_project(
         "profile_loops": problem.reference.periodic,
         "profile_bytes": (4 if precision is Precision.FLOAT else 8) * len(profile_N),
     }
-    choice = choose_stream(problem, scenario.stream, accepted_range(problem))
+    choice = choose_stream(problem, scenario.stream)
     stream = None if choice is None else choice.picked.design
     golden = golden_vectors(problem, table, precision, stream=stream)
     losses: tuple[FloatLoss, ...] = ()
@@ -130,7 +115,9 @@ def export_project(
         followed = dict.fromkeys(golden.jumps.columns, problem.reference.tension_N)
         live = ({}, np.empty(0)) if golden.live is None else (golden.live.inputs_N, golden.live.joint_rad)
         inputs = [golden.course.inputs_N, golden.jumps.inputs_N, live[0], followed]
-        angles = [golden.course.joint_rad, golden.jumps.joint_rad, live[1], _joint_rad(problem)]
+        angles = [golden.course.joint_rad, golden.jumps.joint_rad, live[1]]
+        if (motion := problem.chain.motion) is not None:
+            angles.append(motion.at(problem.reference.time_s))
         found = run_on_host(every, prefix, precision, inputs, angles if scenario.joints else ())
         if found is not None:
             losses = float_losses(golden.course, found[0], problem)
@@ -140,7 +127,7 @@ def export_project(
     modules, faults = chosen(judged, c_modules(scenario, stream is not None), force_export=force_export)
     further: dict[str, object] = {
         **numbers,
-        **self_test_context(problem, table, profile_N, golden, precision, found, accepted_N=accepted_range(problem)),
+        **self_test_context(problem, table, profile_N, golden, precision, found),
         "measured": measured(precision),
         "judged": judged,
         "choice": choice,
@@ -150,10 +137,9 @@ def export_project(
     if scenario.adaptation is not None:
         notes = learnt(problem, tuning_of(problem, scenario.adaptation)).sentences()
         vectors = adaptive_golden(problem, scenario.adaptation, golden.course, precision)
-        mu = problem.transmission.friction.mu_dynamic
         further["adaptive"] = {
             "golden": vectors,
-            "mu_dynamic": mu,
+            "mu_dynamic": problem.transmission.friction.mu_dynamic,
             "tolerance_N": 0.02 if precision is Precision.FLOAT else 1e-9,
         }
     texts = c_sources(scenario, problem, modules, precision, prefix, further)
@@ -174,12 +160,6 @@ def export_project(
     return Exported(files=texts, built=built, profile_N=profile_N, judged=judged, warnings=warnings, notes=notes)
 
 
-def _joint_rad(problem: Problem) -> FloatArray:
-    """Joint angles at the samples of the reference, shape (n, joints) [rad]."""
-    motion = problem.chain.motion
-    return np.empty(0) if motion is None else motion.at(problem.reference.time_s)
-
-
 def _design_json(
     scenario: Scenario,
     problem: Problem,
@@ -196,6 +176,11 @@ def _design_json(
     transmission = scenario.transmission
     joints = Joints.of(problem.chain) if scenario.joints else None
     law = CapstanLaw.of(transmission)
+    capstan = {
+        "pull_ratio": math.exp(law.pull_exponent),
+        "release_ratio": math.exp(-law.release_exponent),
+        "adhesion_N": law.adhesion_N,
+    }
     content = {
         "schema": 1,
         "scenario": scenario.name,
@@ -207,13 +192,7 @@ def _design_json(
         "step_s": scenario.run.step_s,
         "parameters": asdict(transmission),
         **({} if joints is None else {"joints": _described(joints)}),
-        "capstan": None
-        if joints is not None
-        else {
-            "pull_ratio": math.exp(law.pull_exponent),
-            "release_ratio": math.exp(-law.release_exponent),
-            "adhesion_N": law.adhesion_N,
-        },
+        "capstan": capstan if joints is None else None,
         "table": None
         if built is None
         else {

@@ -14,8 +14,7 @@ from pathlib import Path
 
 from tendonff._version import __version__
 from tendonff.compensator.compensators.base import CModule, Problem
-from tendonff.compensator.compensators.table import table_of
-from tendonff.compensator.compensators.table_build import BuiltTable
+from tendonff.compensator.compensators.table import BuiltTable, table_of
 from tendonff.compensator.export.judgement import Judged, chosen, forces_of, judge
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.export.modules import ADAPTIVE, PLANT, c_modules, check_prefix, check_tuning
@@ -64,13 +63,7 @@ class Fmu:
     warnings: tuple[str, ...]  # what the user should know
 
     def write(self, folder: str | os.PathLike[str]) -> None:
-        """Write the unit under its name, whole or not at all.
-
-        Parameters
-        ----------
-        folder : str or path
-            Made where it is missing.
-        """
+        """Write the unit under its name, whole or not at all; makes the folder."""
         with atomic_file(Path(folder) / self.name) as partial:
             partial.write_bytes(self.content)
 
@@ -88,14 +81,11 @@ def build_fmu(
     """Wrap the exported C of a scenario.
 
     What follows a reference is simulated on the scenario's first; one whose error is above that of no compensation is
-    refused.
+    refused by SolveError. InputError if the scenario has no unit of this kind, CodeError if a compiler refuses the
+    sources, or is missing.
 
     Parameters
     ----------
-    scenario : Scenario
-    kind : Kind, optional
-        What the unit computes.
-    fmi : FmiVersion, optional
     prefix : str, optional
         Prefix of the C names.
     level : Level, optional
@@ -104,15 +94,6 @@ def build_fmu(
         Binaries for Windows and macOS too, built here by ziglang; what is run here are those of this machine alone.
     force_export : bool, optional
         Make a unit all the same that is worse than no compensation.
-
-    Raises
-    ------
-    InputError
-        If the scenario has no unit of this kind.
-    SolveError
-        If the unit is worse than no compensation.
-    CodeError
-        If a compiler refuses the sources, or is missing.
     """
     check_prefix(prefix)
     if kind is Kind.ADAPTIVE and scenario.adaptation is None:
@@ -194,35 +175,30 @@ def _context(
     reference, level = problem.reference, problem.level
     rest = problem.chain.rest_state(reference.initial_tension_N)
     initial = repr(reference.initial_tension_N)
-    tension = _Variable(name="tension", text="output tension", unit="N", start=initial)
+    given = _Variable(name="reference", text="wanted output tension", unit="N", start=initial)
     force = _Variable(name="force", text="force of the actuator, within its limits", unit="N", start=initial)
     servo = scenario.transmission.actuator.drive is Drive.POSITION
     if servo:
         force = _Variable(name="command", text="position of the servo relative to the start", unit="m", start="0.0")
-    extras: list[_Variable] = []
+    extras, outputs = list[_Variable](), [force]
     mu = repr(scenario.transmission.friction.mu_dynamic)
     if kind is Kind.ADAPTIVE and scenario.adaptation is not None:
-        variable = _Variable(name="reference", text="wanted output tension", unit="N", start=initial)
-        outputs = [force, _Variable(name="mu", text="present estimate of mu_dynamic", unit="", start=mu)]
+        outputs.append(_Variable(name="mu", text="present estimate of mu_dynamic", unit="", start=mu))
         sensor = scenario.adaptation.sensor
         first = initial if sensor is Sensor.OUTPUT_TENSION else "0.0"
         words = f"last measurement: {sensor.words}"
         extras.append(_Variable(name="measured", text=words, unit=sensor.unit, start=first))
+    elif kind is Kind.INVERSE:
+        extras.append(_Variable(name="mu", text="mu_dynamic", unit="", start=mu, is_parameter=True))
     elif kind is Kind.PLANT:
-        variable = force if servo else _Variable(name="force", text="force of the actuator", unit="N", start=initial)
+        given = force if servo else _Variable(name="force", text="force of the actuator", unit="N", start=initial)
         near, far = repr(rest.near_position_m), repr(rest.far_position_m)
         outputs = [
-            tension,
+            _Variable(name="tension", text="output tension", unit="N", start=initial),
             _Variable(name="actuator_position", text="positive towards the actuator", unit="m", start=near),
             _Variable(name="load_position", text="positive towards the actuator", unit="m", start=far),
         ]
-    else:
-        if kind is Kind.INVERSE:
-            extras.append(_Variable(name="mu", text="mu_dynamic", unit="", start=mu, is_parameter=True))
-        variable = _Variable(name="reference", text="wanted output tension", unit="N", start=initial)
-        outputs = [force]
     joints = [] if problem.chain.motion is None else _joint_inputs(problem.chain)
-    release = __version__
     name = " ".join(scenario.name.replace("*/", "* /").split())
     return {
         "prefix": prefix,
@@ -231,17 +207,17 @@ def _context(
         "identifier": identifier,
         "compiled": compiled,
         "description": f"{kind} of the tendon chain, level {level}: {name}",
-        "version": release,
-        "input": variable,
+        "version": __version__,
+        "input": given,
         "outputs": outputs,
         **({"servo": True} if servo else {}),
         "extras": [*extras, *joints],
         "joint_at": len(extras) if joints else -1,
-        "taken": " or ".join(v.name for v in (variable, *extras, *joints)),
+        "taken": " or ".join(v.name for v in (given, *extras, *joints)),
         "initial": initial,
         "step": repr(scenario.run.step_s),
         "stop": repr(float(reference.time_s[-1])),
-        "provenance": f' * Scenario "{name}", hash {scenario_hash(scenario)}, level {level}; tendonff {release}.',
+        "provenance": f' * Scenario "{name}", hash {scenario_hash(scenario)}, level {level}; tendonff {__version__}.',
     }
 
 
@@ -270,9 +246,7 @@ def _render(template: str, context: dict[str, object]) -> str:
 
 def _platform(fmi: FmiVersion) -> str:
     machine = _MACHINES[platform.machine()]
-    if fmi is FmiVersion.V2:
-        return "linux64" if machine == "x86_64" else f"{machine}-linux"
-    return f"{machine}-linux"
+    return "linux64" if fmi is FmiVersion.V2 and machine == "x86_64" else f"{machine}-linux"
 
 
 def _libraries(

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from tendonff.compensator.compensators.base import FloatArray, Problem, servo
 from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.score import scale_N
-from tendonff.compensator.compensators.stream.model import StreamDesign, smoothed, stream_force
-from tendonff.compensator.compensators.stream.run import quantised
+from tendonff.compensator.compensators.stream import StreamDesign, quantised, smoothed, stream_force
 from tendonff.compensator.compensators.table import CompensationTable
 from tendonff.compensator.export.modules import exportable
 from tendonff.compensator.export.text.table_index import rounded
@@ -92,20 +91,12 @@ class Other:
 
 
 def answers(
-    problem: Problem, table: LookupTable | None, reference_N: FloatArray, precision: Precision
-) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """Force for the plant, and the answer of each module to a reference that starts at rest at its first row.
+    problem: Problem, table: LookupTable | None, reference_N: FloatArray, precision: Precision, chain: Chain
+) -> Course:
+    """Answers to a reference that starts at rest at its first row, and that of the plant to the force of the inverse.
 
     The table is the one that is exported, where one is; the reference is exact in the real type.
     """
-    course = _course(problem, table, reference_N, precision, problem.chain)
-    return course.plant_force_N, course.columns
-
-
-def _course(
-    problem: Problem, table: LookupTable | None, reference_N: FloatArray, precision: Precision, chain: Chain
-) -> Course:
-    """Answers to a reference, and that of the plant to the force of the inverse."""
     course = _answered(_following(problem, reference_N, chain), table, precision)
     run = respond(problem, course.plant_force_N, float(reference_N[0]), chain).require()
     return replace(course, columns={**course.columns, "plant": run.output_tension_N})
@@ -125,17 +116,6 @@ def _following(problem: Problem, reference_N: FloatArray, chain: Chain | None) -
 
 
 def _answered(followed: Problem, table: LookupTable | None, precision: Precision) -> Course:
-    columns = _answers(followed, table)
-    return Course(
-        reference_N=followed.reference.tension_N,
-        plant_force_N=rounded(columns["inverse"], precision),
-        columns=columns,
-        scale_N=float(np.abs(followed.inversion.force_N).max()),
-        chain=followed.chain,
-    )
-
-
-def _answers(followed: Problem, table: LookupTable | None) -> dict[str, FloatArray]:
     """What each module that follows a reference answers; without a table those that need none."""
     columns = {}
     for compensator, module in exportable(followed.transmission, moving=followed.chain.motion is not None):
@@ -145,7 +125,13 @@ def _answers(followed: Problem, table: LookupTable | None) -> dict[str, FloatArr
             columns[module.name] = exported.profile(followed).force_N
             if servo_of(followed) is not None:
                 columns[module.name] = told(followed, followed.inversion, columns[module.name])
-    return columns
+    return Course(
+        reference_N=followed.reference.tension_N,
+        plant_force_N=rounded(columns["inverse"], precision),
+        columns=columns,
+        scale_N=float(np.abs(followed.inversion.force_N).max()),
+        chain=followed.chain,
+    )
 
 
 def _other(problem: Problem, course: Course, precision: Precision) -> Other | None:
@@ -251,7 +237,8 @@ def golden_vectors(
     reference = rounded(np.concatenate([tension[::stride], to_and_fro(tension[::stride])]), precision)
     samples = np.arange(len(tension))
     chain = _moving(problem, samples[::stride], len(reference), precision)
-    if _invert(problem, chain, reference).status is not InverseStatus.EXACT:
+    exact = invert(chain, reference, problem.reference.step_s, initial_tension_N=float(reference[0]))
+    if exact.status is not InverseStatus.EXACT:
         stride, slow = 1, tension[:_ROWS]
         usual = float(np.abs(np.diff(tension)).max())
         reversals = to_and_fro(slow, step_N=usual, rows=_GENTLE_ROWS)
@@ -259,7 +246,7 @@ def golden_vectors(
         chain = _moving(problem, samples[:_ROWS], len(reference), precision)
     low, high = float(reference.min()), float(reference.max())
     jumps = rounded(low + np.array(_JUMPS) * (high - low), precision)
-    course = _course(problem, table, reference, precision, chain)
+    course = answers(problem, table, reference, precision, chain)
     at_jumps = _moving(problem, samples[: len(jumps)], len(jumps), precision)
     return Golden(
         stride=stride,
@@ -309,8 +296,7 @@ def told(problem: Problem, inversion: Inversion, force_N: FloatArray) -> FloatAr
         raise ParameterError("a command needs the inverse's states and a position drive; record them")
     start = float(inversion.least_tension_N[0])  # at rest, where it is the same everywhere
     travel = inversion.states[:, -2] - problem.chain.rest_state(start).near_position_m
-    command: FloatArray = travel + (force_N - start) / stiffness
-    return command
+    return travel + (force_N - start) / stiffness
 
 
 def respond(problem: Problem, drive: FloatArray, start_N: float, chain: Chain) -> Simulation:
@@ -324,8 +310,3 @@ def _drive(problem: Problem, drive: FloatArray, start_N: float, chain: Chain) ->
     if servo_of(problem) is None:
         return chain, drive
     return servo(chain, problem.transmission.actuator, start_N, drive)
-
-
-def _invert(problem: Problem, chain: Chain, reference_N: FloatArray) -> Inversion:
-    start = float(reference_N[0])
-    return invert(chain, reference_N, problem.reference.step_s, initial_tension_N=start)

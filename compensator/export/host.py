@@ -36,12 +36,8 @@ def run_on_host(
 ) -> list[dict[str, FloatArray]] | None:
     """Answer of each module to each of its inputs, from rest at the first sample; None where there is no C compiler.
 
-    Sources are texts by file name. A run has inputs by name of the module, and joint angles of shape (n, joints).
-
-    Raises
-    ------
-    CodeError
-        If the compiler refuses the sources.
+    Sources are texts by file name; CodeError if the compiler refuses them. A run has inputs by name of the module, and
+    joint angles of shape (n, joints).
     """
     compiler = find_compiler()
     if compiler is None:

@@ -6,9 +6,8 @@ from dataclasses import asdict, dataclass
 from tendonff.compensator.compensators.base import CModule, FloatArray, Problem, Profile, with_motion
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import Score, SimulatedPlant, is_worse, verify
-from tendonff.compensator.compensators.stream.run import StreamChoice
-from tendonff.compensator.compensators.table import CompensationTable
-from tendonff.compensator.compensators.table_build import BuiltTable
+from tendonff.compensator.compensators.stream import StreamChoice
+from tendonff.compensator.compensators.table import BuiltTable, CompensationTable
 from tendonff.compensator.export.modules import ADAPTIVE, BOUNDS, PLANT, exportable
 from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.errors import SolveError
@@ -75,13 +74,7 @@ def forces_of(
 def chosen(
     judged: Sequence[Judged], every: Sequence[CModule], *, force_export: bool
 ) -> tuple[tuple[CModule, ...], tuple[str, ...]]:
-    """Modules to export, and warnings of those that do harm.
-
-    Raises
-    ------
-    SolveError
-        If nothing is left that follows a reference; the message says why.
-    """
+    """Modules to export, and warnings of those that do harm; SolveError if nothing is left that follows a reference."""
     faults = {each.module: each.fault for each in judged if each.fault}
     if "inverse" in faults and ADAPTIVE in every:  # what it tunes
         faults[ADAPTIVE.name] = faults["inverse"]

@@ -12,16 +12,13 @@ from tendonff.models.parameters.drive import Drive
 STREAM = CModule(name="stream", content="exact inverse behind a filter, for references that arrive live")
 """What is exported for references that are not known in advance."""
 
-PLANT = CModule(name="plant", content="the chain itself")
-"""What is exported beside the compensators, for tests."""
+PLANT = CModule(name="plant", content="the chain itself")  # what is exported beside the compensators, for tests
 
 ADAPTIVE = CModule(name="adaptive", content="exact inverse that tunes itself to a measurement")
 BOUNDS = CModule(name="bounds", content="certified interval of the output tension")
-ADAPTIVE_MODULES = (ADAPTIVE, BOUNDS)
-"""What is exported for a scenario with [adaptation]."""
+ADAPTIVE_MODULES = (ADAPTIVE, BOUNDS)  # what is exported for a scenario with [adaptation]
 
-STATIC = ("capstan", "table")
-"""Modules without the chain's states: they answer with a force and cannot tell a command."""
+STATIC = ("capstan", "table")  # modules without the chain's states: they answer with a force and cannot tell a command
 
 _KEYWORDS = frozenset(
     re.findall(
@@ -43,15 +40,14 @@ def check_tuning(scenario: Scenario) -> None:
         )
 
 
-def check_prefix(prefix: str) -> str:
-    """A prefix that every C and C++ compiler takes, or an error that says what is wrong."""
+def check_prefix(prefix: str) -> None:
+    """Refuse a prefix that not every C and C++ compiler takes."""
     good = prefix.isascii() and prefix.isidentifier() and not prefix.startswith("_") and len(prefix) <= 24
     if not good or prefix.endswith("_") or "__" in prefix or prefix.lower() in _KEYWORDS:
         raise InputError(
             f'--prefix must be a C identifier of at most 24 letters, digits and single underscores, got "{prefix}"; '
             'the default is "tff"'
         )
-    return prefix
 
 
 def c_modules(scenario: Scenario, with_stream: bool = False) -> tuple[CModule, ...]:
@@ -66,9 +62,8 @@ def c_modules(scenario: Scenario, with_stream: bool = False) -> tuple[CModule, .
 def exportable(transmission: Transmission, *, moving: bool) -> tuple[tuple[Compensator, CModule], ...]:
     """Compensators with a module that serves this drive and path (`moving`: by joints), in the order they are shown."""
     servo = transmission.actuator.drive is Drive.POSITION
-    pairs = ((each, each.c_module) for each in COMPENSATORS)
     return tuple(
         (each, module)
-        for each, module in pairs
-        if module is not None and (module.knows_joints or not moving) and not (servo and module.name in STATIC)
+        for each in COMPENSATORS
+        if (module := each.c_module) and (module.knows_joints or not moving) and not (servo and module.name in STATIC)
     )

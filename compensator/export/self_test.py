@@ -1,23 +1,128 @@
-"""What the shipped self test is told: courses with their answers, tolerances, bounds and checksums."""
+"""What the shipped self test is told: courses with their answers, tolerances, bounds and checksums.
+
+Limits, status bits and checksums are computed apart from the C.
+"""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from enum import IntFlag
 
 import numpy as np
 
 from tendonff.compensator.compensators.base import FloatArray, Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.score import scale_N
-from tendonff.compensator.export.checks import checksum, integer_checksum, limit_cases, seen
+from tendonff.compensator.compensators.table import accepted_range
 from tendonff.compensator.export.golden import Course, Golden, respond, servo_of
 from tendonff.compensator.export.text.parameters import settable_numbers
 from tendonff.compensator.export.text.table_index import share_index
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.capstan.spread_bounds import PLAYS
 from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.codegen.printer import literal
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import Simulation
+
+_FNV_START, _FNV_PRIME, _MASK = 2166136261, 16777619, 0xFFFFFFFF
+
+
+class Status(IntFlag):
+    """Status bits of the exported modules."""
+
+    OK = 0
+    INPUT_HELD = 1
+    FORCE_LIMITED = 2
+    RATE_LIMITED = 4
+    WOULD_PUSH = 8
+    FAILED = 16
+    ENDED = 32
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LimitCase:
+    """One call of the limiter."""
+
+    # before_N, wanted_N: last output, and the force that is asked for [N]
+    before_N: float
+    wanted_N: float
+    force_N: float  # what must come out [N]
+    status: Status
+
+
+def limit_cases(low_N: float, high_N: float, change_N: float, precision: Precision) -> list[LimitCase]:
+    """Calls of the limiter that reach each of its branches, with the right answers.
+
+    The range is that of the force, the change the largest per sample. The last output is set by hand, so that the rate
+    binds also where no course of forces could make it.
+    """
+    real = np.float32 if precision is Precision.FLOAT else np.float64
+    given = (float(np.clip(v, -1e30, 1e30)) for v in (low_N, high_N, change_N))
+    low, high, change = (real(float(literal(v, precision).rstrip("f"))) for v in given)  # as the header is read
+    span = high - low
+    middle = low + real(0.5) * span
+    small = real(0.25) * min(change, span)
+    far = [low - real(8) * change, high + real(8) * change]
+    wanted = [middle, middle + small, middle - small, low, high, low - small, high + small, real(1e29), real(-1e29)]
+    wanted += [real(v) for v in (np.nan, np.inf, -np.inf, 3e30, -3e30)]
+    cases = []
+    for before in (middle, low, high, *far):
+        if not abs(before) < real(1e29):
+            continue
+        for want in wanted:
+            force, status = _limited(before, want, low, high, change)
+            if abs(force - before) < change * real(0.999) or status & (Status.RATE_LIMITED | Status.FAILED):
+                cases.append(
+                    LimitCase(before_N=float(before), wanted_N=float(want), force_N=float(force), status=status)
+                )
+    return cases
+
+
+def _limited(
+    before: np.floating, wanted: np.floating, low: np.floating, high: np.floating, change: np.floating
+) -> tuple[np.floating, Status]:
+    """The rules of the limiter, stated apart from the template that prints them."""
+    if not abs(wanted) <= 1e30:
+        force, status = before, Status.FAILED
+    else:
+        force = min(max(wanted, low), high)
+        status = Status.OK if force == wanted else Status.FORCE_LIMITED
+    within = min(max(force, before - change), before + change)
+    return within, status if within == force else status | Status.RATE_LIMITED
+
+
+def checksum(values: Iterable[float], precision: Precision) -> int:
+    """FNV-1a over the bytes of numbers as C reads their literals, least significant byte first."""
+    kind = "<f4" if precision is Precision.FLOAT else "<f8"
+    read = [float(literal(float(value), precision).rstrip("f")) for value in values]
+    return _fnv(np.asarray(read, dtype=kind).tobytes())
+
+
+def integer_checksum(values: Iterable[int]) -> int:
+    """FNV-1a over integers below 65536 as two bytes each, least significant first."""
+    return _fnv(np.asarray(list(values), dtype="<u2").tobytes())
+
+
+def _fnv(data: bytes) -> int:
+    value = _FNV_START
+    for byte in data:
+        value = ((value ^ byte) * _FNV_PRIME) & _MASK
+    return value
+
+
+def seen(force_N: FloatArray, limited_N: FloatArray, low_N: float, high_N: float) -> Status:
+    """Bits that a course must have set, from its forces before and after the limits.
+
+    Those beyond doubt, a hundredth of the range past the bound.
+    """
+    margin = 0.01 * min(high_N - low_N, 1e6)
+    found = Status.OK
+    if np.any((force_N > high_N + margin) | (force_N < low_N - margin)):
+        found |= Status.FORCE_LIMITED
+    if np.any(np.abs(np.clip(force_N, low_N, high_N) - limited_N) > margin):
+        found |= Status.RATE_LIMITED
+    return found
+
 
 _DOUBLE = 1e-9
 _UNMEASURED_FLOAT = 1e-3
@@ -80,13 +185,10 @@ def self_test_context(
     golden: Golden,
     precision: Precision,
     found_N: Sequence[Mapping[str, FloatArray]] | None,
-    *,
-    accepted_N: tuple[float, float],
 ) -> dict[str, object]:
     """What the template of the self test needs.
 
-    Answers of the exported code to course, jumps and live course are None where they were not measured; references are
-    accepted within `accepted_N`.
+    Answers of the exported code to course, jumps and live course are None where they were not measured.
     """
     actuator, step = problem.transmission.actuator, problem.reference.step_s
     course, jumps, live = golden.course, golden.jumps, golden.live
@@ -103,7 +205,7 @@ def self_test_context(
     tolerances = _tolerances(course, precision, found["course"], unit)
     least, most = actuator.force_min_N, actuator.force_max_N
     exact = invert(jumps.chain, jumps.reference_N, step, initial_tension_N=float(jumps.reference_N[0]))
-    high, low_end = float(course.reference_N.max()), 1.02 * accepted_N[0]
+    high, low_end = float(course.reference_N.max()), 1.02 * accepted_range(problem)[0]
     dropped = (np.array([high, drop, drop]) for drop in (low_end, 2 * low_end))  # the second: beyond doubt
     pushes = all((invert(still, fall, step, initial_tension_N=high).least_tension_N <= 0).any() for fall in dropped)
     change = actuator.force_rate_max_N_per_s * step
@@ -179,14 +281,10 @@ def _bounds(law: CapstanLaw) -> tuple[str, ...]:
 
 
 def _table_checksums(table: LookupTable, precision: Precision) -> dict[str, int]:
-    numbers = {b.value: checksum(_numbers(table, b), precision) for b in Branch}
+    """Of shares and ratios of each branch in the order of the C arrays, and of the cells that the C looks up."""
+    numbers = {b.value: checksum([*table.branch(b).share, *table.ratio(b).ravel()], precision) for b in Branch}
     cells = {f"{b}_cell": integer_checksum(share_index(table.branch(b).share, precision).cell) for b in Branch}
     return numbers | cells
-
-
-def _numbers(table: LookupTable, branch: Branch) -> list[float]:
-    """Shares and ratios of a branch in the order of the C arrays."""
-    return [*table.branch(branch).share.tolist(), *table.ratio(branch).ravel().tolist()]
 
 
 def _tolerances(

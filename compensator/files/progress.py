@@ -2,8 +2,7 @@
 
 from collections.abc import Callable
 
-Progress = Callable[[int, int], None]
-"""Told parts done and parts in all."""
+Progress = Callable[[int, int], None]  # told parts done and parts in all
 
 
 def silent(_done: int, _total: int) -> None:

@@ -100,7 +100,7 @@ def guess(dialect: Dialect, quantity: Quantity) -> tuple[str, float, str] | None
 def _meant(dialect: Dialect, quantity: Quantity) -> list[tuple[str, str]]:
     """Columns that are called as the quantity may be, with their units."""
     named = [(name, *_unit_of(dialect, name)) for name in dialect.names]
-    return [(name, unit) for name, stem, unit in named if stem in quantity.words]
+    return [(name, unit) for name, stem, unit, _ in named if stem in quantity.words]
 
 
 def _resolve(path: Path, dialect: Dialect, quantity: Quantity) -> tuple[str, float, str]:
@@ -131,17 +131,17 @@ def _resolve(path: Path, dialect: Dialect, quantity: Quantity) -> tuple[str, flo
 def _named(path: Path, dialect: Dialect, quantity: Quantity) -> tuple[str, float, str]:
     """The column that the user named, or that has the plain form's name."""
     column = quantity.column or quantity.name
-    unit, said = _unit_of(dialect, column)[1], _stated_unit(dialect, column)
+    _, unit, is_stated = _unit_of(dialect, column)
     if quantity.column is None:
-        if said and said != quantity.si:
+        if is_stated and unit != quantity.si:
             raise InputError(
-                f'{path.name}: column "{column}" has the unit {said} below its name; rename it, or correct the unit'
+                f'{path.name}: column "{column}" has the unit {unit} below its name; rename it, or correct the unit'
             )
         return column, 1.0, ""
     if unit in quantity.units:
         return column, quantity.units[unit], "" if unit == quantity.si else f'column "{column}" read in {unit}'
-    if said:
-        raise _unknown_unit(path, quantity, column, said)
+    if is_stated:
+        raise _unknown_unit(path, quantity, column, unit)
     return column, 1.0, f'column "{column}" read in {quantity.si}'
 
 
@@ -155,25 +155,16 @@ def _unknown_unit(path: Path, quantity: Quantity, column: str, unit: str) -> Inp
 _NAME = re.compile(r"\s*(.+?)\s*(?:\[(.*?)\]|\((.*?)\)|/\s*(\S+)|[_ ]([^\s_]+))\s*")
 
 
-def _unit_of(dialect: Dialect, name: str) -> tuple[str, str]:
-    """Word and unit of a column: from the line of units, else from its name; "" where there is none."""
+def _unit_of(dialect: Dialect, name: str) -> tuple[str, str, bool]:
+    """Word and unit of a column: from the line of units, else from its name; "" where there is none.
+
+    And whether the unit stands in that line or in brackets, so that it can be nothing else.
+    """
     below = dialect.units[dialect.names.index(name)]
-    match = _NAME.fullmatch(name)
-    if match is None:
-        return _word(name), below
-    unit = next((group for group in match.groups()[1:] if group is not None), "")
-    bracketed = match[5] is None
-    if below:
-        return _word(match[1] if bracketed or unit == below else name), below
-    return _word(match[1]), unit
-
-
-def _word(text: str) -> str:
-    return text.lower().replace(" ", "_")
-
-
-def _stated_unit(dialect: Dialect, name: str) -> str:
-    """A unit that stands in brackets or in the line of units, so that it can be nothing else; "" where none does."""
-    match = _NAME.fullmatch(name)
-    bracketed = "" if match is None else match[2] or match[3] or ""
-    return dialect.units[dialect.names.index(name)] or bracketed
+    word, unit, is_bracketed = name, "", False
+    if (match := _NAME.fullmatch(name)) is not None:
+        unit = next((group for group in match.groups()[1:] if group is not None), "")
+        is_bracketed = bool(match[2] or match[3])
+        if not below or match[5] is None or unit == below:
+            word = match[1]
+    return word.lower().replace(" ", "_"), below or unit, bool(below) or is_bracketed

@@ -86,15 +86,17 @@ def _uninterrupted() -> Iterator[None]:
         signal.signal(signal.SIGINT, previous if previous is not None else signal.default_int_handler)
 
 
+def _refused(path: Path, what: str, error: OSError) -> InputError:
+    return InputError(f"{path} cannot be {what}: {error.strerror or error}; name a place that you may write to")
+
+
 def _make_parents(folder: Path) -> list[Path]:
     """Create `folder` and what is missing above it; returns what was created, deepest first."""
     missing = [parent for parent in (folder, *folder.parents) if not parent.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(
-            f"{folder} cannot be created: {error.strerror or error}; name a place that you may write to"
-        ) from None
+        raise _refused(folder, "created", error) from None
     return missing
 
 
@@ -118,9 +120,7 @@ def _appearing(
         try:
             make(partial)
         except OSError as error:
-            raise InputError(
-                f"{target} cannot be written: {error.strerror or error}; name a place that you may write to"
-            ) from None
+            raise _refused(target, "written", error) from None
         yield partial
         with _uninterrupted():
             place(partial)

@@ -9,7 +9,9 @@ name holds is shown as text. The page carries no date: equal results give equal 
 import base64
 import hashlib
 import io
+import math
 import platform
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -22,9 +24,61 @@ from matplotlib.figure import Figure
 from tendonff._version import __version__
 from tendonff.compensator.files.reading import open_text
 from tendonff.compensator.files.writing import write_json, write_text
-from tendonff.compensator.reporting.cells import Cell, column_decimals, format_cell, is_aligned
-from tendonff.compensator.reporting.plots import figure_style, save_figure
+from tendonff.compensator.reporting.plots import UNDATED, figure_style, save_figure
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash, scenario_to_toml
+
+Cell = str | float | int | bool | None  # what a table holds; None shows as a dash
+
+_FIGURE = re.compile(r"[<−-]? ?\d.{0,20}$")
+_DECADES = 4  # that one number of decimals serves
+
+
+def is_number(cell: Cell) -> bool:
+    """Whether a cell holds a number; yes and no are none."""
+    return isinstance(cell, (int, float)) and not isinstance(cell, bool)
+
+
+def is_aligned(column: Sequence[Cell]) -> bool:
+    """Whether a column is set to the right: numbers, and short texts that begin with one, such as "4.6 ± 0.1"."""
+    shown = [cell for cell in column if cell is not None and cell != ""]
+    return bool(shown) and all(is_number(c) or (isinstance(c, str) and _FIGURE.match(c) is not None) for c in shown)
+
+
+def column_decimals(cells: Sequence[Cell], digits: int = 3, least: float = 0.0) -> int | None:
+    """Decimals that a column of numbers is shown with; None where its magnitudes span too much for one choice.
+
+    The smallest number shows two digits, with three decimals at most; below `least` numbers need not be told apart.
+    """
+    sizes = [max(abs(c), least) for c in cells if isinstance(c, float) and math.isfinite(c) and c != 0]
+    if not sizes or any(isinstance(c, str) for c in cells):
+        return None
+    low, high = (math.floor(math.log10(size)) for size in (min(sizes), max(sizes)))
+    if high - low > _DECADES or low < -_DECADES:
+        return None
+    return max(0, digits - 1 - high, min(3, 1 - low))
+
+
+def format_cell(cell: Cell, digits: int = 3, decimals: int | None = None) -> str:
+    """Text of a table cell, with so many significant digits or the decimals of its column."""
+    if cell is None or (isinstance(cell, float) and math.isnan(cell)):
+        return "–"
+    if isinstance(cell, bool):
+        return "yes" if cell else "no"
+    if not isinstance(cell, float):
+        return str(cell)
+    if decimals is not None and math.isfinite(cell):
+        smallest = 10.0**-decimals
+        if 0 < abs(cell) < smallest / 2:
+            return f"< {smallest:.{decimals}f}"
+        return f"{cell:.{decimals}f}".replace("-", "−")
+    if cell == 0:
+        return "0"
+    if 1e-3 <= abs(cell) < 10.0 ** max(digits, 7):
+        places = max(0, digits - 1 - math.floor(math.log10(abs(cell))))
+        rounded = float(f"{cell:.{digits}g}") if abs(cell) >= 10.0 ** max(digits, 5) else cell
+        return f"{rounded:.{places}f}".replace("-", "−")  # keeps trailing zeros, no exponent
+    return f"{cell:.{digits}g}".replace("-", "−")
+
 
 _LARGEST_SVG_BYTES = 1_000_000  # a dense curve costs more as a path than as pixels
 _PACKAGES = ("casadi", "numpy", "scipy", "matplotlib", "control", "pandas", "pydantic")
@@ -206,20 +260,20 @@ def _prepared(block: Block, numbers: Iterator[int]) -> dict[str, object]:
 
 def figure_uri(figure: Figure) -> str:
     """A figure as an address that carries its content: SVG, or PNG where the curves are dense."""
-    content, media = _drawn(figure, "svg", {"Date": None}), "image/svg+xml"
+    content = _drawn(figure, "svg")
     if len(content) > _LARGEST_SVG_BYTES:
-        content, media = _drawn(figure, "png", {"Software": None}), "image/png"
-    return _uri(media, content)
+        return _uri("image/png", _drawn(figure, "png"))
+    return _uri("image/svg+xml", content)
 
 
 def _uri(media: str, content: bytes) -> str:
     return f"data:{media};base64,{base64.b64encode(content).decode('ascii')}"
 
 
-def _drawn(figure: Figure, kind: str, metadata: dict[str, None]) -> bytes:
+def _drawn(figure: Figure, kind: str) -> bytes:
     buffer = io.BytesIO()
     with figure_style():
-        figure.savefig(buffer, format=kind, metadata=metadata)
+        figure.savefig(buffer, format=kind, metadata=UNDATED[kind])
     return buffer.getvalue()
 
 

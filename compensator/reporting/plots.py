@@ -30,8 +30,7 @@ if TYPE_CHECKING:
 CYCLE = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, INK)
 LINE_STYLES = ("-", "--", "-.", ":")
 
-PAGE_WIDTH_IN = 7.2
-"""Widths of one and of two printed columns [in]."""
+PAGE_WIDTH_IN = 7.2  # width of two printed columns
 
 _STYLE: dict[Any, Any] = {
     "axes.axisbelow": True,
@@ -62,6 +61,12 @@ _STYLE: dict[Any, Any] = {
 }
 
 
+# what matplotlib is told to leave out of a file, by its kind: dates and versions
+UNDATED: dict[str, dict[str, Any]] = {
+    "png": {"Software": None},
+    "pdf": {"CreationDate": None, "ModDate": None},
+    "svg": {"Date": None},
+}
 _SAME = 0.004  # of the drawn range: about the width of a line
 _MOST_POINTS = 4000  # of a curve: more would not be seen
 
@@ -78,7 +83,6 @@ def new_figure(
     rows: int = 1,
     columns: int = 1,
     *,
-    width_in: float = PAGE_WIDTH_IN,
     height_in: float | None = None,
     share_x: bool = False,
     share_y: bool = False,
@@ -86,7 +90,7 @@ def new_figure(
 ) -> tuple[Figure, "NDArray[np.object_]"]:
     """An empty figure in our style and its panels, without touching matplotlib's global state or a display.
 
-    By default it is as wide as a printed page, and 2.2 in high for each row and another 0.4. Panels of one column may
+    It is as wide as a printed page, and by default 2.2 in high for each row and another 0.4. Panels of one column may
     share the abscissa, panels of one row the ordinate.
 
     Returns
@@ -94,7 +98,7 @@ def new_figure(
     axes : ndarray of Axes, shape (rows, columns)
     """
     with figure_style():
-        figure = Figure(figsize=(width_in, 2.2 * rows + 0.4 if height_in is None else height_in))
+        figure = Figure(figsize=(PAGE_WIDTH_IN, 2.2 * rows + 0.4 if height_in is None else height_in))
         FigureCanvasAgg(figure)
         axes = figure.subplots(
             rows,
@@ -144,13 +148,12 @@ def draw_joints(panel: Axes, motion: "JointMotion", time_s: "FloatArray") -> Non
 
 def save_figure(figure: Figure, path: Path, formats: Sequence[str] = ("png", "pdf")) -> list[Path]:
     """Write a figure as `DIR/name.png` and so on, whole or not at all; equal figures give equal files."""
-    undated = {"png": {"Software": None}, "pdf": {"CreationDate": None, "ModDate": None}, "svg": {"Date": None}}
     written = []
     with figure_style():
         for kind in formats:
             target = path.with_name(f"{path.name}.{kind}")
             with atomic_file(target) as partial:
-                figure.savefig(partial, format=kind, metadata=undated.get(kind))
+                figure.savefig(partial, format=kind, metadata=UNDATED[kind])
             written.append(target)
     return written
 
@@ -171,5 +174,5 @@ def bode_figure(systems: "Mapping[str, control.LTI]", frequencies_Hz: FloatArray
         for axis in (axes[0, 0].yaxis, axes[1, 0].xaxis):
             axis.set_major_formatter("{x:g}")
         axes[1, 0].set(ylabel="phase [deg]", xlabel="frequency [Hz]")
-        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+        legend_below(figure, axes[0, 0], columns=4)
     return figure

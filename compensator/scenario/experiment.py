@@ -17,6 +17,7 @@ import re
 from dataclasses import dataclass
 from enum import StrEnum
 
+from tendonff.compensator.files.dialect import is_number
 from tendonff.models.errors import ParameterError, require, require_given, require_whole
 
 
@@ -84,53 +85,30 @@ _COLUMNS = ("states", "motor_1", "motor_2", "motor_1_rate", "motor_2_rate", "unt
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Experiment:
-    """The two-motor test; what is left out is derived from the transmission.
+    """The two-motor test; what is left out is derived from the transmission."""
 
-    Parameters
-    ----------
-    low_tension_N, high_tension_N : float, optional
-        Tensions between which an acting motor moves its own end [N], 0 < low < high. Default: high is three quarters of
-        force_max_N; low is far enough below it that a reversal crosses the whole path.
-    pull_time_s : float, optional
-        Time of a ramp from low to high [s], > 0. Default 1, longer where force_rate_max_N_per_s asks for it.
-    hold_s : float, optional
-        Length of the two holds [s], > 0. Default: five relaxation times, between 0.5 and 10 s.
-    hold : Hold, optional
-        What S4 and S9 hold: "position" (default; the tension relaxes) or "force", the interaction force that a motor
-        has as the state begins, as the paper words it (the tendon creeps, the motor travels).
-    blend_s : float, optional
-        Time in which a command takes up and gives up its rate [s], > 0. Default: one period of the two motors on the
-        load spring, which a blend of that length does not excite.
-    rest_s : float, optional
-        Rest after a command has stopped, before the next state [s], >= 0. Default 0.1.
-    load_stiffness_N_per_m : float, optional
-        Spring of a motor in mode L [N/m], > 0. Default: the load's stiffness.
-    hold_stiffness_N_per_m : float, optional
-        Spring of a motor in mode A_h [N/m], > 0. Default: ten times the tendon's k1 + k2.
-    act_damping_N_s_per_m, load_damping_N_s_per_m, hold_damping_N_s_per_m : float, optional
-        Damper of a motor in modes A and A_f, against the frame, and in modes L and A_h, against its moving rest
-        position [N s/m], >= 0. Default: the actuator's.
-    fine_segments : int, optional
-        Number of masses of the finer run that shows the discretisation error, 1 to 1000. Default 40.
-    states, motor_1, motor_2, until : tuple of str, optional
-        Columns of a state machine of one's own: name, modes (A, L, A_h, A_f), end condition ("tension_1 >= 80" or "").
-    motor_1_rate, motor_2_rate, at_most_s : tuple of float, optional
-        Columns: rates of the commands [N/s or m/s], longest time in the state [s]. All seven columns or none.
-    """
-
+    # low_tension_N, high_tension_N: an acting motor moves its own end between them, 0 < low < high. Default: high is
+    # three quarters of force_max_N; low is far enough below it that a reversal crosses the whole path
     low_tension_N: float | None = None
     high_tension_N: float | None = None
-    pull_time_s: float | None = None
-    hold_s: float | None = None
+    pull_time_s: float | None = None  # of a ramp from low to high; default 1, longer where the force rate asks for it
+    hold_s: float | None = None  # length of the two holds; default: five relaxation times, between 0.5 and 10 s
+    # what S4 and S9 hold: the position (the tension relaxes), or the interaction force that a motor has as the state
+    # begins, as the paper words it (the tendon creeps, the motor travels)
     hold: Hold = Hold.POSITION
+    # time in which a command takes up and gives up its rate; default: one period of the two motors on the load spring,
+    # which a blend of that length does not excite
     blend_s: float | None = None
-    rest_s: float = 0.1
-    load_stiffness_N_per_m: float | None = None
-    hold_stiffness_N_per_m: float | None = None
+    rest_s: float = 0.1  # after a command has stopped, before the next state
+    load_stiffness_N_per_m: float | None = None  # spring of a motor in mode L; default: the load's stiffness
+    hold_stiffness_N_per_m: float | None = None  # the same in mode A_h; default: ten times the tendon's k1 + k2
+    # damper of a motor in modes A and A_f, against the frame, and in modes L and A_h, against its moving rest position;
+    # default: the actuator's
     act_damping_N_s_per_m: float | None = None
     load_damping_N_s_per_m: float | None = None
     hold_damping_N_s_per_m: float | None = None
-    fine_segments: int = 40
+    fine_segments: int = 40  # masses of the finer run that shows the discretisation error, 1 to 1000
+    # columns of a state machine of one's own, all seven or none
     states: tuple[str, ...] | None = None
     motor_1: tuple[str, ...] | None = None
     motor_2: tuple[str, ...] | None = None
@@ -177,51 +155,41 @@ class Experiment:
                 raise ParameterError(f"{name} must have one entry for each of the {count} states, got {len(column)}")
         if doubles := [name for k, name in enumerate(columns["states"]) if name in columns["states"][:k]]:
             raise ParameterError(f'states must differ, got "{doubles[0]}" twice; number them')
-        return tuple(self._own_state(columns, k) for k in range(count))
-
-    @staticmethod
-    def _own_state(columns: dict[str, tuple[object, ...]], k: int) -> ExperimentState:
-        name = str(columns["states"][k])
-        if not re.fullmatch(r"[\w.-]+", name):
-            raise ParameterError(f'states[{k}] must be a name of letters and digits such as "S1", got "{name}"')
-        modes = _mode(columns, 1, k), _mode(columns, 2, k)
-        rates = tuple(float(str(columns[f"motor_{motor}_rate"][k])) for motor in (1, 2))
-        for motor, rate in enumerate(rates, start=1):
-            require(f"motor_{motor}_rate[{k}]", rate, hint="use 0 for a command that stays")
-            if rate and modes[motor - 1] is MotorMode.HOLD_FORCE:
-                raise ParameterError(
-                    f"motor_{motor}_rate[{k}] must be 0 where motor_{motor} holds its force (A_f), got {rate}; "
-                    'use "A" for a force that moves'
-                )
-        longest = float(str(columns["at_most_s"][k]))
-        require(f"at_most_s[{k}]", longest, above=0, hint="every state ends after some time")
-        return ExperimentState(
-            name=name,
-            modes=modes,
-            rates=(rates[0], rates[1]),
-            until=_condition(str(columns["until"][k]), k),
-            at_most_s=longest,
-        )
+        return tuple(_own_state(k, *row) for k, row in enumerate(zip(*columns.values(), strict=True)))
 
 
-def _mode(columns: dict[str, tuple[object, ...]], motor: int, k: int) -> MotorMode:
-    text = str(columns[f"motor_{motor}"][k])
+def _own_state(
+    k: int, name: str, mode_1: str, mode_2: str, rate_1: float, rate_2: float, until: str, at_most_s: float
+) -> ExperimentState:
+    if not re.fullmatch(r"[\w.-]+", name):
+        raise ParameterError(f'states[{k}] must be a name of letters and digits such as "S1", got "{name}"')
+    modes = _mode(mode_1, f"motor_1[{k}]"), _mode(mode_2, f"motor_2[{k}]")
+    for motor, mode, rate in ((1, modes[0], rate_1), (2, modes[1], rate_2)):
+        require(f"motor_{motor}_rate[{k}]", rate, hint="use 0 for a command that stays")
+        if rate and mode is MotorMode.HOLD_FORCE:
+            raise ParameterError(
+                f"motor_{motor}_rate[{k}] must be 0 where motor_{motor} holds its force (A_f), got {rate}; "
+                'use "A" for a force that moves'
+            )
+    require(f"at_most_s[{k}]", at_most_s, above=0, hint="every state ends after some time")
+    return ExperimentState(
+        name=name, modes=modes, rates=(rate_1, rate_2), until=_condition(until, k), at_most_s=at_most_s
+    )
+
+
+def _mode(text: str, where: str) -> MotorMode:
     try:
         return MotorMode(text)
     except ValueError:
         known = ", ".join(f'"{mode}"' for mode in MotorMode)
-        raise ParameterError(f'motor_{motor}[{k}] must be one of {known}, got "{text}"') from None
+        raise ParameterError(f'{where} must be one of {known}, got "{text}"') from None
 
 
 def _condition(text: str, k: int) -> EndTension | None:
     if not text.strip():
         return None
     found = _CONDITION.fullmatch(text)
-    try:
-        value = float(found[3]) if found else math.nan
-    except ValueError:
-        value = math.nan
-    if found is None or not math.isfinite(value):
+    if found is None or not is_number(found[3]) or not math.isfinite(value := float(found[3])):
         raise ParameterError(
             f'until[{k}] must read like "tension_1 >= 80" (motor 1 or 2, >= or <=, a tension in N) or be empty, '
             f'got "{text}"'

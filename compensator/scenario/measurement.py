@@ -19,61 +19,38 @@ class Explain(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measurement:
-    """How measured files are to be read; the defaults are the file contract.
+    """How measured files are to be read; the defaults are the file contract."""
 
-    Parameters
-    ----------
-    time_column, input_column, output_column : str, optional
-        Names of the columns that hold time, input tension and output tension. Default: time_s, input_tension_N,
-        output_tension_N.
-    input_position_column, output_position_column : str, optional
-        Names of the optional columns with the positions of both ends. Default: input_position_m, output_position_m.
-    actuator_force_column : str, optional
-        Name of the optional column with the force of the actuator, before its own friction. Default: actuator_force_N.
-    time_scale, input_scale, output_scale : float, optional
-        What a number in the file is multiplied by to give s and N, not 0; 9.81 for kg, -1 reverses a sign.
-        Default 1.
-    input_position_scale, output_position_scale, actuator_force_scale : float, optional
-        The same for the positions, to give m (or rad where the tensions are torques), and for the force. Default 1.
-    input_offset_N, output_offset_N : float, optional
-        What the cells read without tension, after the scale [N]; it is subtracted. Default: found from slack samples.
-    tare_s : list of 2 numbers, optional
-        From and to: over this time of every file the tendon is slack, and the cells are set to zero [s].
-    skip_s : float, optional
-        Left out at the start of every file [s], >= 0. Default: until the start-up transient has decayed.
-    cutoff_Hz : float, optional
-        Cut-off of the zero-phase low-pass that both channels go through [Hz], > 0. Default: found from the noise.
-    explain : Explain, optional
-        Tension that is predicted from the other one. Default auto: chosen from the data.
-    tension_columns, tension_angles_rad : list, optional
-        Columns of tensions between the ends, scaled as the input, and the wrap angle from the actuator to each [rad]:
-        friction is told by section. Default: none.
-    guide_stiffness_N_per_m, guide_zero_m, bristle_spread : float, optional
-        What the law of a driven output (explain = "input") has besides [friction], as `identify` writes it: stiffness
-        of what pulls on the input end beside the tendon and where it does not pull, and s of two strands whose
-        bristles are e^s times as stiff and as soft as soft_bristle_stiffness_N_per_m. Default: none.
-    """
-
+    # names of columns; those of positions and force are optional ones, the force that of the actuator before its own
+    # friction, read as actuator_force_N unless named
     time_column: str = "time_s"
     input_column: str = "input_tension_N"
     output_column: str = "output_tension_N"
     input_position_column: str = "input_position_m"
     output_position_column: str = "output_position_m"
     actuator_force_column: str | None = None
+    # what a number in the file is multiplied by to give s, N or m (rad where the tensions are torques), not 0; 9.81 for
+    # kg, -1 reverses a sign
     time_scale: float = 1.0
     input_scale: float = 1.0
     output_scale: float = 1.0
     input_position_scale: float = 1.0
     output_position_scale: float = 1.0
     actuator_force_scale: float | None = None
+    # what the cells read without tension, after the scale [N]; subtracted. Default: found from slack samples
     input_offset_N: float | None = None
     output_offset_N: float | None = None
-    tare_s: tuple[float, float] | None = None
-    skip_s: float | None = None
-    cutoff_Hz: float | None = None
+    tare_s: tuple[float, float] | None = None  # from and to [s]: the tendon is slack there, the cells are set to zero
+    skip_s: float | None = None  # left out at the start of every file; default: until its start-up transient is over
+    cutoff_Hz: float | None = None  # of the zero-phase low-pass that both channels go through; default: from the noise
     explain: Explain = Explain.AUTO
+    # columns of tensions between the ends, scaled as the input, and the wrap angle from the actuator to each: friction
+    # is told by section
     tension_columns: tuple[str, ...] | None = None
     tension_angles_rad: tuple[float, ...] | None = None
+    # what the law of a driven output (explain = "input") has besides [friction], as `identify` writes it: stiffness of
+    # what pulls on the input end beside the tendon and where it does not pull, and s of two strands whose bristles are
+    # e^s times as stiff and as soft as soft_bristle_stiffness_N_per_m
     guide_stiffness_N_per_m: float | None = None
     guide_zero_m: float | None = None
     bristle_spread: float | None = None

@@ -56,23 +56,12 @@ class Quantity(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wish:
-    """What every kind of reference may say besides.
-
-    Parameters
-    ----------
-    quantity : Quantity, optional
-        tension (default) or position.
-    periodic : bool, optional
-        The reference is one period of a cycle that goes on for ever.
-    hold : Hold, optional
-        exact (default) or keep.
-    least_tension_N : float, optional
-        Tension that is kept where less is wanted [N], > 0; default: 2 % of the range, where the reference touches 0.
-    """
+    """What every kind of reference may say besides."""
 
     quantity: Quantity = Quantity.TENSION
-    periodic: bool = False
+    periodic: bool = False  # it is one period of a cycle that goes on for ever
     hold: Hold = Hold.EXACT
+    # tension that is kept where less is wanted, > 0; default: 2 % of the range, where the reference touches 0
     least_tension_N: float | None = None
 
     def _check(self, tensions: str | None = None, positions: str | None = None) -> None:

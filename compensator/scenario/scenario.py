@@ -54,8 +54,7 @@ _OPTIONAL: dict[str, type] = {
     "measurement": Measurement,
     "stream": Stream,
 }
-_ON_REQUEST: dict[str, type] = {"adaptation": Adaptation}
-"""Tables whose absence means that there is none of it."""
+_ON_REQUEST: dict[str, type] = {"adaptation": Adaptation}  # tables whose absence means that there is none of it
 
 _HELD_BY_JOINT = {"mass_kg": 1e-3, "stiffness_N_per_m": 1e3, "damping_N_s_per_m": 0.0}
 """What a load has that a joint moves: numbers without effect."""
@@ -65,32 +64,18 @@ _REQUIRED_TABLES = ("path", "tendon", "friction", "actuator", "load", "reference
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
-    """Everything that a scenario file says.
+    """Everything that a scenario file says: one field for each table, but the five of the transmission are one.
 
     Parameters
     ----------
     name : str
         What it is, in words.
-    transmission : Transmission
-        Path, tendon, friction, actuator and load.
     reference : ReferenceSpec
         The desired tension at the far end.
-    run : Run
-        Time step and fidelity level.
-    robust : Uncertainty
-        Uncertainty of the parameters.
-    optimal : OptimalSettings
-        What the optimal profile is asked for.
-    experiment : Experiment
-        The two-motor test.
-    measurement : Measurement
-        How measured files are to be read.
-    stream : Stream
-        How a reference arrives that is not known in advance.
     adaptation : Adaptation or None
-        Self-tuning on the controller.
+        Self-tuning on the controller; None for none.
     joints : dict of str to Joint
-        What the joints of a moving path do.
+        What the joints of a moving path do, by name.
     source : Path
         The file it was read from, which a CSV reference is relative to.
     """
@@ -116,30 +101,13 @@ class Scenario:
 
 
 def load_scenario(path: str | os.PathLike[str]) -> Scenario:
-    """Read a scenario file.
-
-    Parameters
-    ----------
-    path : str or path-like
-        TOML file.
-
-    Raises
-    ------
-    InputError
-        One message with file, table, key, value and the way out.
-    """
+    """Read a scenario file; InputError is one message with file, table, key, value and the way out."""
     path = Path(path)
     return parse_scenario(read_text(path), path)
 
 
 def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") -> Scenario:
-    """Read a scenario from its text.
-
-    Parameters
-    ----------
-    source : str or path-like, optional
-        File name for messages; a CSV reference is relative to its folder.
-    """
+    """Read a scenario from its text; messages name the source, and a CSV reference is relative to its folder."""
     source = Path(source)
     file = source.name
     try:
@@ -191,10 +159,9 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
         "[robust]": not scenario.robust.is_certain,
         "[joints]": bool(joints),
     }
-    try:
-        scenario.optimal.require_alone(others)
-    except ParameterError as error:
-        raise InputError(f"{file}: {error}") from None
+    present = [name for name, is_present in others.items() if is_present]
+    if (goal := scenario.optimal.goal) and present:
+        raise InputError(f"{file}: [optimal] {goal} does not go with {present[0]}; leave one of them out")
     return scenario
 
 
@@ -287,11 +254,8 @@ def _complete(raw: Mapping[str, object], file: str) -> dict[str, object]:
 def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | None = None) -> str:
     """Text of a scenario file that reads back as the same scenario; writes every key that is set.
 
-    Parameters
-    ----------
-    folder : str or path-like, optional
-        Folder that the text will be stored in: the file of a CSV reference is renamed to be found from there.
-        Default: the folder the scenario came from.
+    The file of a CSV reference is named so that it is found from the folder that the text will be stored in; default:
+    where the scenario came from.
     """
     reference = scenario.reference
     kind = next(kind for kind, cls in _KINDS.items() if isinstance(reference, cls))

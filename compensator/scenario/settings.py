@@ -1,6 +1,5 @@
 """Tables [run], [optimal], [stream] and [adaptation]."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import ClassVar
 
@@ -30,46 +29,28 @@ class Run:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OptimalSettings:
-    """What the optimal profile is asked for; a key that is left out keeps its default.
+    """What the optimal profile is asked for; a key that is left out keeps its default."""
 
-    Parameters
-    ----------
-    minimum_tension_N : float, optional
-        Least tension anywhere along the tendon [N], >= 0. Default 0: no link may go slack.
-    maximum_tension_N : float, optional
-        Largest tension anywhere along the tendon [N], > 0. Default: none.
-    effort_weight : float, optional
-        Weight of the mean squared force beside the mean squared tension error [-], >= 0. Default 0.
-    travel_weight : float, optional
-        What doubling the force's travel costs, as a mean squared error relative to the squared range of the reference
-        [-], >= 0. Default 1e-6.
-    static_weight : float, optional
-        Weight of the error by the static law beside that of the model, >= 0: soft bristles can be pumped by a force
-        that shakes, that law cannot. Default 0.003.
-    max_iterations : int, optional
-        Quadratic programs for each window of the horizon, 3 to 10000. Default 400.
-    restarts : int, optional
-        Searches from the profile that was found, moved or changed between two reversals, that may be in vain before it
-        is left as it is there, 0 to 100. Default 6, on long horizons 0.
-    tolerance_N : float, optional
-        Least effort: the output may be so far off the reference [N], > 0, and the force travels as little as can be.
-        With `least_time`, how near the output has to stay at the end; default there 1 % of the change.
-    least_time : bool, optional
-        Bring the output from the first to the last tension of the reference in the least time, and keep it there; what
-        the reference does in between does not count.
-    preview_s : float, optional
-        The reference is known only so far ahead [s], > 0, and taken to stand still beyond: planned anew as time goes.
-    """
-
-    minimum_tension_N: float | None = None
-    maximum_tension_N: float | None = None
-    effort_weight: float | None = None
+    minimum_tension_N: float | None = None  # least anywhere along the tendon, >= 0; default 0: no link may go slack
+    maximum_tension_N: float | None = None  # largest anywhere along the tendon, > 0; default: none
+    effort_weight: float | None = None  # of the mean squared force beside the mean squared tension error; default 0
+    # what doubling the force's travel costs, as a mean squared error relative to the squared range of the reference,
+    # >= 0; default 1e-6
     travel_weight: float | None = None
+    # weight of the error by the static law beside that of the model, >= 0: soft bristles can be pumped by a force that
+    # shakes, that law cannot; default 0.003
     static_weight: float | None = None
-    max_iterations: int | None = None
+    max_iterations: int | None = None  # quadratic programs for each window of the horizon, 3 to 10000; default 400
+    # searches from the profile that was found, moved or changed between two reversals, that may be in vain before it is
+    # left as it is there, 0 to 100; default 6, on long horizons 0
     restarts: int | None = None
+    # least effort: the output may be so far off the reference, > 0, and the force travels as little as can be; with
+    # `least_time`, how near the output has to stay at the end, default there 1 % of the change
     tolerance_N: float | None = None
+    # bring the output from the first to the last tension of the reference in the least time, and keep it there; what
+    # the reference does in between does not count
     least_time: bool | None = None
+    # the reference is known only so far ahead, > 0, and taken to stand still beyond: planned anew as time goes
     preview_s: float | None = None
 
     _GOALS: ClassVar = ("tolerance_N", "least_time", "preview_s")
@@ -113,30 +94,14 @@ class OptimalSettings:
         """The optimal profile is meant to have the least error against the reference."""
         return self.goal in ("", "preview_s")
 
-    def require_alone(self, others: Mapping[str, bool]) -> None:
-        """Refuse a goal beside what it is not made for: of what a scenario may have, in words, whether it has it."""
-        for name, present in others.items():
-            if self.goal and present:
-                raise ParameterError(f"[optimal] {self.goal} does not go with {name}; leave one of them out")
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stream:
-    """A reference that arrives sample by sample.
+    """A reference that arrives sample by sample."""
 
-    Parameters
-    ----------
-    lag_max_s : float
-        Largest lag of the output tension behind the reference that the filter may cause [s], >= 0.
-    preview_s : float
-        Time by which the caller knows the reference ahead [s], >= 0; 0: not at all. With preview there is no lag.
-    resolution_N : float
-        Step of the converter that measures the reference [N], >= 0; changes up to this size are ignored.
-    """
-
-    lag_max_s: float = 0.015
-    preview_s: float = 0.0
-    resolution_N: float = 0.0
+    lag_max_s: float = 0.015  # of the output tension behind the reference, as the filter may cause it, >= 0
+    preview_s: float = 0.0  # time by which the caller knows the reference ahead, >= 0; with preview there is no lag
+    resolution_N: float = 0.0  # step of the converter that measures the reference; changes up to this size are ignored
 
     def __post_init__(self) -> None:
         require("lag_max_s", self.lag_max_s, least=0, hint="0.015 is a good start; 0 for no filter")

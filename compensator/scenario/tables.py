@@ -5,27 +5,26 @@ and its `__post_init__` the bounds. Nothing is repeated here.
 """
 
 import dataclasses
+import functools
 import json
+import operator
 import re
 from collections.abc import Mapping
 from enum import StrEnum
 from inspect import cleandoc
 from types import NoneType, UnionType
-from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, Strict, ValidationError, create_model
+from pydantic import TypeAdapter, ValidationError
 
 from tendonff.compensator.files.reading import InputError, suggestion
-from tendonff.models.errors import ParameterError
 from tendonff.models.parameters.drive import Motor, Rope
 
 T = TypeVar("T")
 
 _ROPE = tuple(field.name for field in dataclasses.fields(Rope))
-NO_STRIBECK_VELOCITY_M_PER_S = 0.01
-"""Stands in where mu_static = mu_dynamic, so that it has no effect."""
-NO_RELAXATION_TIME_S = 1.0
-"""Stands in where nothing relaxes, so that it has no effect."""
+NO_STRIBECK_VELOCITY_M_PER_S = 0.01  # stands in where mu_static = mu_dynamic, so that it has no effect
+NO_RELAXATION_TIME_S = 1.0  # stands in where nothing relaxes, so that it has no effect
 
 
 def read_table(cls: type[T], raw: object, *, file: str, table: str, extra_keys: tuple[str, ...] = ()) -> T:
@@ -33,23 +32,17 @@ def read_table(cls: type[T], raw: object, *, file: str, table: str, extra_keys: 
 
     InputError `file [table]: message` for an unknown key, a missing one, a wrong type or a value out of bounds.
     """
-    where = f"{file} [{table}]"
     check_names(cls, raw, file=file, table=table, extra_keys=extra_keys)
     keys = {key: value for key, value in dict(raw).items() if key not in extra_keys}  # type: ignore[call-overload]
-    inner: dict[str, Any] = {
-        name: read_table(part, keys.pop(name), file=file, table=f"{table}.{name}")
-        for name, part in _tables_within(cls).items()
-        if name in keys
-    }
+    for name, part in _tables_within(cls).items():
+        if name in keys:  # for a message that names the inner table
+            read_table(part, keys[name], file=file, table=f"{table}.{name}")
     try:
-        values = _validator(cls).model_validate(keys)
+        # JSON has lists and text where Python has tuples and enums, as TOML has; else text is no number, true is not 1.
+        # A date, which JSON has not, becomes what no key may be.
+        return TypeAdapter(cls).validate_json(json.dumps(keys, default=lambda _: {}), strict=True)
     except ValidationError as error:
-        raise InputError(f"{where}: {_explain(cls, error)}") from None
-    known = [field.name for field in dataclasses.fields(cls)]  # type: ignore[arg-type]
-    try:
-        return cls(**{name: getattr(values, name) for name in known if name not in inner}, **inner)
-    except ParameterError as error:
-        raise InputError(f"{where}: {error}") from None
+        raise InputError(f"{file} [{table}]: {_explain(cls, keys, error)}") from None
 
 
 def read_kind(kinds: Mapping[str, type[T]], raw: object, *, file: str, table: str) -> T:
@@ -141,34 +134,8 @@ def descriptions(cls: type) -> dict[str, str]:
     return found
 
 
-def _validator(cls: type) -> type[BaseModel]:
-    """A pydantic model with the fields of the dataclass: strict, so that text is no number and true is not 1."""
-    hints = get_type_hints(cls)
-    fields: dict[str, Any] = {}
-    inner = _tables_within(cls)
-    for field in dataclasses.fields(cls):
-        if field.name in inner:
-            fields[field.name] = (Any, None)
-            continue
-        default = ... if field.default is dataclasses.MISSING else field.default
-        fields[field.name] = (_relaxed(hints[field.name]), default)
-    return create_model(cls.__name__, __config__=ConfigDict(strict=True, extra="forbid"), **fields)
-
-
-def _relaxed(annotation: Any) -> Any:
-    """TOML has lists and text where Python has tuples and enums: let those two pass, and only those."""
-    if get_origin(annotation) is tuple:
-        inner, *rest = get_args(annotation)
-        return Annotated[tuple.__class_getitem__((_relaxed(inner), *rest)), Strict(False)]
-    if isinstance(annotation, type) and issubclass(annotation, StrEnum):
-        return Annotated[annotation, Strict(False)]
-    if get_origin(annotation) in (UnionType, Union):
-        return Union[tuple(_relaxed(part) for part in get_args(annotation))]  # noqa: UP007 - built at run time
-    return annotation
-
-
-def _explain(cls: type, error: ValidationError) -> str:
-    """The first thing that is wrong, in words: a missing key before a wrong type."""
+def _explain(cls: type, keys: Mapping[str, object], error: ValidationError) -> str:
+    """The first thing that is wrong with the keys, in words: a missing key before a wrong type, that before a bound."""
     problems = error.errors(include_url=False)
     missing = [str(problem["loc"][0]) for problem in problems if problem["type"] == "missing"]
     if missing:
@@ -176,10 +143,12 @@ def _explain(cls: type, error: ValidationError) -> str:
         others = f"; also missing: {', '.join(missing[1:])}" if missing[1:] else ""
         return f'key "{missing[0]}" is missing{f" ({what})" if what else ""}{others}'
     problem = problems[0]
-    name, *rest = problem["loc"]
-    key = f"{name}{''.join(f'[{k}]' for k in rest if isinstance(k, int))}"
-    item = any(isinstance(k, int) for k in rest)
-    return f"{key} must be {_wanted(get_type_hints(cls)[str(name)], item=item)}, got {show(problem['input'])}"
+    if problem["type"] == "value_error":  # what the dataclass itself refuses
+        return str(problem["ctx"]["error"])
+    name, *items = problem["loc"]
+    key = f"{name}{''.join(f'[{k}]' for k in items)}"
+    value: Any = functools.reduce(operator.getitem, problem["loc"], keys)  # type: ignore[arg-type]
+    return f"{key} must be {_wanted(get_type_hints(cls)[str(name)], item=bool(items))}, got {show(value)}"
 
 
 def _wanted(annotation: Any, *, item: bool) -> str:

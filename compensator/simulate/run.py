@@ -56,8 +56,7 @@ class ForceProfile:
 
     def at(self, time_s: FloatArray) -> FloatArray:
         """Force at the given times [N]."""
-        force: FloatArray = np.interp(time_s, self.time_s, self.force_N)
-        return force
+        return np.interp(time_s, self.time_s, self.force_N)
 
 
 def read_force(path: Path, column: str | None = None, drive: Drive = Drive.FORCE) -> ForceProfile:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from tendonff.compensator.compensators.score import Score
-from tendonff.compensator.compensators.table_build import BuiltTable
+from tendonff.compensator.compensators.table import BuiltTable
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level

@@ -5,9 +5,8 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from tendonff.compensator.compensators.base import Problem, with_motion
-from tendonff.compensator.compensators.score import SimulatedPlant, scale_N, verify
+from tendonff.compensator.compensators.score import SimulatedPlant, doubt, error_bands, scale_N, verify
 from tendonff.compensator.compensators.table import CompensationTable, table_of, table_range
-from tendonff.compensator.compensators.uncertain import doubt, error_bands
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampled.joint_motion import posed
 from tendonff.compensator.scenario.scenario import Scenario

@@ -15,9 +15,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from tendonff.models.layout import Array
 
 PLAYS = 8
 PLACES = tuple((2 * k + 1) / PLAYS - 1 for k in range(PLAYS))

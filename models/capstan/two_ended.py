@@ -7,14 +7,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tendonff.models.capstan.law import section_exponents
 from tendonff.models.errors import ParameterError
+from tendonff.models.layout import Array
 from tendonff.models.parameters.transmission import Transmission
 from tendonff.models.path import cut_path
-
-Array = NDArray[np.float64]
 
 _HALVINGS = 60
 

@@ -5,22 +5,15 @@ from dataclasses import dataclass, fields, replace
 import casadi as ca
 
 from tendonff.models.chain import Chain
-from tendonff.ocp.adaptation.code import (
-    LOAD_STIFFNESS,
-    TunedChain,
-    render_tuner,
-    tuner_context,
-    tuner_laws,
-)
+from tendonff.ocp.adaptation.code import LOAD_STIFFNESS, TunedChain, render_tuner, tuner_context, tuner_laws
 from tendonff.ocp.adaptation.tuning import Tunable
 from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
-from tendonff.ocp.step.folding import Weights, chain_specialiser, record_code, rest_statements
+from tendonff.ocp.step.folding import Weights, chain_specialiser, record_code, rest_statements, scheme_rows
 from tendonff.ocp.step.joints import Joints
 from tendonff.ocp.step.laws import ElementLaws, end_mass, end_mass_tangent, way_of
 from tendonff.ocp.step.render import Compliances, Limits, law_calls
-from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT
 from tendonff.ocp.step.target import compliances_of, controller_limits, folded_inverse, step_code
 from tendonff.ocp.step.target_joints import SLOPE_OF, Contact, contact_code
 
@@ -31,9 +24,7 @@ class FreeCode:
 
     record: str  # the type of the record
     rows: str  # its values at factors of 1, one row per weight of the scheme
-    # laws, body: element laws as static functions, and the scheme around them
-    laws: str
-    body: str
+    code: str  # element laws as static functions, and the scheme around them
     gain_call: str  # statement that renews the slope of a link's force in `rows[k]`, where the tendon is tuned
 
 
@@ -49,16 +40,11 @@ class TunerCode:
 
 
 def inverse_free_code(
-    tuned: TunedChain,
-    step_s: float,
-    prefix: str,
-    precision: Precision,
-    names: tuple[str, ...],
-    contact: Contact | None = None,
+    chain: Chain, step_s: float, prefix: str, precision: Precision, names: tuple[str, ...], contact: Contact | None
 ) -> FreeCode:
     """The exact inverse with free numbers, named as in `Chain.numbers`."""
-    chain, relative = tuned.chain, precision is Precision.FLOAT
-    weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY))
+    relative = precision is Precision.FLOAT
+    weights = scheme_rows(step_s)
     folder = chain_specialiser(chain, weights, prefix, precision, contact, names)
     laws = ElementLaws.of(chain, folded=True) if contact is None else contact.laws
     gain = folder.fold(laws.link_gain())
@@ -73,17 +59,11 @@ def inverse_free_code(
 
 
 def model_free_code(
-    tuned: TunedChain,
-    step_s: float,
-    prefix: str,
-    precision: Precision,
-    names: tuple[str, ...],
-    contact: Contact | None = None,
+    chain: Chain, step_s: float, prefix: str, precision: Precision, names: tuple[str, ...], contact: Contact | None
 ) -> FreeCode:
     """The time step with its sensitivities, and with free numbers; those of the ends are free anyway."""
-    chain, limits = tuned.chain, controller_limits(precision)
-    pieces = tuple((step_s / 2**k, 0.0) for k in range(1, limits.splits + 1))
-    weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY), *pieces)
+    limits = controller_limits(precision)
+    weights = scheme_rows(step_s, limits.splits)
     ends = tuple(name for name in chain.numbers() if name.startswith(("near_", "far_")))
     free = tuple(dict.fromkeys((*names, *ends)))
     folder = chain_specialiser(chain, weights, prefix, precision, contact, free, whole=False)
@@ -122,8 +102,8 @@ def tuner_code(tuned: TunedChain, step_s: float, prefix: str, precision: Precisi
         joints = Joints.of(chain)
         contact = contact_code(chain, joints, model_prefix, precision, settable=True, slopes=True, types=types)
         context |= _on_path(tuned, contact, types, precision)
-    model = model_free_code(tuned, step_s, model_prefix, precision, names, contact)
-    inverse = inverse_free_code(tuned, step_s, inverse_prefix, precision, names, contact)
+    model = model_free_code(chain, step_s, model_prefix, precision, names, contact)
+    inverse = inverse_free_code(chain, step_s, inverse_prefix, precision, names, contact)
     shifted = precision is Precision.FLOAT
     slopes = (chain.rest_state(1.0).vector() - chain.rest_state(0.0).vector()) * (0.0 if shifted else 1.0)
     context |= {
@@ -161,10 +141,8 @@ def tuner_code(tuned: TunedChain, step_s: float, prefix: str, precision: Precisi
         model.rows,
         inverse.rows,
         *([] if contact is None else [contact.functions]),
-        model.laws,
-        model.body,
-        inverse.laws,
-        inverse.body,
+        model.code,
+        inverse.code,
         *own,
         render_tuner("tuner.c.j2", context),
     ]
@@ -242,7 +220,6 @@ def _free_code(
     return FreeCode(
         record=f"/* What depends on the weight H [s] of the scheme, and what is tuned. */\n{record}",
         rows=rows,
-        laws="\n".join(law.code for law in used),
-        body="\n".join(code.render(template) for template in templates),
+        code="\n".join([*(law.code for law in used), *(code.render(template) for template in templates)]),
         gain_call="" if by_length else law_calls(folder.prefix, laws)("link_gain", {"gain": "&rows[k].gain"}),
     )

@@ -15,9 +15,8 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
-from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.codegen.printer import OPERATORS, SELECT, literal, operator
+from tendonff.ocp.codegen.printer import OPERATORS, SELECT, Law, literal, operator
 from tendonff.ocp.errors import CodeError
 
 Values = tuple[float, ...]
@@ -63,10 +62,6 @@ class Specialiser:
     # arguments that are the same in many calls: with `reorder`, constants are gathered with them
     steady: Sequence[str] = ()
     coefficients: dict[str, Values] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        if len({len(values) for values in self.parameters.values()}) > 1:
-            raise CodeError("every parameter needs one value for each weight of the scheme")
 
     @property
     def weights(self) -> int:

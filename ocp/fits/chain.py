@@ -18,7 +18,6 @@ from enum import StrEnum
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from tendonff.models.assembly import End
@@ -31,8 +30,7 @@ from tendonff.models.path import JointMotion
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.sensitivity import Parameter, force_sensitivity, parameter_sensitivity
 from tendonff.ocp.simulate import simulate
-
-Array = NDArray[np.float64]
+from tendonff.ocp.step.protocol import Array
 
 NEAR_MASS_KG = 1e-6
 LEAD_IN_S = 0.4

@@ -10,12 +10,10 @@ from functools import cache
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from tendonff.models.friction import RubbingEnd
 from tendonff.ocp.fits.least_squares import Residuals, Solution, Unknown, solve
-
-Array = NDArray[np.float64]
+from tendonff.ocp.step.protocol import Array
 
 COULOMB, DAMPING, OFFSET = "coulomb_N", "damping_N_s_per_m", "offset_N"
 

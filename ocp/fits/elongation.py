@@ -12,10 +12,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-Array = NDArray[np.float64]
+from tendonff.ocp.step.protocol import Array
 
 TENDON_PARAMETERS = ("stiffness_N_per_m", "relaxing_stiffness_N_per_m", "relaxation_time_s")
 
@@ -54,20 +53,17 @@ def elongation(numbers: tuple[float, float, float], tension_N: Array, step_s: fl
     b0, b1, a = float(b0[0]), float(b1[0]), float(a[0])
     k1, k2, tau = numbers
     start = tension_N[0] / k1
-    x = _recursion(b0, b1, a, tension_N, start)
     now, before = tension_N, np.concatenate([tension_N[:1], tension_N[:-1]])
+    x = _recursion(a, b0 * now + b1 * before, start)
     x_before = np.concatenate([[start], x[:-1]])
     slopes = np.empty((len(x), 3))
-    for k in range(3):
-        drive = by[0, k] * now + by[1, k] * before + by[2, k] * x_before
-        drive[0] = -start / k1 if k == 0 else 0.0
-        slopes[:, k] = lfilter([1.0], [1.0, -a], drive)
+    for k, first in enumerate((-start / k1, 0.0, 0.0)):
+        slopes[:, k] = _recursion(a, by[0, k] * now + by[1, k] * before + by[2, k] * x_before, first)
     time_constant = tau * (k1 + k2) / k1
     return Elongation(elongation_m=x, slopes=slopes, fading=np.exp(-np.arange(len(x)) * step_s / time_constant))
 
 
-def _recursion(b0: float, b1: float, a: float, tension_N: Array, start: float) -> Array:
-    drive = b0 * tension_N
-    drive[1:] += b1 * tension_N[:-1]
-    drive[0] = start
+def _recursion(a: float, drive: Array, first: float) -> Array:
+    """Run x_k = drive_k + a x_{k-1} from x_0 = first."""
+    drive[0] = first
     return np.asarray(lfilter([1.0], [1.0, -a], drive))

@@ -9,8 +9,8 @@ from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from tendonff.ocp.errors import SolveError
+from tendonff.ocp.step.protocol import Array
 
-Array = NDArray[np.float64]
 Blocks = NDArray[np.int_]
 
 SINGULAR = 1e-9
@@ -60,7 +60,6 @@ class Solution:
     degrees: int  # independent blocks less unknowns: degrees of freedom of Student's t
     residuals: Residuals  # at the minimiser
     cost: float
-    evaluations: int
     at_bound: tuple[str, ...]  # unknowns that ended on a bound
 
     def standard_error(self, name: str) -> float:
@@ -132,7 +131,6 @@ def solve(
         degrees=degrees,
         residuals=residuals,
         cost=float(found.cost),
-        evaluations=int(found.nfev),
         at_bound=bound,
     )
 

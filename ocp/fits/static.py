@@ -19,13 +19,11 @@ from enum import StrEnum
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from tendonff.models.bounds import play
 from tendonff.models.capstan.spread_bounds import PLACES, PLAYS, sliding_exponent
 from tendonff.models.friction import LuGreBristle, equivalent_coefficient
-
-Array = NDArray[np.float64]
+from tendonff.ocp.step.protocol import Array
 
 LIFTED_FLOOR_N = 1e-9
 """Least T + p in the play law [N]: below it the tendon is slack and the law has no meaning."""

@@ -35,13 +35,7 @@ class CasadiTangent:
         self._values = values
 
     def run(
-        self,
-        x: Array,
-        time_s: float,
-        inputs: ChainInputs,
-        start: Array,
-        drive: Array,
-        forgotten: NDArray[np.intc],
+        self, x: Array, time_s: float, inputs: ChainInputs, start: Array, drive: Array, forgotten: NDArray[np.intc]
     ) -> tuple[Rows, Array, Array]:
         """Simulate and differentiate in d directions.
 

@@ -8,17 +8,23 @@ import casadi as ca
 import numpy as np
 
 from tendonff.models.chain import Chain
-from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import Specialiser
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.codegen.printer import literal
+from tendonff.ocp.codegen.printer import Law, literal
 from tendonff.ocp.step.c_engine import link_ratios
 from tendonff.ocp.step.laws import ElementLaws
 from tendonff.ocp.step.protocol import Array
+from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT
 from tendonff.ocp.step.target_joints import Contact
 
 Weights = tuple[tuple[float, float], ...]
 """Weight H [s] and carry of each row of the scheme."""
+
+
+def scheme_rows(step_s: float, splits: int = 0) -> Weights:
+    """Rows for the first step (implicit Euler), for every later one, and for each halving of a step that is split."""
+    halved = ((step_s / 2**k, 0.0) for k in range(1, splits + 1))
+    return ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY), *halved)
 
 
 def chain_specialiser(

@@ -10,9 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonff.models.chain import Chain
-from tendonff.models.path import Section
-
-_MOST_TURNS = 100.0
+from tendonff.models.path import MOST_TURNS, Section
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,11 +111,11 @@ def _ranges(sections: tuple[Section, ...], names: tuple[str, ...]) -> tuple[tupl
     """Angles between which no section has a negative length or more than a hundred turns."""
     least, most = [], []
     for name in names:
-        low, high = -_MOST_TURNS, _MOST_TURNS
+        low, high = -MOST_TURNS, MOST_TURNS
         for section in sections:
             if section.joint != name:
                 continue
-            room = 2 * math.pi * _MOST_TURNS - section.angle_rad
+            room = 2 * math.pi * MOST_TURNS - section.angle_rad
             bounds = [(section.angle_per_rad, room)]
             if section.length_m is not None:
                 bounds.append((-section.length_per_rad_m, section.length_m))

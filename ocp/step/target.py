@@ -15,12 +15,13 @@ from tendonff.ocp.step.folding import (
     chain_specialiser,
     record_code,
     rest_statements,
+    scheme_rows,
     weighted_sum,
 )
 from tendonff.ocp.step.joints import Joints
 from tendonff.ocp.step.laws import ElementLaws, end_mass, far_velocity, near_force
 from tendonff.ocp.step.render import Compliances, Limits, OnJoints, StepCode
-from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT, RESIDUAL_ROUNDING, RESIDUAL_TOLERANCE_N
+from tendonff.ocp.step.scheme import RESIDUAL_ROUNDING, RESIDUAL_TOLERANCE_N
 from tendonff.ocp.step.target_joints import Contact, contact_code
 
 _KINDS = 2
@@ -81,7 +82,7 @@ def inverse_code(
     chain: Chain, step_s: float, prefix: str, precision: Precision, *, settable: bool = False
 ) -> ChainCode:
     """The exact inverse; where it is settable, those of `SETTABLE` that the laws need are left to the caller."""
-    weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY))
+    weights = scheme_rows(step_s)
     left = SETTABLE if settable else ()
     contact = _contact(chain, prefix, precision, settable=settable)
     if contact is not None and settable:
@@ -108,8 +109,7 @@ def inverse_code(
 def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -> ChainCode:
     """The time step."""
     limits = plant_limits(precision)
-    pieces = tuple((step_s / 2**k, 0.0) for k in range(1, limits.splits + 1))
-    weights = ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY), *pieces)
+    weights = scheme_rows(step_s, limits.splits)
     contact = _contact(chain, prefix, precision)
     folder = chain_specialiser(chain, weights, prefix, precision, contact, whole=False)
     laws = ElementLaws.of(chain) if contact is None else contact.laws

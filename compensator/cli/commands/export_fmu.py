@@ -46,10 +46,9 @@ def export_fmu(
             ]
             for unit in units:
                 unit.write(folder)
-    for warning in units[0].warnings:
-        warn(warning)
-    for line in score_lines(units[0].judged) if units[0].judged else ():
-        say(line)
+    warn(*units[0].warnings)
+    if units[0].judged:
+        say(*score_lines(units[0].judged))
     if not all(unit.has_binary for unit in units):
         warn("no binary was made here (a C compiler on Linux makes one); the unit holds its sources")
     if everywhere:

@@ -10,13 +10,12 @@ import numpy as np
 
 from tendonff.compensator.compensators.base import FloatArray
 from tendonff.compensator.compensators.registry import compensator
-from tendonff.compensator.compensators.uncertain import doubt
+from tendonff.compensator.compensators.score import doubt
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_file
 from tendonff.compensator.scenario.scenario import Scenario
 
-YIELD_PERCENT = (0.5, 1.0, 2.0, 5.0, 10.0)
-"""Errors whose yields are told [% of range]."""
+YIELD_PERCENT = (0.5, 1.0, 2.0, 5.0, 10.0)  # errors whose yields are told [% of range]
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 

@@ -1,4 +1,4 @@
-"""The text of exported C: templates, what they are told, and the modules rendered from them."""
+"""The text of exported C: templates, what they are told, and the files rendered from them."""
 
 import json
 import math
@@ -13,29 +13,44 @@ import numpy as np
 from tendonff._version import __version__
 from tendonff.compensator.compensators.base import CModule, Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
-from tendonff.compensator.compensators.stream.model import RE_ENTRY_S, SLACK, StreamDesign
-from tendonff.compensator.compensators.table import table_range
-from tendonff.compensator.compensators.table_build import BuiltTable
+from tendonff.compensator.compensators.stream import RE_ENTRY_S, SLACK, StreamDesign
+from tendonff.compensator.compensators.table import BuiltTable, accepted_range
 from tendonff.compensator.export.adaptive import adaptive_code
 from tendonff.compensator.export.modules import ADAPTIVE_MODULES, PLANT, STREAM
-from tendonff.compensator.export.packaging import packed
 from tendonff.compensator.export.text.parameters import parameter_context, settable_inverse
-from tendonff.compensator.export.text.path_text import padded, path_bytes, path_context
 from tendonff.compensator.export.text.table_index import share_index
-from tendonff.compensator.scenario.sampled.sampling import largest_tension
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.capstan.spread_bounds import PLAYS, play_exponents
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
+from tendonff.models.friction import equivalent_exponent
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
 from tendonff.ocp.codegen.templates import environment
 from tendonff.ocp.step.joints import Joints
+from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT
 from tendonff.ocp.step.target import plant_code, plant_limits
+from tendonff.ocp.step.target_joints import contact_code
 
 _FOLDER_FILES = ("self_test.c", "example_main.c", "Makefile", "CMakeLists.txt", "README.md")
+# What carries the C into other tools: template, and the module without which there is no such file ("follower": any
+# that follows a reference), by the path below the exported folder.
+_PACKAGES = {
+    "{p}_parameters.a2l": ("c/parameters.a2l.j2", ""),
+    "zephyr/module.yml": ("packages/zephyr_module.yml.j2", ""),
+    "zephyr/CMakeLists.txt": ("packages/zephyr_cmake.txt.j2", ""),
+    "zephyr/Kconfig": ("packages/zephyr_kconfig.j2", ""),
+    "library.json": ("packages/library.json.j2", ""),
+    "library.properties": ("packages/library.properties.j2", ""),
+    "structured_text/{p}_capstan.st": ("packages/capstan.st.j2", "capstan"),
+    "structured_text/{p}_table.st": ("packages/table.st.j2", "table"),
+    "ros2/{p}_controller/package.xml": ("packages/ros2_package.xml.j2", "follower"),
+    "ros2/{p}_controller/CMakeLists.txt": ("packages/ros2_cmake.txt.j2", "follower"),
+    "ros2/{p}_controller/{p}_controller.xml": ("packages/ros2_plugin.xml.j2", "follower"),
+    "ros2/{p}_controller/{p}_controller.cpp": ("packages/ros2_controller.cpp.j2", "follower"),
+}
 _TEMPLATES = environment("tendonff.compensator.export")
 _TEMPLATES.filters["st"] = lambda value: literal(float(value), Precision.DOUBLE)
 
@@ -50,13 +65,10 @@ def c_sources(
 ) -> dict[str, str]:
     """Sources and headers of some modules and of what they share, by file name.
 
-    Parameters
-    ----------
-    further : mapping, optional
-        What the templates of these modules need beyond scenario and level: table, profile.
+    The templates of these modules may need further things: table, profile.
     """
     chain, step, actuator = problem.chain, problem.reference.step_s, problem.transmission.actuator
-    context = _context(scenario, problem, modules, precision, prefix, further) | dict(further)
+    context = _context(scenario, problem, modules, precision, prefix, further)
     names = [module.name for module in modules]
     code: dict[str, dict[str, object]] = {}
     if scenario.adaptation is not None and {m.name for m in ADAPTIVE_MODULES} & set(names):
@@ -85,11 +97,12 @@ def folder_files(
     further: Mapping[str, Any],
 ) -> dict[str, str]:
     """What an exported folder holds beside the sources of its modules, by file name; arguments as of `c_sources`."""
-    context = _context(scenario, problem, modules, precision, prefix, further) | dict(further)
+    context = _context(scenario, problem, modules, precision, prefix, further)
     # Structured Text has the law with one dead band.
-    packable = [m.name for m in modules if m.name != "capstan" or context["plays"] is None]
-    beside = packed(packable, str(context["follower"]), prefix)
-    templates = {name: f"c/{name}.j2" for name in _FOLDER_FILES} | beside
+    there = {"", *(m.name for m in modules if m.name != "capstan" or context["plays"] is None)}
+    there |= {"follower"} if context["follower"] else set()
+    templates = {name: f"c/{name}.j2" for name in _FOLDER_FILES}
+    templates |= {path.format(p=prefix): template for path, (template, needs) in _PACKAGES.items() if needs in there}
     return {path: _TEMPLATES.get_template(template).render(context) for path, template in templates.items()}
 
 
@@ -168,14 +181,6 @@ def table_context(built: BuiltTable, precision: Precision) -> dict[str, object]:
     }
 
 
-def accepted_range(problem: Problem) -> tuple[float, float]:
-    """References that the exported modules accept [N]."""
-    tension = problem.reference.tension_N
-    low, _ = table_range(problem)
-    high = max(largest_tension(problem.transmission), float(np.max(tension)))
-    return min(low, 0.01 * float(np.min(tension))), high
-
-
 def _context(
     scenario: Scenario,
     problem: Problem,
@@ -184,7 +189,7 @@ def _context(
     prefix: str,
     further: Mapping[str, Any],
 ) -> dict[str, object]:
-    """What every template may use."""
+    """What every template may use, and what is given further."""
     transmission, reference, step = problem.transmission, problem.reference, problem.reference.step_s
     actuator, law = transmission.actuator, CapstanLaw.of(transmission)
     chain = problem.chain
@@ -197,9 +202,10 @@ def _context(
     followers = [m for m in modules if not m.plays_back and m not in others]  # of a reference, without delay
     output = max(size, 4) + 8 + 3 * size
     past = 2 * count + 2 if precision is Precision.FLOAT else 0
-    joints = Joints.of(chain) if chain.moving else None
+    joints = Joints.of(chain) if chain.moving else None  # else all masses are alike and nothing moves
+    moving = joints is not None and bool(joints.names)
     path = {
-        settable: 0 if joints is None else path_bytes(chain, joints, prefix, precision, settable=settable)
+        settable: 0 if joints is None else _path_bytes(chain, joints, prefix, precision, settable=settable)
         for settable in (False, True)
     }
     past += count + 2 if past and joints else 0
@@ -208,18 +214,24 @@ def _context(
     free = 5 if chain.friction.weakening_speed_m_per_s is not None else 3
     free = 1 if joints else free
     state = {
-        "inverse": padded(output + (2 * reals + (7 if ramp else 6) + free + past) * size + 12 + path[True], size),
+        "inverse": _padded(output + (2 * reals + (7 if ramp else 6) + free + past) * size + 12 + path[True], size),
         "capstan": output + (5 if law.plays is None else 4 + 3 * PLAYS) * size,
-        "table": padded(output + 4 * size + 4, size),
-        "plant": padded((2 * reals + (3 if servo else 2)) * size + 16 + path[False], size),
-        "profile": padded(output + 4, size),
-        "bounds": padded(4 * size + 4, size),
+        "table": _padded(output + 4 * size + 4, size),
+        "plant": _padded((2 * reals + (3 if servo else 2)) * size + 16 + path[False], size),
+        "profile": _padded(output + 4, size),
+        "bounds": _padded(4 * size + 4, size),
     }
     if design is not None and "stream" in names:
         line = design.line + 3 + (2 * (design.ahead + 1) + 2 if ramp else 0)
-        state["stream"] = padded(output + state["inverse"] + line * size + (20 if ramp else 12), size)
+        state["stream"] = _padded(output + state["inverse"] + line * size + (20 if ramp else 12), size)
     return _naming(scenario, problem.level, precision, prefix) | {
-        **path_context(chain, joints, prefix),
+        "joints": joints,
+        "joint_parameter": f", const {prefix}_real joint_rad[]" if moving else "",
+        "arguments": ", joint_rad" if moving else "",
+        "carry": BDF2_CARRY,
+        "weight": BDF2_WEIGHT,
+        "rated": [] if joints is None else _rated(joints),
+        "friction_shares": _friction_shares(chain),
         "title": f"{prefix}: feedforward force for a tendon",
         "count": count,
         "reals": reals,
@@ -252,6 +264,7 @@ def _context(
         "example_rows": max(20, min(4000, round(2.0 / step))),
         "limits": plant_limits(precision),
         "state_bytes": state,
+        **further,
     }
 
 
@@ -300,3 +313,33 @@ def measured(precision: Precision) -> dict[str, object]:
     text = files("tendonff.compensator.export").joinpath("measured.json").read_text(encoding="utf-8")
     content: dict[str, dict[str, object]] = json.loads(text)
     return content[precision]
+
+
+def _path_bytes(chain: Chain, joints: Joints, prefix: str, precision: Precision, *, settable: bool) -> int:
+    """Where the path stands, and friction of its bends, in the state of a module [bytes]."""
+    size = 4 if precision is Precision.FLOAT else 8
+    bends = len(joints.bends)
+    path = _padded(
+        (2 * len(joints.names) + 3 * bends + (3 if size == 4 else 2) * len(joints.links) + 1) * size + 4, size
+    )
+    contact = contact_code(chain, joints, f"{prefix}_inverse", precision, settable=settable)
+    return path + (bends * len(contact.own) + (2 if settable else 0)) * size
+
+
+def _rated(joints: Joints) -> list[bool]:
+    """Whether the speed of each joint matters: where it changes lengths, or moves the far end."""
+    lengths = np.array([link.gained_m for link in joints.links if link.moves] + [joints.far_m], dtype=np.float64)
+    return [bool(np.any(own)) for own in lengths.T]
+
+
+def _friction_shares(chain: Chain) -> list[float]:
+    """Share of each mass in what friction can hold along the path, at joint angle zero."""
+    pull, _ = chain.friction.slip_coefficients
+    exponent = equivalent_exponent(np.minimum(np.broadcast_to(np.asarray(pull, float), (chain.count,)), 1 - 1e-12))
+    total = float(exponent.sum())
+    return (exponent / total).tolist() if total > 0 else [1 / chain.count] * chain.count
+
+
+def _padded(size: int, alignment: int) -> int:
+    """Size with the gap behind it [bytes]."""
+    return -(-size // alignment) * alignment

@@ -17,6 +17,7 @@ _SLOW_LOG = 500  # steps between the samples of a logged trace, from where on it
 _COLUMN = '{}_column = "{{}}" in [reference]'
 _ORDER = 2  # of the Butterworth filter, run forwards and backwards: -6 dB at the cut-off, 24 dB per octave above
 _TRIAL_CUTOFFS_HZ = (100.0, 50.0, 20.0, 10.0, 5.0)
+_WORTH_A_WARNING = 0.05  # of the force's range: what noise may make up of it
 _MOST_NOISE = 0.05  # of the range; a larger share is signal
 _RIPPLE = 0.25  # of the mean rate, in a tenth of the moving rows; smooth references stay below 0.06
 
@@ -88,8 +89,7 @@ def _gaps(time: FloatArray, name: str) -> list[str]:
 def interpolate(samples: Samples, time_s: FloatArray, kind: Interpolation) -> FloatArray:
     """The wanted quantity at times within those of the samples [s], shape (n,)."""
     if kind is Interpolation.LINEAR or len(samples.time_s) == 2:
-        straight: FloatArray = np.interp(time_s, samples.time_s, samples.value)
-        return straight
+        return np.interp(time_s, samples.time_s, samples.value)
     from scipy.interpolate import PchipInterpolator
 
     inside = np.minimum(time_s, samples.time_s[-1])  # the last step may end a rounding error behind the last sample
@@ -131,30 +131,14 @@ def low_pass(values: FloatArray, cutoff_Hz: float, rate_Hz: float) -> FloatArray
     return result
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NoiseAdvice:
-    """What to do about a noisy reference."""
-
-    cutoff_Hz: float  # proposed corner frequency [Hz]
-    noise_N: float  # noise of the samples, root mean square [N]
-    force_noise_N: float  # what that noise makes of the force, root mean square [N]
-    message: str  # the warning for the user
-
-
 def noise_advice(
-    tension_N: FloatArray,
-    step_s: float,
-    force_of: Callable[[FloatArray], FloatArray],
-    *,
-    file: str = "reference",
-    share: float = 0.05,
-) -> NoiseAdvice | None:
+    tension_N: FloatArray, step_s: float, force_of: Callable[[FloatArray], FloatArray], *, file: str
+) -> str | None:
     """Propose a cut-off where noise in the reference would dominate the force; None when the noise does not matter.
 
     The inverse differentiates its reference twice and reverses the friction with every change of direction, so noise
     that is hard to see in the tension can rule the force. The samples, shape (n + 1,), are compared with themselves
-    after the gentlest low-pass that removes the noise; both go through the inverse `force_of`. The noise may make up a
-    share of the force's range before it is worth a warning.
+    after the gentlest low-pass that removes the noise; both go through the inverse `force_of`.
     """
     tension, rate = tension_N, 1 / step_s
     found = _cutoff_at_the_noise_floor(tension, rate)
@@ -167,19 +151,18 @@ def noise_advice(
         force_noise = float(np.sqrt(np.mean((force_of(tension) - quiet) ** 2)))
         # Percentiles: a jump at the start makes one huge force that says nothing of the rest.
         spread = float(np.subtract(*np.percentile(quiet, (99, 1))))
-        if force_noise > share * spread:
+        if force_noise > _WORTH_A_WARNING * spread:
             break
     else:
         return None
     noise = float(np.sqrt(np.mean((tension - smooth) ** 2)))
     if noise > _MOST_NOISE * float(np.ptp(tension)):
         return None  # what the filter removes is the reference itself
-    message = (
+    return (
         f"{file}: noise of {noise:.2g} N RMS in the samples becomes {force_noise:.3g} N RMS in the force "
         f"({100 * force_noise / max(spread, 1e-300):.0f} % of its range); "
         f"set cutoff_Hz = {cutoff:.2g} in [reference] to filter it"
     )
-    return NoiseAdvice(cutoff_Hz=float(f"{cutoff:.2g}"), noise_N=noise, force_noise_N=force_noise, message=message)
 
 
 def _cutoff_at_the_noise_floor(tension: FloatArray, rate: float) -> float | None:

@@ -19,7 +19,6 @@ from tendonff.compensator.scenario.sampled.from_file import read_samples, resamp
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.parameters import Transmission
-from tendonff.ocp.reference.motion import tension_of_motion
 
 _MAX_STEPS = 50_000_000
 _LONG_RUN = 200_000
@@ -33,26 +32,18 @@ class Reference:
 
     Parameters
     ----------
-    time_s : ndarray, shape (n + 1,)
-        k step_s for k = 0 .. n [s].
-    tension_N : ndarray, shape (n + 1,)
-        Reference tension [N], > 0.
-    step_s : float
-        Time step [s].
+    time_s, tension_N : ndarray, shape (n + 1,)
+        k step_s for k = 0 .. n [s], and the reference tension there [N], > 0.
     initial_tension_N : float
         Uniform tension at rest before the start [N].
-    removed_noise_N : float
-        Root mean square of what the low-pass took away [N]; 0 without one.
-    sample_interval_s : float
-        Usual time between the samples of a file [s]; 0 for the other kinds.
+    removed_noise_N, sample_interval_s : float
+        Root mean square of what the low-pass took away [N], and usual time between the samples of a file [s]; else 0.
     position_m : ndarray, shape (n + 1,), or None
         Wanted position of the load relative to the start [m], where that is wanted.
     periodic : bool
         One period of a cycle: the last row is the first of the next.
     hold : Hold
         What the force does while the reference rests.
-    warnings : tuple of str
-        What the user should know.
     """
 
     time_s: FloatArray
@@ -75,24 +66,16 @@ class Reference:
 def sample_reference(scenario: Scenario, *, strict: bool = True) -> Reference:
     """Sample the reference of a scenario and check that the transmission can deliver it.
 
-    Parameters
-    ----------
-    strict : bool, optional
-        Refuse a reference out of reach; otherwise it is a warning.
-
-    Raises
-    ------
-    InputError
-        The reference reaches 0 or below, or, strictly, above the largest tension that force_max_N delivers through
-        the friction.
+    InputError where the reference reaches 0 or below, or (only a warning unless `strict`) above the largest tension
+    that force_max_N delivers through the friction.
     """
     spec, sampled = scenario.reference, _sample(scenario)
     tension, initial, removed = sampled.tension_N, sampled.initial_tension_N, sampled.removed_noise_N
     notes = list(sampled.warnings)
-    beyond = _check_deliverable(scenario.transmission, sampled.time_s, tension, scenario.source.name)
-    if beyond and strict:
-        raise InputError(beyond)
-    notes += [beyond] if beyond else []
+    if beyond := _check_deliverable(scenario.transmission, sampled.time_s, tension, scenario.source.name):
+        if strict:
+            raise InputError(beyond)
+        notes.append(beyond)
     notes += questions(scenario.transmission)
     if removed > 0 and isinstance(spec, CsvReference):
         span, unit = (tension, "N") if sampled.position_m is None else (sampled.position_m, "m")
@@ -158,6 +141,8 @@ def _sample(scenario: Scenario) -> Reference:
         course = _closed(course, file)
     position = course if spec.wants_position else None
     if position is not None:
+        from tendonff.ocp.reference.motion import tension_of_motion  # brings CasADi, and a refusal is to be quick
+
         # The first of a periodic course is not at rest: its tension is that of the cycle.
         rest = spec.initial_tension_N or 0.0
         course = tension_of_motion(scenario.transmission.load, position, step, rest, periodic=spec.periodic)
@@ -228,8 +213,7 @@ def _grid(duration_s: float, step_s: float, file: str) -> FloatArray:
             f"{file} [run]: step_s = {step_s:g} makes more than {_MAX_STEPS} steps of the {duration_s:g} s long "
             "reference; use a larger step"
         )
-    time: FloatArray = np.arange(steps + 1, dtype=np.float64) * step_s
-    return time
+    return np.arange(steps + 1, dtype=np.float64) * step_s
 
 
 def largest_tension(transmission: Transmission) -> float:

@@ -158,7 +158,10 @@ def entries(**errors):
     [
         (
             {"none": 20, "capstan": 8, "elastic": 0.2, "viscoelastic": 0.2, "presliding": 0.1},
-            "The elastic level is enough here: RMS error 0.2 % of range on the presliding plant; the best",
+            (
+                "The elastic level is enough here: RMS error 0.2 % of range on the presliding plant, for mu ±10 %; "
+                "the best design 0.1 %."
+            ),
         ),
         (
             {"none": 20, "capstan": 8, "elastic": 3.0, "viscoelastic": 0.4, "presliding": 0.1},
@@ -166,7 +169,7 @@ def entries(**errors):
         ),
         (
             {"none": 20, "capstan": 8, "elastic": 4.0, "viscoelastic": 4.1, "presliding": 0.1},
-            "Design on the presliding level: RMS error 0.1 % of range on the presliding plant, against",
+            "Design on the presliding level: RMS error 0.1 % of range on the presliding plant, for mu ±10 %, against",
         ),
         (
             {"none": 20, "capstan": 0.3, "elastic": 0.2, "viscoelastic": 0.2, "presliding": 0.1},
@@ -183,7 +186,9 @@ def entries(**errors):
     ],
 )
 def test_the_simplest_level_that_loses_nothing_is_recommended(errors, sentence):
-    assert recommend(entries(**errors)).startswith(sentence)
+    rows = entries(**errors)
+    worst = {(e.compensator, e.design_level): e.rmse_percent_of_range for e in rows}
+    assert recommend(rows, COMPENSATORS, worst, "mu ±10 %").startswith(sentence)
 
 
 def test_the_files_say_the_same_as_the_result(result, folder):

@@ -7,8 +7,8 @@ import pytest
 
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.closed_form import Capstan, Inverse, Uncompensated
+from tendonff.compensator.compensators.score import doubt
 from tendonff.compensator.compensators.smoothed import Smoothed
-from tendonff.compensator.compensators.uncertain import doubt
 from tendonff.compensator.design.report import fine_print, headline
 from tendonff.compensator.design.run import design
 from tendonff.compensator.scenario.scenario import load_scenario

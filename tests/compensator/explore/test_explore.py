@@ -61,7 +61,7 @@ def test_a_pose_turns_every_joint_and_sections_keep_their_shares(examples):
 
 def test_what_is_saved_is_the_changed_scenario(scenario):
     explorer = Explorer(scenario)
-    changed = explorer.scenario_at(replace(explorer.start, mu=0.25, load_stiffness_N_per_m=2500.0))
+    changed = replace(explorer.start, mu=0.25, load_stiffness_N_per_m=2500.0).apply(scenario)
     again = parse_scenario(scenario_to_toml(changed), scenario.source)
     assert again == changed
     assert again.transmission.load.stiffness_N_per_m == 2500.0

@@ -95,7 +95,9 @@ def test_c_equals_python_over_a_minute(library, example, precision, record_prope
     """1e-9 N in double, 0.02 N in float; bowden holds its reference, which is where a float would drift."""
     code, scenario, exported = library(example, precision)
     reference = rounded(a_minute(scenario), precision)
-    force, expected = answers(Problem.of(scenario), exported.built.table, reference, precision)
+    problem = Problem.of(scenario)
+    course = answers(problem, exported.built.table, reference, precision, problem.chain)
+    force, expected = course.plant_force_N, course.columns
     worst = {}
     for kind in KINDS:
         given = force if kind == "plant" else reference

@@ -11,8 +11,8 @@ import pytest
 from tendonff.compensator.cli import run
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.c_project import export_project
-from tendonff.compensator.export.checks import Status, checksum, limit_cases
 from tendonff.compensator.export.judgement import judge
+from tendonff.compensator.export.self_test import Status, checksum, limit_cases
 from tendonff.compensator.scenario.reference import Shape, WaypointReference
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml

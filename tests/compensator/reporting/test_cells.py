@@ -2,7 +2,7 @@
 
 import pytest
 
-from tendonff.compensator.reporting.cells import is_aligned
+from tendonff.compensator.reporting.page import is_aligned
 
 
 @pytest.mark.parametrize(

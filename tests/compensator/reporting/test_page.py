@@ -9,7 +9,6 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from tendonff.compensator.reporting.cells import column_decimals, format_cell
 from tendonff.compensator.reporting.page import (
     FileNote,
     Picture,
@@ -18,7 +17,9 @@ from tendonff.compensator.reporting.page import (
     Section,
     Table,
     Text,
+    column_decimals,
     figure_uri,
+    format_cell,
     render_report,
     write_report,
 )

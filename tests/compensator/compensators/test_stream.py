@@ -11,11 +11,9 @@ import pytest
 from benchmarks.independent_plant import Plant
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.score import scale_N, score
-from tendonff.compensator.compensators.stream.model import StreamDesign, StreamFilter, smoothed
-from tendonff.compensator.compensators.stream.run import choose_stream
+from tendonff.compensator.compensators.stream import StreamDesign, StreamFilter, choose_stream, smoothed
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.host import run_on_host
-from tendonff.compensator.export.text.c_text import accepted_range
 from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_hash, scenario_to_toml
 from tendonff.compensator.scenario.settings import Stream
 from tendonff.models.errors import ParameterError
@@ -121,12 +119,12 @@ def test_the_table_is_read_checked_and_written_only_where_it_says_something(fing
 
 def test_the_choice_is_the_least_error_of_what_is_quiet_enough(finger):
     problem = Problem.of(finger)
-    choice = choose_stream(problem, finger.stream, accepted_range(problem))
+    choice = choose_stream(problem, finger.stream)
     quiet = [each for each in choice.candidates if each.noise_dB <= 0]
     assert 0 < len(quiet) < len(choice.candidates)
     assert choice.picked.score.rmse_N == min(each.score.rmse_N for each in quiet)
     assert choice.picked.design.filter.lag_s <= 0.015
-    none = choose_stream(problem, Stream(lag_max_s=0.0), accepted_range(problem))
+    none = choose_stream(problem, Stream(lag_max_s=0.0))
     assert none.picked.design.filter.half == 0
 
 

@@ -1,1 +1,0 @@
-"""References that arrive live: the filter before the exact inverse, designed and modelled."""
