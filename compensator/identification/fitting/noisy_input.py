@@ -17,7 +17,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline
 
 from tendonff.compensator.identification.fitting.chain_law import LAW_NAMES, ChainCandidate, ChosenLaw
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece
@@ -231,9 +230,13 @@ def _price(knots_s: Array, time_s: Array, off: Array, noise_N: float) -> tuple[A
     The last row and column are those of the positions' zero, which costs nothing.
     """
     count = len(knots_s)
-    hats = BSpline.design_matrix(time_s, np.pad(knots_s, 1, mode="edge"), 1, extrapolate=True)
-    price, asked = np.zeros((count + 1, count + 1)), np.append(hats.T @ off / noise_N, 0.0)
-    price[:-1, :-1] = (hats.T @ hats).toarray() / noise_N**2
+    before = np.clip(np.searchsorted(knots_s, time_s, side="right") - 1, 0, count - 2)
+    share = (time_s - knots_s[before]) / (knots_s[before + 1] - knots_s[before])
+    price, asked = np.zeros((count + 1, count + 1)), np.zeros(count + 1)
+    for left, x in ((0, 1 - share), (1, share)):
+        np.add.at(asked, before + left, x * off / noise_N)
+        for right, y in ((0, 1 - share), (1, share)):
+            np.add.at(price, (before + left, before + right), x * y / noise_N**2)
     price[np.diag_indices(count)] += 1 / (WIDEST * noise_N) ** 2
     price[-1, -1] = 1e-12
     return price, asked
@@ -242,7 +245,10 @@ def _price(knots_s: Array, time_s: Array, off: Array, noise_N: float) -> tuple[A
 def _sampled(slopes: Array, time_s: Array, at_s: Array, cutoff_Hz: float) -> Array:
     """Slopes as the channel's low-pass leaves them, at other times, shape (n, k)."""
     smooth = low_pass(slopes, float(time_s[1] - time_s[0]), cutoff_Hz)
-    return np.asarray(make_interp_spline(time_s, smooth, k=1)(at_s))
+    place = (at_s - time_s[0]) / (time_s[1] - time_s[0])
+    before = np.clip(place.astype(np.int64), 0, len(time_s) - 2)
+    share = (place - before)[:, None]
+    return np.asarray((1 - share) * smooth[before] + share * smooth[before + 1])
 
 
 def look_again(

@@ -206,13 +206,14 @@ def _bridge(grid_time: Array, filled: Array, time: Array, values: Array, longest
         start, stop = float(time[k]), float(time[k + 1])
         width = 1.5 * (stop - start)
         near = (time >= start - width) & (time <= stop + width)
+        middle, half = (start + stop) / 2, (stop - start) / 2 + width
         if near.sum() < 4 * BRIDGE_DEGREE:
             continue
-        shape = np.polynomial.Polynomial.fit(time[near], values[near], BRIDGE_DEGREE)
+        shape = np.polynomial.Polynomial.fit((time[near] - middle) / half, values[near], BRIDGE_DEGREE, domain=[-1, 1])
         inside = (grid_time > start) & (grid_time < stop)
         low, high = values[near].min(), values[near].max()
         room = BRIDGE_ROOM * (high - low)
-        filled[inside] = np.clip(shape(grid_time[inside]), low - room, high + room)
+        filled[inside] = np.clip(shape((grid_time[inside] - middle) / half), low - room, high + room)
     return filled
 
 
