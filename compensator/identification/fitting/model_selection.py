@@ -10,6 +10,7 @@ from tendonff.compensator.identification.fitting.dynamic import CoarseFit, fit_c
 from tendonff.compensator.identification.fitting.errors import percent_of
 from tendonff.compensator.identification.fitting.residuals import TRAINING_SHARE
 from tendonff.compensator.identification.fitting.static import (
+    CONSTANTS,
     SIMPLER_WITHIN,
     StaticFit,
     StaticModel,
@@ -36,9 +37,27 @@ BETTER_BY = 0.6
 class StaticSelection:
     """The static stage's answer."""
 
-    fit: StaticFit  # the chosen law, fitted to all records
+    fit: StaticFit  # the chosen law, fitted to all records; its errors are the scatter between blocks alone
     laws: tuple[CandidateLaw, ...]  # all that were compared
     tried: tuple[StaticFit, ...]  # the candidates as they were fitted to the training rows, in the order of `laws`
+
+    def reported(self, adhesion_N: float) -> StaticFit:
+        """The chosen law with what it leaves out in its errors.
+
+        Adhesion and both biases act through their differences alone: where the biases were free, the adhesion is that
+        of the scenario.
+        """
+        least = min(law.validation_percent for law in self.laws)
+        pairs = list(zip(self.tried, self.laws, strict=True))
+        chosen = next(other for other, law in pairs if law.chosen)
+        rivals = [o for o, law in pairs if law.validation_percent <= NEARLY_AS_GOOD * least and o is not chosen]
+        fit = _doubted(self.fit, chosen, rivals)
+        if P.OUTPUT_BIAS.value not in fit.solution.values:
+            return fit
+        more = dict.fromkeys(CONSTANTS, adhesion_N)
+        found = {name: value + more.get(P(name), 0.0) for name, value in fit.solution.values.items()}
+        values = {name: value + more.get(name, 0.0) for name, value in fit.values.items()}
+        return replace(fit, values=values, solution=replace(fit.solution, values=found))
 
 
 def choose_explain(
@@ -107,12 +126,11 @@ def select_static(records: Sequence[Record], validation: Sequence[Record], expla
     chosen, chosen_law = min(enough, key=lambda pair: pair[1].free_values)
     fit = chosen if train is records else fit_static(records, chosen.model, explain, start=chosen)
     laws = tuple(replace(law, chosen=law is chosen_law) for _, law in tried)
-    rivals = [other for other, law in tried if law.validation_percent <= NEARLY_AS_GOOD * least and other is not chosen]
-    return StaticSelection(fit=_doubted(fit, chosen, rivals), laws=laws, tried=tuple(fit for fit, _ in tried))
+    return StaticSelection(fit=fit, laws=laws, tried=tuple(fit for fit, _ in tried))
 
 
 def _doubted(fit: StaticFit, chosen: StaticFit, rivals: Sequence[StaticFit]) -> StaticFit:
-    """Widen the friction of a law without presliding by what such a law leaves out.
+    """Widen friction and constants of a law without presliding by what such a law leaves out.
 
     A bristle that gives before it slides shows alike after every reversal, which the scatter between blocks does not
     see: each direction's error is that of rows that are all wrong alike, hence the scatter of what single rows say. The
@@ -127,13 +145,22 @@ def _doubted(fit: StaticFit, chosen: StaticFit, rivals: Sequence[StaticFit]) -> 
     by_rivals = np.median(moves**2, axis=0)
     if not fit.model.asymmetric:
         by_rivals[:] = by_rivals.max()
+    moved = {
+        name: square * (fit.values[name] / sliding) ** 2
+        for name, sliding, square in zip((P.PULL, P.RELEASE), final, by_rivals, strict=True)
+        if sliding > 0
+    }
+    # Only the differences to the third constant, which is not free, mean something.
+    held = next(name for name in CONSTANTS if name.value not in solution.values)
+    for name in CONSTANTS:
+        steps = [(r.values[name] - r.values[held]) - (chosen.values[name] - chosen.values[held]) for r in rivals]
+        moved[name] = float(np.median(np.square(steps or [0.0])))
     doubt = np.zeros(len(solution.values))
-    for name, sliding, moved in zip((P.PULL, P.RELEASE), final, by_rivals, strict=True):
-        if name in fit.model.free and sliding > 0:
-            place = list(solution.values).index(name)
+    for place, free in enumerate(solution.values):
+        if P(free) in moved:
             slopes = residuals.slopes[:, place]
             by_rows = np.sum((slopes * residuals.values) ** 2) / max(float(np.sum(slopes**4)), 1e-300)
-            doubt[place] = by_rows + moved * (fit.values[name] / sliding) ** 2
+            doubt[place] = by_rows + moved[P(free)]
     factors = np.sqrt(1 + doubt / np.maximum(np.diag(solution.covariance), 1e-300))
     return replace(fit, solution=replace(solution, covariance=solution.covariance * np.outer(factors, factors)))
 

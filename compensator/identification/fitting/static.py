@@ -24,6 +24,7 @@ BLOCKS_WANTED = 60
 LEAST_SPREAD = 1e-3
 
 P = StaticParameter
+CONSTANTS = (P.ADHESION, P.INPUT_BIAS, P.OUTPUT_BIAS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +62,11 @@ class StaticFit:
     values: dict[StaticParameter, float]  # all of them
     solution: Solution
     middle_m: float  # middle of the input end's travel in the fitted records, where the guide's force is zero
+
+    def stands_out(self, bias: StaticParameter) -> bool:
+        """A bias that was fitted differs from zero beyond its doubt; with presliding there is no more to doubt."""
+        low, high = self.solution.interval(bias.value)
+        return self.model.presliding or not low <= 0 <= high
 
     def predicted(self, record: Record) -> list[Prediction]:
         """Prediction of every piece of a record."""
