@@ -166,8 +166,9 @@ class _Rig:
         return ""
 
     def kept(self, name: str, value: float, why: str) -> Estimate:
-        """A value that was not fitted."""
-        return Estimate(name=str(name), value=value, why=why, scenario=self.own(name))
+        """A value that was not fitted, as the fitted scenario has it."""
+        own = self.own(name)
+        return Estimate(name=str(name), value=value if self.described or own is None else own, why=why, scenario=own)
 
     def fitted(
         self, name: str, value: float, error: float, interval: tuple[float, float], *, told: bool, why: str

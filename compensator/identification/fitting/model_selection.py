@@ -1,5 +1,6 @@
 """Which channel can be explained, which static law the data supports, and how both are judged."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -25,6 +26,9 @@ from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.static import StaticParameter, in_gross_sliding
 
 P = StaticParameter
+
+LARGE_ERRORS = 95.0
+"""This percentile of its errors is what a law without presliding leaves in a constant, as a standard error."""
 
 NEARLY_AS_GOOD = 1.5
 """What a law says whose validation error is within this factor of the least, is doubt of the chosen one's answer."""
@@ -150,12 +154,9 @@ def _doubted(fit: StaticFit, chosen: StaticFit, rivals: Sequence[StaticFit]) -> 
         for name, sliding, square in zip((P.PULL, P.RELEASE), final, by_rivals, strict=True)
         if sliding > 0
     }
-    # Only the differences to the third constant, which is not free, mean something.
-    held = next(name for name in CONSTANTS if name.value not in solution.values)
-    for name in CONSTANTS:
-        steps = [(r.values[name] - r.values[held]) - (chosen.values[name] - chosen.values[held]) for r in rivals]
-        moved[name] = float(np.median(np.square(steps or [0.0])))
-    doubt = np.zeros(len(solution.values))
+    # The errors after reversals look like a bias, through the friction for the other cell; adhesion goes with them.
+    as_bias_N = fit.unit_N * float(np.percentile(np.abs(residuals.values), LARGE_ERRORS)) * math.exp(final[0])
+    doubt = np.array([as_bias_N**2 if P(free) in CONSTANTS else 0.0 for free in solution.values])
     for place, free in enumerate(solution.values):
         if P(free) in moved:
             slopes = residuals.slopes[:, place]

@@ -61,6 +61,7 @@ class StaticFit:
     explain: Explain  # OUTPUT or INPUT
     values: dict[StaticParameter, float]  # all of them
     solution: Solution
+    unit_N: float  # of the solution's residuals
     middle_m: float  # middle of the input end's travel in the fitted records, where the guide's force is zero
 
     def stands_out(self, bias: StaticParameter) -> bool:
@@ -180,7 +181,7 @@ def _fit(
     )
     solution = solve(evaluate, first, most=most)
     values = complete(solution.values, model)
-    return StaticFit(model=model, explain=explain, values=values, solution=solution, middle_m=middle)
+    return StaticFit(model=model, explain=explain, values=values, solution=solution, unit_N=unit, middle_m=middle)
 
 
 def block_numbers(clocks_s: Sequence[Array], seconds: float) -> Blocks:
