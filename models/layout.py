@@ -119,7 +119,8 @@ class ChainState:
 class ChainInputs:
     """What acts on the chain from outside at successive instants, each array of shape (rows,)."""
 
-    # force, rest: f_c1, f_c2, motor forces away from the tendon; x_c1, x_c2, rest positions of the ends' springs
+    # near_force_N, far_force_N: f_c1, f_c2, motor forces away from the tendon
+    # near_rest_m, far_rest_m: x_c1, x_c2, rest positions of the ends' springs
     near_force_N: Array
     near_rest_m: Array
     far_force_N: Array

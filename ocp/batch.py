@@ -17,6 +17,9 @@ from tendonff.ocp.errors import SolveError
 from tendonff.ocp.simulate import Simulation, simulate
 from tendonff.ocp.step.protocol import Array
 
+Progress = Callable[[int, int], None]
+"""Told parts done and parts in all."""
+
 J = TypeVar("J")
 R = TypeVar("R")
 
@@ -41,7 +44,7 @@ def run_jobs(
     jobs: Sequence[J],
     *,
     executor: Executor | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> list[Done[R]]:
     """Apply a function to many jobs at once, results in their order; a job that fails does not stop the others.
 
@@ -94,7 +97,7 @@ def simulate_batch(
     jobs: Sequence[SimulationJob],
     *,
     executor: Executor | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> list[Done[Simulation]]:
     """Simulate many jobs at once, as `run_jobs` does.
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
-from tendonff.compensator.compensators.base import Style
 from tendonff.compensator.files.reading import read_csv
 from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.reporting.colours import Style
 from tendonff.compensator.reporting.interactive import interactive_view
 from tendonff.compensator.reporting.page import (
     FileNote,

@@ -97,14 +97,8 @@ def level_traits(transmission: Transmission, level: Level | None, reference: Ref
     low, high = _probe_forces(transmission, law, reference)
     ramp_s = max(_RAMP_S, (high - low) / (0.5 * transmission.actuator.force_rate_max_N_per_s), 20 * step)
     rows = round(min(ramp_s / step, _MOST_ROWS))  # an actuator that hardly moves is probed faster than it can
-    force = np.concatenate(
-        [
-            np.linspace(start, high, rows, endpoint=False),
-            np.linspace(high, low, rows, endpoint=False),
-            np.linspace(low, high, rows, endpoint=False),
-            np.linspace(high, low, rows + 1),
-        ]
-    )
+    ramps = [np.linspace(a, b, rows, endpoint=False) for a, b in ((start, high), (high, low), (low, high))]
+    force = np.concatenate([*ramps, np.linspace(high, low, rows + 1)])
     if level is None:
         output = law.output_history_N(force, start)
         hold_time, hold = np.array([0.0, _hold_s(transmission)]), np.array([high, high])

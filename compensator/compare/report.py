@@ -4,6 +4,7 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.compare.figures import cell_text, matrix_rows
 from tendonff.compensator.compare.result import PLANTS, ComparisonData
+from tendonff.compensator.compensators.base import Compensator
 from tendonff.compensator.reporting.page import FileNote, Report, Section, Table, Text, pictures_of, provenance_of
 from tendonff.models.fidelity import Level
 
@@ -21,20 +22,15 @@ _CAPTIONS = {
 
 def _expected(result: ComparisonData) -> Table:
     """Worst error of every design over what may be the real transmission."""
-    levels = tuple(Level)
+    first = next(iter(Level))
+
+    def worst(c: Compensator, level: Level) -> float | None:
+        return result.worst_percent[c.name, level] if c.knows_the_level or level is first else None
+
     return Table(
         caption=f"Worst RMS error on the presliding level, % of reference range, for {result.doubt}",
-        columns=("profile", *(f"designed on {level}" for level in levels)),
-        rows=[
-            (
-                c.label,
-                *(
-                    result.worst_percent[c.name, level] if c.knows_the_level or level is levels[0] else None
-                    for level in levels
-                ),
-            )
-            for c in result.compensators
-        ],
+        columns=("profile", *(f"designed on {level}" for level in Level)),
+        rows=[(c.label, *(worst(c, level) for level in Level)) for c in result.compensators],
     )
 
 
@@ -71,14 +67,8 @@ def compare_report(result: ComparisonData, figures: dict[str, Figure]) -> Report
         caption="Cost of a level",
         columns=("level", "ms per simulated second", "states", "parameters", "which"),
         rows=[
-            (
-                name,
-                1e3 * cost.time_per_simulated_second_s,
-                cost.states,
-                len(cost.parameters),
-                ", ".join(cost.parameters),
-            )
-            for name, cost in result.costs.items()
+            (name, 1e3 * c.time_per_simulated_second_s, c.states, len(c.parameters), ", ".join(c.parameters))
+            for name, c in result.costs.items()
         ],
     )
     return Report(

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.compensator.files.progress import Progress, silent
+from tendonff.compensator.reporting.colours import Style
 from tendonff.compensator.scenario.reference import Hold
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
@@ -203,14 +204,6 @@ class Profile:
         if self.status is ProfileStatus.FAILED:
             raise SolveError(" ".join([self.message, *(w for w in self.warnings if self.message not in w)]))
         return self
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Style:
-    """How a compensator is drawn everywhere."""
-
-    color: str
-    linestyle: str  # "-", "--", "-." or ":"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,11 +6,10 @@ from tendonff.compensator.compensators.base import (
     Problem,
     Profile,
     ProfileStatus,
-    Style,
     limit_warnings,
 )
 from tendonff.compensator.files.progress import Progress, silent
-from tendonff.compensator.reporting.colours import BLUE, GREY, ORANGE
+from tendonff.compensator.reporting.colours import BLUE, GREY, ORANGE, Style
 from tendonff.models.capstan import CapstanLaw
 from tendonff.ocp.inverse import InverseStatus
 

@@ -4,9 +4,9 @@ Here, and nowhere else, it is decided whether the profile is made for the nomina
 scenario's uncertainty admits.
 """
 
-from tendonff.compensator.compensators.base import CModule, Compensator, Problem, Profile, ProfileStatus, Style
+from tendonff.compensator.compensators.base import CModule, Compensator, Problem, Profile, ProfileStatus
 from tendonff.compensator.files.progress import Progress, silent
-from tendonff.compensator.reporting.colours import VERMILION
+from tendonff.compensator.reporting.colours import VERMILION, Style
 from tendonff.models.chain import Chain
 from tendonff.ocp.tracking.goals.cycle import track_cycle
 from tendonff.ocp.tracking.goals.preview import track_preview

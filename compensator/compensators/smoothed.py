@@ -10,10 +10,10 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 
-from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, Style
+from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile
 from tendonff.compensator.compensators.score import score
 from tendonff.compensator.files.progress import Progress, silent
-from tendonff.compensator.reporting.colours import PURPLE
+from tendonff.compensator.reporting.colours import PURPLE, Style
 from tendonff.models.capstan import CapstanLaw
 from tendonff.ocp.simulate import simulate
 

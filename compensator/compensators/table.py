@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.compensator.compensators.base import CModule, Compensator, Problem, Profile, Style
+from tendonff.compensator.compensators.base import CModule, Compensator, Problem, Profile
 from tendonff.compensator.compensators.lookup_table import BranchTable, FloatArray, LookupTable, table_force
 from tendonff.compensator.files.progress import Progress, silent
-from tendonff.compensator.reporting.colours import GREEN
+from tendonff.compensator.reporting.colours import GREEN, Style
 from tendonff.compensator.scenario.sampled.sampling import largest_tension
 from tendonff.models.capstan import Branch
 from tendonff.models.chain import Chain

@@ -124,9 +124,8 @@ def print_scores(result: DesignData, folder: Path) -> None:
     table.add_column(f"{FINE_SEGMENTS} masses, step/{FINE_REFINEMENT}", justify="right")
     for compensator in result.compensators:
         name = compensator.name
-        scores = [*(result.on_level(name, level).score for level in Level), result.on_proof(name).score]
         worst = result.expectation.worst_percent.get(name)
-        table.add_row(name, "–" if worst is None else f"{worst:.3g}", *[score.percent for score in scores])
+        table.add_row(name, "–" if worst is None else f"{worst:.3g}", *[score.percent for score in result.scores(name)])
     console.print(table)
     console.print(f"* design level, used in the last column too; range {result.reference.range_N:.4g} N")
     console.print(headline(result), soft_wrap=True, markup=False, highlight=False)

@@ -3,11 +3,10 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from tendonff.compensator.compensators.base import Style
 from tendonff.compensator.compensators.score import scale_N
 from tendonff.compensator.design.drive_use import drive_use
 from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS, DesignData
-from tendonff.compensator.reporting.colours import INK
+from tendonff.compensator.reporting.colours import INK, Style
 from tendonff.compensator.reporting.interactive import interactive_view
 from tendonff.compensator.reporting.page import (
     Block,
@@ -103,24 +102,16 @@ def design_report(result: DesignData, figures: dict[str, Figure], view: Interact
             *(f"{level}*" if level is result.level else level.value for level in Level),
             f"{FINE_SEGMENTS} masses, step/{FINE_REFINEMENT}",
         ),
-        rows=tuple(
-            (
-                c.label,
-                worst.get(c.name),
-                *(result.on_level(c.name, level).score.rmse_percent_of_range for level in Level),
-                result.on_proof(c.name).score.rmse_percent_of_range,
-            )
+        rows=[
+            (c.label, worst.get(c.name), *(score.rmse_percent_of_range for score in result.scores(c.name)))
             for c in result.compensators
-        ),
+        ],
         least=1e-3,
     )
     peaks = Table(
         caption="Largest error [N], the design's own parameters",
         columns=("profile", *(level.value for level in Level)),
-        rows=tuple(
-            (c.label, *(result.on_level(c.name, level).score.peak_error_N for level in Level))
-            for c in result.compensators
-        ),
+        rows=[(c.label, *(score.peak_error_N for score in result.scores(c.name)[:-1])) for c in result.compensators],
         least=1e-3,
     )
     return Report(
@@ -266,18 +257,11 @@ def _robust_section(result: DesignData) -> tuple[Section, ...]:
     if found is None:
         return ()
     span, labels = result.reference.range_N, {c.name: c.label for c in result.compensators}
-    rows: tuple[tuple[Cell, ...], ...] = tuple(
-        (
-            labels[name],
-            *(
-                100 * value / span
-                for value in (band.nominal_rms_N, band.least_rms_N, band.median_rms_N, band.worst_rms_N)
-            ),
-            100 * band.amplification,
-            100 * (band.worst_sample.mu - 1),
-        )
-        for name, band in found.bands.items()
-    )
+    rows: list[tuple[Cell, ...]] = []
+    for name, band in found.bands.items():
+        errors = (band.nominal_rms_N, band.least_rms_N, band.median_rms_N, band.worst_rms_N)
+        over, mu = 100 * band.amplification, 100 * (band.worst_sample.mu - 1)
+        rows.append((labels[name], *(100 * error / span for error in errors), over, mu))
     table = Table(
         caption=f"RMS error over {len(found.samples)} samples of the parameters, % of reference range; "
         "over-compensation: largest swing of the output beyond the reference's, %; mu of the worst sample beside the "

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tendonff.compensator.compensators.base import Compensator, FloatArray, Profile, ProfileStatus
-from tendonff.compensator.compensators.score import IgnoredMotion, Verified
+from tendonff.compensator.compensators.score import IgnoredMotion, Score, Verified
 from tendonff.compensator.design.expectation import Expectation, Robustness
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
@@ -60,6 +60,10 @@ class DesignData:
     def on_level(self, name: str, level: Level) -> Verified:
         """What a compensator delivers on a level."""
         return next(v for v in self.verified if v.compensator == name and v.plant.level is level)
+
+    def scores(self, name: str) -> list[Score]:
+        """What a compensator is worth on every level, then on the finer chain."""
+        return [*(self.on_level(name, level).score for level in Level), self.on_proof(name).score]
 
     def on_proof(self, name: str) -> Verified:
         """What a compensator delivers on the finer chain."""

@@ -13,12 +13,11 @@ from tendonff.compensator.compensators.base import (
     Problem,
     Profile,
     ProfileStatus,
-    Style,
     with_motion,
 )
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import Score, SimulatedPlant, score, verify
-from tendonff.compensator.reporting.colours import PURPLE
+from tendonff.compensator.reporting.colours import PURPLE, Style
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, Joint, SineJoint, WaypointJoint
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference

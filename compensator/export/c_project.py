@@ -176,6 +176,11 @@ def _design_json(
     transmission = scenario.transmission
     joints = Joints.of(problem.chain) if scenario.joints else None
     law = CapstanLaw.of(transmission)
+    capstan = {
+        "pull_ratio": math.exp(law.pull_exponent),
+        "release_ratio": math.exp(-law.release_exponent),
+        "adhesion_N": law.adhesion_N,
+    }
     content = {
         "schema": 1,
         "scenario": scenario.name,
@@ -187,13 +192,7 @@ def _design_json(
         "step_s": scenario.run.step_s,
         "parameters": asdict(transmission),
         **({} if joints is None else {"joints": _described(joints)}),
-        "capstan": None
-        if joints is not None
-        else {
-            "pull_ratio": math.exp(law.pull_exponent),
-            "release_ratio": math.exp(-law.release_exponent),
-            "adhesion_N": law.adhesion_N,
-        },
+        "capstan": capstan if joints is None else None,
         "table": None
         if built is None
         else {

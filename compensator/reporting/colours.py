@@ -1,5 +1,7 @@
 """The palette of every picture and page: Okabe and Ito's, which stays apart for colour-blind readers."""
 
+from dataclasses import dataclass
+
 INK = "#000000"
 ORANGE = "#E69F00"
 SKY = "#56B4E9"
@@ -8,3 +10,11 @@ BLUE = "#0072B2"
 VERMILION = "#D55E00"
 PURPLE = "#CC79A7"
 GREY = "#7F7F7F"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Style:
+    """How a compensator is drawn everywhere."""
+
+    color: str
+    linestyle: str  # "-", "--", "-." or ":"

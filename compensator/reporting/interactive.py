@@ -4,8 +4,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tendonff.compensator.compensators.base import FloatArray, Style
+from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.text import InputError
+from tendonff.compensator.reporting.colours import Style
 
 _MOST_POINTS = 2000
 DASHES = {":": "dotted", "-.": "dashdot", "-": "solid", "--": "dashed"}

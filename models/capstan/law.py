@@ -250,7 +250,7 @@ class CapstanLaw:
         return lifted * math.exp(exponent) - self.adhesion_N
 
     def input_history_N(self, output_N: ArrayLike, initial_input_N: float | None = None) -> Array:
-        """Input tension for a wanted output history, shape (n,): the branch of its last change, held while it stands.
+        """Input tension for a wanted output history: the branch of its last change, held while it stands still.
 
         At each reversal the answer jumps by the factor e^{(mu_pull + mu_release) theta} in T + p; an actuator's rate
         limit decides what is left of that. With spread bounds it jumps by the band of the narrowest play alone. The
@@ -282,18 +282,18 @@ class CapstanLaw:
         """Smallest output tension that releasing down to a force leaves, (F + p) e^{mu_release theta} - p [N]."""
         return float(self.output_bounds_N(force_min_N)[1])
 
-    def _shape(self, branch: Branch) -> float:
+    def _mean_in_slip(self, branch: Branch) -> float:
         """Mean of (T + p)/(T_in + p) over the path in slip."""
         return _shape(self.pull_exponent if branch is Branch.PULL else -self.release_exponent)
 
     def stiffness_N_per_m(self, tendon_stiffness_N_per_m: float, branch: Branch) -> float:
         """dT_in/d(elongation) in slip: k a/(1 - e^{-a}) pulling, k a/(e^a - 1) releasing, a = mu theta, k = EA/L."""
-        return tendon_stiffness_N_per_m / self._shape(branch)
+        return tendon_stiffness_N_per_m / self._mean_in_slip(branch)
 
     def elongation_m(self, input_N: ArrayLike, tendon_stiffness_N_per_m: float, branch: Branch) -> Array:
         """Elongation of the tendon in slip [m], the mean tension over the path divided by k = EA/L."""
         lifted = np.asarray(input_N, dtype=np.float64) + self.adhesion_N
-        return (lifted * self._shape(branch) - self.adhesion_N) / tendon_stiffness_N_per_m
+        return (lifted * self._mean_in_slip(branch) - self.adhesion_N) / tendon_stiffness_N_per_m
 
     def dead_zone_m(self, input_N: float, tendon_stiffness_N_per_m: float, branch: Branch) -> float:
         """Travel of the input end after a reversal at T_in, where a branch ends, before the output moves [m], > 0.
@@ -301,7 +301,7 @@ class CapstanLaw:
         With mu_pull = mu_release and p = 0 it is (R T_in/(EA mu)) (1 - e^{-a})^2 when pulling ends, k = EA/L.
         """
         lifted, both = input_N + self.adhesion_N, self.pull_exponent + self.release_exponent
-        pull, release = self._shape(Branch.PULL), self._shape(Branch.RELEASE)
+        pull, release = self._mean_in_slip(Branch.PULL), self._mean_in_slip(Branch.RELEASE)
         if branch is Branch.PULL:
             return lifted * (pull - math.exp(-both) * release) / tendon_stiffness_N_per_m
         return lifted * (math.exp(both) * pull - release) / tendon_stiffness_N_per_m

@@ -12,7 +12,7 @@ one for part of a cycle, nothing stays unexplained; but the estimate goes and co
 
 import casadi as ca
 
-from tendonff.ocp.codegen.law import Law
+from tendonff.ocp.codegen.printer import Law
 
 CLIP = 3.0
 """Innovations count up to so many standard deviations."""

@@ -15,9 +15,8 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
-from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.codegen.printer import OPERATORS, SELECT, literal, operator
+from tendonff.ocp.codegen.printer import OPERATORS, SELECT, Law, literal, operator
 from tendonff.ocp.errors import CodeError
 
 Values = tuple[float, ...]

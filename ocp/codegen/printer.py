@@ -1,4 +1,4 @@
-"""Print CasADi expressions as straight-line C99: the table of operators, and literals.
+"""Laws as CasADi expressions, and how they are printed as straight-line C99: the table of operators, and literals.
 
 CasADi's own generator passes arrays of pointers with a null check per entry and writes double literals and double
 maths whatever the real type. Element laws are called inside the innermost loop and must also run on controllers
@@ -13,6 +13,21 @@ import casadi as ca
 
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import CodeError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Law:
+    """One law: named scalar inputs, named scalar outputs."""
+
+    # name, comment: identifier, and what it computes with source
+    name: str
+    comment: str
+    inputs: tuple[ca.SX, ...]  # scalar symbols
+    outputs: dict[str, ca.SX]  # expressions
+
+    def function(self) -> ca.Function:
+        """The law as a CasADi function."""
+        return ca.Function(self.name, [*self.inputs], [*self.outputs.values()])
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from tendonff.models.chain import Chain
 from tendonff.models.layout import ChainInputs
 from tendonff.ocp.codegen.compiler import load_library
-from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import Specialiser
 from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.codegen.printer import Law
 from tendonff.ocp.step.laws import ElementLaws, twins_of
 from tendonff.ocp.step.protocol import Array, InverseRows, Rows, StepperMemory
 from tendonff.ocp.step.render import StepCode

@@ -8,10 +8,9 @@ import casadi as ca
 import numpy as np
 
 from tendonff.models.chain import Chain
-from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import Specialiser
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.codegen.printer import literal
+from tendonff.ocp.codegen.printer import Law, literal
 from tendonff.ocp.step.c_engine import link_ratios
 from tendonff.ocp.step.laws import ElementLaws
 from tendonff.ocp.step.protocol import Array

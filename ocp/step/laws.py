@@ -20,7 +20,7 @@ from tendonff.models.chain import Chain
 from tendonff.models.friction import FrictionLaw, from_far_side
 from tendonff.models.layout import fields_of
 from tendonff.models.link import LinkLaw, tendon_force
-from tendonff.ocp.codegen.law import Law
+from tendonff.ocp.codegen.printer import Law
 
 R = TypeVar("R")
 

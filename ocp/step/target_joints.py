@@ -12,10 +12,9 @@ from tendonff.models.bounds import at_least
 from tendonff.models.chain import Chain
 from tendonff.models.friction import COEFFICIENT_FLOOR
 from tendonff.models.layout import fields_of
-from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import Specialiser
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.codegen.printer import literal
+from tendonff.ocp.codegen.printer import Law, literal
 from tendonff.ocp.step.joints import Joints
 from tendonff.ocp.step.laws import ElementLaws, symbolic, twins_of, way_of
 

@@ -10,6 +10,7 @@ from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.uncertainty import Objective, Uncertainty
+from tendonff.ocp.batch import Progress
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import Inversion, invert
 from tendonff.ocp.periodic import steady_response
@@ -18,7 +19,6 @@ from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.problem import WORST_POWER, TrackingProblem, TrackOptions
 from tendonff.ocp.tracking.result import Tracking
-from tendonff.ocp.tracking.search.receding_horizon import Progress
 from tendonff.ocp.tracking.track import solve_tracking
 
 POWER = {Objective.WORST: WORST_POWER, Objective.MEAN: 1.0}

@@ -8,6 +8,7 @@ import numpy as np
 from threadpoolctl import ThreadpoolController
 
 from tendonff.models.chain import Chain
+from tendonff.ocp.batch import Progress
 from tendonff.ocp.errors import CodeError, SolveError
 from tendonff.ocp.inverse import InverseStatus, Inversion, invert
 from tendonff.ocp.simulate import simulate
@@ -23,7 +24,7 @@ from tendonff.ocp.tracking.result import Tracking, TrackStatus
 from tendonff.ocp.tracking.search.grids import GridRefinement
 from tendonff.ocp.tracking.search.led import led_force
 from tendonff.ocp.tracking.search.programme import programme
-from tendonff.ocp.tracking.search.receding_horizon import Progress, solve
+from tendonff.ocp.tracking.search.receding_horizon import solve
 
 __all__ = ["TrackOptions", "TrackStatus", "Tracking", "solve_tracking", "track"]
 

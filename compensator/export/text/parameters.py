@@ -9,9 +9,9 @@ from tendonff.models.bounds import at_least
 from tendonff.models.elements import whole_of
 from tendonff.models.friction import COEFFICIENT_FLOOR
 from tendonff.models.layout import fields_of
-from tendonff.ocp.codegen.law import Law
 from tendonff.ocp.codegen.partial_evaluation import Specialiser
 from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.codegen.printer import Law
 from tendonff.ocp.step.joints import Joints
 from tendonff.ocp.step.target import SETTABLE, inverse_code
 from tendonff.ocp.step.target_joints import contact_code
@@ -40,19 +40,13 @@ def parameters_of(problem: Problem) -> tuple[Parameter, ...]:
     friction, actuator = problem.transmission.friction, problem.transmission.actuator
     low, high = actuator.force_min_N, min(actuator.force_max_N, _RATE_MAX)
     rate = min(actuator.force_rate_max_N_per_s, _RATE_MAX * min(1.0, problem.reference.step_s))
-    mu, back = friction.mu_dynamic, friction.release_dynamic
+    mu, back, adhesion = friction.mu_dynamic, friction.release_dynamic, friction.adhesion_N
     most = max(min(_MU_MAX, _EXPONENT_MAX / max(problem.transmission.path.total_angle_rad, 1.0)), mu, back)
+    most_adhesion = max(_ADHESION_MAX_N, adhesion)
     rows = (
         ("mu_pull", "", "mu_dynamic, tendon moving towards the actuator", mu, 0.0, most),
         ("mu_release", "", "mu_dynamic, tendon moving towards the load", back, 0.0, most),
-        (
-            "adhesion",
-            "N",
-            "tension-independent part of the normal force",
-            friction.adhesion_N,
-            0.0,
-            max(_ADHESION_MAX_N, friction.adhesion_N),
-        ),
+        ("adhesion", "N", "tension-independent part of the normal force", adhesion, 0.0, most_adhesion),
         ("force_min", "N", "least force of the actuator", low, low, high),
         ("force_max", "N", "largest force of the actuator", high, low, high),
         ("force_rate_max", "N/s", "largest change of the force per second", rate, 0.0, rate),

@@ -76,8 +76,6 @@ def _left_in(fit: CoarseFit) -> tuple[float, float]:
     """Delay that the residuals of a fit still hold, found together with its values and adhesion, and its error."""
     task = replace(fit.task, fixed=fit.task.complete(fit.solution.values))
     found = slopes_over_all(task, (*task.free, DynamicParameter.ADHESION))
-    if found is None:
-        return 0.0, float("inf")
     rates: list[Array] = []
     for run in task.pieces:
         response = task.model.respond(task.fixed, run.drive)

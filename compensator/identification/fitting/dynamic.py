@@ -182,7 +182,7 @@ def fit_dynamic(
     quick = replace(task, model=coarse_model, fixed=task.complete(solution.values))
     every = (*task.free, *(n for n in D if n not in task.free))
     slopes = slopes_over_all(quick, every)
-    files = () if slopes is None else file_estimates(quick, slopes, solution)
+    files = file_estimates(quick, slopes, solution)
     solution, concentration = with_other_laws(with_common_errors(solution), slopes, every, quick)
     solution = with_floors(with_scatter(solution, files), mean_N)
     return DynamicFit(

@@ -56,24 +56,19 @@ SURE_OF_DRIFT = 3.0
 OFTEN_ASKED = (D.MU_PULL, D.MU_RELEASE, D.ADHESION, D.BRISTLE, D.STIFFNESS)
 
 
-def slopes_over_all(task: ChainResiduals, names: Sequence[DynamicParameter]) -> Residuals | None:
-    """Residuals at the fixed values with slopes over all of `names`; None where the model has no answer."""
-    try:
-        return replace(task, free=tuple(names)).evaluate({str(n): task.fixed[n] for n in names})
-    except ValueError:
-        return None
+def slopes_over_all(task: ChainResiduals, names: Sequence[DynamicParameter]) -> Residuals:
+    """Residuals at the fixed values with slopes over all of `names`."""
+    return replace(task, free=tuple(names)).evaluate({str(n): task.fixed[n] for n in names})
 
 
-def expected_errors(found: Residuals | None, names: Sequence[DynamicParameter]) -> dict[DynamicParameter, float]:
+def expected_errors(found: Residuals, names: Sequence[DynamicParameter]) -> dict[DynamicParameter, float]:
     """Standard errors if all of `names` were free, by the slopes over them at the present values."""
-    if found is None:
-        return dict.fromkeys(names, float("inf"))
     covariance, _ = block_covariance(found, robust=True)
     return dict(zip(names, np.sqrt(np.diag(covariance)), strict=True))
 
 
 def with_other_laws(
-    solution: Solution, found: Residuals | None, names: Sequence[DynamicParameter], task: ChainResiduals
+    solution: Solution, found: Residuals, names: Sequence[DynamicParameter], task: ChainResiduals
 ) -> tuple[Solution, float]:
     """Add to the covariance what laws with one more effect make doubtful, each weighted by what the data say of it.
 
@@ -83,8 +78,6 @@ def with_other_laws(
     moves the stiffness most. Returned with the solution: by how much more of the wrap angle the nearer half carries
     than half [-]; 0 where the data do not tell.
     """
-    if found is None:
-        return solution, 0.0
     free = [names.index(D(n)) for n in solution.values]
     independent = task.independent_rows(found)
     own_step, own_size = _newton(found, free)

@@ -19,7 +19,6 @@ from tendonff.compensator.scenario.sampled.from_file import read_samples, resamp
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.parameters import Transmission
-from tendonff.ocp.reference.motion import tension_of_motion
 
 _MAX_STEPS = 50_000_000
 _LONG_RUN = 200_000
@@ -142,6 +141,8 @@ def _sample(scenario: Scenario) -> Reference:
         course = _closed(course, file)
     position = course if spec.wants_position else None
     if position is not None:
+        from tendonff.ocp.reference.motion import tension_of_motion  # brings CasADi, and a refusal is to be quick
+
         # The first of a periodic course is not at rest: its tension is that of the cycle.
         rest = spec.initial_tension_N or 0.0
         course = tension_of_motion(scenario.transmission.load, position, step, rest, periodic=spec.periodic)

@@ -6,6 +6,7 @@ import numpy as np
 
 from tendonff.models.chain import Chain
 from tendonff.models.layout import ChainState
+from tendonff.ocp.batch import Progress
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import Inversion
 from tendonff.ocp.periodic import steady_response
@@ -14,7 +15,6 @@ from tendonff.ocp.tracking.diagnosis import departures
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
-from tendonff.ocp.tracking.search.receding_horizon import Progress
 from tendonff.ocp.tracking.track import solve_tracking
 
 _CYCLES = 3

@@ -14,6 +14,7 @@ import numpy as np
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.layout import ChainInputs
+from tendonff.ocp.batch import Progress
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import Simulator
 from tendonff.ocp.step.protocol import Array
@@ -26,7 +27,6 @@ from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
 from tendonff.ocp.tracking.search.grids import refine
 from tendonff.ocp.tracking.search.knots import coarse_spacing
-from tendonff.ocp.tracking.search.receding_horizon import Progress
 from tendonff.ocp.tracking.search.sqp import SqpSettings
 from tendonff.ocp.tracking.track import BLAS, track
 

@@ -1,11 +1,11 @@
 """Several references at once."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from functools import partial
 
 from tendonff.models.chain import Chain
-from tendonff.ocp.batch import Done, run_jobs
+from tendonff.ocp.batch import Done, Progress, run_jobs
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.problem import TrackOptions
@@ -21,7 +21,7 @@ def track_batch(
     options: TrackOptions = TrackOptions(),  # noqa: B008 - frozen
     *,
     executor: Executor | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> list[Done[Tracking]]:
     """Find the optimal profile of each of several references, from rest at its first tension; see `track`.
 

@@ -14,6 +14,7 @@ from scipy.ndimage import uniform_filter1d
 from tendonff.models.capstan import held_within
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
+from tendonff.ocp.batch import Progress
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.band import Band
@@ -21,7 +22,6 @@ from tendonff.ocp.tracking.diagnosis import departures
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions, travel_N
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
-from tendonff.ocp.tracking.search.receding_horizon import Progress
 from tendonff.ocp.tracking.track import solve_tracking
 
 _LAID = 0.95  # of the tolerance: there the path is laid

@@ -12,6 +12,7 @@ import numpy as np
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
+from tendonff.ocp.batch import Progress
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import simulate
 from tendonff.ocp.step.protocol import Array
@@ -20,7 +21,6 @@ from tendonff.ocp.tracking.diagnosis import departures, law_of
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
-from tendonff.ocp.tracking.search.receding_horizon import Progress
 from tendonff.ocp.tracking.track import solve_tracking
 
 TOLERANCE = 0.01

@@ -1,19 +1,18 @@
 """Receding horizon: a long problem in pieces that overlap, so that cost grows with the length, not with its cube."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tendonff.models.layout import ChainInputs
+from tendonff.ocp.batch import Progress
 from tendonff.ocp.simulate import Simulator
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
 from tendonff.ocp.tracking.search.grids import GridRefinement, refine
 from tendonff.ocp.tracking.search.knots import coarse_spacing
 from tendonff.ocp.tracking.search.sqp import SqpSettings
-
-Progress = Callable[[int, int], None]
 
 KNOTS_PER_WINDOW = 110
 """Coarse knots that one piece keeps."""

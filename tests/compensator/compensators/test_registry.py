@@ -12,7 +12,7 @@ import pytest
 from tendonff.compensator.cli import run
 from tendonff.compensator.compare.run import compare
 from tendonff.compensator.compensators import base, optimal
-from tendonff.compensator.compensators.base import CModule, Compensator, Problem, Profile, ProfileStatus, Style
+from tendonff.compensator.compensators.base import CModule, Compensator, Problem, Profile, ProfileStatus
 from tendonff.compensator.compensators.closed_form import Capstan
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
 from tendonff.compensator.design.run import design
@@ -23,6 +23,7 @@ from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.export.text import c_text
 from tendonff.compensator.files.progress import silent
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.reporting.colours import Style
 from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.uncertainty import Uncertainty
