@@ -104,7 +104,7 @@ class Problem:
 
     @cached_property
     def kept(self) -> KeptForce | None:
-        """Holds and the end of the reference, where the force is kept; None where there are none."""
+        """Holds and the end of the reference, where the force is kept; None where none is, or is reached."""
         reference = self.reference
         if reference.periodic or self.live:
             return None
@@ -114,7 +114,9 @@ class Problem:
         if not holds and end is None:
             return None
         rows = (*holds, *(() if end is None else (end,)))
-        return keep_force(self.chain, wanted, step, rows, initial_tension_N=reference.initial_tension_N)
+        kept = keep_force(self.chain, wanted, step, rows, initial_tension_N=reference.initial_tension_N)
+        # A chain that no force lets follow goes slack before: the inverse of the wanted tension then says why.
+        return kept if np.all(kept.followed_N > 0) else None
 
     @cached_property
     def followed_N(self) -> FloatArray:

@@ -62,6 +62,19 @@ def is_worse(score: Score, uncompensated: Score, reference_N: FloatArray) -> boo
     return score.rmse_N > 1.01 * uncompensated.rmse_N + 1e-6 * scale_N(reference_N)
 
 
+def harm_warnings(scores: Mapping[str, Score], reference_N: FloatArray) -> list[str]:
+    """Compensators, by name, that do harm; "none" is what they are compared with, and without it there are none."""
+    nothing = scores.get("none")
+    if nothing is None:
+        return []
+    return [
+        f"{name}: RMS error {score.rmse_percent_of_range:.3g} % of range, more than without compensation "
+        f"({nothing.rmse_percent_of_range:.3g} %): do not use it for this reference and these limits"
+        for name, score in scores.items()
+        if is_worse(score, nothing, reference_N)
+    ]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedPlant:
     """The chain that a force is tried on."""

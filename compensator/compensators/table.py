@@ -52,11 +52,12 @@ class CompensationTable(Compensator):
 
     def profile(self, problem: Problem, *, progress: Progress = silent) -> Profile:  # noqa: ARG002
         """Answer by looking up; see `Compensator.profile`."""
-        table = self.table or table_of(problem).table
-        reference = problem.reference
-        start = reference.initial_tension_N
-        force = problem.in_cycle(lambda rows: table_force(table, rows, start), reference.tension_N)
-        return Profile(force_N=problem.limited(force))
+        return Profile(force_N=problem.limited(self.wanted_N(problem)))
+
+    def wanted_N(self, problem: Problem) -> FloatArray:
+        """Force before the actuator's limits, shape (n,) [N]."""
+        table, start = self.table or table_of(problem).table, problem.reference.initial_tension_N
+        return problem.in_cycle(lambda rows: table_force(table, rows, start), problem.reference.tension_N)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -82,16 +82,21 @@ class Online:
         save_figure(online_figure(self), Path(folder) / "online")
 
 
-def study_online(scenario: Scenario, optimum_percent: float | None = None) -> Online:
-    """Try filters on the scenario's reference with the noise of a converter; SolveError if none can be simulated.
-
-    Beside them stands the RMS error of the optimal profile on the same model [% of range], where it is given.
-    """
+def require_path_at_rest(scenario: Scenario) -> None:
+    """Refuse a scenario with joints, which no filter of a live reference is made for."""
     if scenario.joints:
         raise InputError(
             f"{scenario.source.name} [joints]: live references are for a path at rest; `export-c` gives an inverse "
             "that takes joint angles, and `design` without --online the profile"
         )
+
+
+def study_online(scenario: Scenario, optimum_percent: float | None = None) -> Online:
+    """Try filters on the scenario's reference with the noise of a converter; SolveError if none can be simulated.
+
+    Beside them stands the RMS error of the optimal profile on the same model [% of range], where it is given.
+    """
+    require_path_at_rest(scenario)
     problem = Problem.of(scenario)
     choice = choose_stream(problem, scenario.stream)
     further = replace(scenario.stream, preview_s=_PREVIEW_S)

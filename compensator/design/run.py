@@ -8,8 +8,8 @@ from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import (
     SimulatedPlant,
     Verified,
+    harm_warnings,
     ignored_motion,
-    is_worse,
     slack_warnings,
     verify,
 )
@@ -90,7 +90,7 @@ def design(
             parts.done()
     judged = [v for v in verified if v.plant.level is level]
     followed = [v for v in judged if problem.asked.is_followed or v.compensator != "optimal"]
-    warnings += _worse_than_nothing(followed, reference.tension_N)
+    warnings += harm_warnings({v.compensator: v.score for v in followed}, reference.tension_N)
     warnings += _promises(judged, proof, is_compared=bands is None and problem.asked.is_followed)
     warnings += slack_warnings({(v.compensator, v.plant.level.value): v.slack for v in verified if v.slack})
     result = Design(
@@ -107,19 +107,6 @@ def design(
         warnings=tuple(warnings),
     )
     return replace(result, warnings=(*result.warnings, *drive_warnings(result)))
-
-
-def _worse_than_nothing(verified: Sequence[Verified], reference_N: FloatArray) -> list[str]:
-    """Compensators with a larger error on their own level than the reference applied directly."""
-    nothing = next((v.score for v in verified if v.compensator == "none"), None)
-    if nothing is None:
-        return []
-    return [
-        f"{v.compensator}: RMS error {v.score.rmse_percent_of_range:.3g} % of range, more than without compensation "
-        f"({nothing.rmse_percent_of_range:.3g} %): do not use it for this reference and these limits"
-        for v in verified
-        if is_worse(v.score, nothing, reference_N)
-    ]
 
 
 _KEPT = 2.0  # times the error on the design level that the finer chain may leave

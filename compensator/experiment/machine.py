@@ -72,10 +72,16 @@ class Schedule:
 def plan_experiment(scenario: Scenario) -> Plan:
     """The test of a scenario: its [experiment] table, completed by what its transmission suggests.
 
-    InputError if the tensions are not low < high within the actuator's range, or a rate exceeds the actuator's.
+    InputError if the actuator has dry friction, the tensions are not low < high within its range, or a rate exceeds
+    its own.
     """
     settings, transmission = scenario.experiment, scenario.transmission
     where = f"{scenario.source.name} [experiment]"
+    if transmission.actuator.coulomb_N:
+        raise InputError(
+            f"{scenario.source.name} [actuator]: coulomb_N must be 0 in the two-motor test, whose motors have no dry "
+            f"friction, got {transmission.actuator.coulomb_N:g}; leave it out in a copy of the scenario for this test"
+        )
     low, high = _tensions(settings, transmission, where)
     own = settings.own_states()
     states = ten_states(settings, transmission, low, high) if own is None else own

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.compensator.files.reading import FloatArray, InputError
+from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.scenario.experiment import ExperimentState, MotorMode
 from tendonff.models.assembly import End, rest_damper_force
 from tendonff.models.chain import Chain
@@ -68,8 +68,6 @@ class Rig:
 
     def __init__(self, plan: Plan, level: Level, modes: Modes, segments: int | None = None) -> None:
         self._plan = plan
-        if plan.transmission.actuator.coulomb_N:
-            raise InputError("coulomb_N must be 0 in the two-motor test, which knows motors without dry friction")
         chain = Chain.of(plan.transmission, level, segments)
         self._chain = replace(chain, far=chain.near)  # two equal motors
         state = self._chain.rest_state(plan.start_tension_N)

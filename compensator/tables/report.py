@@ -52,7 +52,7 @@ def table_report(result: TablesData, picture: Path) -> Report:
             f"{result.level} level. That is the accuracy of the table, not of a rig, where the uncertainty of the "
             "parameters decides."
         ),
-        warnings=result.reference.warnings,
+        warnings=result.warnings,
         sections=(
             Section(
                 title="The table",

@@ -4,8 +4,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
-from tendonff.compensator.compensators.base import Problem, with_motion
-from tendonff.compensator.compensators.score import SimulatedPlant, doubt, error_bands, scale_N, verify
+from tendonff.compensator.compensators.base import Problem, limit_warnings, with_motion
+from tendonff.compensator.compensators.registry import compensator
+from tendonff.compensator.compensators.score import (
+    SimulatedPlant,
+    doubt,
+    error_bands,
+    harm_warnings,
+    scale_N,
+    verify,
+)
 from tendonff.compensator.compensators.table import CompensationTable, table_of, table_range
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampled.joint_motion import posed
@@ -13,6 +21,7 @@ from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.tables.output import Tables
 from tendonff.compensator.tables.result import AngleTable
 from tendonff.models.fidelity import Level
+from tendonff.ocp.tracking.diagnosis import law_of, reasons
 
 
 def make_tables(
@@ -66,10 +75,18 @@ def make_tables(
                 )
                 for rate in sorted(rates_N_per_s or [own.rate_N_per_s])
             ]
-    profile = with_motion(problem, "table", CompensationTable(own.table).profile(problem))
+    compensation = CompensationTable(own.table)
+    direct = with_motion(problem, "none", compensator("none").profile(problem))
+    profile = with_motion(problem, "table", compensation.profile(problem))
     scores = {on: verify(transmission, SimulatedPlant(level=on), "table", profile, reference).score for on in Level}
+    nothing = verify(transmission, SimulatedPlant(level=problem.level), "none", direct, reference).score
     real = doubt(transmission, scenario.robust)
-    band = error_bands(real.samples, problem.level, {"table": profile.force_N}, reference)["table"]
+    bands = error_bands(real.samples, problem.level, {"none": direct.force_N, "table": profile.force_N}, reference)
+    harm = harm_warnings({"none": nothing, "table": scores[problem.level]}, reference.tension_N)
+    met = limit_warnings("table", compensation.wanted_N(problem), profile.force_N)
+    bounds = problem.options.minimum_tension_N, problem.options.maximum_tension_N
+    needed = problem.inversion.force_N, reference.step_s, problem.limits
+    causes = reasons(law_of(problem.chain), reference.tension_N, *needed, *bounds) if met else ()
     options = {"level": level, "bound": bound_N, "angles": _listed(angles_rad), "rates": _listed(rates_N_per_s)}
     options["pose"] = " --pose ".join(f"{name}={angle}" for name, angle in pose_rad.items())
     return Tables(
@@ -79,9 +96,10 @@ def make_tables(
         tables=tuple(tables),
         axes=(("total_angle_rad",) if angles_rad else ()) + (("rate_N_per_s",) if rates_N_per_s else ()),
         scores=scores,
-        worst_percent=100 * band.worst_rms_N / scale_N(reference.tension_N),
+        worst_percent={name: 100 * band.worst_rms_N / scale_N(reference.tension_N) for name, band in bands.items()},
         doubt=str(real),
         options=" ".join(f"--{name} {value}" for name, value in options.items() if value),
+        warnings=(*reference.warnings, *met, *causes, *harm),
     )
 
 

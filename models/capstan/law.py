@@ -275,8 +275,8 @@ class CapstanLaw:
         return np.where(last_move >= 0, answer[np.maximum(last_move, 0)], start)
 
     def largest_output_N(self, force_max_N: float) -> float:
-        """Largest output tension that a force can pull through the friction, (F + p) e^{-mu_pull theta} - p [N]."""
-        return float(self.output_bounds_N(force_max_N)[0])
+        """Largest output tension that a force pulls through the friction, (F + p) e^{-mu_pull theta} - p, >= 0 [N]."""
+        return max(float(self.output_bounds_N(force_max_N)[0]), 0.0)
 
     def smallest_output_N(self, force_min_N: float) -> float:
         """Smallest output tension that releasing down to a force leaves, (F + p) e^{mu_release theta} - p [N]."""

@@ -83,6 +83,11 @@ class Motor:
         return self.torque_max_N_m / self.travel_per_rad_m
 
     @property
+    def stall_force_N(self) -> float:
+        """Stall torque as a force at the tendon, infinite where it is not given [N]."""
+        return math.inf if self.stall_torque_N_m is None else self.stall_torque_N_m / self.travel_per_rad_m
+
+    @property
     def speed_max_m_per_s(self) -> float:
         """Largest speed at the tendon [m/s]."""
         return self.speed_max_rad_per_s * self.travel_per_rad_m

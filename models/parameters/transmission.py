@@ -255,6 +255,20 @@ class Actuator:
                 raise ParameterError('servo_stiffness_N_per_m is for drive = "position"; add it, or leave this out')
             require("servo_stiffness_N_per_m", self.servo_stiffness_N_per_m, above=0, hint="from its data sheet")
 
+    @property
+    def largest_force_N(self) -> float:
+        """Largest force that it gives, at standstill [N]: force_max_N, or less by the motor's stall torque."""
+        return self.force_max_N if self.motor is None else min(self.force_max_N, self.motor.stall_force_N)
+
+    @property
+    def largest_force_name(self) -> str:
+        """Where that comes from, as the user writes it: a motor's torque at the drum, where it is the limit."""
+        motor = self.motor
+        if motor is None or (self.force_max_N != motor.force_max_N and self.largest_force_N == self.force_max_N):
+            return "force_max_N"
+        torque = "torque_max_N_m" if self.largest_force_N == self.force_max_N else "stall_torque_N_m"
+        return f"{torque} * gear_ratio/drum_radius_m"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Load:

@@ -134,8 +134,8 @@ def _range_reasons(law: CapstanLaw, reference: Array, step_s: float, limits: For
         needed = float(law.input_for_N(reference[high], Branch.PULL))
         found.append(
             f"the reference asks for {reference[high]:.4g} N at t = {high * step_s:.4g} s; through e^(mu theta) = "
-            f"{math.exp(law.pull_exponent):.3g} that needs {needed:.4g} N at the actuator, force_max_N is "
-            f"{limits.maximum_N:.4g}: at most {most:.4g} N arrive"
+            f"{math.exp(law.pull_exponent):.3g} that needs {needed:.4g} N at the actuator, "
+            f"{limits.maximum_name} is {limits.maximum_N:.4g}: at most {most:.4g} N arrive"
         )
     if reference[low] < least:
         needed = float(law.input_for_N(reference[low], Branch.RELEASE))

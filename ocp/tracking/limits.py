@@ -65,17 +65,20 @@ class ForceLimits:
         Largest rate of change, either way [N/s], > 0.
     motion : MotionLimits, optional
         Default: none.
+    maximum_name : str, optional
+        Where the maximum comes from, as the user writes it.
     """
 
     minimum_N: float
     maximum_N: float
     rate_N_per_s: float
     motion: MotionLimits = MotionLimits()
+    maximum_name: str = "force_max_N"
 
     def __post_init__(self) -> None:
         if not self.minimum_N < self.maximum_N:
             raise ParameterError(
-                f"force_min_N must be below force_max_N = {self.maximum_N:g}, got {self.minimum_N:g}; "
+                f"force_min_N must be below {self.maximum_name} = {self.maximum_N:g}, got {self.minimum_N:g}; "
                 "no force lies between them"
             )
         if not self.rate_N_per_s > 0:
@@ -88,11 +91,12 @@ class ForceLimits:
         """Limits of an actuator."""
         motor, stall, no_load = actuator.motor, math.inf, math.inf
         if motor is not None and motor.stall_torque_N_m and motor.no_load_speed_rad_per_s:
-            stall = motor.stall_torque_N_m / motor.travel_per_rad_m
+            stall = motor.stall_force_N
             no_load = motor.no_load_speed_rad_per_s * motor.travel_per_rad_m
         return cls(
             minimum_N=actuator.force_min_N,
-            maximum_N=min(actuator.force_max_N, stall),
+            maximum_N=actuator.largest_force_N,
+            maximum_name=actuator.largest_force_name,
             rate_N_per_s=actuator.force_rate_max_N_per_s,
             motion=MotionLimits(
                 speed_m_per_s=math.inf if actuator.speed_max_m_per_s is None else actuator.speed_max_m_per_s,
@@ -134,7 +138,7 @@ class ForceLimits:
         low, high = int(np.argmin(force)), int(np.argmax(force))
         found = [
             self._violation("force_min_N", low * step_s, float(force[low]), self.minimum_N, -1.0),
-            self._violation("force_max_N", high * step_s, float(force[high]), self.maximum_N, 1.0),
+            self._violation(self.maximum_name, high * step_s, float(force[high]), self.maximum_N, 1.0),
         ]
         if rate.size:
             fast = int(np.argmax(np.abs(rate)))

@@ -31,13 +31,15 @@ def design(
         from tendonff.compensator.design.output import print_scores
         from tendonff.compensator.design.run import design as design_profile
 
+        if online:
+            from tendonff.compensator.design.online import require_path_at_rest, study_online
+
+            require_path_at_rest(loaded)
         with progress("designing") as advance:
             result = design_profile(loaded, strict=strict, progress=advance)
         with progress("writing"):
             result.write(folder, interactive=interactive)
         if online:
-            from tendonff.compensator.design.online import study_online
-
             with progress("filters of a live reference"):
                 optimum = result.on_level("optimal", result.level).score.rmse_percent_of_range
                 study = study_online(loaded, optimum)

@@ -1,5 +1,6 @@
 """`tendonff sweep`: designs and scores over a grid, or over units that differ."""
 
+import math
 from typing import Annotated
 
 import typer
@@ -38,19 +39,27 @@ def sweep(
 
     loaded = load_scenario(scenario)
     from tendonff.compensator.design.sweep.plan import Axis
+    from tendonff.compensator.design.sweep.result import kept_rows
     from tendonff.compensator.design.sweep.run import DEFAULT, executor_of
     from tendonff.compensator.design.sweep.run import sweep as run_sweep
+    from tendonff.compensator.files.interrupts import Interrupted
     from tendonff.compensator.files.writing import require_parquet
 
     if parquet:
         require_parquet()
     axes = [Axis.parse(text) for text in over or []]
     names = DEFAULT if compensators is None else tuple(name.strip() for name in compensators.split(","))
-    with executor_of(scheduler) as executor, progress("sweeping") as advance:
-        result = run_sweep(
-            loaded, out, over=axes, samples=samples, compensators=names, executor=executor, progress=advance
-        )
-        result.write(out, parquet=parquet)
+    try:
+        with executor_of(scheduler) as executor, progress("sweeping") as advance:
+            result = run_sweep(
+                loaded, out, over=axes, samples=samples, compensators=names, executor=executor, progress=advance
+            )
+            result.write(out, parquet=parquet)
+    except KeyboardInterrupt:
+        if not (kept := kept_rows(out)):
+            raise
+        units = samples or math.prod(len(axis.values) for axis in axes)
+        raise Interrupted(f"{kept} of {units} units kept in {out}; start again to go on") from None
     say(result.headline)
     for name in result.compensators:
         say(

@@ -62,7 +62,7 @@ def table(
                 pose_rad=angles_of_joints,
             )
             result.write(folder, prefix=prefix)
-    warn(*result.reference.warnings)
+    warn(*result.warnings)
     if (nodes := max(made.built.table.nodes for made in result.tables)) > _MANY_NODES:
         warn(f"{nodes} nodes in one table are {8 * nodes} bytes on the controller: raise --bound, or use the inverse")
     say(result.headline)

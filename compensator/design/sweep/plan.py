@@ -1,5 +1,6 @@
 """What a sweep tries: points of a grid over scenario keys, or units drawn from the stated uncertainty."""
 
+import operator
 import re
 from dataclasses import dataclass, fields, replace
 from itertools import product
@@ -12,7 +13,8 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.ocp.tracking.robust import Sample, draw_transmissions
 
-_TABLES = ("path", "tendon", "friction", "actuator", "load", "run")
+_TABLES = ("path", "tendon", "friction", "actuator", "actuator.motor", "load", "run")
+_AT_THE_DRUM = ("mass_kg", "force_max_N", "speed_max_m_per_s")  # of an actuator: they follow from its motor
 FACTORS = ("mu_factor", "stiffness_factor", "bristle_stiffness_factor")
 
 
@@ -20,14 +22,14 @@ FACTORS = ("mu_factor", "stiffness_factor", "bristle_stiffness_factor")
 class Axis:
     """A key of the scenario and the values it takes."""
 
-    key: str  # "table.name", as in the scenario file
+    key: str  # "table.name" or "table.inner.name", as in the scenario file
     values: tuple[float, ...]
 
     @classmethod
     def parse(cls, text: str) -> "Axis":
         """Read KEY=FROM:TO:COUNT, evenly spaced, both ends included."""
         number = r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)"
-        found = re.fullmatch(rf"([A-Za-z_]\w*\.\w+)={number}:{number}:(\d+)", text.strip())
+        found = re.fullmatch(rf"([A-Za-z_]\w*(?:\.\w+)+)={number}:{number}:(\d+)", text.strip())
         try:
             key, first, last, count = found[1], float(found[2]), float(found[3]), int(found[4])  # type: ignore[index]
         except (TypeError, ValueError):
@@ -75,13 +77,19 @@ def factors_of(sample: Sample) -> tuple[float, ...]:
 
 
 def varied(scenario: Scenario, keys: tuple[str, ...], values: tuple[float, ...]) -> Scenario:
-    """The scenario with other values of keys "table.name"; `mu_static` follows `mu_dynamic` where both are equal."""
-    changes: dict[str, dict[str, float | int]] = {}
+    """The scenario with other values of keys "table.name".
+
+    `mu_static` follows `mu_dynamic` where both are equal, and what the actuator has of its motor follows the motor.
+    """
+    actuator = scenario.transmission.actuator
+    changes: dict[str, dict[str, object]] = {}
     for key, value in zip(keys, values, strict=True):
-        table, name = key.split(".")
+        table, name = key.rsplit(".", 1)
         if table not in _TABLES:
             raise InputError(f'--over {key}: unknown table "{table}"{suggestion(table, _TABLES)}')
-        record = scenario.run if table == "run" else getattr(scenario.transmission, table)
+        record = operator.attrgetter(table)(scenario if table == "run" else scenario.transmission)
+        if record is None:
+            raise InputError(f"--over {key}: {scenario.source.name} has no [{table}]; add it")
         numeric = [f.name for f in fields(record) if isinstance(getattr(record, f.name), int | float)]
         if name not in numeric:
             raise InputError(f'--over {key}: [{table}] has no number "{name}"{suggestion(name, numeric)}')
@@ -93,6 +101,11 @@ def varied(scenario: Scenario, keys: tuple[str, ...], values: tuple[float, ...])
     if "mu_dynamic" in changes.get("friction", {}) and friction.mu_static == friction.mu_dynamic:
         changes["friction"].setdefault("mu_static", changes["friction"]["mu_dynamic"])  # no Stribeck effect stays none
     try:
+        if (motor := actuator.motor) is not None and "actuator.motor" in changes:
+            turned = replace(motor, **changes.pop("actuator.motor"))  # type: ignore[arg-type]
+            of_motor = [each for each in _AT_THE_DRUM if getattr(actuator, each) == getattr(motor, each)]
+            follow = {each: getattr(turned, each) for each in of_motor}
+            changes["actuator"] = {"motor": turned, **follow, **changes.get("actuator", {})}
         run = replace(scenario.run, **changes.pop("run", {}))  # type: ignore[arg-type]
         transmission = scenario.transmission
         parts = {table: replace(getattr(transmission, table), **change) for table, change in changes.items()}

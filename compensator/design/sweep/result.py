@@ -37,6 +37,10 @@ class Row:
     peak_N: tuple[float, ...]
 
 
+# key, low value, high value, and every compensator's error at both with all else nominal [% of range]
+Cost = tuple[str, float, float, tuple[float, ...], tuple[float, ...]]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepData:
     """Scores over units."""
@@ -46,9 +50,7 @@ class SweepData:
     keys: tuple[str, ...]  # varied keys of the scenario, or factors on its parameters
     compensators: tuple[str, ...]
     rows: tuple[Row, ...]  # in the order of their index
-    # key, low value, high value, and every compensator's error at both with all else nominal [% of range]; empty for a
-    # grid
-    budget: tuple[tuple[str, float, float, tuple[float, ...], tuple[float, ...]], ...]
+    budget: tuple[Cost, ...]  # empty for a grid
     is_random: bool  # units drawn from the uncertainty: the profiles are those of the nominal scenario
 
     def percent(self, name: str) -> FloatArray:
@@ -87,21 +89,23 @@ class SweepData:
 _PLAN, _ROWS = "sweep.json", "rows.partial.csv"
 
 
+def kept_rows(folder: Path) -> int:
+    """Number of rows that a sweep which was stopped has left in its folder."""
+    path = folder / _ROWS
+    return path.read_text(encoding="utf-8").count("\n") if path.exists() else 0
+
+
 class Store:
-    """The rows that are done, in a folder, which is made; one that holds another plan is refused."""
+    """The rows that are done, in a folder, made with the first; one that holds rows of another plan is refused."""
 
     def __init__(self, folder: Path, plan: dict[str, object]) -> None:
-        self._path = folder / _ROWS
-        folder.mkdir(parents=True, exist_ok=True)
+        self._path, self._plan = folder / _ROWS, plan
         file = folder / _PLAN
         if file.exists():
-            if json.loads(file.read_text(encoding="utf-8")) != json.loads(json.dumps(plan)):
+            if kept_rows(folder) and json.loads(file.read_text(encoding="utf-8")) != json.loads(json.dumps(plan)):
                 raise InputError(f"{folder} holds another sweep; choose another --out, or delete it")
-        elif any(folder.iterdir()):
+        elif folder.exists() and any(folder.iterdir()):
             raise InputError(f"{folder} is not empty and holds no sweep; choose another --out")
-        else:
-            with atomic_file(file) as partial:
-                partial.write_text(json.dumps(plan, indent=2) + "\n", encoding="utf-8")
 
     def read(self, width: int) -> dict[int, Row]:
         """The rows done so far, of so many varied keys, by index; a last line that was cut off does not count."""
@@ -119,6 +123,10 @@ class Store:
 
     def add(self, rows: Iterable[Row]) -> None:
         """Append rows, on disk before it returns."""
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        if not kept_rows(self._path.parent):
+            with atomic_file(self._path.parent / _PLAN) as partial:
+                partial.write_text(json.dumps(self._plan, indent=2) + "\n", encoding="utf-8")
         if self._path.exists():  # what was cut off goes
             text = self._path.read_text(encoding="utf-8")
             if not text.endswith("\n"):

@@ -22,7 +22,6 @@ from tendonff.models.parameters import Transmission
 
 _MAX_STEPS = 50_000_000
 _LONG_RUN = 200_000
-_MANY_TURNS_RAD = 20.0
 _LEAST_SHARE = 0.02  # of the range: a taut tendon where no tension is wanted
 
 
@@ -67,14 +66,14 @@ def sample_reference(scenario: Scenario, *, strict: bool = True) -> Reference:
     """Sample the reference of a scenario and check that the transmission can deliver it.
 
     InputError where the reference reaches 0 or below, or (only a warning unless `strict`) above the largest tension
-    that force_max_N delivers through the friction.
+    that the largest force delivers through the friction.
     """
     spec, sampled = scenario.reference, _sample(scenario)
     tension, initial, removed = sampled.tension_N, sampled.initial_tension_N, sampled.removed_noise_N
     notes = list(sampled.warnings)
     if beyond := _check_deliverable(scenario.transmission, sampled.time_s, tension, scenario.source.name):
         if strict:
-            raise InputError(beyond)
+            raise InputError("; ".join((beyond, *questions(scenario.transmission))))
         notes.append(beyond)
     notes += questions(scenario.transmission)
     if removed > 0 and isinstance(spec, CsvReference):
@@ -217,9 +216,9 @@ def _grid(duration_s: float, step_s: float, file: str) -> FloatArray:
 
 
 def largest_tension(transmission: Transmission) -> float:
-    """Largest output tension that force_max_N reaches by slow pulling [N]."""
+    """Largest output tension that the actuator reaches by slow pulling [N]."""
     actuator = transmission.actuator
-    return CapstanLaw.of(transmission).largest_output_N(actuator.force_max_N - (actuator.coulomb_N or 0.0))
+    return CapstanLaw.of(transmission).largest_output_N(actuator.largest_force_N - (actuator.coulomb_N or 0.0))
 
 
 def _check_deliverable(transmission: Transmission, time: FloatArray, tension: FloatArray, file: str) -> str:
@@ -233,12 +232,11 @@ def _check_deliverable(transmission: Transmission, time: FloatArray, tension: Fl
     reachable = largest_tension(transmission)
     if tension[highest] <= reachable:
         return ""
-    angle = transmission.path.total_angle_rad
-    degrees = f" (total_angle_rad = {angle:g} is {angle / (2 * math.pi):.3g} turns: degrees?)"
+    actuator = transmission.actuator
     return (
         f"{file} [reference]: the tension reaches {tension[highest]:.4g} N at t = {time[highest]:g} s, but "
-        f"force_max_N = {transmission.actuator.force_max_N:g} delivers at most {reachable:.4g} N through the "
-        f"friction; lower the reference or raise force_max_N{degrees if angle > _MANY_TURNS_RAD else ''}"
+        f"{actuator.largest_force_name} = {actuator.largest_force_N:g} delivers at most {reachable:.4g} N through the "
+        f"friction; lower the reference or raise {actuator.largest_force_name}"
     )
 
 
@@ -247,15 +245,21 @@ def questions(transmission: Transmission) -> list[str]:
     path, tendon, friction = transmission.path, transmission.tendon, transmission.friction
     actuator, load = transmission.actuator, transmission.load
     angle, stiffness, radius = path.total_angle_rad, tendon.stiffness_N_per_m, path.radius_m or 0
+    motor = actuator.motor
+    stall = motor.stall_torque_N_m or math.inf if motor else math.inf
+    torque, drum = (motor.torque_max_N_m, motor.drum_radius_m) if motor else (0.0, 0.0)
+    line = f" is below torque_max_N_m = {torque:g}, so the motor never gives that: the torque at standstill?"
     stretch = actuator.force_max_N / stiffness
     soft = f": softer than a rubber band; N/mm? Then it is {1e3 * stiffness:g}"
     long = f": force_max_N stretches the tendon by {stretch:.2g} m; N/mm?"
     doubts = (
         ("[path] total_angle_rad", angle, angle > 25, f" is {angle / (2 * math.pi):.3g} turns: degrees?"),
         ("[path] radius_m", radius, radius > 5, ": millimetres?"),
-        ("[tendon] mass_kg", tendon.mass_kg, tendon.mass_kg > 1, ": grams?"),
+        ("[tendon] mass_kg", tendon.mass_kg, tendon.mass_kg > 1, ": grams? Where it follows from length_m, metres?"),
         ("[tendon] stiffness_N_per_m", stiffness, stiffness < 300 or stretch > 1, soft if stiffness < 300 else long),
         ("[friction] mu_dynamic", friction.mu_dynamic, friction.mu_dynamic > 1.5, ": per cent?"),
+        ("[actuator.motor] drum_radius_m", drum, drum > 1, ": millimetres?"),
+        ("[actuator.motor] stall_torque_N_m", stall, stall < torque, line),
         ("[actuator] mass_kg", actuator.mass_kg, actuator.mass_kg > 200, ": grams?"),
         ("[load] mass_kg", load.mass_kg, load.mass_kg > 500, ": grams?"),
         ("[load] stiffness_N_per_m", load.stiffness_N_per_m, load.stiffness_N_per_m < 1, ": N/mm?"),

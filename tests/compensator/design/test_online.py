@@ -47,3 +47,10 @@ def test_the_command_writes_it_beside_the_design_when_asked(finger, tmp_path, ca
     assert run(["design", str(scenario), "--out", str(tmp_path / "d"), "--online"]) == 0
     assert (tmp_path / "d" / "online.csv").exists()
     assert "live reference:" in "".join(capsys.readouterr())
+
+
+def test_a_path_that_moves_is_refused_before_anything_is_designed(examples, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("tendonff.compensator.design.run.design", None)
+    scenario = examples / "finger_moving.toml"
+    assert run(["design", str(scenario), "--out", str(tmp_path / "d"), "--online"]) == 2
+    assert "[joints]: live references are for a path at rest" in capsys.readouterr().err

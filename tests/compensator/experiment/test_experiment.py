@@ -302,6 +302,12 @@ def test_a_measured_file_that_cannot_be_used_is_refused(
         experiment(finger, tmp_path / "rig.csv")
 
 
+def test_motors_with_dry_friction_are_refused_by_file_and_table(finger: Scenario) -> None:
+    rubbing = replace(finger.transmission.actuator, coulomb_N=3.0)
+    with pytest.raises(InputError, match=r"finger\.toml \[actuator\]: coulomb_N must be 0 .* got 3; leave it out"):
+        experiment(replace(finger, transmission=replace(finger.transmission, actuator=rubbing)))
+
+
 def test_a_measured_file_of_another_time_is_refused(result: ExperimentResult) -> None:
     late = MeasuredTensions(name="rig.csv", time_s=np.array([1e4, 2e4]), tension_N={0: np.array([1.0, 2.0])})
     with pytest.raises(InputError, match="let the measured time start with the test"):

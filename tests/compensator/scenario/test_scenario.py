@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_text
 from tendonff.compensator.scenario.reference import CsvReference, SineReference
-from tendonff.compensator.scenario.sampled.sampling import questions
+from tendonff.compensator.scenario.sampled.sampling import largest_tension, questions
 from tendonff.compensator.scenario.scenario import (
     Scenario,
     load_scenario,
@@ -24,6 +24,7 @@ from tendonff.compensator.scenario.tables import descriptions
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Friction
 from tendonff.models.parameters.uncertainty import Objective, Uncertainty
+from tendonff.ocp.tracking.limits import ForceLimits
 
 ROOT = Path(__file__).resolve().parents[3]
 EXAMPLES = sorted((ROOT / "examples").glob("*.toml"))
@@ -233,6 +234,38 @@ def test_a_motor_stands_for_mass_and_largest_force_of_the_actuator() -> None:
         parse(text.replace("drum_radius_m", "drum_radius"))
     with pytest.raises(InputError, match=r"\[actuator.motor\]: gear_ratio must be a finite number > 0, got 0"):
         parse(text.replace("gear_ratio = 25.0", "gear_ratio = 0"))
+
+
+@pytest.mark.parametrize(
+    ("motor", "name", "force_N", "asked"),
+    [
+        (MOTOR, "torque_max_N_m * gear_ratio/drum_radius_m", 250.0, ""),
+        (
+            f"{MOTOR}stall_torque_N_m = 0.1\nno_load_speed_rad_per_s = 1000.0\n",
+            "stall_torque_N_m * gear_ratio/drum_radius_m",
+            125.0,
+            "[actuator.motor] stall_torque_N_m = 0.1 is below torque_max_N_m = 0.2",
+        ),
+        (
+            MOTOR.replace("0.02", "20"),
+            "torque_max_N_m * gear_ratio/drum_radius_m",
+            0.25,
+            "[actuator.motor] drum_radius_m = 20: millimetres?",
+        ),
+    ],
+)
+def test_the_largest_force_is_named_by_the_key_that_limits_it(
+    motor: str, name: str, force_N: float, asked: str
+) -> None:
+    """With a force_max_N added, as the message once advised, the motor's torque would no longer count."""
+    text = TEXT.replace(line("force_max_N"), "").replace("\n[load]", f"{motor}\n[load]")
+    transmission = parse(text).transmission
+    actuator = replace(transmission.actuator, coulomb_N=1.0)
+    assert (actuator.largest_force_name, actuator.largest_force_N) == (name, pytest.approx(force_N))
+    assert ForceLimits.of(actuator).maximum_name == name
+    assert asked in "; ".join(questions(transmission))
+    assert largest_tension(replace(transmission, actuator=actuator)) >= 0
+    assert parse(TEXT.replace("\n[load]", f"{MOTOR}\n[load]")).transmission.actuator.largest_force_name == "force_max_N"
 
 
 @pytest.mark.parametrize(

@@ -43,8 +43,21 @@ def test_its_first_sentence_is_the_worst_case_over_the_friction_and_not_the_mode
     )
     profile = CompensationTable(tables.tables[0].built.table).profile(Problem.of(finger))
     apart = verify(softer, SimulatedPlant(level=tables.level), "table", profile, tables.reference).score
-    assert tables.worst_percent == pytest.approx(apart.rmse_percent_of_range, rel=1e-6)
-    assert tables.headline.startswith(f"Expect an RMS error of up to {tables.worst_percent:.3g} % of the 32.98 N range")
+    assert tables.worst_percent["table"] == pytest.approx(apart.rmse_percent_of_range, rel=1e-6)
+    assert tables.headline.startswith(
+        f"Expect an RMS error of up to {tables.worst_percent['table']:.3g} % of the 32.98 N range"
+    )
+
+
+def test_a_table_that_does_harm_is_called_so_and_the_limit_named(finger):
+    slow = replace(finger.transmission.actuator, force_rate_max_N_per_s=40.0)
+    made = make_tables(replace(finger, transmission=replace(finger.transmission, actuator=slow)), level=Level.ELASTIC)
+    said = "\n".join(made.warnings)
+    assert made.worst_percent["table"] > made.worst_percent["none"]
+    assert f"Without compensation: up to {made.worst_percent['none']:.3g} %" in made.headline
+    assert "more than without compensation" in said
+    assert "needs" in said
+    assert "at the actuator, limit 40" in said
 
 
 def test_the_csv_has_the_agreed_columns_no_empty_cell_and_reads_back(tables):

@@ -3,12 +3,15 @@
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from tendonff.compensator import cli
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.closed_form import Inverse
 from tendonff.compensator.compensators.score import SimulatedPlant, verify
@@ -18,6 +21,7 @@ from tendonff.compensator.design.sweep.run import sweep
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.reference import SineReference
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
+from tendonff.models.parameters.drive import Motor
 from tendonff.models.parameters.uncertainty import Uncertainty
 
 EXAMPLES = Path(__file__).resolve().parents[4] / "examples"
@@ -65,6 +69,45 @@ def test_a_sweep_that_was_killed_goes_on_and_equals_one_that_ran_through(
     assert begun[0] == 23
     for name in ("samples.csv", "summary.json"):
         assert (tmp_path / "parts" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
+def test_ctrl_c_says_what_is_kept_and_without_rows_leaves_no_lock(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (EXAMPLES / "finger.toml").read_text(encoding="utf-8")
+    text = text.replace("duration_s = 4.0", "duration_s = 0.6").replace("step_s = 0.001", "step_s = 0.004")
+    (tmp_path / "s.toml").write_text(text + "\n[robust]\nmu = 0.2\n", encoding="utf-8")
+    monkeypatch.setattr(run, "_JOBS_OF_WAVE", 2)
+    jobs, out = run.run_jobs, str(tmp_path / "o")
+    for waves, samples, said in (
+        (0, 9, "interrupted; nothing was written"),
+        (1, 10, f"interrupted; 8 of 10 units kept in {out}; start again to go on"),
+    ):
+        left = iter([jobs] * waves)
+
+        def stopped(*arguments: Any, left: Iterator[Any] = left, **options: Any) -> Any:
+            for work in left:
+                return work(*arguments, **options)
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(run, "run_jobs", stopped)
+        command = ["sweep", str(tmp_path / "s.toml"), "--compensators", "inverse", "--out", out]
+        assert cli.run([*command, "--samples", str(samples)]) == cli.EXIT_INTERRUPTED
+        assert capsys.readouterr().err.strip() == said
+
+
+def test_what_the_actuator_has_of_its_motor_follows_a_swept_motor(unsure: Scenario) -> None:
+    motor = Motor(
+        drum_radius_m=0.02, gear_ratio=10.0, inertia_kg_m2=1e-5, torque_max_N_m=0.5, speed_max_rad_per_s=300.0
+    )
+    actuator = replace(unsure.transmission.actuator, motor=motor, mass_kg=motor.mass_kg, force_max_N=motor.force_max_N)
+    there = replace(unsure, transmission=replace(unsure.transmission, actuator=actuator))
+    axis = Axis.parse("actuator.motor.gear_ratio=20:20:1")
+    geared = varied(there, (axis.key,), axis.values).transmission.actuator
+    assert geared.motor == replace(motor, gear_ratio=20.0)
+    assert geared.force_max_N == pytest.approx(0.5 * 20 / 0.02)
+    assert geared.mass_kg == pytest.approx(1e-5 * 1e6)
+    assert geared.speed_max_m_per_s == actuator.speed_max_m_per_s  # what the file says itself stays
 
 
 def test_a_unit_scores_what_a_single_run_on_it_scores(unsure: Scenario, tmp_path: Path) -> None:
@@ -189,6 +232,8 @@ def test_what_cannot_be_swept_is_refused_with_a_way_out(unsure: Scenario, tmp_pa
         Axis.parse("mu=1")
     with pytest.raises(InputError, match=r'no number "mu_dynamc", did you mean "mu_dynamic"'):
         sweep(unsure, tmp_path / "a", over=[Axis(key="friction.mu_dynamc", values=(1.0,))])
+    with pytest.raises(InputError, match=r"finger\.toml has no \[actuator\.motor\]; add it"):
+        sweep(unsure, tmp_path / "a", over=[Axis(key="actuator.motor.gear_ratio", values=(10.0,))])
     with pytest.raises(InputError, match="whole number"):
         sweep(unsure, tmp_path / "a", over=[Axis(key="path.segments", values=(1.5,))])
     with pytest.raises(InputError, match="either --over"):
