@@ -86,6 +86,7 @@ def identify(
     everything = [clean(one, how) for one in raw]
     records: Sequence[Record] = everything[: len(fit_files)]
     judges = everything[len(fit_files) :]
+    _check_common_friction(scenario, records)
     if static_only:
         _check_rest(everything)
     warnings = [unit_warning(how, _positions_of(records)), *messages.about_issues(everything)]
@@ -159,6 +160,15 @@ def _proximal(scenario: Scenario, records: Sequence[Record], *, static_only: boo
             "without the output tension the position of the input end is needed; name it with --input-position-column"
         )
     return True
+
+
+def _check_common_friction(scenario: Scenario, records: Sequence[Record]) -> None:
+    """Refuse a path on which the coefficients that are looked for act nowhere."""
+    if not all(line.angle_rad > 0 for line in exponent_lines(scenario.transmission, mean_pose(records))):
+        raise InputError(
+            "every section that touches has friction of its own, so that [friction] mu_dynamic acts nowhere; leave "
+            "mu_dynamic out of the sections whose friction is to be found"
+        )
 
 
 def _check_rest(records: Sequence[Record]) -> None:

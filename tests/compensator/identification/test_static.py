@@ -22,7 +22,7 @@ def finger(examples):
     return load_scenario(examples / "finger.toml")
 
 
-def strokes(seconds=24.0, step_s=STEP_S):
+def strokes(seconds=20.0, step_s=STEP_S):
     time = np.arange(0.0, seconds, step_s)
     return time, 42 - 26 * np.cos(2.0 * time) + 10 * np.sin(0.71 * time)
 
@@ -73,6 +73,15 @@ def test_a_path_that_moves_is_refused(wristed, tmp_path):
     file = write_play(tmp_path / "log.csv", law, wrist_rad=0.5 * np.sin(strokes()[0]))
     with pytest.raises(InputError, match=r"log\.csv: wrist moves by 1 rad.*leave --static out"):
         identify(wristed, [file], static_only=True)
+
+
+def test_sections_that_all_have_their_own_friction_leave_nothing_to_find(wristed, tmp_path):
+    t = wristed.transmission
+    sections = tuple(s if s.bearing_exponent is not None else replace(s, mu_dynamic=0.2) for s in t.path.sections)
+    own = replace(wristed, transmission=replace(t, path=replace(t.path, sections=sections)))
+    file = write_play(tmp_path / "log.csv", CapstanLaw(pull_exponent=0.4, release_exponent=0.4), wrist_rad=0.0)
+    with pytest.raises(InputError, match="mu_dynamic acts nowhere; leave mu_dynamic out of the sections"):
+        identify(own, [file], static_only=True)
 
 
 def test_adhesion_that_only_the_biases_could_tell_apart_is_that_of_the_scenario(finger, tmp_path):
