@@ -25,7 +25,7 @@ SETTLED_S = 2.0
 WINDOW_S = 0.25
 """Over which errors are averaged where they are shown over time [s]."""
 
-WORSE = 1.3
+WORSE = 1.05
 """A plant on which self-tuning has more than this times the plain error, and more than 1 %, is named as a limit."""
 
 
@@ -134,7 +134,7 @@ class Case:
 
     @property
     def is_limit(self) -> bool:
-        """Self-tuning makes it worse than plain feedforward, or never gets below 1 %."""
+        """Self-tuning makes it worse than plain feedforward, and leaves more than 1 %."""
         plain, tuned = self.traces[Scheme.FEEDFORWARD], self.traces[Scheme.SELF_TUNING]
         return tuned.settled_percent > 1.0 and tuned.settled_percent > WORSE * plain.settled_percent
 

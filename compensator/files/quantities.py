@@ -50,13 +50,22 @@ def time_quantity(option: str, column: str | None = None) -> Quantity:
     return Quantity(name="time_s", words=TIME_WORDS, units=TIME_UNITS, option=option, column=column)
 
 
-def read_quantities(path: Path, wanted: Sequence[Quantity], *, starts_at_zero: bool = False) -> Quantities:
-    """Read quantities from a table, the first of which must increase from row to row, or start at 0 too.
+def read_quantities(
+    path: Path,
+    wanted: Sequence[Quantity],
+    *,
+    optional: Sequence[Quantity] = (),
+    rises: bool = True,
+    starts_at_zero: bool = False,
+) -> Quantities:
+    """Read quantities from a table, the first of which must increase from row to row unless `rises` is false, or start
+    at 0 too; an optional one of which the table has no column is left out.
 
     InputError if a column or its unit cannot be told, with the way to say it; or what `read_csv` refuses.
     """
     named = [q.column for q in wanted if q.column is not None]
-    dialect = table_dialect(path, (*named, *(q.name for q in wanted)))
+    dialect = table_dialect(path, (*named, *(q.name for q in (*wanted, *optional))))
+    wanted = (*wanted, *(q for q in optional if q.name in dialect.names or _meant(dialect, q)))
     found = [_resolve(path, dialect, quantity) for quantity in wanted]
     for k, (column, _, _) in enumerate(found):
         if column in [other for other, _, _ in found[:k]]:
@@ -65,7 +74,9 @@ def read_quantities(path: Path, wanted: Sequence[Quantity], *, starts_at_zero: b
     notes = [*dialect.notes, *(note for _, _, note in found if note)]
     dated = _dated(path, dialect, columns[0]) if wanted[0].si == "s" else None
     if dated is None:
-        table = read_csv(path, columns, increasing=columns[0], starts_at_zero=starts_at_zero, dialect=dialect)
+        table = read_csv(
+            path, columns, increasing=columns[0] if rises else None, starts_at_zero=starts_at_zero, dialect=dialect
+        )
     else:
         check_increasing(path, columns[0], dated, dialect.skipped + 1, starts_at_zero=starts_at_zero)
         table = read_csv(path, columns[1:], increasing=None, dialect=dialect) | {columns[0]: dated}

@@ -1,20 +1,21 @@
 """Estimates in the words of the scenario file; why a value is not identifiable, and what would tell it."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import t as student
 
 from tendonff.compensator.identification.fitting.dynamic import DynamicFit, relevant_size
-from tendonff.compensator.identification.fitting.static import StaticFit
+from tendonff.compensator.identification.fitting.static import CONSTANTS, StaticFit
 from tendonff.compensator.identification.fitting.tendon import longest_hold_s
 from tendonff.compensator.identification.measured import Array
-from tendonff.compensator.identification.measured.cleaning import Record
+from tendonff.compensator.identification.measured.cleaning import Record, mean_pose
 from tendonff.compensator.identification.result import Estimate
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.capstan import ExponentLine, exponent_lines
 from tendonff.ocp.fits.chain import DynamicParameter
 from tendonff.ocp.fits.static import SPREADS, StaticParameter, in_gross_sliding
 
@@ -30,7 +31,6 @@ TWINS = 0.985
 """Correlation from which on two values are told only together."""
 
 BIASES = (D.INPUT_BIAS, D.OUTPUT_BIAS)
-CONSTANTS = (P.ADHESION, P.INPUT_BIAS, P.OUTPUT_BIAS)
 NAMES = {P.PULL: "mu_dynamic", P.RELEASE: "mu_dynamic_release", P.BRISTLE: "soft_bristle_stiffness_N_per_m"}
 EXPONENTS = {"mu_dynamic": "mu_theta", "mu_dynamic_release": "mu_theta_release"}
 
@@ -52,6 +52,17 @@ ADVICE = {
 EFFECTS = {D.VISCOUS: "adding viscous friction", D.ADHESION: "load-independent friction"}
 """Values that a law may do without, and what is then said of them."""
 
+NOT_FITTED = "not fitted: --static"
+
+OF_SECTION = (
+    "bearing_exponent",
+    "mu_dynamic",
+    "mu_static",
+    "mu_dynamic_release",
+    "mu_static_release",
+)
+SECTION_KEPT = "a section's own value is not fitted"
+
 NOT_DESCRIBED = "no law explains these files, so its parameters mean nothing here"
 
 Answer = tuple[tuple[Estimate, ...], tuple[str, ...], Array]
@@ -66,6 +77,7 @@ class ExcitationSummary:
     speed_m_per_s: float  # usual top speed of the input end; 0 if not measured
     load_swing: float  # range of the output tension over its mean; of the input's where the output was not measured
     proximal: bool  # nothing was measured at the far end
+    joint_rad: Mapping[str, float]  # mean angles of the joints
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,10 +87,27 @@ class _Rig:
     scenario: Scenario
     now: ExcitationSummary
     described: bool
+    static_only: bool
 
     @property
-    def theta_rad(self) -> float:
-        return self.scenario.transmission.path.total_angle_rad
+    def lines(self) -> tuple[ExponentLine, ExponentLine]:
+        """Mu theta over the common coefficient, at the joints' mean angles, when pulling and when releasing."""
+        return exponent_lines(self.scenario.transmission, self.now.joint_rad)
+
+    @property
+    def pose(self) -> str:
+        """Where the path's exponent counts; empty for a path that no joint moves."""
+        shown = ", ".join(f"{name} at {angle:.3g} rad" for name, angle in self.now.joint_rad.items())
+        return f"of the whole path with {shown} (mean)" if shown else ""
+
+    def of_sections(self) -> list[Estimate]:
+        """What single sections have of their own, which no fit moves."""
+        return [
+            Estimate(name=f"{section.name}: {name}", value=value, why=SECTION_KEPT, scenario=value)
+            for section in self.scenario.transmission.path.sections
+            for name in OF_SECTION
+            if (value := getattr(section, name)) is not None
+        ]
 
     def own(self, name: str) -> float | None:
         """The scenario's value; None where it has none of this name."""
@@ -137,8 +166,9 @@ class _Rig:
         return ""
 
     def kept(self, name: str, value: float, why: str) -> Estimate:
-        """A value that was not fitted."""
-        return Estimate(name=str(name), value=value, why=why, scenario=self.own(name))
+        """A value that was not fitted, as the fitted scenario has it."""
+        own = self.own(name)
+        return Estimate(name=str(name), value=value if self.described or own is None else own, why=why, scenario=own)
 
     def fitted(
         self, name: str, value: float, error: float, interval: tuple[float, float], *, told: bool, why: str
@@ -158,17 +188,22 @@ class _Rig:
         )
 
 
-def estimates_of(scenario: Scenario, law: DynamicFit | StaticFit, now: ExcitationSummary, *, described: bool) -> Answer:
+def estimates_of(
+    scenario: Scenario, law: DynamicFit | StaticFit, now: ExcitationSummary, *, described: bool, static_only: bool
+) -> Answer:
     """Estimates of the law that won, names of its free values, their correlation; `described`: it fits the device."""
-    rig = _Rig(scenario=scenario, now=now, described=described)
+    rig = _Rig(scenario=scenario, now=now, described=described, static_only=static_only)
     found = _dynamic(rig, law) if isinstance(law, DynamicFit) else _static(rig, law)
-    return (*_exponents(found, rig.theta_rad), *found), tuple(law.solution.values), law.solution.correlation()
+    every = (*_exponents(rig, found), *found, *rig.of_sections())
+    return every, tuple(law.solution.values), law.solution.correlation()
 
 
 def _static(rig: _Rig, fit: StaticFit) -> list[Estimate]:
-    theta, solution = rig.theta_rad, fit.solution
-    sliding = dict(zip((P.PULL, P.RELEASE), in_gross_sliding(fit.values), strict=True))
-    per_own = {k: v / fit.values[k] / theta if fit.values[k] > 0 else 1 / theta for k, v in sliding.items()}
+    solution, branches = fit.solution, (P.PULL, P.RELEASE)
+    sliding = dict(zip(branches, in_gross_sliding(fit.values), strict=True))
+    lines = dict(zip(branches, rig.lines, strict=True))
+    angles = {k: line.angle_rad for k, line in lines.items()}
+    per_own = {k: v / fit.values[k] / angles[k] if fit.values[k] > 0 else 1 / angles[k] for k, v in sliding.items()}
     estimates: list[Estimate] = []
     for parameter in (P.PULL, P.RELEASE, *CONSTANTS, P.GUIDE, P.BRISTLE, *SPREADS):
         name, factor = NAMES.get(parameter, parameter.value), per_own.get(parameter, 1.0)
@@ -176,16 +211,22 @@ def _static(rig: _Rig, fit: StaticFit) -> list[Estimate]:
         own = rig.own(name)
         if source.value not in solution.values:
             if parameter in CONSTANTS:
-                estimates.append(rig.kept(name, 0.0, _why_no_constant(fit.model.constants, parameter)))
+                why = _why_no_constant(fit.model.constants, parameter)
+                estimates.append(rig.kept(name, fit.values[parameter], why))
             elif own is not None:
-                estimates.append(rig.kept(name, own, rig.reason(D.BRISTLE)))
+                not_tried = rig.static_only and fit.explain is Explain.OUTPUT
+                estimates.append(rig.kept(name, own, NOT_FITTED if not_tried else rig.reason(D.BRISTLE)))
             continue
         value, error = solution.values[source.value], solution.standard_error(source.value)
         low, high = solution.interval(source.value)
         partner = _partner(solution.correlation(), list(solution.values), source.value)
         # Friction that grows with load and friction that does not look the same here.
         alike = parameter in LOAD_TERMS and partner in LOAD_TERMS
-        told = not alike and (error < POOR_SHARE * abs(value) or parameter in (P.INPUT_BIAS, P.OUTPUT_BIAS, P.GUIDE))
+        if parameter in (P.INPUT_BIAS, P.OUTPUT_BIAS):
+            sure = fit.stands_out(parameter)
+        else:
+            sure = error < POOR_SHARE * abs(value) or parameter is P.GUIDE
+        told = not alike and sure
         if alike:
             why = f"it goes with {partner}, these files tell only their combination; repeat at several loads"
         elif told and math.isfinite(error):
@@ -194,13 +235,14 @@ def _static(rig: _Rig, fit: StaticFit) -> list[Estimate]:
             share = error / abs(value) if value else float("inf")
             twin = f" It goes with {partner}: the files tell only their combination." if partner else ""
             why = rig.reason(OF_CHAIN.get(parameter, D.INPUT_BIAS), share, fitted=True) + "." + twin
-        interval = (factor * low, factor * high)
-        estimates.append(rig.fitted(name, float(factor * value), factor * error, interval, told=told, why=why))
+        least = lines[parameter].held / angles[parameter] if parameter in lines else 0.0
+        interval = (factor * low - least, factor * high - least)
+        estimates.append(rig.fitted(name, float(factor * value) - least, factor * error, interval, told=told, why=why))
     if rig.described and P.ADHESION.value in solution.values:
         estimates.append(_without_load(rig, fit))
     for name in (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME, D.STRIBECK_VELOCITY, D.VISCOUS, D.DAMPING):
-        why = rig.reason(name)
-        if fit.explain is Explain.INPUT and name not in (D.STRIBECK_VELOCITY, D.VISCOUS):
+        why = NOT_FITTED if rig.static_only else rig.reason(name)
+        if not rig.static_only and fit.explain is Explain.INPUT and name not in (D.STRIBECK_VELOCITY, D.VISCOUS):
             why = f"the output tension is imposed: what would tell {name} needs a load that only follows"
         estimates.append(rig.kept(name, rig.own(name) or 0.0, why if rig.described else NOT_DESCRIBED))
     return estimates
@@ -255,14 +297,14 @@ def _dynamic(rig: _Rig, fit: DynamicFit) -> list[Estimate]:
         source = D.MU_PULL if parameter is D.MU_RELEASE and fit.model.symmetric else parameter
         statics = {"mu_static": fit.values[D.MU_PULL], "mu_static_release": fit.values[D.MU_RELEASE]}
         if source not in solution.values:
-            size, own = abs(fit.values[parameter]), rig.own(name)
+            size = abs(fit.values[parameter])
             expected = fit.expected.get(parameter, float("inf"))
             why = rig.reason(parameter, expected / size if size > 0 else None)
             if parameter is not D.STATIC_EXCESS:
-                estimates.append(rig.kept(name, fit.values[parameter] if own is None else own, why))
+                estimates.append(rig.kept(name, fit.values[parameter], why))
             else:
-                why = f"{why}; its ratio to the dynamic one is kept"
-                estimates += [rig.kept(static, rig.own(static) or 0.0, why) for static in statics]
+                why, ratio = f"{why}; its ratio to the dynamic one is kept", 1 + fit.values[parameter]
+                estimates += [rig.kept(static, ratio * mu, why) for static, mu in statics.items()]
             continue
         value, error = solution.values[source], solution.standard_error(source)
         low, high = solution.interval(source)
@@ -282,19 +324,21 @@ def _dynamic(rig: _Rig, fit: DynamicFit) -> list[Estimate]:
     return estimates
 
 
-def _exponents(estimates: Sequence[Estimate], theta: float) -> list[Estimate]:
-    """Friction as ln(T_in/T_out) in gross sliding, mu theta: it needs no wrap angle."""
+def _exponents(rig: _Rig, estimates: Sequence[Estimate]) -> list[Estimate]:
+    """Friction as ln(T_in/T_out) in gross sliding, mu theta: without sections it needs no wrap angle."""
+    lines = dict(zip(EXPONENTS, rig.lines, strict=True))
     return [
         replace(
             e,
             name=EXPONENTS[e.name],
-            value=theta * e.value,
-            standard_error=None if e.standard_error is None else theta * e.standard_error,
-            interval=None if e.interval is None else (theta * e.interval[0], theta * e.interval[1]),
-            scenario=None if e.scenario is None else theta * e.scenario,
+            value=line.exponent(e.value),
+            standard_error=None if e.standard_error is None else line.angle_rad * e.standard_error,
+            interval=None if e.interval is None else (line.exponent(e.interval[0]), line.exponent(e.interval[1])),
+            scenario=None if e.scenario is None else line.exponent(e.scenario),
+            note=rig.pose,
         )
         for e in estimates
-        if e.name in EXPONENTS
+        if (line := lines.get(e.name)) is not None
     ]
 
 
@@ -314,4 +358,5 @@ def summarise_excitation(records: Sequence[Record]) -> ExcitationSummary:
         speed_m_per_s=max(speeds, default=0.0),
         load_swing=float(np.ptp(output) / max(abs(output.mean()), 1e-12)),
         proximal=proximal,
+        joint_rad=mean_pose(records),
     )

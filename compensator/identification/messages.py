@@ -127,11 +127,12 @@ def about_fitted(fitted: Fitted, records: Sequence[Record]) -> list[str]:
         found.append(f"{keys} of this law are kept in [measurement] of fitted.toml; they are no part of a design")
     if any(fitted.offsets_N):
         shown = ", ".join(f"{end} {v:.4g} N" for end, v in zip(("input", "output"), fitted.offsets_N, strict=True) if v)
-        place = (
-            "beyond what was taken off; a design with fitted.toml does not have it"
-            if any(r.zeroed for r in records)
-            else "kept in [measurement] of fitted.toml for reading files; it is no part of a design"
-        )
+        if fitted.doubtful:
+            place = "which does not stand out from its doubt: fitted.toml does not have it; zero the cells when slack"
+        elif any(r.zeroed for r in records):
+            place = "beyond what was taken off; a design with fitted.toml does not have it"
+        else:
+            place = "kept in [measurement] of fitted.toml for reading files; it is no part of a design"
         found.append(f"the cells' readings without tension (input_bias_N, output_bias_N): {shown}, {place}")
     return found
 

@@ -3,7 +3,7 @@
 The scenario takes every value of the law that was fitted; what simulating it again leaves is told as well.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from tendonff.compensator.identification.fitting.dynamic import ChainLaw, DynamicFit
@@ -20,11 +20,11 @@ from tendonff.compensator.identification.fitting.model_selection import StaticSe
 from tendonff.compensator.identification.fitting.residuals import FitPiece
 from tendonff.compensator.identification.fitting.static import StaticFit, respond
 from tendonff.compensator.identification.measured import Array
-from tendonff.compensator.identification.measured.cleaning import Record
+from tendonff.compensator.identification.measured.cleaning import Record, mean_pose
 from tendonff.compensator.identification.result import CandidateLaw, FileResult, PieceComparison
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.models.capstan import CapstanLaw
+from tendonff.models.capstan import NO_JOINTS, CapstanLaw, exponent_lines
 from tendonff.models.capstan.spread_bounds import middle_exponent
 from tendonff.models.fidelity import Level
 from tendonff.ocp.errors import SolveError
@@ -145,6 +145,7 @@ class Fitted:
     scenario: Scenario
     # what the input and the output cell read at zero, beyond what was taken off when the files were read
     offsets_N: tuple[float, float] = (0.0, 0.0)
+    doubtful: bool = False  # these readings do not stand out from their doubt, and are not kept for reading files
     # error of the scenario's own law, static or of the chain, simulated again [% of range]; None where none was fitted
     percent: float | None = None
     # what the chain of the scenario leaves where a static law was fitted [% of range]; None where nothing drives it
@@ -159,7 +160,7 @@ def carried_on(
         fitted = scenario_of_chain(scenario, law, records)
         return replace(fitted, percent=_percent(_chain_of(fitted, law.explain), records))
     fitted = scenario_of_static(scenario, law, records, static_only=static_only)
-    return replace(fitted, percent=percent_of(static_law_of(fitted, law), records))
+    return replace(fitted, percent=percent_of(static_law_of(fitted, law, mean_pose(records)), records))
 
 
 def scenario_of_chain(scenario: Scenario, fit: DynamicFit, records: Sequence[Record]) -> Fitted:
@@ -180,8 +181,8 @@ def scenario_of_chain(scenario: Scenario, fit: DynamicFit, records: Sequence[Rec
 def scenario_of_static(scenario: Scenario, fit: StaticFit, records: Sequence[Record], *, static_only: bool) -> Fitted:
     """The scenario with all values of a fitted static law, at the fidelity level whose chain comes closest."""
     t, values = scenario.transmission, fit.values
-    theta, f = t.path.total_angle_rad, t.friction
-    pull, release = (max(exponent, 0.0) / theta for exponent in in_gross_sliding(values))
+    f, lines = t.friction, exponent_lines(t, mean_pose(records))
+    pull, release = (line.mu(a) for line, a in zip(lines, in_gross_sliding(values), strict=True))
     ratio = f.mu_static / f.mu_dynamic if f.mu_dynamic > 0 else 1.0
     friction = replace(
         f,
@@ -203,11 +204,13 @@ def scenario_of_static(scenario: Scenario, fit: StaticFit, records: Sequence[Rec
         bristle_spread=values[P.BRISTLE_SPREAD] or None,
     )
     changed = replace(scenario, transmission=replace(t, friction=friction), measurement=how)
+    biases = (P.INPUT_BIAS, P.OUTPUT_BIAS)
     offsets = (values[P.INPUT_BIAS], values[P.OUTPUT_BIAS])
+    doubtful = not all(fit.stands_out(bias) for bias in biases if bias.value in fit.solution.values)
     own = scenario.run.level
     driven = static_only or fit.explain is Explain.INPUT or any(r.signed for r in records)
     levels = [Level.PRESLIDING] if fit.model.presliding else [own] if driven else [own, Level.VISCOELASTIC]
-    tried = [_fitted(changed, level, offsets, records) for level in dict.fromkeys(levels)]
+    tried = [_fitted(changed, level, offsets, records, doubtful=doubtful) for level in dict.fromkeys(levels)]
     if driven:
         return tried[0]
     left = [_percent(_chain_of(found, fit.explain), records) for found in tried]
@@ -215,10 +218,10 @@ def scenario_of_static(scenario: Scenario, fit: StaticFit, records: Sequence[Rec
     return replace(tried[best], chain_percent=left[best])
 
 
-def static_law_of(fitted: Fitted, fit: StaticFit) -> StaticFit:
-    """The static law that a fitted scenario holds, of the kind of `fit`, from its own keys."""
+def static_law_of(fitted: Fitted, fit: StaticFit, joint_rad: Mapping[str, float] = NO_JOINTS) -> StaticFit:
+    """The static law that a fitted scenario holds, of the kind of `fit`, from its own keys; the joints' angles."""
     t, how = fitted.scenario.transmission, fitted.scenario.measurement
-    law, friction = CapstanLaw.of(t), t.friction
+    law, friction = CapstanLaw.of(t, joint_rad), t.friction
     values = {
         **NEUTRAL,
         P.PULL: -middle_exponent(-law.pull_exponent, law.pull_spread),
@@ -242,15 +245,24 @@ def with_coulomb(scenario: Scenario, coulomb_N: float) -> Scenario:
     return replace(scenario, transmission=replace(t, actuator=replace(t.actuator, coulomb_N=coulomb_N)))
 
 
-def _fitted(scenario: Scenario, level: Level, offsets_N: tuple[float, float], records: Sequence[Record]) -> Fitted:
-    """The scenario with its level; what the cells read at zero becomes part of how files are read."""
+def _fitted(
+    scenario: Scenario,
+    level: Level,
+    offsets_N: tuple[float, float],
+    records: Sequence[Record],
+    *,
+    doubtful: bool = False,
+) -> Fitted:
+    """The scenario with its level; what the cells read at zero becomes part of how files are read, if it is sure."""
     how = scenario.measurement
-    if any(offsets_N) and not any(r.zeroed for r in records):
+    if any(offsets_N) and not doubtful and not any(r.zeroed for r in records):
         before = (how.input_offset_N or 0.0, how.output_offset_N or 0.0)
         how = replace(how, input_offset_N=before[0] + offsets_N[0], output_offset_N=before[1] + offsets_N[1])
     run = replace(scenario.run, level=level)
     return Fitted(
-        scenario=replace(scenario, name=f"{scenario.name}, fitted", run=run, measurement=how), offsets_N=offsets_N
+        scenario=replace(scenario, name=f"{scenario.name}, fitted", run=run, measurement=how),
+        offsets_N=offsets_N,
+        doubtful=doubtful,
     )
 
 

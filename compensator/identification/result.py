@@ -30,7 +30,15 @@ class Estimate:
     identifiable: bool = False  # the data tell it by itself
     why: str  # where the value comes from, or what keeps the data from telling and which experiment would tell
     scenario: float | None = None  # the scenario's own value
-    fitted: bool = False  # the value is the joint estimate, which fitted.toml has; else it is the scenario's
+    fitted: bool = False  # the value is the joint estimate, which fitted.toml has
+    note: str = ""  # what the value belongs to, where its name does not tell
+
+    @property
+    def standing(self) -> str:
+        """What became of a value that the data do not tell by itself."""
+        if self.fitted:
+            return "doubtful, fitted with the others"
+        return "kept" if self.scenario is None or math.isclose(self.value, self.scenario) else "set"
 
     def as_json(self) -> dict[str, Any]:
         """Plain values."""
@@ -40,7 +48,7 @@ class Estimate:
             "interval_95": None if self.interval is None else list(self.interval),
             "identifiable": self.identifiable,
             "fitted": self.fitted,
-            "why": self.why,
+            "why": f"{self.why}; {self.note}" if self.note else self.why,
             "scenario": self.scenario,
         }
 
@@ -194,17 +202,15 @@ def summary_lines(found: IdentificationData) -> Sequence[str]:
     against = "" if found.validation_percent is None else f", {found.validation_percent:.2f} % on validation files"
     lines = [f"law: {found.law}; error {found.fit_percent:.2f} % of range on fitted files{against}"]
     lines += [
-        f"  {e.name} = {e.value:.5g}  (95 %: {e.interval[0]:.5g} to {e.interval[1]:.5g})"
+        f"  {e.name} = {e.value:.5g}  (95 %: {e.interval[0]:.5g} to {e.interval[1]:.5g}){e.note and f', {e.note}'}"
         for e in found.estimates
         if e.identifiable and e.interval is not None
     ]
     if found.described:
-        lines += [
-            f"  {e.name} = {e.value:.5g} {'doubtful, fitted with the others' if e.fitted else 'kept'}: {e.why}"
-            for e in found.estimates
-            if not e.identifiable
-        ]
+        lines += [f"  {e.name} = {e.value:.5g} {e.standing}: {e.why}" for e in found.estimates if not e.identifiable]
     lines += [f"  {section.text}" for section in found.sections]
     if found.replay_percent is not None:
-        lines.append(f"fitted.toml, simulated again: error {found.replay_percent:.2f} % of range on fitted files")
+        stage = next(law.stage for law in found.laws if law.chosen)
+        how = "simulated again" if stage == "dynamic" else "its static law played again"
+        lines.append(f"fitted.toml, {how}: error {found.replay_percent:.2f} % of range on fitted files")
     return lines

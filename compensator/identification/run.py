@@ -18,7 +18,7 @@ from tendonff.compensator.identification.fitting.model_selection import StaticSe
 from tendonff.compensator.identification.fitting.sliding import friction_by_section, sliding_ratios
 from tendonff.compensator.identification.fitting.static import StaticFit
 from tendonff.compensator.identification.fitting.uncertainty import between_files
-from tendonff.compensator.identification.measured.cleaning import Record, clean
+from tendonff.compensator.identification.measured.cleaning import Record, clean, joints_of, mean_pose
 from tendonff.compensator.identification.measured.plan import (
     check_plan,
     check_question,
@@ -31,11 +31,15 @@ from tendonff.compensator.identification.output import Identification
 from tendonff.compensator.identification.result import POOR_PERCENT, CandidateLaw
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.capstan import exponent_lines
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.chain import DynamicParameter
 from tendonff.ocp.fits.static import StaticParameter
 
 P, D = StaticParameter, DynamicParameter
+
+STILL_RAD = 0.05
+"""A joint whose angle has less range than this stands still."""
 
 SMALL_SHARE = 0.03
 """A file whose error is below this share of the common range is described, however little it moves itself."""
@@ -82,6 +86,9 @@ def identify(
     everything = [clean(one, how) for one in raw]
     records: Sequence[Record] = everything[: len(fit_files)]
     judges = everything[len(fit_files) :]
+    _check_common_friction(scenario, records)
+    if static_only:
+        _check_rest(everything)
     warnings = [unit_warning(how, _positions_of(records)), *messages.about_issues(everything)]
     foreign = _foreign(scenario, records)
     if _proximal(scenario, everything, static_only=static_only):
@@ -91,7 +98,7 @@ def identify(
     records = fits.records
     warnings += [foreign, fits.warning]
     laws = compared(fits.stage, fits.chain, records)
-    law = fits.chosen(laws)
+    law = fits.chosen(laws, scenario.transmission.friction.adhesion_N)
     chain = law if isinstance(law, DynamicFit) else None
     outcome = outcome_of(law, records, fits.judges)
     told = between_files(chain.files, chain.values, records, conditions or {}) if chain is not None else ((), [])
@@ -100,7 +107,8 @@ def identify(
     failure = _failure(outcome)
     if failure:
         warnings.append(messages.about_no_law(laws, failure, sliding, records))
-    estimates, names, correlation = estimates_of(scenario, law, summarise_excitation(records), described=not failure)
+    now = summarise_excitation(records)
+    estimates, names, correlation = estimates_of(scenario, law, now, described=not failure, static_only=static_only)
     fitted = Fitted(scenario=scenario)
     if not failure:
         say("replay of the fitted scenario")
@@ -154,6 +162,27 @@ def _proximal(scenario: Scenario, records: Sequence[Record], *, static_only: boo
     return True
 
 
+def _check_common_friction(scenario: Scenario, records: Sequence[Record]) -> None:
+    """Refuse a path on which the coefficients that are looked for act nowhere."""
+    if not all(line.angle_rad > 0 for line in exponent_lines(scenario.transmission, mean_pose(records))):
+        raise InputError(
+            "every section that touches has friction of its own, so that [friction] mu_dynamic acts nowhere; leave "
+            "mu_dynamic out of the sections whose friction is to be found"
+        )
+
+
+def _check_rest(records: Sequence[Record]) -> None:
+    """Refuse, for the static law, a path that joints move."""
+    for record in records:
+        for name, angle in joints_of([record]).items():
+            low, high = np.percentile(angle, [1, 99])
+            if high - low > STILL_RAD:
+                raise InputError(
+                    f"{record.name}: {name} moves by {high - low:.2g} rad, the static law knows no path that moves; "
+                    "leave --static out, or log with the joints at rest"
+                )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Fits:
     """What was fitted, and to which records: a delay of the output is taken out of them."""
@@ -165,10 +194,11 @@ class _Fits:
     delay: Delay | None = None
     warning: str = ""
 
-    def chosen(self, laws: Sequence[CandidateLaw]) -> DynamicFit | StaticFit:
+    def chosen(self, laws: Sequence[CandidateLaw], adhesion_N: float) -> DynamicFit | StaticFit:
+        """The law that won; a static one with its doubt, and with the scenario's adhesion where it tells none."""
         dynamic = any(law.chosen and law.stage == "dynamic" for law in laws)
         if self.stage is not None and not dynamic:
-            return self.stage.fit
+            return self.stage.reported(adhesion_N)
         if self.chain is None:
             raise InputError("no law could be fitted to these files")
         return self.chain
@@ -211,7 +241,7 @@ def _fit(
     fits = _Fits(records=given, judges=judges, stage=stage, delay=delay)
     if coarse is None or coarse.percent >= 3 * POOR_PERCENT:
         return fits
-    start = _start(scenario, stage)
+    start = _start(scenario, stage, mean_pose(records))
     try:
         if all(r.has_positions for r in records):
             say("tendon stage")
@@ -241,12 +271,13 @@ def _foreign(scenario: Scenario, records: Sequence[Record]) -> str:
     return magnitude_warning(largest, scenario.transmission.actuator.force_max_N)
 
 
-def _start(scenario: Scenario, stage: StaticSelection) -> dict[DynamicParameter, float]:
+def _start(scenario: Scenario, stage: StaticSelection, joint_rad: Mapping[str, float]) -> dict[DynamicParameter, float]:
     """What the static stage hands on."""
-    theta, values = scenario.transmission.path.total_angle_rad, stage.fit.values
+    values = stage.fit.values
+    pull, release = exponent_lines(scenario.transmission, joint_rad)
     return {
-        D.MU_PULL: max(values[P.PULL] / theta, 1e-4),
-        D.MU_RELEASE: max(values[P.RELEASE] / theta, 1e-4),
+        D.MU_PULL: max(pull.mu(values[P.PULL]), 1e-4),
+        D.MU_RELEASE: max(release.mu(values[P.RELEASE]), 1e-4),
         D.ADHESION: values[P.ADHESION],
     }
 

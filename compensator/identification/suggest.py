@@ -7,7 +7,7 @@ import numpy as np
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.measured import Array
-from tendonff.compensator.scenario.sampled.sampling import sample_reference
+from tendonff.compensator.scenario.sampled.sampling import initial_tension, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.chain import Chain
@@ -129,7 +129,8 @@ def suggest(scenario: Scenario) -> Excitation:
     InputError
         If the limits leave no room.
     """
-    first = draw_plan(scenario, PLANS[0], _lowest_N(scenario, None))
+    start = _start_N(scenario)
+    first = draw_plan(scenario, PLANS[0], _lowest_N(scenario, None), start)
     wanted = _wanted(scenario)
     if wanted is None:
         return first
@@ -137,13 +138,21 @@ def suggest(scenario: Scenario) -> Excitation:
     best, least = first, information.expected_percent(first.force_N)
     before, lowest = least, _lowest_N(scenario, wanted[0])
     for plan in PLANS[1:]:
-        tried = draw_plan(scenario, plan, lowest)
+        tried = draw_plan(scenario, plan, lowest, start)
         if tried.time_s[-1] > first.time_s[-1]:
             continue
         expected = information.expected_percent(tried.force_N)
         if expected < least:
             best, least = tried, expected
     return replace(best, expected_percent=least, before_percent=before)
+
+
+def _start_N(scenario: Scenario) -> float | None:
+    """Tension at rest before the start, as a simulation of the force takes it; None where the scenario tells none."""
+    try:
+        return initial_tension(scenario)
+    except (InputError, ParameterError):
+        return None
 
 
 def _wanted(scenario: Scenario) -> tuple[Array, float] | None:
@@ -199,8 +208,8 @@ class _Information:
         return float(100 * np.sqrt(np.trace(np.linalg.solve(told, self._design))) / self._span_N)
 
 
-def draw_plan(scenario: Scenario, plan: Plan, low_N: float) -> Excitation:
-    """The force of a plan; InputError if the limits leave no room."""
+def draw_plan(scenario: Scenario, plan: Plan, low_N: float, start_N: float | None = None) -> Excitation:
+    """The force of a plan, from the tension at rest on where there is one; InputError if the limits leave no room."""
     t = scenario.transmission
     law, low = CapstanLaw.of(t), low_N
     high = FORCE_SHARE * t.actuator.force_max_N
@@ -215,7 +224,8 @@ def draw_plan(scenario: Scenario, plan: Plan, low_N: float) -> Excitation:
     high = min(high, max(usual * dead**2, 4 * usual))
     middle = math.sqrt(low * high)
     hold = max(LEAST_HOLD_S, plan.hold_taus * t.tendon.relaxation_time_s)
-    pen = _Pen(middle, RATE_SHARE * t.actuator.force_rate_max_N_per_s)
+    start = min(max(middle if start_N is None else start_N, t.actuator.force_min_N), t.actuator.force_max_N)
+    pen = _Pen(start, RATE_SHARE * t.actuator.force_rate_max_N_per_s)
     pen.note("rest: bias of the cells against each other, if the tension is uniform")
     pen.hold(1.0)
     pen.note(f"full strokes down to {low:.3g} N: friction in either direction over the whole range of load")

@@ -15,8 +15,10 @@ Where both ends act see `two_ended`.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +28,8 @@ from tendonff.models.errors import ParameterError, require
 from tendonff.models.layout import Array
 from tendonff.models.parameters.transmission import Transmission
 from tendonff.models.path import Section
+
+NO_JOINTS: Mapping[str, float] = MappingProxyType({})
 
 _LARGEST_EXPONENT = 100.0  # e^100 newtons for one: beyond any tendon, and far below overflow
 
@@ -61,21 +65,69 @@ def held_within(start: float, low: Array, high: Array) -> Array:
     return held
 
 
-def _section_exponent(section: Section, own: float | None, usual: float) -> float:
-    """Mu phi of a section at joint angle zero."""
+def _section_exponent(section: Section, own: float | None, usual: float, joint_rad: Mapping[str, float]) -> float:
+    """Mu phi of a section where the joints stand."""
     if section.bearing_exponent is not None:
         return section.bearing_exponent
-    return (usual if own is None else own) * section.angle_rad
+    bent = section.angle_per_rad * joint_rad.get(section.joint, 0.0) if section.joint is not None else 0.0
+    return (usual if own is None else own) * max(section.angle_rad + bent, 0.0)
 
 
-def section_exponents(transmission: Transmission) -> tuple[list[float], list[float]]:
-    """Mu phi of each section when pulling and when releasing, by the dynamic coefficients."""
-    friction, parts = transmission.friction, transmission.path.parts
+def section_exponents(
+    transmission: Transmission, joint_rad: Mapping[str, float] = NO_JOINTS
+) -> tuple[list[float], list[float]]:
+    """Mu phi of each section when pulling and when releasing, by the dynamic coefficients; joints stand at zero unless
+    said.
+    """
+    friction, parts, angles = transmission.friction, transmission.path.parts, joint_rad
     back = [part.mu_dynamic if part.mu_dynamic_release is None else part.mu_dynamic_release for part in parts]
     return (
-        [_section_exponent(part, part.mu_dynamic, friction.mu_dynamic) for part in parts],
-        [_section_exponent(part, mu, friction.release_dynamic) for part, mu in zip(parts, back, strict=True)],
+        [_section_exponent(part, part.mu_dynamic, friction.mu_dynamic, angles) for part in parts],
+        [_section_exponent(part, mu, friction.release_dynamic, angles) for part, mu in zip(parts, back, strict=True)],
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExponentLine:
+    """Mu theta of the whole path over the common coefficient, mu theta = mu angle + held, in one direction."""
+
+    angle_rad: float  # wrap angle of the sections on which the common coefficient acts
+    held: float  # what bearings and sections with a coefficient of their own add [-]
+
+    def exponent(self, mu: float) -> float:
+        """Mu theta at a coefficient."""
+        return self.angle_rad * mu + self.held
+
+    def mu(self, exponent: float) -> float:
+        """The common coefficient that gives an exponent, >= 0."""
+        return max(exponent - self.held, 0.0) / self.angle_rad
+
+
+def exponent_lines(
+    transmission: Transmission, joint_rad: Mapping[str, float] = NO_JOINTS
+) -> tuple[ExponentLine, ExponentLine]:
+    """Lines when pulling and when releasing; joints stand at zero unless said."""
+    zero, one = (
+        [
+            math.fsum(exponents)
+            for exponents in section_exponents(
+                replace(
+                    transmission,
+                    friction=replace(
+                        transmission.friction,
+                        mu_dynamic=mu,
+                        mu_static=mu,
+                        mu_dynamic_release=None,
+                        mu_static_release=None,
+                    ),
+                ),
+                joint_rad,
+            )
+        ]
+        for mu in (0.0, 1.0)
+    )
+    pull, release = (ExponentLine(angle_rad=b - a, held=a) for a, b in zip(zero, one, strict=True))
+    return pull, release
 
 
 def _shape(exponent: float) -> float:
@@ -118,9 +170,9 @@ class CapstanLaw:
                 raise ParameterError(f"{name} must be from 0 to 1, got {getattr(self, name)}; use 0 for one play")
 
     @classmethod
-    def of(cls, transmission: Transmission) -> "CapstanLaw":
-        """Law of a transmission: dynamic coefficients over the whole wrap angle."""
-        pull, release = section_exponents(transmission)
+    def of(cls, transmission: Transmission, joint_rad: Mapping[str, float] = NO_JOINTS) -> "CapstanLaw":
+        """Law of a transmission: dynamic coefficients over the whole wrap angle; joints stand at zero unless said."""
+        pull, release = section_exponents(transmission, joint_rad)
         return cls(
             pull_exponent=math.fsum(pull),
             release_exponent=math.fsum(release),

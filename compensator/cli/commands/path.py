@@ -11,7 +11,10 @@ from tendonff.compensator.cli.progress import say, warn
 
 def path(
     points: Annotated[
-        Path, typer.Argument(metavar="POINTS.csv", help="Columns x_m,y_m,z_m along the tendon.", show_default=False)
+        Path,
+        typer.Argument(
+            metavar="POINTS.csv", help="Columns x_m,y_m,z_m (or x_mm, ...) along the tendon.", show_default=False
+        ),
     ],
     out: OutFolderOption,
     tolerance: Annotated[
@@ -30,6 +33,7 @@ def path(
 
         result = read_centreline(points, tolerance_rad=tolerance)
         result.write(folder)
+    say(*result.notes)
     warn(*result.warnings)
     typer.echo(result.toml(), nl=False)
     say(

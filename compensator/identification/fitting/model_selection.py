@@ -1,5 +1,6 @@
 """Which channel can be explained, which static law the data supports, and how both are judged."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -10,6 +11,7 @@ from tendonff.compensator.identification.fitting.dynamic import CoarseFit, fit_c
 from tendonff.compensator.identification.fitting.errors import percent_of
 from tendonff.compensator.identification.fitting.residuals import TRAINING_SHARE
 from tendonff.compensator.identification.fitting.static import (
+    CONSTANTS,
     SIMPLER_WITHIN,
     StaticFit,
     StaticModel,
@@ -25,6 +27,9 @@ from tendonff.ocp.fits.static import StaticParameter, in_gross_sliding
 
 P = StaticParameter
 
+LARGE_ERRORS = 95.0
+"""This percentile of its errors is what a law without presliding leaves in a constant, as a standard error."""
+
 NEARLY_AS_GOOD = 1.5
 """What a law says whose validation error is within this factor of the least, is doubt of the chosen one's answer."""
 
@@ -36,9 +41,27 @@ BETTER_BY = 0.6
 class StaticSelection:
     """The static stage's answer."""
 
-    fit: StaticFit  # the chosen law, fitted to all records
+    fit: StaticFit  # the chosen law, fitted to all records; its errors are the scatter between blocks alone
     laws: tuple[CandidateLaw, ...]  # all that were compared
     tried: tuple[StaticFit, ...]  # the candidates as they were fitted to the training rows, in the order of `laws`
+
+    def reported(self, adhesion_N: float) -> StaticFit:
+        """The chosen law with what it leaves out in its errors.
+
+        Adhesion and both biases act through their differences alone: where the biases were free, the adhesion is that
+        of the scenario.
+        """
+        least = min(law.validation_percent for law in self.laws)
+        pairs = list(zip(self.tried, self.laws, strict=True))
+        chosen = next(other for other, law in pairs if law.chosen)
+        rivals = [o for o, law in pairs if law.validation_percent <= NEARLY_AS_GOOD * least and o is not chosen]
+        fit = _doubted(self.fit, chosen, rivals)
+        if P.OUTPUT_BIAS.value not in fit.solution.values:
+            return fit
+        more = dict.fromkeys(CONSTANTS, adhesion_N)
+        found = {name: value + more.get(P(name), 0.0) for name, value in fit.solution.values.items()}
+        values = {name: value + more.get(name, 0.0) for name, value in fit.values.items()}
+        return replace(fit, values=values, solution=replace(fit.solution, values=found))
 
 
 def choose_explain(
@@ -107,12 +130,11 @@ def select_static(records: Sequence[Record], validation: Sequence[Record], expla
     chosen, chosen_law = min(enough, key=lambda pair: pair[1].free_values)
     fit = chosen if train is records else fit_static(records, chosen.model, explain, start=chosen)
     laws = tuple(replace(law, chosen=law is chosen_law) for _, law in tried)
-    rivals = [other for other, law in tried if law.validation_percent <= NEARLY_AS_GOOD * least and other is not chosen]
-    return StaticSelection(fit=_doubted(fit, chosen, rivals), laws=laws, tried=tuple(fit for fit, _ in tried))
+    return StaticSelection(fit=fit, laws=laws, tried=tuple(fit for fit, _ in tried))
 
 
 def _doubted(fit: StaticFit, chosen: StaticFit, rivals: Sequence[StaticFit]) -> StaticFit:
-    """Widen the friction of a law without presliding by what such a law leaves out.
+    """Widen friction and constants of a law without presliding by what such a law leaves out.
 
     A bristle that gives before it slides shows alike after every reversal, which the scatter between blocks does not
     see: each direction's error is that of rows that are all wrong alike, hence the scatter of what single rows say. The
@@ -127,13 +149,19 @@ def _doubted(fit: StaticFit, chosen: StaticFit, rivals: Sequence[StaticFit]) -> 
     by_rivals = np.median(moves**2, axis=0)
     if not fit.model.asymmetric:
         by_rivals[:] = by_rivals.max()
-    doubt = np.zeros(len(solution.values))
-    for name, sliding, moved in zip((P.PULL, P.RELEASE), final, by_rivals, strict=True):
-        if name in fit.model.free and sliding > 0:
-            place = list(solution.values).index(name)
+    moved = {
+        name: square * (fit.values[name] / sliding) ** 2
+        for name, sliding, square in zip((P.PULL, P.RELEASE), final, by_rivals, strict=True)
+        if sliding > 0
+    }
+    # The errors after reversals look like a bias, through the friction for the other cell; adhesion goes with them.
+    as_bias_N = fit.unit_N * float(np.percentile(np.abs(residuals.values), LARGE_ERRORS)) * math.exp(final[0])
+    doubt = np.array([as_bias_N**2 if P(free) in CONSTANTS else 0.0 for free in solution.values])
+    for place, free in enumerate(solution.values):
+        if P(free) in moved:
             slopes = residuals.slopes[:, place]
             by_rows = np.sum((slopes * residuals.values) ** 2) / max(float(np.sum(slopes**4)), 1e-300)
-            doubt[place] = by_rows + moved * (fit.values[name] / sliding) ** 2
+            doubt[place] = by_rows + moved[P(free)]
     factors = np.sqrt(1 + doubt / np.maximum(np.diag(solution.covariance), 1e-300))
     return replace(fit, solution=replace(solution, covariance=solution.covariance * np.outer(factors, factors)))
 

@@ -24,6 +24,7 @@ BLOCKS_WANTED = 60
 LEAST_SPREAD = 1e-3
 
 P = StaticParameter
+CONSTANTS = (P.ADHESION, P.INPUT_BIAS, P.OUTPUT_BIAS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +61,13 @@ class StaticFit:
     explain: Explain  # OUTPUT or INPUT
     values: dict[StaticParameter, float]  # all of them
     solution: Solution
+    unit_N: float  # of the solution's residuals
     middle_m: float  # middle of the input end's travel in the fitted records, where the guide's force is zero
+
+    def stands_out(self, bias: StaticParameter) -> bool:
+        """A bias that was fitted differs from zero beyond its doubt; with presliding there is no more to doubt."""
+        low, high = self.solution.interval(bias.value)
+        return self.model.presliding or not low <= 0 <= high
 
     def predicted(self, record: Record) -> list[Prediction]:
         """Prediction of every piece of a record."""
@@ -172,7 +179,7 @@ def _fit(
     )
     solution = solve(evaluate, first, most=most)
     values = complete(solution.values, model)
-    return StaticFit(model=model, explain=explain, values=values, solution=solution, middle_m=middle)
+    return StaticFit(model=model, explain=explain, values=values, solution=solution, unit_N=unit, middle_m=middle)
 
 
 def block_numbers(clocks_s: Sequence[Array], seconds: float) -> Blocks:

@@ -1,5 +1,6 @@
 """From usable rows to evenly sampled pieces: gaps, spikes, signs, noise, low-pass."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -66,6 +67,10 @@ class Piece:
         """Joint angles, their time counted from the first row."""
         return None if self.motion is None else replace(self.motion, time_s=self.motion.time_s - self.time_s[0])
 
+    def joint_rad(self) -> dict[str, Array]:
+        """Joint angles by name, shape (n,) [rad]."""
+        return {} if self.motion is None else dict(zip(self.motion.names, self.motion.at(self.time_s).T, strict=True))
+
     def part(self, rows: slice) -> "Piece":
         """Some of the rows."""
         channels = {field.name: getattr(self, field.name) for field in fields(self)}
@@ -116,6 +121,17 @@ class Record:
     def joined(self, name: str) -> Array:
         """A channel over all pieces, shape (rows,)."""
         return np.concatenate([getattr(p, name) for p in self.pieces])
+
+
+def joints_of(records: Sequence[Record]) -> dict[str, Array]:
+    """Angles of each joint over all rows of all records [rad]."""
+    every = [piece.joint_rad() for record in records for piece in record.pieces]
+    return {name: np.concatenate([angles[name] for angles in every]) for name in every[0]}
+
+
+def mean_pose(records: Sequence[Record]) -> dict[str, float]:
+    """Mean angle of each joint [rad]."""
+    return {name: float(angle.mean()) for name, angle in joints_of(records).items()}
 
 
 def spikes(x: Array) -> Mask:

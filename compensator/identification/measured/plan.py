@@ -47,30 +47,33 @@ def check_plan(
 ) -> None:
     """Say what was read, in which units, and how many steps a simulation of it takes; ask where these are very many.
 
-    The static law steps from sample to sample. InputError if `confirm` declines.
+    The static law simulates nothing, but a clock that may count milliseconds is asked about there too. InputError if
+    `confirm` declines.
     """
-    steps = 0
-    slow = False
+    steps, longest = 0, 0.0
     for file in files:
         interval = float(np.median(np.diff(file.time_s)))
         length = float(np.ptp(file.time_s))
-        own = len(file.time_s) if static_only else int(length / min(interval, LONGEST_STEP_S))
+        own = int(length / min(interval, LONGEST_STEP_S))
         steps += own
-        slow |= interval > SLOW_S
+        longest = max(longest, interval)
         scales = {"time": how.time_scale, "input": how.input_scale, "output": how.output_scale}
         factors = "".join(f", {key} x {scale:g}" for key, scale in scales.items() if scale != 1)
         say(
             f"{file.name}: {len(file.time_s)} samples over {length:.4g} s ({1 / interval:.4g} Hz), input "
-            f"{file.input_N.min():.4g} to {file.input_N.max():.4g} N{factors}; {own} steps a simulation"
+            f"{file.input_N.min():.4g} to {file.input_N.max():.4g} N{factors}"
+            f"{'' if static_only else f'; {own} steps a simulation'}"
         )
-    if steps <= MANY_STEPS:
+    slow = longest > SLOW_S
+    if steps <= MANY_STEPS or (static_only and not slow):
         return
-    guess = "; is the time in milliseconds? --scale time=0.001" if slow else ""
-    question = f"{steps:.3g} steps a simulation, and a fit takes some hundred simulations{guess}"
+    guess = "is the time in milliseconds? --scale time=0.001"
+    question = f"{steps:.3g} steps a simulation, and a fit takes some hundred simulations{f'; {guess}' if slow else ''}"
+    ways = "give --yes to fit all of it, --static for the static law alone, or shorter files"
+    if static_only:
+        question, ways = f"a sample every {longest:.3g} s: {guess}", "give --yes if it is not"
     if not confirm(question):
-        raise InputError(
-            f"{question}. Not started: give --yes to fit all of it, --static for the static law alone, or shorter files"
-        )
+        raise InputError(f"{question}. Not started: {ways}")
 
 
 def check_question(scenario: Scenario, fit_files: Sequence[Path], judging: Sequence[Path]) -> None:

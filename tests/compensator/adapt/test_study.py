@@ -2,10 +2,12 @@
 
 import csv
 import json
+from types import SimpleNamespace
 
 import pytest
 
-from tendonff.compensator.adapt.result import variations
+from tendonff.compensator.adapt.result import Case, Scheme, variations
+from tendonff.compensator.adapt.run import _headline, _warnings
 from tendonff.compensator.cli import run
 from tendonff.ocp.adaptation.tuning import Sensor
 
@@ -59,6 +61,31 @@ def test_nothing_in_the_study_gets_worse_and_what_was_doubted_is_said(summary):
         assert tuned < max(1.3 * plain, 0.5), name
         assert not plant["limit"]
     assert any("stopped explaining the measurement" in text and "load +20 %" in text for text in summary["warnings"])
+
+
+def plant(name, plain, tuned):
+    """A plant with these errors."""
+    traces = {scheme: SimpleNamespace(settled_percent=tuned, frozen_after_s=None) for scheme in Scheme}
+    traces[Scheme.FEEDFORWARD] = SimpleNamespace(settled_percent=plain, frozen_after_s=None)
+    variation = next(v for v in variations(Sensor.ACTUATOR_POSITION) if v.name == name)
+    return Case(variation=variation, time_s=None, reference_N=None, mu_factor=None, traces=traces)
+
+
+def test_every_plant_on_which_self_tuning_is_worse_is_named_with_both_figures():
+    minus = "\N{MINUS SIGN}"
+    cases = [
+        plant(f"friction {minus}20 %", 5.8, 0.39),
+        plant("load +20 %", 0.5, 0.9),  # worse, but of no account
+        plant("friction +20 %, load +20 %", 4.39, 5.66),
+        plant(f"friction +20 %, load {minus}20 %", 5.6, 5.5),
+    ]
+    known = SimpleNamespace(sentences=lambda: ["it is known"], tuning=SimpleNamespace(sensor=Sensor.ACTUATOR_POSITION))
+    [warning] = _warnings(cases, known, None)
+    assert warning.startswith("do not use it where friction +20 %, load +20 %: RMS error 5.66 %")
+    assert warning.endswith("plain feedforward 4.39 %")
+    assert "5.7 % where other parameters are off too (friction +20 %, load +20 %; without: 4.4 %)" in _headline(
+        cases, known, None
+    )
 
 
 def test_what_the_reference_teaches_is_said_with_a_time(summary):

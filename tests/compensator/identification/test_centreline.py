@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
-from tendonff.compensator.identification.measured.centreline.run import centreline_of
+from tendonff.compensator.identification.measured.centreline.run import centreline_of, read_centreline
 from tendonff.compensator.scenario.scenario import load_scenario
 
 
@@ -118,9 +118,29 @@ def test_the_command_prints_a_table_that_a_scenario_takes(
     assert load_scenario(pasted).transmission.path.total_angle_rad == pytest.approx(angle, abs=0.05)
 
 
+def test_units_in_the_names_of_columns_are_read(tmp_path: Path) -> None:
+    points, _ = CURVES["arc"]
+    metres = read_centreline(write(tmp_path / "m.csv", points))
+    for header, rows in (("x_mm,y_mm,z_mm", points), ("x [mm],y [mm]", points[:, :2])):
+        found = read_centreline(write(tmp_path / "mm.csv", 1000 * rows, header))
+        assert found.points_m == pytest.approx(metres.points_m)
+        assert "in mm" in found.notes[0]
+
+
+def test_noisy_points_in_order_are_taken(tmp_path: Path) -> None:
+    """Noise turns back every second step, here from one point to the next by seven times their distance."""
+    for points, _ in CURVES.values():
+        noisy = points + np.random.default_rng(0).normal(0, 3e-3, points.shape)
+        assert len(read_centreline(write(tmp_path / "noisy.csv", noisy)).points_m) == len(points)
+
+
 @pytest.mark.parametrize(
     ("rows", "message"),
     [
+        (
+            np.random.default_rng(0).permutation(helix(60)[0]),
+            "the points jump to and fro, from one to the next by 43 %",
+        ),
         (np.zeros((3, 3)), "needs at least 8 points, got 3"),
         (np.vstack([helix(20)[0][:10], helix(20)[0][9:]]), "row 12: the point is that of the row before"),
         (np.vstack([helix(20)[0], [[9.0, 0.0, 0.0]]]), "row 22: half of the path lies between this point and the one"),

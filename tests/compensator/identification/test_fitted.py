@@ -115,6 +115,18 @@ def test_the_fitted_scenario_has_every_value_of_the_fit(found, nominal):
     assert found.scenario.run.level is Level.PRESLIDING
 
 
+def test_what_is_printed_is_what_is_written(found):
+    """Also where a value was not fitted: static friction follows the dynamic one, and that is said."""
+    t = found.scenario.transmission
+    told = [e for e in found.estimates if hasattr(t.friction, e.name) or hasattr(t.tendon, e.name)]
+    for each in told:
+        assert each.value == pytest.approx(getattr(t.friction, each.name, getattr(t.tendon, each.name, None))), each
+    assert {"mu_static", "mu_dynamic_release"} <= {each.name for each in told}
+    assert found.estimate("mu_static").value == pytest.approx(MU, rel=0.02)
+    [line] = [line for line in summary_lines(found) if "mu_static = " in line]
+    assert f"mu_static = {t.friction.mu_static:.5g} set: " in line
+
+
 def test_simulating_the_fitted_scenario_again_gives_the_error_that_is_printed(found, tmp_path, logs):
     found.write(tmp_path / "out")
     fitted = load_scenario(tmp_path / "out" / "fitted.toml")

@@ -36,10 +36,14 @@ def test_the_answer_decides():
     assert said == ["a.csv: 70000 samples over 7e+04 s (1 Hz), input 29 to 31 N; 69999000 steps a simulation"]
 
 
-def test_the_static_law_steps_from_sample_to_sample():
-    [line] = plan(log(), static_only=True)
-    assert line.endswith("; 70000 steps a simulation")
-    assert MANY_STEPS > 70000
+def test_the_static_law_simulates_nothing_and_is_not_asked_about():
+    [line] = plan(log(2 * MANY_STEPS, 1e-3), static_only=True)
+    assert line.endswith("input 29 to 31 N")
+
+
+def test_milliseconds_read_as_seconds_are_asked_about_for_the_static_law_too():
+    with pytest.raises(InputError, match=r"every 1 s: is the time in milliseconds\? --scale time=0\.001.*--yes"):
+        plan(log(), static_only=True)
 
 
 def test_an_ordinary_log_is_not_asked_about():

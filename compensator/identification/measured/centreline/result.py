@@ -43,6 +43,7 @@ class Centreline:
     noise_m: float  # standard deviation of the points across the curve
     inflation_rad: float  # by how much noise had inflated the whole angle; taken off
     stretches: tuple[Stretch, ...]
+    notes: tuple[str, ...] = ()  # what was taken for granted when the file was read
 
     @property
     def angle_rad(self) -> float:

@@ -1,14 +1,23 @@
 """`tendonff path`: sections with lengths and wrap angles from the measured points of a centreline."""
 
 import os
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from tendonff.compensator.files.reading import FloatArray, InputError, read_csv
+from tendonff.compensator.files.quantities import LENGTH_UNITS, Quantity, read_quantities
+from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.identification.measured.centreline.result import Centreline, Stretch
 from tendonff.compensator.identification.measured.centreline.smoothing import smooth_curve
+
+AXES = tuple(
+    Quantity(name=f"{axis}_m", words=(axis,), units=LENGTH_UNITS, option=f'the name "{axis}_m" in place of "{{}}"')
+    for axis in "xyz"
+)
+JUMP_SHARE = 0.25
+"""Steps to and fro of so much of the points' extent are no noise: the order of the points is not that of the path."""
 
 _FEWEST = 8
 _DRAWS = 40
@@ -20,7 +29,8 @@ def read_centreline(file: str | os.PathLike[str], *, tolerance_rad: float = 0.05
     Parameters
     ----------
     file : str or path
-        Columns x_m, y_m and, unless the path is plane, z_m; rows in their order from the actuator to the load.
+        Columns x_m, y_m and, unless the path is plane, z_m, or in other units, as x_mm; rows in their order from the
+        actuator to the load.
     tolerance_rad : float, optional
         By how much the angle turned up to any place may differ between the curve and its sections.
 
@@ -31,8 +41,9 @@ def read_centreline(file: str | os.PathLike[str], *, tolerance_rad: float = 0.05
     path = Path(file)
     if not tolerance_rad > 0:
         raise InputError(f"tolerance_rad must be > 0, got {tolerance_rad:g}; 0.05 is a good start")
-    columns = read_csv(path, ("x_m", "y_m"), optional=("z_m",), increasing=None)
-    points = np.column_stack([columns["x_m"], columns["y_m"], columns.get("z_m", np.zeros(len(columns["x_m"])))])
+    read = read_quantities(path, AXES[:2], optional=AXES[2:], rises=False)
+    x, y = (read.values[axis.name] for axis in AXES[:2])
+    points = np.column_stack([x, y, read.values.get("z_m", np.zeros(len(x)))])
     if len(points) < _FEWEST:
         raise InputError(f"{path.name}: a centreline needs at least {_FEWEST} points, got {len(points)}; add points")
     step = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -45,7 +56,15 @@ def read_centreline(file: str | os.PathLike[str], *, tolerance_rad: float = 0.05
             f"{path.name} row {row}: half of the path lies between this point and the one before; sort the rows along "
             "the tendon, or add points between them"
         )
-    return centreline_of(points, file=path.name, tolerance_rad=tolerance_rad)
+    along = np.diff(points, axis=0) / step[:, None]
+    extent = float(np.linalg.norm(np.ptp(points, axis=0)))
+    if (along[1:] * along[:-1]).sum(axis=1).mean() < 0 and step.mean() > JUMP_SHARE * extent:
+        raise InputError(
+            f"{path.name}: the points jump to and fro, from one to the next by {100 * step.mean() / extent:.2g} % of "
+            "the path's extent in the mean; sort the rows along the tendon, from the actuator to the load"
+        )
+    found = centreline_of(points, file=path.name, tolerance_rad=tolerance_rad)
+    return replace(found, notes=read.notes)
 
 
 def centreline_of(points_m: FloatArray, *, file: str = "points", tolerance_rad: float = 0.05) -> Centreline:
