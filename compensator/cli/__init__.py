@@ -79,9 +79,8 @@ def run(arguments: Sequence[str]) -> int:
     except _USAGE_ERRORS as error:
         say(f"error: {error.format_message().replace('Value error, ', '')}")
         return EXIT_INPUT
-    except (KeyboardInterrupt, typer.Abort, SystemExit) as ended:
-        if not isinstance(ended, SystemExit):  # of a command that was interrupted and has said what it kept
-            say("interrupted; nothing was written")
+    except (KeyboardInterrupt, typer.Abort, interrupts.Interrupted) as ended:
+        say(f"interrupted; {ended if isinstance(ended, interrupts.Interrupted) else 'nothing was written'}")
         return EXIT_INTERRUPTED
     except TendonffError as error:
         say(f"error: {error}")

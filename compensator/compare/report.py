@@ -34,15 +34,13 @@ def _expected(result: ComparisonData) -> Table:
     )
 
 
-def _motion(result: ComparisonData) -> tuple[Text, ...]:
-    """What ignoring the motion would cost; nothing where nothing moves."""
-    note = "The static law as a plant takes the wrap angles with all joints at zero."
-    return () if result.ignored is None else (Text(f"{result.ignored.text} {note}"),)
-
-
 def compare_report(result: ComparisonData, figures: dict[str, Figure]) -> Report:
     """The page of a comparison."""
-    joints = "" if result.ignored is None else " Second panel: the joint angles."
+    joints, moving = "", []
+    if result.ignored is not None:
+        joints = " Second panel: the joint angles."
+        note = "The static law as a plant takes the wrap angles with all joints at zero."
+        moving = [Text(f"{result.ignored.text} {note}")]
     pictures = pictures_of(figures, {**_CAPTIONS, "errors": _CAPTIONS["errors"] + joints})
     rows = matrix_rows(result)
     errors = Table(
@@ -76,7 +74,7 @@ def compare_report(result: ComparisonData, figures: dict[str, Figure]) -> Report
         summary=result.recommendation,
         warnings=result.warnings,
         sections=(
-            Section(title="What to expect on a rig", blocks=(_expected(result), *_motion(result))),
+            Section(title="What to expect on a rig", blocks=(_expected(result), *moving)),
             Section(
                 title="Every design on every plant",
                 blocks=(

@@ -93,6 +93,7 @@ def interactive_panels(result: DesignData) -> Interactive:
 def design_report(result: DesignData, figures: dict[str, Figure], view: Interactive | None = None) -> Report:
     """The page of a design."""
     joints = "" if result.ignored is None else " Bottom: the joint angles."
+    ignored = () if result.ignored is None else (Text(result.ignored.text),)
     pictures = pictures_of(figures, {**_CAPTIONS, "tension": _CAPTIONS["tension"] + joints})
     worst = result.expectation.worst_percent
     scores = Table(
@@ -122,7 +123,7 @@ def design_report(result: DesignData, figures: dict[str, Figure], view: Interact
         fine_print=fine_print(result),
         warnings=result.warnings,
         sections=(
-            Section(title="What to expect", blocks=(pictures["expectation"], scores, *_motion(result))),
+            Section(title="What to expect", blocks=(pictures["expectation"], scores, *ignored)),
             *([] if view is None else [Section(title="Interactive view", blocks=(view,))]),
             Section(title="Output tension", blocks=(pictures["tension"], peaks, *_positions(result))),
             Section(title="Actuator force", blocks=(pictures["force"], *_holds(result), *_solver(result))),
@@ -161,11 +162,6 @@ def _holds(result: DesignData) -> tuple[Block, ...]:
         'move: hold = "keep" in [reference] keeps the force, and says what that costs.'
     )
     return (Text(note),)
-
-
-def _motion(result: DesignData) -> tuple[Block, ...]:
-    """What ignoring the motion would cost; nothing where nothing moves."""
-    return () if result.ignored is None else (Text(result.ignored.text),)
 
 
 def _positions(result: DesignData) -> tuple[Block, ...]:

@@ -8,6 +8,10 @@ from typing import NoReturn
 _STOPPED = threading.Event()
 
 
+class Interrupted(Exception):  # noqa: N818 - an interrupt, like KeyboardInterrupt, and no error
+    """The user stopped a command that keeps what it has; the message says what that is."""
+
+
 def _stop(_number: int, _frame: FrameType | None) -> NoReturn:
     _STOPPED.set()
     raise KeyboardInterrupt

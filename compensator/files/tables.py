@@ -102,14 +102,17 @@ def table_dialect(path: Path, expected: Sequence[str] = ()) -> Dialect:
 def _text(path: Path, expected: Sequence[str]) -> Table:
     import pandas as pd
 
-    lines = _lines(path)
+    with user_text(path) as stream:
+        text = stream.read()
+    if "\0" in text:
+        raise InputError(f"{path.name} is not text; what can be read: {READABLE}")
     dialect = find_dialect(path, expected)
     names = list(dialect.names)
     while names and not names[-1]:
         names.pop()
     mark = "\t" if dialect.separator == " " else dialect.separator
     kept, long_rows = [], 0
-    for line in lines[dialect.skipped :]:
+    for line in text.splitlines()[dialect.skipped :]:
         row = line.rstrip()
         if not row.strip() or is_comment(row):
             continue
@@ -145,15 +148,6 @@ def _text(path: Path, expected: Sequence[str]) -> Table:
         repeated=tuple(name for name in dict.fromkeys(names) if names.count(name) > 1),
         notes=dialect.notes,
     )
-
-
-def _lines(path: Path) -> list[str]:
-    """Lines of a text file."""
-    with user_text(path) as stream:
-        text = stream.read()
-    if "\0" in text:
-        raise InputError(f"{path.name} is not text; what can be read: {READABLE}")
-    return text.splitlines()
 
 
 def _packed(path: Path) -> Table:

@@ -205,6 +205,8 @@ def render_report(report: Report) -> str:
         keep_trailing_newline=True,
     )
     provenance, figures = report.provenance, count(1)
+    reference = provenance.scenario.reference_file()
+    inputs = [*([] if reference is None else [reference]), *provenance.inputs]
     blocks = [block for section in report.sections for block in section.blocks]
     return environment.get_template("report.html.j2").render(
         report=report,
@@ -216,14 +218,9 @@ def render_report(report: Report) -> str:
         scenario_text=scenario_to_toml(provenance.scenario),
         scenario_file=provenance.scenario.source.name,
         scenario_hash=scenario_hash(provenance.scenario),
-        inputs=[(path.name, file_hash(path)) for path in _inputs(provenance)],
+        inputs=[(path.name, file_hash(path)) for path in inputs],
         versions=versions(),
     )
-
-
-def _inputs(provenance: Provenance) -> list[Path]:
-    reference = provenance.scenario.reference_file()
-    return [*([] if reference is None else [reference]), *provenance.inputs]
 
 
 def _prepared(block: Block, numbers: Iterator[int]) -> dict[str, object]:

@@ -20,9 +20,9 @@ from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec, SineReference, WaypointReference
 from tendonff.compensator.scenario.settings import Adaptation, OptimalSettings, Run, Stream
 from tendonff.compensator.scenario.tables import (
+    ROPE_KEYS,
     check_names,
     expand,
-    further_keys,
     missing_keys,
     read_kind,
     read_table,
@@ -231,7 +231,7 @@ def _complete(raw: Mapping[str, object], file: str) -> dict[str, object]:
     lacking: dict[str, list[str]] = {}
     for key, cls in _TABLES.items():
         given = raw.get(key, {})
-        check_names(cls, given, file=file, table=key, extra_keys=further_keys(key))
+        check_names(cls, given, file=file, table=key, extra_keys=ROPE_KEYS if key == "tendon" else ())
         expanded = expand(key, given, file=file)  # type: ignore[arg-type]
         if missing := missing_keys(cls, expanded):
             lacking[key] = missing

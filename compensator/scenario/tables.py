@@ -22,7 +22,7 @@ from tendonff.models.parameters.drive import Motor, Rope
 
 T = TypeVar("T")
 
-_ROPE = tuple(field.name for field in dataclasses.fields(Rope))
+ROPE_KEYS = tuple(field.name for field in dataclasses.fields(Rope))  # of [tendon], which `expand` resolves
 NO_STRIBECK_VELOCITY_M_PER_S = 0.01  # stands in where mu_static = mu_dynamic, so that it has no effect
 NO_RELAXATION_TIME_S = 1.0  # stands in where nothing relaxes, so that it has no effect
 
@@ -187,13 +187,8 @@ def expand(table: str, raw: Mapping[str, object], *, file: str) -> dict[str, obj
     return keys
 
 
-def further_keys(table: str) -> tuple[str, ...]:
-    """Keys of a table that `expand` resolves and that its dataclass does not know."""
-    return _ROPE if table == "tendon" else ()
-
-
 def _expand_tendon(keys: dict[str, object], file: str) -> None:
-    given = {name: keys.pop(name) for name in _ROPE if name in keys}
+    given = {name: keys.pop(name) for name in ROPE_KEYS if name in keys}
     if given:
         rope = read_table(Rope, given, file=file, table="tendon")
         keys.setdefault("stiffness_N_per_m", rope.stiffness_N_per_m)

@@ -42,6 +42,7 @@ def sweep(
     from tendonff.compensator.design.sweep.result import kept_rows
     from tendonff.compensator.design.sweep.run import DEFAULT, executor_of
     from tendonff.compensator.design.sweep.run import sweep as run_sweep
+    from tendonff.compensator.files.interrupts import Interrupted
     from tendonff.compensator.files.writing import require_parquet
 
     if parquet:
@@ -58,8 +59,7 @@ def sweep(
         if not (kept := kept_rows(out)):
             raise
         units = samples or math.prod(len(axis.values) for axis in axes)
-        say(f"interrupted; {kept} of {units} units kept in {out}; start again to go on")
-        raise SystemExit from None
+        raise Interrupted(f"{kept} of {units} units kept in {out}; start again to go on") from None
     say(result.headline)
     for name in result.compensators:
         say(

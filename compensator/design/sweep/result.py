@@ -37,6 +37,10 @@ class Row:
     peak_N: tuple[float, ...]
 
 
+# key, low value, high value, and every compensator's error at both with all else nominal [% of range]
+Cost = tuple[str, float, float, tuple[float, ...], tuple[float, ...]]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepData:
     """Scores over units."""
@@ -46,9 +50,7 @@ class SweepData:
     keys: tuple[str, ...]  # varied keys of the scenario, or factors on its parameters
     compensators: tuple[str, ...]
     rows: tuple[Row, ...]  # in the order of their index
-    # key, low value, high value, and every compensator's error at both with all else nominal [% of range]; empty for a
-    # grid
-    budget: tuple[tuple[str, float, float, tuple[float, ...], tuple[float, ...]], ...]
+    budget: tuple[Cost, ...]  # empty for a grid
     is_random: bool  # units drawn from the uncertainty: the profiles are those of the nominal scenario
 
     def percent(self, name: str) -> FloatArray:

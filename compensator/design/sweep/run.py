@@ -8,12 +8,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from tendonff.compensator.compensators.base import Compensator, Problem, Profile
+from tendonff.compensator.compensators.base import Problem, Profile
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
 from tendonff.compensator.compensators.score import SimulatedPlant, verify
 from tendonff.compensator.design.sweep.output import Sweep
 from tendonff.compensator.design.sweep.plan import FACTORS, Axis, Unit, factors_of, grid_units, random_units
-from tendonff.compensator.design.sweep.result import Row, Store
+from tendonff.compensator.design.sweep.result import Cost, Row, Store
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
@@ -119,7 +119,10 @@ def sweep(
     done = store.read(len(keys))
     left = [unit for unit in units if unit.index not in done]
     progress(len(done), len(units))
-    profiles = _nominal(scenario, [compensator(name) for name in names]) if random else None
+    profiles = None
+    if random:  # those that `design` makes
+        problem = Problem.of(scenario, reference=sample_reference(scenario, strict=False))
+        profiles = tuple(compensator(name).profile(problem).require() for name in names)
     pieces = [left[k : k + _UNITS_OF_JOB] for k in range(0, len(left), _UNITS_OF_JOB)]
     for start in range(0, len(pieces), _JOBS_OF_WAVE):
         jobs = [
@@ -144,15 +147,7 @@ def sweep(
     )
 
 
-def _nominal(scenario: Scenario, compensators: Sequence[Compensator]) -> tuple[Profile, ...]:
-    """The profiles that `design` makes for the scenario."""
-    problem = Problem.of(scenario, reference=sample_reference(scenario, strict=False))
-    return tuple(each.profile(problem).require() for each in compensators)
-
-
-def _budget(
-    scenario: Scenario, names: tuple[str, ...], profiles: tuple[Profile, ...]
-) -> tuple[tuple[str, float, float, tuple[float, ...], tuple[float, ...]], ...]:
+def _budget(scenario: Scenario, names: tuple[str, ...], profiles: tuple[Profile, ...]) -> tuple[Cost, ...]:
     """What each parameter costs alone: errors at both ends of its range."""
     robust, found = scenario.robust, []
     widths = (robust.mu, robust.stiffness, robust.bristle_stiffness)

@@ -113,8 +113,7 @@ class _Search:
         train, self.judge = task.split(validation)
         self.start, self.span_N, self.mean_N = start, span_N, mean_N
         self.candidates: list[ChainCandidate] = []
-        name = "symmetric with presliding" if task.model.symmetric else "asymmetric with presliding"
-        self.best = self.attempt(train, train.fixed, name)
+        self.best = self.attempt(train, train.fixed, "asymmetric with presliding")
 
     def attempt(self, task: ChainResiduals, at: Mapping[DynamicParameter, float], name: str) -> ChainCandidate:
         solution = fit_free(task, at, self.span_N, 15, 1e-4)
@@ -163,13 +162,13 @@ def choose_law(
     *,
     biases: bool,
 ) -> ChosenLaw:
-    """Add to the law of a task on few masses what the data supports.
+    """Add to the law of a task on few masses, with a coefficient for each direction, what the data supports.
 
     The rows of `validation` judge, or without them the last third of each piece; with `biases` the cells' offsets may
     be free.
     """
     scenario = task.model.values()
-    base = tuple(n for n in (D.ADHESION, D.STATIC_EXCESS) if scenario[n] > 0 and n not in task.free)
+    base = tuple(n for n in (D.ADHESION, D.STATIC_EXCESS) if scenario[n] > 0)
     if D.STATIC_EXCESS in base:
         base = (*base, D.STRIBECK_VELOCITY)
     extras = (*CONSTANTS, *SPEED_TERMS, D.STRIBECK_VELOCITY)
@@ -177,7 +176,7 @@ def choose_law(
     task = replace(task, fixed=fixed, free=(*task.free, *base))
     search = _Search(task, validation, start, span_N, mean_N)
     # From one end alone a wrong symmetry is made up for by the tendon's stiffness, and hard to see afterwards.
-    if not task.model.symmetric and task.pieces[0].explain is not Explain.POSITION:
+    if task.pieces[0].explain is not Explain.POSITION:
         same = replace(
             search.best.task,
             model=replace(task.model, symmetric=True),

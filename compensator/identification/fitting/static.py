@@ -82,10 +82,8 @@ def middle_of(records: Sequence[Record]) -> float:
     """Middle of the input end's travel over all records [m]; 0 without positions."""
     if not all(r.has_input_position for r in records):
         return 0.0
-    ends = [
-        (float(p.input_m.min()), float(p.input_m.max())) for r in records for p in r.pieces if p.input_m is not None
-    ]
-    return (min(a for a, _ in ends) + max(b for _, b in ends)) / 2
+    travel = np.concatenate([r.joined("input_m") for r in records])
+    return float(travel.min() + travel.max()) / 2
 
 
 def respond(

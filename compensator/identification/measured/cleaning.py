@@ -26,7 +26,7 @@ SPIKE_SIGMAS, SPIKE_ROWS, SPIKE_RANGE, SPIKE_WINDOW_ROWS = 10.0, 2, 0.02, 101
 """A spike leaves the running median by so many deviations of its surroundings, for so many rows at most, and by at
 least a share of the range: what rings or chatters for longer is the measurement's own."""
 
-NOISY = ("input_N", "output_N", "input_m", "output_m")
+CHANNELS = {"input_N": "input", "output_N": "output", "input_m": "input position", "output_m": "output position"}
 LEAST_PIECE_S = 0.25
 NOISE_SHARE = 0.005
 """Readings below zero by less than this share of the range are the scatter of a slack cell around its zero."""
@@ -156,7 +156,7 @@ def clean(raw: RawMeasurement, how: Measurement) -> Record:
     cutoff = how.cutoff_Hz or find_cutoff_Hz(judged, step)
     pieces = [_smoothed(grid, good, raw.motion, step, cutoff) for grid, good in grids]
     signed = _judge_signs(pieces, findings)
-    noises = [[noise_of(grid[name]) if name in grid else 0.0 for name in NOISY] for grid, _ in grids]
+    noises = [[noise_of(grid[name]) if name in grid else 0.0 for name in CHANNELS] for grid, _ in grids]
     input_noise, output_noise, near_noise, far_noise = np.average(
         noises, axis=0, weights=[len(good) for _, good in grids]
     )
@@ -239,18 +239,11 @@ def _note_clock(raw: RawMeasurement, intervals: Array, step: float, findings: Fi
 def _spikes_of(raw: RawMeasurement, starts: list[int], findings: Findings) -> Mask:
     """Rows with a spike in any channel."""
     marked = np.zeros(len(raw.time_s), dtype=bool)
-    channels = {
-        "input": raw.input_N,
-        "output": raw.output_N if raw.has_output else None,
-        "input position": raw.input_m,
-        "output position": raw.output_m,
-    }
-    for name, values in channels.items():
-        if values is None:
+    for channel, name in CHANNELS.items():
+        values = getattr(raw, channel)
+        if values is None or np.isnan(values).any():
             continue
-        found = np.zeros(len(values), dtype=bool)
-        for start, stop in zip(starts, [*starts[1:], len(values)], strict=True):
-            found[start:stop] = spikes(values[start:stop])
+        found = np.concatenate([spikes(part) for part in np.split(values, starts[1:])])
         if found.any():
             action = f"in the {name}, replaced by a straight line and not fitted"
             findings.note(DataIssue.SPIKE, action, raw.time_s[found])
@@ -264,7 +257,7 @@ def _on_grid(raw: RawMeasurement, rows: slice, replaced: Mask, step: float) -> t
     count = int(np.floor((time[-1] - time[0]) / step + 1e-6)) + 1
     grid_time = time[0] + step * np.arange(count)
     grid = {"time_s": grid_time}
-    for name in ("input_N", "output_N", "input_m", "output_m"):
+    for name in CHANNELS:
         values = getattr(raw, name)
         if values is not None:
             line = np.interp(grid_time, time[keep], values[rows][keep])

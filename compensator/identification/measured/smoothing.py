@@ -36,11 +36,8 @@ def find_cutoff_Hz(channels: list[Array], step_s: float) -> float:
     rate = 1 / step_s
     highest = min(HIGHEST_CUTOFF_HZ, 0.2 * rate)
     width = max(16, int(CUTOFF_WINDOW_S * rate))
-    ladder = [f for f in CUTOFFS_HZ if f < highest]
-    for cutoff in ladder:
-        if all(_only_noise(x, step_s, cutoff, width) for x in channels):
-            return cutoff
-    return highest
+    enough = (f for f in CUTOFFS_HZ if f < highest and all(_only_noise(x, step_s, f, width) for x in channels))
+    return next(enough, highest)
 
 
 def _only_noise(x: Array, step_s: float, cutoff_Hz: float, width: int) -> bool:
