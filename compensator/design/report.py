@@ -46,6 +46,8 @@ def headline(result: DesignData) -> str:
     """What to expect on a rig, in two sentences."""
     found, best = result.expectation, result.recommended
     over = f"the {scale_N(result.reference.tension_N):.4g} N range of the reference, for {found.doubt}"
+    if best.name == "optimal" and result.tracking is not None and result.tracking.cautions:
+        over += ", bristles as soft as stated (stiffer ones: see the warning)"
     if best.name == "none":
         return f"The reference applied directly does best: expect an RMS error of up to {_worst(result)} of {over}."
     without = f" Without compensation: up to {_worst(result, 'none')}." if "none" in found.worst_percent else ""

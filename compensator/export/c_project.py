@@ -17,7 +17,7 @@ from tendonff.compensator.compensators.table import BuiltTable, table_of
 from tendonff.compensator.export.adaptive import adaptive_golden
 from tendonff.compensator.export.golden import golden_vectors
 from tendonff.compensator.export.host import run_on_host
-from tendonff.compensator.export.judgement import Judged, answer_of, chosen, forces_of, judge, judge_stream
+from tendonff.compensator.export.judgement import Judged, answer_of, chosen, driven, forces_of, judge, judge_stream
 from tendonff.compensator.export.modules import ADAPTIVE_MODULES, c_modules, check_prefix, check_tuning
 from tendonff.compensator.export.self_test import FloatLoss, float_losses, loss_warnings, self_test_context
 from tendonff.compensator.export.text.c_text import (
@@ -27,6 +27,7 @@ from tendonff.compensator.export.text.c_text import (
     table_bytes,
     table_context,
 )
+from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.files.writing import atomic_directory, write_text
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.capstan import CapstanLaw
@@ -93,7 +94,7 @@ def export_project(
         profile_N, warnings = answer_of(problem, "optimal", profile), (*warnings, *profile.warnings)
     built = None if scenario.joints else table_of(problem)
     table = None if built is None else built.table
-    forces = forces_of(problem, built, profile_N)
+    forces = forces_of(problem, built, rounded(profile_N, precision))
     if problem.reference.periodic:
         profile_N = profile_N[:-1]  # its last row is the first of the next period
     numbers: dict[str, object] = {
@@ -112,16 +113,18 @@ def export_project(
     if precision is Precision.FLOAT:
         modules = tuple(m for m in c_modules(scenario, stream is not None) if m not in ADAPTIVE_MODULES)
         every = c_sources(scenario, problem, modules, precision, prefix, numbers)
-        followed = dict.fromkeys(golden.jumps.columns, problem.reference.tension_N)
+        tension = problem.reference.tension_N
+        course = np.concatenate([tension[:-1], tension[:-1], tension]) if problem.reference.periodic else tension
+        followed = dict.fromkeys(golden.jumps.columns, course)
         live = ({}, np.empty(0)) if golden.live is None else (golden.live.inputs_N, golden.live.joint_rad)
         inputs = [golden.course.inputs_N, golden.jumps.inputs_N, live[0], followed]
         angles = [golden.course.joint_rad, golden.jumps.joint_rad, live[1]]
         if (motion := problem.chain.motion) is not None:
-            angles.append(motion.at(problem.reference.time_s))
+            angles.append(motion.at(np.arange(len(course), dtype=np.float64) * problem.reference.step_s))
         found = run_on_host(every, prefix, precision, inputs, angles if scenario.joints else ())
         if found is not None:
             losses = float_losses(golden.course, found[0], problem)
-            forces |= found[3]
+            forces |= {module: driven(problem, answer[-len(tension) :]) for module, answer in found[3].items()}
     judged = judge(problem, forces)
     judged = (*judged, judge_stream(judged, choice, problem))
     modules, faults = chosen(judged, c_modules(scenario, stream is not None), force_export=force_export)

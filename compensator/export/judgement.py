@@ -1,7 +1,7 @@
 """What the exported modules are worth: each on the scenario's own reference and plant, against no compensation."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 from tendonff.compensator.compensators.base import CModule, FloatArray, Problem, Profile, with_motion
 from tendonff.compensator.compensators.registry import compensator
@@ -56,9 +56,10 @@ def forces_of(
 ) -> dict[str, FloatArray]:
     """Force [N] or command [m] of each module, or of some, at the samples of the reference, for `judge`.
 
-    Table and profile are those that are exported; a profile of another length than the reference is left out.
+    A module reads the reference live: it keeps no force in a hold, and does not know where the reference ends. Table
+    and profile are those that are exported; a profile of another length than the reference is left out.
     """
-    forces = {}
+    forces, following = {}, replace(problem, live=True)
     for each, module in exportable(problem.transmission, moving=problem.chain.motion is not None):
         if names and module.name not in names:
             continue
@@ -67,8 +68,16 @@ def forces_of(
                 forces[module.name] = profile_N
         else:
             exported = CompensationTable(built.table) if built and isinstance(each, CompensationTable) else each
-            forces[module.name] = answer_of(problem, each.name, exported.profile(problem))
+            forces[module.name] = driven(problem, answer_of(following, each.name, exported.profile(following)))
     return forces
+
+
+def driven(problem: Problem, answer: FloatArray) -> FloatArray:
+    """What the actuator makes of a module's force [N]: the limits of its motion, which no module knows, bind as well.
+
+    A command [m] stays as it is.
+    """
+    return answer if problem.transmission.actuator.drive is Drive.POSITION else problem.limited(answer)
 
 
 def chosen(

@@ -117,7 +117,8 @@ def _solve(
         promised, left = (float(np.sqrt(f.evaluation.squares.max())) for f in (found, calm))
         caution = (
             f"a force that shakes promises {promised:.3g} N RMS by pumping the bristles, which stiff bristles and the "
-            f"static law deny; this profile holds with stiff bristles as well, and leaves {left:.3g} N RMS at worst"
+            f"static law deny; this profile holds with stiff bristles as well, and leaves {left:.3g} N RMS at worst, "
+            "those counted"
         )
         cautions = (caution,)
         found = calm

@@ -11,13 +11,14 @@ import pytest
 from tendonff.compensator.cli import run
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.c_project import export_project
-from tendonff.compensator.export.judgement import judge
+from tendonff.compensator.export.judgement import forces_of, judge
 from tendonff.compensator.export.self_test import Status, checksum, limit_cases
 from tendonff.compensator.scenario.reference import Shape, WaypointReference
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
+from tendonff.ocp.inverse import invert
 
 FLAGS = ("-std=c99", "-O1", "-w", "-ffp-contract=off", "-fno-math-errno")
 
@@ -76,6 +77,24 @@ def test_the_judgement_is_an_independent_simulation_of_each_force(finger):
     none, same, still = judge(problem, {"same": tension, "still": np.full(len(tension), tension[0])})
     assert same.score == none.score
     assert still.score.rmse_N == pytest.approx(float(np.sqrt(np.mean((tension - tension[0]) ** 2))), rel=0.02)
+
+
+def test_a_module_is_judged_by_what_it_answers_live_and_the_drive_lets_through(examples):
+    """The last reversal, which `design` does not begin, is in its answer; a drive's speed limit is not, but binds."""
+    problem = Problem.of(load_scenario(examples / "bowden.toml"))
+    assert problem.kept is not None
+    reference, names = problem.reference, ("inverse",)
+    exact = invert(problem.chain, reference.tension_N, reference.step_s).force_N
+    answer = forces_of(problem, None, names=names)["inverse"]
+    assert np.abs(answer - exact).max() <= 1e-9
+    assert np.abs(answer - problem.inversion.force_N).max() > 1
+    inverse = judge(problem, {"inverse": answer})[1]
+    assert inverse.score.rmse_percent_of_range < 1e-3
+    slow = replace(problem.transmission, actuator=replace(problem.transmission.actuator, speed_max_m_per_s=0.02))
+    held = replace(problem, transmission=slow)
+    given = forces_of(held, None, names=names)["inverse"]
+    assert np.ptp(given) < 0.99 * np.ptp(answer)
+    assert judge(held, {"inverse": given})[1].score.rmse_N > 100 * inverse.score.rmse_N
 
 
 def test_every_branch_of_the_limiter_is_among_the_cases():
