@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tendonff.compensator.identification.measured.reading import RawMeasurement
-from tendonff.compensator.identification.measured.smoothing import find_cutoff_Hz, low_pass, noise_of
+from tendonff.compensator.identification.measured.smoothing import find_cutoff_Hz, low_pass_piece, noise_of
 from tendonff.compensator.identification.result import Estimate
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
@@ -82,6 +82,6 @@ def _smoothed(raw: Sequence[RawMeasurement]) -> tuple[list[DriveRun], float]:
             read = [np.interp(even, time, x[first:last]) for x in (one.actuator_N, one.input_N, one.input_m)]
             noise.append(noise_of(read[0] - read[1]))
             cutoff = find_cutoff_Hz(read, step)
-            force, tension, position = (low_pass(x, step, cutoff) for x in read)
+            force, tension, position = (low_pass_piece(x, step, cutoff) for x in read)
             runs.append(DriveRun(step_s=step, force_N=force, tension_N=tension, position_m=position))
     return runs, max(noise)

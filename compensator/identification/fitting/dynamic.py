@@ -28,7 +28,7 @@ from tendonff.compensator.identification.fitting.uncertainty import (
 )
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record
-from tendonff.compensator.identification.measured.smoothing import low_pass
+from tendonff.compensator.identification.measured.smoothing import low_pass_piece
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
@@ -62,7 +62,7 @@ class ChainLaw:
         for run in fit_pieces([record], self.explain):
             response = self.model.respond(self.values, run.drive)
             channels = (run.predicted(response)[0], response.elongation_m)
-            explained, elongation = (low_pass(x, record.step_s, record.cutoff_Hz) for x in channels)
+            explained, elongation = (low_pass_piece(x, record.step_s, record.cutoff_Hz) for x in channels)
             found.append(Prediction(explained=explained, elongation_m=elongation if run.with_elongation else None))
         return found
 

@@ -21,7 +21,7 @@ import numpy as np
 from tendonff.compensator.identification.fitting.chain_law import LAW_NAMES, ChainCandidate, ChosenLaw
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece
 from tendonff.compensator.identification.measured import Array
-from tendonff.compensator.identification.measured.smoothing import low_pass
+from tendonff.compensator.identification.measured.smoothing import low_pass_piece
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.chain import DynamicParameter, input_windows
@@ -244,7 +244,7 @@ def _price(knots_s: Array, time_s: Array, off: Array, noise_N: float) -> tuple[A
 
 def _sampled(slopes: Array, time_s: Array, at_s: Array, cutoff_Hz: float) -> Array:
     """Slopes as the channel's low-pass leaves them, at other times, shape (n, k)."""
-    smooth = low_pass(slopes, float(time_s[1] - time_s[0]), cutoff_Hz)
+    smooth = low_pass_piece(slopes, float(time_s[1] - time_s[0]), cutoff_Hz)
     place = (at_s - time_s[0]) / (time_s[1] - time_s[0])
     before = np.clip(place.astype(np.int64), 0, len(time_s) - 2)
     share = (place - before)[:, None]

@@ -11,7 +11,7 @@ from scipy.signal import correlate
 from tendonff.compensator.identification.fitting.errors import centred, explained
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import SHORT_GAP_ROWS, Piece, Record
-from tendonff.compensator.identification.measured.smoothing import low_pass
+from tendonff.compensator.identification.measured.smoothing import low_pass_piece
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.chain import ChainModel, ChainResponse, Drive, DynamicParameter
@@ -70,7 +70,7 @@ class FitPiece:
 
     def shaped(self, x: Array) -> Array:
         """What the low-pass and the thinning leave of a prediction."""
-        return low_pass(x, self.record.step_s, self.record.cutoff_Hz)[:: self.thin]
+        return low_pass_piece(x, self.record.step_s, self.record.cutoff_Hz)[:: self.thin]
 
 
 def _rows_to_sweep(x: Array, span: float) -> int:

@@ -10,7 +10,12 @@ from scipy.ndimage import median_filter, percentile_filter
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.reading import DataIssue, Finding, Findings, RawMeasurement
-from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass, find_cutoff_Hz, low_pass, noise_of
+from tendonff.compensator.identification.measured.smoothing import (
+    adaptive_low_pass,
+    find_cutoff_Hz,
+    low_pass_piece,
+    noise_of,
+)
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.models.path import JointMotion
 
@@ -194,10 +199,10 @@ def clean(raw: RawMeasurement, how: Measurement) -> Record:
 
 def _smoothed(grid: dict[str, Array], good: Mask, motion: JointMotion | None, step: float, cutoff_Hz: float) -> Piece:
     """A piece whose channels went through the low-pass, joint angles included; what drives the models, its own one."""
-    smooth = {name: low_pass(x, step, cutoff_Hz) for name, x in grid.items() if name not in ("time_s", "input_N")}
+    smooth = {name: low_pass_piece(x, step, cutoff_Hz) for name, x in grid.items() if name not in ("time_s", "input_N")}
     time = grid["time_s"]
     if motion is not None:
-        columns = [low_pass(column, step, cutoff_Hz) for column in motion.at(time).T]
+        columns = [low_pass_piece(column, step, cutoff_Hz) for column in motion.at(time).T]
         motion = JointMotion(names=motion.names, time_s=time, angle_rad=np.column_stack(columns))
     return Piece(
         time_s=time,

@@ -7,9 +7,9 @@ happens (`adaptive_low_pass`); what it is compared with goes through one linear 
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
-from scipy.signal import butter, sosfiltfilt
 
 from tendonff.compensator.identification.measured import Array
+from tendonff.compensator.scenario.sampled.from_file import low_pass
 
 CUTOFFS_HZ = (5.0, 7.0, 10.0, 14.0, 20.0, 28.0)
 HIGHEST_CUTOFF_HZ, CUTOFF_WINDOW_S, LEAST_NOISE = 40.0, 0.1, 1e-4
@@ -44,20 +44,18 @@ def _only_noise(x: Array, step_s: float, cutoff_Hz: float, width: int) -> bool:
     """No window loses more than the channel's own noise to the low-pass."""
     if len(x) < 2 * width:
         return False
-    taken = x - low_pass(x, step_s, cutoff_Hz)
+    taken = x - low_pass_piece(x, step_s, cutoff_Hz)
     windows = np.cumsum(np.concatenate([[0.0], taken**2]))
     power = (windows[width:] - windows[:-width]) / width
     noise = max(noise_of(x), LEAST_NOISE * float(np.ptp(x)))
     return bool(power.max() < noise**2 * (1 + 6 * np.sqrt(2 / width)))
 
 
-def low_pass(x: Array, step_s: float, cutoff_Hz: float) -> Array:
+def low_pass_piece(x: Array, step_s: float, cutoff_Hz: float) -> Array:
     """Second-order zero-phase Butterworth low-pass along the first axis; short pieces stay as they are."""
     if len(x) < 16 or cutoff_Hz >= 0.45 / step_s:
         return x
-    sos = butter(2, cutoff_Hz, fs=1 / step_s, output="sos")
-    pad = min(len(x) - 1, int(3 / (cutoff_Hz * step_s)))
-    return np.asarray(sosfiltfilt(sos, x, axis=0, padlen=pad))
+    return low_pass(x, cutoff_Hz, 1 / step_s)
 
 
 def adaptive_low_pass(x: Array, step_s: float) -> Array:
@@ -66,8 +64,8 @@ def adaptive_low_pass(x: Array, step_s: float) -> Array:
     cutoffs = (*(f for f in QUIET_CUTOFFS_HZ if 2 / (len(x) * step_s) < f < 0.8 * highest), highest)
     noise = noise_of(x)
     if not noise > LEAST_NOISE * float(np.ptp(x)):
-        return low_pass(x, step_s, highest)
-    versions = [low_pass(x, step_s, f) for f in cutoffs]
+        return low_pass_piece(x, step_s, highest)
+    versions = [low_pass_piece(x, step_s, f) for f in cutoffs]
     level = np.full(len(x), float(len(cutoffs) - 1))  # place among the cut-offs at each sample, fractional
     blocked = np.zeros(len(x), dtype=bool)
     for k in range(len(cutoffs) - 2, -1, -1):

@@ -118,7 +118,7 @@ def resample(
 
 
 def low_pass(values: FloatArray, cutoff_Hz: float, rate_Hz: float) -> FloatArray:
-    """Zero-phase low-pass of evenly spaced samples, shape (n,): Butterworth of second order, forwards and backwards.
+    """Zero-phase low-pass of evenly spaced samples, shape (n, ...): Butterworth of second order, there and back.
 
     At the corner frequency it takes 6 dB.
     """
@@ -126,8 +126,8 @@ def low_pass(values: FloatArray, cutoff_Hz: float, rate_Hz: float) -> FloatArray
 
     sections = signal.butter(_ORDER, cutoff_Hz, fs=rate_Hz, output="sos")
     # Both ends are continued by point reflection, for longer than the filter remembers.
-    pad = min(len(values) - 1, math.ceil(3 * rate_Hz / cutoff_Hz))
-    result: FloatArray = signal.sosfiltfilt(sections, values, padtype="odd", padlen=pad)
+    pad = min(len(values) - 1, int(3 * rate_Hz / cutoff_Hz))
+    result: FloatArray = signal.sosfiltfilt(sections, values, axis=0, padtype="odd", padlen=pad)
     return result
 
 

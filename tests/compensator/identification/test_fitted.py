@@ -9,7 +9,7 @@ from synthetic import Faults, write_synthetic
 from tendonff.compensator.identification import outcome
 from tendonff.compensator.identification.fitting.errors import FileError
 from tendonff.compensator.identification.fitting.static import respond
-from tendonff.compensator.identification.measured.smoothing import low_pass
+from tendonff.compensator.identification.measured.smoothing import low_pass_piece
 from tendonff.compensator.identification.messages import moved_inside
 from tendonff.compensator.identification.result import PieceComparison, summary_lines
 from tendonff.compensator.identification.run import identify
@@ -176,7 +176,7 @@ def test_laws_are_compared_on_the_same_rows_and_range(laws_compared):
         off = []
         for run in train.pieces:
             play = respond(fit.values, run.piece, Explain.OUTPUT, fit.middle_m).prediction_N
-            smooth = low_pass(play, run.record.step_s, run.record.cutoff_Hz)
+            smooth = low_pass_piece(play, run.record.step_s, run.record.cutoff_Hz)
             off.append((smooth - run.piece.output_N)[:: run.thin][run.good])
         assert law.fit_percent == pytest.approx(100 * rms(np.concatenate(off)) / np.ptp(output))
     assert len(laws) == len(stage.tried) + len(chain.law.candidates)
