@@ -20,7 +20,7 @@ from tendonff.models.chain import Chain
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import simulate
-from tendonff.ocp.stability import foresee
+from tendonff.ocp.stability import predict_stick_slip
 from tendonff.ocp.tracking.diagnosis import law_of
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.ratcheting import StaticGoal, stiffened
@@ -47,7 +47,7 @@ def misleading(seed: int) -> list[str]:
     if not limits.admits(found.force_N, step, 1e-6):
         wrong.append("breaks the actuator's limits")
     other = simulate(chain, found.force_N, step, initial_tension_N=start, engine=Engine.CASADI).output_tension_N
-    unstable = foresee(chain, reference, step, force_N=found.force_N).warnings
+    unstable = predict_stick_slip(chain, reference, step, force_N=found.force_N).warnings
     if len(other) < len(reference) or (abs(rms(other - reference) - found.rms_error_N) > 0.01 * span and not unstable):
         wrong.append(f"states {found.rms_error_N:.3g} N, the other engine finds {rms(other - reference):.3g} N")
     if found.status is TrackStatus.EXACT and found.rms_error_N > 1e-3 * span:

@@ -39,7 +39,7 @@ class UnstableStretch:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Foresight:
+class StickSlipPrediction:
     """What to expect of any feedforward along a reference."""
 
     stretches: tuple[UnstableStretch, ...]  # those whose growth matters, in order of time
@@ -52,14 +52,14 @@ class Foresight:
     warnings: tuple[str, ...]  # for the user; empty where nothing is to be feared
 
 
-def foresee(
+def predict_stick_slip(
     chain: Chain,
     reference_N: Array,
     step_s: float,
     *,
     force_N: Array | None = None,
     inversion: Inversion | None = None,
-) -> Foresight:
+) -> StickSlipPrediction:
     """Linearise the chain along a reference and say where feedforward will not hold it.
 
     The reference is the wanted output tension, shape (n,) [N], > 0. Without a force whose error is to be expected,
@@ -81,7 +81,7 @@ def foresee(
     found = _stretches(time_s, poles)
     duration = float(time_s[-1])
     share = min(sum(s.end_s - s.start_s for s in found) / duration, 1.0)
-    return Foresight(
+    return StickSlipPrediction(
         stretches=found,
         unstable_share=share,
         largest_growth_per_s=float(poles.real.max()),

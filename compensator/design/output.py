@@ -67,7 +67,7 @@ def summary(result: DesignData) -> dict[str, object]:
             found.setdefault(one.compensator, {})[one.plant.level.value] = entry
         return found
 
-    error = result.foresight.expected_error_N
+    error = result.stick_slip.expected_error_N
     return {
         **summary_head(result.scenario),
         "design_level": result.level.value,
@@ -90,10 +90,10 @@ def summary(result: DesignData) -> dict[str, object]:
             },
         },
         "foresight": {
-            "unstable_share": result.foresight.unstable_share,
-            "largest_growth_per_s": result.foresight.largest_growth_per_s,
+            "unstable_share": result.stick_slip.unstable_share,
+            "largest_growth_per_s": result.stick_slip.largest_growth_per_s,
             "expected_error_N": error if math.isfinite(error) else None,
-            "stretches": [asdict(stretch) for stretch in result.foresight.stretches],
+            "stretches": [asdict(stretch) for stretch in result.stick_slip.stretches],
         },
         **({} if result.ignored is None else {"ignored_motion": asdict(result.ignored.ignored)}),
         "robust": None if result.robustness is None else robustness_summary(result.robustness),

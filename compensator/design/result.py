@@ -9,7 +9,7 @@ from tendonff.compensator.design.expectation import Expectation, Robustness
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
-from tendonff.ocp.stability import Foresight
+from tendonff.ocp.stability import StickSlipPrediction
 from tendonff.ocp.tracking.result import Tracking
 
 FINE_SEGMENTS = 40  # masses of the finer chain that proves a design
@@ -26,7 +26,7 @@ class DesignData:
     profiles: Mapping[str, Profile]  # by name of the compensator
     verified: tuple[Verified, ...]  # every compensator on every level
     proof: tuple[Verified, ...]  # every compensator on the design level with more masses and a smaller step
-    foresight: Foresight  # where friction that weakens with speed makes feedforward fail
+    stick_slip: StickSlipPrediction  # where friction that weakens with speed makes feedforward fail
     robustness: Robustness | None  # error bands under the scenario's uncertainty; None where all is certain
     expectation: Expectation  # what to expect on a rig, and the profile that does best there
     ignored: IgnoredMotion | None  # what it would cost to ignore that joints move; None where none does

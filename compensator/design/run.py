@@ -24,7 +24,7 @@ from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
 from tendonff.ocp.inverse import invert
-from tendonff.ocp.stability import foresee
+from tendonff.ocp.stability import predict_stick_slip
 from tendonff.ocp.tracking.problem import TrackOptions
 
 _PARTS_OF_THE_SEARCH = 8  # the optimal profile takes about as long as so many other parts
@@ -67,14 +67,14 @@ def design(
         warnings += profiles[compensator.name].warnings
         parts.done(share)
     forces = {name: profile.force_N for name, profile in profiles.items()}
-    foresight = foresee(
+    stick_slip = predict_stick_slip(
         problem.chain,
         reference.tension_N,
         reference.step_s,
         force_N=next((p.force_N for p in profiles.values() if p.tracking is not None), None),
         inversion=problem.inversion,
     )
-    warnings += foresight.warnings
+    warnings += stick_slip.warnings
     bands = robustness(problem, forces) if problem.samples else None
     if bands is not None:
         warnings += robustness_warnings(bands)
@@ -100,7 +100,7 @@ def design(
         profiles=profiles,
         verified=tuple(verified),
         proof=tuple(proof),
-        foresight=foresight,
+        stick_slip=stick_slip,
         robustness=bands,
         expectation=expectation,
         ignored=ignored_motion(problem),

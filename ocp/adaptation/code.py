@@ -15,7 +15,7 @@ from tendonff.models.parameters import Transmission
 from tendonff.ocp.adaptation.recursion import covariance_names, return_law, trust_law, update_law
 from tendonff.ocp.adaptation.tuning import DOUBTED, GATE, MAX_DELAY, PEAK, Tunable
 from tendonff.ocp.codegen.compiler import find_compiler, load_library, why_no_compiler
-from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
+from tendonff.ocp.codegen.partial_evaluation import FoldedLaw, PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import Law, literal
 from tendonff.ocp.codegen.templates import environment
@@ -185,7 +185,7 @@ def _host_text(tuned: TunedChain) -> str:
     every = (*laws.simulation(), *laws.inverse(), *laws.tangent())
     templates = ("kernel.c.j2", "inverse.c.j2", "weigh.c.j2", "tangent.c.j2")
     scheme = host_source(chain, every, templates, ways_differ=Tunable.MU not in tuned.parameters)
-    printer = Specialiser(prefix=PREFIX, precision=precision, parameters={})
+    printer = PartialEvaluator(prefix=PREFIX, precision=precision, parameters={})
     own = {law.name: printer.fold(law) for law in tuner_laws(tuned)}
     slopes = chain.rest_state(1.0).vector() - chain.rest_state(0.0).vector()
     gain_arguments = ", ".join(f"c->{symbol.name()}" for symbol in laws.link_gain().inputs)
@@ -209,7 +209,7 @@ def _host_text(tuned: TunedChain) -> str:
     return "\n".join([scheme, *(law.code for law in own.values()), *parts])
 
 
-def _moving_context(tuned: TunedChain, own_slopes: SpecialisedLaw) -> dict[str, object]:
+def _moving_context(tuned: TunedChain, own_slopes: FoldedLaw) -> dict[str, object]:
     of_masses, layout = list(tuned.chain.of_masses()), tuned.chain.layout
 
     def per_mass(name: str) -> str:

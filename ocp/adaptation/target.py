@@ -7,10 +7,10 @@ import casadi as ca
 from tendonff.models.chain import Chain
 from tendonff.ocp.adaptation.code import LOAD_STIFFNESS, TunedChain, render_tuner, tuner_context, tuner_laws
 from tendonff.ocp.adaptation.tuning import Tunable
-from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
+from tendonff.ocp.codegen.partial_evaluation import FoldedLaw, PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
-from tendonff.ocp.step.folding import Weights, chain_specialiser, record_code, rest_statements, scheme_rows
+from tendonff.ocp.step.folding import Weights, chain_evaluator, record_code, rest_statements, scheme_rows
 from tendonff.ocp.step.joints import Joints
 from tendonff.ocp.step.laws import ElementLaws, end_mass, end_mass_tangent, way_of
 from tendonff.ocp.step.render import Compliances, Limits, law_calls
@@ -45,7 +45,7 @@ def inverse_free_code(
     """The exact inverse with free numbers, named as in `Chain.numbers`."""
     relative = precision is Precision.FLOAT
     weights = scheme_rows(step_s)
-    folder = chain_specialiser(chain, weights, prefix, precision, contact, names)
+    folder = chain_evaluator(chain, weights, prefix, precision, contact, names)
     laws = ElementLaws.of(chain, folded=True) if contact is None else contact.laws
     gain = folder.fold(laws.link_gain())
     folded = (gain, *folded_inverse(chain, folder, laws, relative=relative, free=names))
@@ -66,7 +66,7 @@ def model_free_code(
     weights = scheme_rows(step_s, limits.splits)
     ends = tuple(name for name in chain.numbers() if name.startswith(("near_", "far_")))
     free = tuple(dict.fromkeys((*names, *ends)))
-    folder = chain_specialiser(chain, weights, prefix, precision, contact, free, whole=False)
+    folder = chain_evaluator(chain, weights, prefix, precision, contact, free, whole=False)
     laws = ElementLaws.of(chain, folded=True)
     if contact is not None:  # slopes over every number, as those of the host; numbers that equal another have none
         laws = replace(contact.laws, friction_symbols=_every_symbol(contact.laws))
@@ -121,7 +121,7 @@ def tuner_code(tuned: TunedChain, step_s: float, prefix: str, precision: Precisi
     }
     counts = [f"#define {p.upper()}_COUNT {chain.count}" for p in (model_prefix, inverse_prefix)]
     types_code = step_code(chain, model_prefix, precision, (), limits=limits, contact=contact, tuned=True)
-    printer = Specialiser(prefix=prefix, precision=precision, parameters={})
+    printer = PartialEvaluator(prefix=prefix, precision=precision, parameters={})
     own = [printer.fold(law).code for law in tuner_laws(tuned, on_target=True)]
     on_path = f"    {precision} tension[{chain.count + 1}];\n    {precision} last;"
     past = [
@@ -185,9 +185,9 @@ def _on_path(tuned: TunedChain, contact: Contact, types: str, precision: Precisi
 
 def _free_code(
     chain: Chain,
-    folder: Specialiser,
+    folder: PartialEvaluator,
     weights: Weights,
-    folded: tuple[SpecialisedLaw, ...],
+    folded: tuple[FoldedLaw, ...],
     free: tuple[str, ...],
     templates: tuple[str, ...],
     *,

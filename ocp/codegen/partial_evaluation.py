@@ -37,7 +37,7 @@ class _Node:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SpecialisedLaw:
+class FoldedLaw:
     """A law with its parameters folded in, as a static C function."""
 
     name: str  # C identifier without the prefix of the file
@@ -48,7 +48,7 @@ class SpecialisedLaw:
 
 
 @dataclass(slots=True, kw_only=True)
-class Specialiser:
+class PartialEvaluator:
     """Folds the laws of one file and gathers the coefficients that differ between weights."""
 
     prefix: str  # prefix of every C name
@@ -68,7 +68,7 @@ class Specialiser:
         """Number of weights H."""
         return len(next(iter(self.parameters.values()), (0.0,)))
 
-    def fold(self, law: Law, name: str | None = None, fixed: Mapping[str, float] | None = None) -> SpecialisedLaw:
+    def fold(self, law: Law, name: str | None = None, fixed: Mapping[str, float] | None = None) -> FoldedLaw:
         """One law as C, under its own name or another; known values of `fixed` win over `parameters`."""
         name = name or law.name
         known = dict(self.parameters) | {key: (value,) * self.weights for key, value in (fixed or {}).items()}
@@ -79,7 +79,7 @@ class Specialiser:
         """Outputs of a law whose arguments are all known, one value per weight each."""
         return tuple(_constant_of(node, law.name) for node in _Tape(False).run(law, self.parameters, self.weights))
 
-    def _print(self, law: Law, name: str, results: Sequence[_Node]) -> SpecialisedLaw:
+    def _print(self, law: Law, name: str, results: Sequence[_Node]) -> FoldedLaw:
         real = self.precision.value
         constants = {"zero": literal(0.0, self.precision), "one": literal(1.0, self.precision)}
         suffix = "f" if self.precision is Precision.FLOAT else ""
@@ -130,7 +130,7 @@ class Specialiser:
         arguments = record + [f"{real} {n}" for n in inputs] + [f"{real} *{n}" for n in outputs]
         head = f"/* {law.comment} */\nstatic void {self.prefix}_{name}(\n    {', '.join(arguments)})\n{{\n"
         code = head + "\n".join(lines) + "\n}\n"
-        return SpecialisedLaw(name=name, inputs=inputs, outputs=outputs, weighted=weighted, code=code)
+        return FoldedLaw(name=name, inputs=inputs, outputs=outputs, weighted=weighted, code=code)
 
     def _coefficient(self, law: str, values: Values) -> str:
         """Field of the coefficient record that holds these values."""
@@ -156,7 +156,7 @@ def _is_condition(node: _Node) -> bool:
 
 
 class _Tape:
-    """Runs the instructions of a law on nodes and folds what is known, with the rules of `Specialiser`."""
+    """Runs the instructions of a law on nodes and folds what is known, with the rules of `PartialEvaluator`."""
 
     def __init__(self, reorder: bool, floors: Mapping[str, float] | None = None, steady: Sequence[str] = ()) -> None:
         self._reorder, self._floors, self._steady = reorder, floors or {}, steady

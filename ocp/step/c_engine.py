@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tendonff.models.chain import Chain
 from tendonff.models.layout import ChainInputs
 from tendonff.ocp.codegen.compiler import load_library
-from tendonff.ocp.codegen.partial_evaluation import Specialiser
+from tendonff.ocp.codegen.partial_evaluation import PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import Law
 from tendonff.ocp.step.laws import ElementLaws, twins_of
@@ -80,7 +80,7 @@ def places_of(chain: Chain, time_s: float, step_s: float, rows: int) -> list[Arr
 
 def host_source(chain: Chain, laws: tuple[Law, ...], templates: tuple[str, ...], *, ways_differ: bool = False) -> str:
     """C for chains of any size with the laws of this one; friction of the two directions may be set apart."""
-    printer = Specialiser(prefix=PREFIX, precision=Precision.DOUBLE, parameters={})
+    printer = PartialEvaluator(prefix=PREFIX, precision=Precision.DOUBLE, parameters={})
     elements = ElementLaws.of(chain, folded=True)
     moved = (elements.contact(twins_of(chain, ways_differ=ways_differ)),) if chain.moving else ()
     printed = {law.name: printer.fold(law) for law in (*laws, *moved)}

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from tendonff.models.chain import Chain
-from tendonff.ocp.codegen.partial_evaluation import Specialiser
+from tendonff.ocp.codegen.partial_evaluation import PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import Law, literal
 from tendonff.ocp.step.c_engine import link_ratios
@@ -27,7 +27,7 @@ def scheme_rows(step_s: float, splits: int = 0) -> Weights:
     return ((step_s, 0.0), (BDF2_WEIGHT * step_s, BDF2_CARRY), *halved)
 
 
-def chain_specialiser(
+def chain_evaluator(
     chain: Chain,
     weights: Weights,
     prefix: str,
@@ -37,7 +37,7 @@ def chain_specialiser(
     *,
     floors: Mapping[str, float] | None = None,
     whole: bool = True,
-) -> Specialiser:
+) -> PartialEvaluator:
     """What folds the laws of a chain for the rows of a scheme.
 
     On a path in sections (`contact`) a link is the whole tendon, or with `whole` unset its ratio is unknown. Numbers
@@ -54,9 +54,9 @@ def chain_specialiser(
     if whole or contact is None:
         parameters["ratio"] = tuple(ratio for _, ratio in rows)
         if not any(name.startswith("link_") for name in free):
-            folder = Specialiser(prefix=prefix, precision=precision, parameters=parameters)
+            folder = PartialEvaluator(prefix=prefix, precision=precision, parameters=parameters)
             (parameters["gain"],) = folder.evaluate(ElementLaws.of(chain).link_gain())
-    return Specialiser(
+    return PartialEvaluator(
         prefix=prefix,
         precision=precision,
         parameters=parameters,
@@ -86,7 +86,7 @@ def weighted_sum(law: Law, *names: str) -> Law:
     return replace(law, outputs=outputs)
 
 
-def record_code(folder: Specialiser, columns: Mapping[str, tuple[float, ...]]) -> tuple[str, str]:
+def record_code(folder: PartialEvaluator, columns: Mapping[str, tuple[float, ...]]) -> tuple[str, str]:
     """Type of the record of what depends on the weight H, and the function that gives its rows."""
     real, name = folder.precision.value, f"{folder.prefix}_weights"
     fields = "\n".join(f"    {real} {column};" for column in columns)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 
 from tendonff.models.layout import INPUT_NAMES, StateLayout
-from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw
+from tendonff.ocp.codegen.partial_evaluation import FoldedLaw
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
 from tendonff.ocp.codegen.templates import environment
@@ -64,7 +64,7 @@ class OnJoints:
     factors: bool = False  # friction carries factors that are known at run time only
 
 
-def law_calls(prefix: str, laws: Mapping[str, SpecialisedLaw]) -> Callable[..., str]:
+def law_calls(prefix: str, laws: Mapping[str, FoldedLaw]) -> Callable[..., str]:
     """How generated code calls its laws: see `StepCode.call`.
 
     Laws of an end mass that differ between the ends are named with "_near" or "_far" behind.
@@ -94,7 +94,7 @@ class StepCode:
     prefix: str  # prefix of every C name
     precision: Precision
     layout: StateLayout  # its count does not matter
-    laws: Mapping[str, SpecialisedLaw]
+    laws: Mapping[str, FoldedLaw]
     # count, size: C text of the number of masses, in functions and where arrays are declared
     count: str
     size: str

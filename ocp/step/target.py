@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 from tendonff.models.chain import Chain
 from tendonff.models.friction import COEFFICIENT_FLOOR
 from tendonff.models.layout import fields_of
-from tendonff.ocp.codegen.partial_evaluation import SpecialisedLaw, Specialiser
+from tendonff.ocp.codegen.partial_evaluation import FoldedLaw, PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
 from tendonff.ocp.step.c_engine import link_ratios
 from tendonff.ocp.step.folding import (
     Weights,
-    chain_specialiser,
+    chain_evaluator,
     record_code,
     rest_statements,
     scheme_rows,
@@ -88,7 +88,7 @@ def inverse_code(
     if contact is not None and settable:
         left = ("piece_adhesion_N",)
     floors = {name: 0.0 if name == "piece_adhesion_N" else COEFFICIENT_FLOOR for name in left}
-    folder = chain_specialiser(chain, weights, prefix, precision, contact, left, floors=floors)
+    folder = chain_evaluator(chain, weights, prefix, precision, contact, left, floors=floors)
     laws = ElementLaws.of(chain, folded=settable) if contact is None else contact.laws
     compliances = None if precision is Precision.DOUBLE else compliances_of(chain, precision)
     folded = folded_inverse(chain, folder, laws, relative=compliances is not None)
@@ -111,7 +111,7 @@ def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -
     limits = plant_limits(precision)
     weights = scheme_rows(step_s, limits.splits)
     contact = _contact(chain, prefix, precision)
-    folder = chain_specialiser(chain, weights, prefix, precision, contact, whole=False)
+    folder = chain_evaluator(chain, weights, prefix, precision, contact, whole=False)
     laws = ElementLaws.of(chain) if contact is None else contact.laws
     near, far = {"pull": -1.0}, {"x_c": 0.0, "f_c": 0.0, "pull": 1.0}
     if not chain.near.stiffness_N_per_m:
@@ -137,8 +137,8 @@ def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -
 
 
 def folded_inverse(
-    chain: Chain, folder: Specialiser, laws: ElementLaws, *, relative: bool, free: Sequence[str] = ()
-) -> tuple[SpecialisedLaw, ...]:
+    chain: Chain, folder: PartialEvaluator, laws: ElementLaws, *, relative: bool, free: Sequence[str] = ()
+) -> tuple[FoldedLaw, ...]:
     """The laws of the exact inverse, with everything folded in but numbers of the ends that are free.
 
     Where states are kept relative to what the tension alone would cause, the laws depend on tension and position
@@ -164,7 +164,7 @@ def step_code(
     chain: Chain,
     prefix: str,
     precision: Precision,
-    laws: Sequence[SpecialisedLaw],
+    laws: Sequence[FoldedLaw],
     *,
     limits: Limits | None = None,
     compliances: Compliances | None = None,
@@ -204,7 +204,7 @@ def _contact(chain: Chain, prefix: str, precision: Precision, *, settable: bool 
     return contact_code(chain, Joints.of(chain), prefix, precision, settable=settable) if chain.moving else None
 
 
-def _text(folded: tuple[SpecialisedLaw, ...], contact: Contact | None) -> str:
+def _text(folded: tuple[FoldedLaw, ...], contact: Contact | None) -> str:
     parts = [law.code for law in folded] + ([contact.functions] if contact else [])
     return "\n".join(parts)
 
@@ -283,7 +283,7 @@ def _end(chain: Chain, which: str, free: Sequence[str] = ()) -> dict[str, float]
     return {name: value for name, value in known.items() if name.replace("end", which, 1) not in free}
 
 
-def _record(folder: Specialiser, weights: Weights) -> str:
+def _record(folder: PartialEvaluator, weights: Weights) -> str:
     kinds = folder.weights // len(weights)
     columns = {
         "H": tuple(w for w, _ in weights for _ in range(kinds)),

@@ -12,7 +12,7 @@ from tendonff.models.bounds import at_least
 from tendonff.models.chain import Chain
 from tendonff.models.friction import COEFFICIENT_FLOOR
 from tendonff.models.layout import fields_of
-from tendonff.ocp.codegen.partial_evaluation import Specialiser
+from tendonff.ocp.codegen.partial_evaluation import PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import Law, literal
 from tendonff.ocp.step.joints import Joints
@@ -69,7 +69,7 @@ def contact_code(
     known["piece_mass_kg"] = _of_masses(chain, chain.elements.piece.mass_kg)
     known = {name: values[[b.first for b in joints.bends]] for name, values in known.items()}
     known |= {n: np.maximum(values, COEFFICIENT_FLOOR) for n, values in known.items() if n.startswith(_COEFFICIENTS)}
-    printer = Specialiser(
+    printer = PartialEvaluator(
         prefix=prefix,
         precision=precision,
         parameters={},

@@ -10,7 +10,7 @@ from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import simulate
-from tendonff.ocp.stability import foresee
+from tendonff.ocp.stability import predict_stick_slip
 
 STEP = 1e-3
 TIME = np.arange(0, 2 + STEP / 2, STEP)
@@ -32,7 +32,7 @@ def error_on_a_finer_plant(rig: Transmission, level: Level) -> float:
 
 def test_friction_that_does_not_weaken_raises_no_alarm(generic: Transmission) -> None:
     rig = with_static(generic, 1.0)
-    seen = foresee(Chain.of(rig, Level.VISCOELASTIC), REFERENCE, STEP)
+    seen = predict_stick_slip(Chain.of(rig, Level.VISCOELASTIC), REFERENCE, STEP)
     assert seen.warnings == ()
     assert seen.largest_growth_per_s < 0
     assert seen.expected_error_N < 0.005 * float(np.ptp(REFERENCE))
@@ -41,7 +41,7 @@ def test_friction_that_does_not_weaken_raises_no_alarm(generic: Transmission) ->
 def test_stick_slip_is_seen_coming_with_the_error_it_will_cause(generic: Transmission) -> None:
     """The forecast is within a factor 1.5 of the error on an independent, finer plant."""
     rig = with_static(generic, 1.2)
-    seen = foresee(Chain.of(rig, Level.VISCOELASTIC), REFERENCE, STEP)
+    seen = predict_stick_slip(Chain.of(rig, Level.VISCOELASTIC), REFERENCE, STEP)
     assert len(seen.warnings) == 1
     assert "stick-slip: friction weakens with speed" in seen.warnings[0]
     assert seen.unstable_share > 0.2
@@ -54,7 +54,7 @@ def test_stick_slip_is_seen_coming_with_the_error_it_will_cause(generic: Transmi
 
 def test_a_soft_bristle_outlives_the_stribeck_effect_without_alarm(generic: Transmission) -> None:
     rig = with_static(generic, 1.2)
-    seen = foresee(Chain.of(rig, Level.PRESLIDING), REFERENCE, STEP)
+    seen = predict_stick_slip(Chain.of(rig, Level.PRESLIDING), REFERENCE, STEP)
     assert seen.warnings == ()
     assert error_on_a_finer_plant(rig, Level.PRESLIDING) < 0.005 * float(np.ptp(REFERENCE))
 

@@ -9,7 +9,7 @@ from tendonff.models.bounds import at_least
 from tendonff.models.elements import whole_of
 from tendonff.models.friction import COEFFICIENT_FLOOR
 from tendonff.models.layout import fields_of
-from tendonff.ocp.codegen.partial_evaluation import Specialiser
+from tendonff.ocp.codegen.partial_evaluation import PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import Law
 from tendonff.ocp.step.joints import Joints
@@ -63,7 +63,7 @@ def settable_inverse(problem: Problem, precision: Precision, prefix: str) -> dic
     retune: dict[str, object] = {"retune": ""}
     if not problem.chain.moving:  # else every bend has numbers of its own
         law = _settable_law(problem, code.free)
-        printed = Specialiser(prefix=f"{prefix}_inverse", precision=precision, parameters={}).fold(law)
+        printed = PartialEvaluator(prefix=f"{prefix}_inverse", precision=precision, parameters={}).fold(law)
         retune = {"retune": printed.code, "retune_inputs": printed.inputs}
     numbers, friction = problem.chain.numbers(), problem.transmission.friction
     mu = friction.mu_dynamic

@@ -253,6 +253,6 @@ def test_sliding_that_weakens_with_speed_is_foreseen_with_the_error_to_expect(ex
         run=replace(scenario.run, level=Level.ELASTIC),
     )
     result = design(stiff)
-    assert result.foresight.stretches
+    assert result.stick_slip.stretches
     assert any("unstable" in w or "stick" in w for w in result.warnings)
-    assert result.foresight.expected_error_N > 0.01 * result.reference.range_N
+    assert result.stick_slip.expected_error_N > 0.01 * result.reference.range_N

@@ -14,7 +14,7 @@ from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen import compiler
-from tendonff.ocp.codegen.partial_evaluation import Specialiser
+from tendonff.ocp.codegen.partial_evaluation import PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import Law, literal
 from tendonff.ocp.errors import CodeError
@@ -58,7 +58,7 @@ def test_float_literals_read_back_as_the_same_float(value: float) -> None:
 def wrapped(law: Law, precision: Precision) -> str:
     """The law in C with a visible entry that takes arrays."""
     real = precision.value
-    printed = Specialiser(prefix="c", precision=precision, parameters={}).fold(law)
+    printed = PartialEvaluator(prefix="c", precision=precision, parameters={}).fold(law)
     place = {symbol.name(): k for k, symbol in enumerate(law.inputs)}
     arguments = [f"in[{place[name]}]" for name in printed.inputs] + [f"&out[{k}]" for k in range(len(law.outputs))]
     entry = f"void call_{law.name}(const {real} *in, {real} *out) {{ c_{law.name}({', '.join(arguments)}); }}\n"

@@ -12,7 +12,7 @@ from benchmarks.random_rigs import random_problem
 from tendonff.models.chain import Chain
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.simulate import simulate
-from tendonff.ocp.stability import foresee
+from tendonff.ocp.stability import predict_stick_slip
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.track import TrackStatus, track
 
@@ -35,7 +35,7 @@ def test_a_random_rig_gets_a_profile_that_holds_or_an_explanation(seed: int) -> 
     run = simulate(chain, force, step, initial_tension_N=float(reference[0]), engine=Engine.CASADI).require()
     apart = float(np.abs(run.output_tension_N - found.predicted_output_N).max())
     if apart > 1e-6 * float(reference.max()):  # a rig that amplifies rounding itself must be one we warn of
-        assert foresee(chain, reference, step, force_N=force).warnings
+        assert predict_stick_slip(chain, reference, step, force_N=force).warnings
     assert run.tension_N[1:].min() > 0
     assert found.rms_error_N <= found.clipped_rms_error_N + 1e-9
     if found.status is not TrackStatus.EXACT:
