@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tendonff.models.errors import ParameterError
 from tendonff.models.layout import Array
@@ -89,6 +89,11 @@ class Section:
         dynamic, static = self.mu_dynamic, self.mu_static
         if dynamic is not None and static is not None and static < dynamic:
             raise ParameterError(f'section "{self.name}": mu_static must be >= mu_dynamic = {dynamic:g}, got {static}')
+
+    def angle_at(self, joint_rad: ArrayLike) -> Array:
+        """Wrap angle phi(q) where its joint stands at these angles [rad], not below 0."""
+        bent: Array = np.maximum(self.angle_rad + self.angle_per_rad * np.asarray(joint_rad, dtype=np.float64), 0.0)
+        return bent
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -173,7 +178,7 @@ class CutPath:
         angle, gained = np.empty((rows, len(self.sections))), np.zeros((rows, len(self.sections)))
         for k, section in enumerate(self.sections):
             q = joints[section.joint] if joints and section.joint is not None else np.zeros(rows)
-            angle[:, k] = np.maximum(section.angle_rad + section.angle_per_rad * q, 0.0)
+            angle[:, k] = section.angle_at(q)
             gained[:, k] = section.length_per_rad_m * q
         lengths = self.lengths if self.length_m is None else self.lengths + gained / self.length_m
         of_links = np.broadcast_to(lengths, gained.shape) @ self.parts.T
@@ -197,7 +202,7 @@ def check_motion(sections: tuple[Section, ...], length_m: float | None, motion: 
                 f"add a table [joints.{section.joint}]"
             )
         q = motion.angle_rad[:, motion.names.index(section.joint)]
-        most = float((section.angle_rad + section.angle_per_rad * q).max())
+        most = float(section.angle_at(q).max())
         if most > 2 * math.pi * MOST_TURNS:
             raise ParameterError(
                 f'section "{section.name}": the wrap angle would reach {most:g} rad, more than {MOST_TURNS:g} turns; '
@@ -261,7 +266,7 @@ def _largest_angle(section: Section, motion: JointMotion | None) -> float:
     if motion is None or section.joint is None:
         return section.angle_rad
     q = motion.angle_rad[:, motion.names.index(section.joint)]
-    return float(np.maximum(section.angle_rad + section.angle_per_rad * q, 0.0).max())
+    return float(section.angle_at(q).max())
 
 
 def _apportion(weights: Array, count: int, sections: tuple[Section, ...]) -> NDArray[np.int_]:

@@ -35,6 +35,12 @@ class BranchTable:
     share: FloatArray
     force_N: FloatArray  # shape (k, m); force at each reference node and share [N]
 
+    def __post_init__(self) -> None:
+        if not (self.share.size >= 2 and self.share[0] == 0 and np.all(np.diff(self.share) > 0)):
+            raise ParameterError(f"share must rise from 0 over at least two nodes, got {self.share}")
+        if not np.all(np.isfinite(self.force_N)):
+            raise ParameterError("force_N must be finite in every node of the table")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LookupTable:
@@ -45,6 +51,17 @@ class LookupTable:
     adhesion_N: float  # p [N]
     pull: BranchTable
     release: BranchTable
+
+    def __post_init__(self) -> None:
+        steps = np.diff(self.reference_N)
+        if not (steps.size and np.all(steps > 0) and np.allclose(steps, steps.mean(), rtol=1e-9, atol=0)):
+            raise ParameterError(
+                f"reference_N must rise in equal steps over at least two nodes, got {self.reference_N}"
+            )
+        for name in Branch:
+            branch = self.branch(name)
+            if branch.force_N.shape != (self.reference_N.size, branch.share.size):
+                raise ParameterError(f"{name}: force_N must have one row per reference node and one column per share")
 
     def branch(self, branch: Branch) -> BranchTable:
         """Forces of a branch."""

@@ -14,6 +14,7 @@ from tendonff.compensator.compensators.base import FloatArray, Problem, Profile
 from tendonff.compensator.compensators.score import Score, SimulatedPlant, scale_N, score, simulate_profile
 from tendonff.compensator.compensators.table import accepted_range
 from tendonff.compensator.scenario.settings import Stream
+from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.errors import SolveError
@@ -165,6 +166,13 @@ class StreamDesign:
     high_N: float
     # what preview does against a rate limit that binds; filter and ramp share the samples of the preview
     ramp: Ramp | None = None
+
+    def __post_init__(self) -> None:
+        if self.ahead > self.filter.delay - self.filter.half:
+            raise ParameterError(
+                f"samples of the ramp must be at most {self.filter.delay - self.filter.half}, got {self.ahead}; "
+                "filter and ramp share the preview"
+            )
 
     @property
     def ahead(self) -> int:

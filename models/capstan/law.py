@@ -69,8 +69,8 @@ def _section_exponent(section: Section, own: float | None, usual: float, joint_r
     """Mu phi of a section where the joints stand."""
     if section.bearing_exponent is not None:
         return section.bearing_exponent
-    bent = section.angle_per_rad * joint_rad.get(section.joint, 0.0) if section.joint is not None else 0.0
-    return (usual if own is None else own) * max(section.angle_rad + bent, 0.0)
+    bent = 0.0 if section.joint is None else joint_rad.get(section.joint, 0.0)
+    return (usual if own is None else own) * float(section.angle_at(bent))
 
 
 def section_exponents(

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.compensators.lookup_table import TableLookup, table_force
+from tendonff.compensator.compensators.lookup_table import BranchTable, LookupTable, TableLookup, table_force
 from tendonff.compensator.compensators.table import CompensationTable, sweep, table_of
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
@@ -110,6 +110,17 @@ def test_the_force_lies_between_the_branches_for_any_history(built, seed):
 def test_a_reference_outside_the_table_is_refused_by_value(built):
     with pytest.raises(ParameterError, match=r"must stay from .* got 99"):
         TableLookup(built.table, 30.0).step(99.0)
+
+
+def test_doubtful_tables_are_refused():
+    flat = BranchTable(share=np.array([0.0, 1.0]), force_N=np.zeros((2, 2)))
+    with pytest.raises(ParameterError, match="equal steps"):
+        three = BranchTable(share=np.array([0.0, 1.0]), force_N=np.zeros((3, 2)))
+        LookupTable(reference_N=np.array([1.0, 2.0, 4.0]), adhesion_N=0, pull=three, release=three)
+    with pytest.raises(ParameterError, match="one row per reference"):
+        LookupTable(reference_N=np.array([1.0, 2.0, 3.0]), adhesion_N=0, pull=flat, release=flat)
+    with pytest.raises(ParameterError, match="finite"):
+        BranchTable(share=np.array([0.0, 1.0]), force_N=np.array([[0.0, np.nan]]))
 
 
 def test_the_command_writes_table_data_header_and_figure(examples, tmp_path, record_property):

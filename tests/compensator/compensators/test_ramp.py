@@ -13,11 +13,12 @@ from hypothesis import strategies as st
 from benchmarks.independent_plant import Plant
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.score import scale_N
-from tendonff.compensator.compensators.stream import Ramp
+from tendonff.compensator.compensators.stream import Ramp, StreamDesign, StreamFilter
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.host import run_on_host
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.compensator.scenario.settings import Stream
+from tendonff.models.errors import ParameterError
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.tracking.limits import ForceLimits
 
@@ -77,6 +78,12 @@ def test_no_course_takes_the_force_out_of_its_limits(corners, samples, overshoot
     assert found.max() <= 100
     assert np.abs(np.diff(found)).max() <= 1 + 1e-12
     assert abs(found[0] - np.clip(force[0], 0, 100)) <= 1 + 1e-12
+
+
+def test_filter_and_ramp_share_the_preview():
+    shape = StreamFilter(half=6, is_flat=False, corner_per_sample=0.13, ahead=20, step_s=STEP)
+    with pytest.raises(ParameterError, match=r"samples of the ramp must be at most 14, got 15"):
+        StreamDesign(filter=shape, band_N=0, low_N=1, high_N=9, ramp=Ramp(samples=15, overshoot=0.5))
 
 
 @pytest.fixture(scope="module")
