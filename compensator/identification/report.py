@@ -26,9 +26,14 @@ def identification_report(found: IdentificationData, folder: Path) -> Report:
         else f"No law describes the device. The best, “{found.law}”, leaves {found.fit_percent:.2g} % of range{judged}."
     )
     estimates = Table(
-        caption="Estimates; not identifiable: kept at the scenario's value; doubtful: fitted together with the others",
+        caption=(
+            "Estimates; not identifiable: the scenario's value, or what the law takes for it; doubtful: fitted with "
+            "the others"
+        ),
         columns=("value", "estimate", "standard error", "95 % interval", "identifiable", "why"),
-        rows=[(e.name, e.value, e.standard_error, _interval(e.interval), _standing(e), e.why) for e in found.estimates],
+        rows=[
+            (e.name, e.value, e.standard_error, _interval(e.interval), _standing(e), e.reason) for e in found.estimates
+        ],
         digits=4,
     )
     laws = Table(

@@ -40,6 +40,11 @@ class Estimate:
             return "doubtful, fitted with the others"
         return "kept" if self.scenario is None or math.isclose(self.value, self.scenario) else "set"
 
+    @property
+    def reason(self) -> str:
+        """Why, and what the value belongs to."""
+        return f"{self.why}; {self.note}" if self.note else self.why
+
     def as_json(self) -> dict[str, Any]:
         """Plain values."""
         return {
@@ -48,7 +53,7 @@ class Estimate:
             "interval_95": None if self.interval is None else list(self.interval),
             "identifiable": self.identifiable,
             "fitted": self.fitted,
-            "why": f"{self.why}; {self.note}" if self.note else self.why,
+            "why": self.reason,
             "scenario": self.scenario,
         }
 

@@ -62,6 +62,7 @@ def test_sections_keep_their_own_friction_where_the_joints_stand(wristed, tmp_pa
     assert found.replay_percent == pytest.approx(found.fit_percent, rel=1e-3)
     lines = summary_lines(found)
     assert any("mu_theta = " in line and "with wrist at 0.4 rad" in line for line in lines)
+    assert found.estimate("mu_theta").reason.endswith("with wrist at 0.4 rad (mean)")  # of report and fit.json
     assert "  wrist: mu_dynamic = 0.2 kept: a section's own value is not fitted" in lines
     [stiffness] = [line for line in lines if "  stiffness_N_per_m = " in line]
     assert stiffness.endswith("kept: not fitted: --static")
