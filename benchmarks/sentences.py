@@ -23,7 +23,7 @@ from tendonff.ocp.simulate import simulate
 from tendonff.ocp.stability import predict_stick_slip
 from tendonff.ocp.tracking.diagnosis import law_of
 from tendonff.ocp.tracking.limits import ForceLimits
-from tendonff.ocp.tracking.ratcheting import StaticGoal, stiffened
+from tendonff.ocp.tracking.ratcheting import STIFFER, StaticGoal
 from tendonff.ocp.tracking.result import TrackStatus
 from tendonff.ocp.tracking.track import track
 
@@ -63,7 +63,7 @@ def misleading(seed: int) -> list[str]:
 
     def errors(force: Array) -> dict[str, float]:
         on_fine = simulate(finer, np.interp(fine, rows, force), step / 10, initial_tension_N=start).output_tension_N
-        stiff = simulate(stiffened(chain), force, step, initial_tension_N=start).output_tension_N
+        stiff = simulate(chain.stiffened(STIFFER), force, step, initial_tension_N=start).output_tension_N
         return {
             "40 masses": rms(on_fine - np.interp(fine, rows, reference)) if len(on_fine) == len(fine) else np.inf,
             "stiff bristles": rms(stiff - reference) if len(stiff) == len(reference) else np.inf,

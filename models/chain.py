@@ -23,7 +23,7 @@ from tendonff.models.assembly import End, end_force, normal_force, path_force
 from tendonff.models.elements import Elements, bristle_stiffness_N_per_m, whole_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
-from tendonff.models.friction import FrictionLaw, RubbingEnd
+from tendonff.models.friction import FrictionLaw, LuGreBristle, RubbingEnd
 from tendonff.models.layout import INPUT_NAMES, Array, ChainState, StateLayout, fields_of
 from tendonff.models.link import LinkLaw, tendon_force
 from tendonff.models.parameters import Transmission
@@ -81,6 +81,15 @@ class Chain:
             self,
             near=replace(self.near, stiffness_N_per_m=near_N_per_m),
             far=replace(self.far, stiffness_N_per_m=far_N_per_m),
+        )
+
+    def stiffened(self, factor: float) -> "Chain":
+        """The same chain with bristles stiffer by a factor [-]; itself where its friction law has none."""
+        e = self.elements
+        if not (isinstance(e.contact, LuGreBristle) and isinstance(e.friction, LuGreBristle)):
+            return self
+        return replace(
+            self, elements=replace(e, contact=e.contact.stiffened(factor), friction=e.friction.stiffened(factor))
         )
 
     @property

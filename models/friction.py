@@ -221,6 +221,10 @@ class LuGreBristle:
             viscous_N_s_per_m=self.viscous_N_s_per_m * length_share,
         )
 
+    def stiffened(self, factor: float) -> "LuGreBristle":
+        """The same law with a bristle stiffer by a factor [-]."""
+        return replace(self, bristle_stiffness_N_per_m=factor * self.bristle_stiffness_N_per_m)
+
     def coefficient(self, v: ca.SX) -> ca.SX:
         """mu(v) = mu_d + (mu_c - mu_d) exp(-abs(v)/omega) [-], eq. (5b), with the coefficients of the direction of v.
 

@@ -14,7 +14,9 @@ if TYPE_CHECKING:  # what editors and type checkers read; `_HOMES` says the same
     from tendonff.compensator.adapt.run import adapt
     from tendonff.compensator.compare.output import Comparison
     from tendonff.compensator.compare.run import compare
-    from tendonff.compensator.compensators.base import Compensator, Problem, Profile
+    from tendonff.compensator.compensators.base import Compensator, Problem
+    from tendonff.compensator.compensators.plant import Plant, Response
+    from tendonff.compensator.compensators.profile import Profile
     from tendonff.compensator.compensators.registry import COMPENSATORS
     from tendonff.compensator.design.output import Design
     from tendonff.compensator.design.run import design
@@ -71,10 +73,12 @@ __all__ = [
     "Load",
     "ParameterError",
     "Path",
+    "Plant",
     "Precision",
     "Problem",
     "Profile",
     "Reference",
+    "Response",
     "Scenario",
     "SimulationJob",
     "SolveError",
@@ -111,7 +115,9 @@ _HOMES = {
     "compensator.adapt.run": ("adapt",),
     "compensator.compare.output": ("Comparison",),
     "compensator.compare.run": ("compare",),
-    "compensator.compensators.base": ("Compensator", "Problem", "Profile"),
+    "compensator.compensators.base": ("Compensator", "Problem"),
+    "compensator.compensators.plant": ("Plant", "Response"),
+    "compensator.compensators.profile": ("Profile",),
     "compensator.compensators.registry": ("COMPENSATORS",),
     "compensator.design.output": ("Design",),
     "compensator.design.run": ("design",),

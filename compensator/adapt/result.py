@@ -6,7 +6,7 @@ from enum import StrEnum
 import numpy as np
 
 from tendonff.compensator.adapt.feedback import FeedbackCertificate
-from tendonff.compensator.compensators.base import FloatArray
+from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.ocp.adaptation.bounds import CertifiedInterval

@@ -21,8 +21,9 @@ from tendonff.compensator.adapt.result import (
     moving_rms,
     variations,
 )
-from tendonff.compensator.adapt.setup import certified, learnt, tuned_chain, tuning_of
-from tendonff.compensator.compensators.base import FloatArray, Problem
+from tendonff.compensator.adapt.setup import certified, check_tuning, learnt, tuned_chain, tuning_of
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampled.sampling import Reference
@@ -55,6 +56,7 @@ def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy
             f'{scenario.source.name}: table [adaptation] is missing; it holds sensor ("output_tension" or '
             '"actuator_position"), noise, delay_samples, parameters, range and integral_gain_per_s'
         )
+    check_tuning(scenario)
     problem = Problem.of(scenario)
     reference, tuning = problem.reference, tuning_of(problem, settings)
     known = learnt(problem, tuning)
@@ -183,12 +185,17 @@ def _run(
 
 
 def _extended(problem: Problem, duration_s: float) -> tuple[Problem, FloatArray]:
-    """The reference and the joints, forwards and backwards until they are long enough."""
+    """The reference and the joints until they are long enough: repeated where they are a cycle, else there and back."""
     reference, step = problem.reference, problem.reference.step_s
     once = len(reference.tension_N)
     rows = max(once, math.ceil(duration_s / step) + 1)
-    there = np.arange(rows) % (2 * once - 2) if once > 1 else np.zeros(rows, dtype=int)
-    places = np.minimum(there, 2 * once - 2 - there)
+    if once == 1:
+        places = np.zeros(rows, dtype=int)
+    elif reference.periodic:
+        places = np.arange(rows) % (once - 1)
+    else:
+        there = np.arange(rows) % (2 * once - 2)
+        places = np.minimum(there, 2 * once - 2 - there)
     motion = problem.transmission.motion
     if motion is not None:
         motion = replace(motion, time_s=step * np.arange(rows, dtype=np.float64), angle_rad=motion.at(step * places))

@@ -4,9 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.compensator.compensators.base import FloatArray, Problem
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.profile import FloatArray
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenario.settings import Adaptation
 from tendonff.models.capstan import CapstanLaw
+from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.adaptation.bounds import CertifiedInterval
 from tendonff.ocp.adaptation.code import TunedChain
 from tendonff.ocp.adaptation.information import Information, information
@@ -26,6 +30,14 @@ class Certified:
     # low_N, high_N: shape (n,); for the force of the exact inverse
     low_N: FloatArray
     high_N: FloatArray
+
+
+def check_tuning(scenario: Scenario) -> None:
+    """Refuse self-tuning behind a position servo: the model of the tuner is driven by the force that was applied."""
+    if scenario.adaptation is not None and scenario.transmission.actuator.drive is Drive.POSITION:
+        raise InputError(
+            f'{scenario.source.name} [adaptation]: self-tuning needs a force drive; leave it out, or use "force"'
+        )
 
 
 def tuning_of(problem: Problem, settings: Adaptation) -> Tuning:

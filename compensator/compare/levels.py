@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.compensator.compensators.base import FloatArray
+from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.chain import Chain

@@ -30,11 +30,12 @@ def summary(result: ComparisonData) -> dict[str, object]:
         **summary_head(result.scenario),
         "reference_range_N": result.reference.range_N,
         "recommendation": result.recommendation,
-        "uncertainty": result.doubt.widths,
-        "uncertainty_is_assumed": result.doubt.is_assumed,
+        "uncertainty": result.expectation.doubt.widths,
+        "uncertainty_is_assumed": result.expectation.doubt.is_assumed,
         "worst_percent_of_range": [
             {"compensator": name, "design_level": level.value, "worst": worst if math.isfinite(worst) else None}
-            for (name, level), worst in result.worst_percent.items()
+            for (name, level), band in result.bands.items()
+            for worst in (band.worst.rmse_percent_of_range,)
         ],
         "enough_percent_of_range": ENOUGH_PERCENT,
         "matrix": [asdict(entry) for entry in result.entries],

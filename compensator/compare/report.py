@@ -25,10 +25,11 @@ def _expected(result: ComparisonData) -> Table:
     first = next(iter(Level))
 
     def worst(c: Compensator, level: Level) -> float | None:
-        return result.worst_percent[c.name, level] if c.knows_the_level or level is first else None
+        band = result.bands.get((c.name, level))
+        return band.worst.rmse_percent_of_range if band and (c.knows_the_level or level is first) else None
 
     return Table(
-        caption=f"Worst RMS error on the presliding level, % of reference range, for {result.doubt}",
+        caption=f"Worst RMS error on the presliding level, % of reference range, for {result.expectation.doubt}",
         columns=("profile", *(f"designed on {level}" for level in Level)),
         rows=[(c.label, *(worst(c, level) for level in Level)) for c in result.compensators],
     )
@@ -71,7 +72,7 @@ def compare_report(result: ComparisonData, figures: dict[str, Figure]) -> Report
     )
     return Report(
         title=f"Comparison of levels: {result.scenario.name}",
-        summary=result.recommendation,
+        summary=f"{result.recommendation} {result.headline}",
         warnings=result.warnings,
         sections=(
             Section(title="What to expect on a rig", blocks=(_expected(result), *moving)),

@@ -4,8 +4,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 from tendonff.compensator.compare.levels import LevelCost, LevelTraits
-from tendonff.compensator.compensators.base import Compensator, FloatArray
-from tendonff.compensator.compensators.score import Doubt, IgnoredMotion
+from tendonff.compensator.compensators.base import Compensator
+from tendonff.compensator.compensators.expectation import ErrorBand, Expectation
+from tendonff.compensator.compensators.profile import FloatArray
+from tendonff.compensator.compensators.score import IgnoredMotion
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
@@ -45,12 +47,19 @@ class ComparisonData:
     outputs_N: dict[tuple[str, Level, str], FloatArray]
     traits: dict[str, LevelTraits]  # what each level and the static law do differently
     costs: dict[str, LevelCost]
-    doubt: Doubt  # what may be the real transmission
-    # largest RMS error of a design over what may be the real transmission, on the most detailed level [% of range]
-    worst_percent: dict[tuple[str, Level], float]
+    # errors of each design over what may be the real transmission, on the most detailed level
+    bands: dict[tuple[str, Level], ErrorBand]
+    expectation: Expectation  # of the designs on the recommended level
+    recommended_level: Level
     recommendation: str  # one sentence
     ignored: IgnoredMotion | None  # what it would cost to ignore that joints move; None where none does
     warnings: tuple[str, ...]
+
+    @property
+    def headline(self) -> str:
+        """What to expect on a rig of the best design on the recommended level, and what to do next."""
+        best = next(c for c in self.compensators if c.name == self.expectation.recommended)
+        return self.expectation.headline(best.label, f"tendonff design {self.scenario.source.name} --out out")
 
     def entry(self, name: str, design_level: Level, plant_level: str) -> Entry:
         """One cell of the matrix."""

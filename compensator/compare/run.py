@@ -9,19 +9,18 @@ import numpy as np
 from tendonff.compensator.compare.levels import level_cost, level_traits
 from tendonff.compensator.compare.output import Comparison
 from tendonff.compensator.compare.result import CAPSTAN_PLANT, ENOUGH_PERCENT, PLANTS, Entry
-from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, ProfileStatus, with_motion
-from tendonff.compensator.compensators.registry import COMPENSATORS
-from tendonff.compensator.compensators.score import (
-    SimulatedPlant,
-    Slack,
-    doubt,
+from tendonff.compensator.compensators.base import SLOW_PARTS, Compensator, Problem, answers_of
+from tendonff.compensator.compensators.expectation import (
+    FRICTIONLESS,
+    ErrorBand,
     error_bands,
-    ignored_motion,
-    scale_N,
-    score,
-    simulate_profile,
-    slack_warnings,
+    expectation_of,
+    two_digits,
 )
+from tendonff.compensator.compensators.plant import Plant, Slack
+from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
+from tendonff.compensator.compensators.registry import COMPENSATORS
+from tendonff.compensator.compensators.score import ignored_motion, scale_N, score, slack_warnings
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
@@ -34,7 +33,8 @@ from tendonff.ocp.tracking.problem import TrackOptions
 
 REFINEMENTS = (4, 2, 1)  # steps to a row of the profile; the first gives the figures, the others the spread
 
-_SMOOTHED = "smoothed"  # tuned on the level, but no model of it
+_SMOOTHED = "smoothed"
+_NO_MODEL = (_SMOOTHED, FRICTIONLESS)  # depend on the level, but hold no model of its friction
 _LAG_ROWS = 4000
 _LAG_SHARE = 0.25  # of the duration: a lag is sought within this, either way
 
@@ -55,22 +55,23 @@ def compare(
     reference = sample_reference(scenario)
     transmission = moved(scenario, float(reference.time_s[-1]), periodic=scenario.reference.periodic)
     warnings = list(reference.warnings)
-    parts = Parts(progress, len(Level) * (len(compensators) + len(PLANTS) + 2))
+    shares = sum(1 if c.is_fast else SLOW_PARTS for c in compensators)
+    parts = Parts(progress, len(Level) * (shares + len(PLANTS) + 2))
     entries: list[Entry] = []
     outputs: dict[tuple[str, Level, str], FloatArray] = {}
-    forces_of: dict[tuple[str, Level], FloatArray] = {}
+    usable: dict[tuple[str, Level], Profile] = {}
+    failed: dict[str, str] = {}
     seen: dict[tuple[bytes, str], tuple[Entry, FloatArray]] = {}
     slack: dict[tuple[str, str], Slack] = {}
     for level in Level:
         problem = Problem.of(scenario, level=level, reference=reference, options=options)
-        profiles: dict[str, Profile] = {}
-        for compensator in compensators:
-            profile = compensator.profile(problem, progress=parts.inside())
+        answers = answers_of(problem, compensators, parts)
+        profiles, failed = answers.profiles, failed | answers.failed | answers.refused
+        for name, profile in profiles.items():
             if profile.status is not ProfileStatus.GOOD:
-                warnings.append(f"{compensator} designed on {level}: {profile.message}")
-            profiles[compensator.name] = with_motion(problem, compensator.name, profile)
-            forces_of[compensator.name, level] = profile.force_N
-            parts.done()
+                warnings.append(f"{name} designed on {level}: {profile.message}")
+            if profile.status is not ProfileStatus.FAILED:
+                usable[name, level] = profile
         warnings += [f"designed on {level}: {note}" for note in problem.unsettled]
         for plant in PLANTS:
             for name, profile in profiles.items():
@@ -81,9 +82,11 @@ def compare(
                 found, outputs[name, level, plant] = seen[key]
                 entries.append(replace(found, compensator=name, design_level=level, plant_level=plant))
             parts.done()
-    real = doubt(transmission, scenario.robust)
-    bands = error_bands(real.samples, Level.PRESLIDING, forces_of, reference)  # on the most detailed level
-    worst = {key: 100 * band.worst_rms_N / scale_N(reference.tension_N) for key, band in bands.items()}
+    bands = error_bands(problem.doubt, Level.PRESLIDING, usable, reference)  # on the most detailed level
+    compensators = [c for c in compensators if c.name not in failed]
+    entries = [entry for entry in entries if entry.compensator not in failed]
+    text, best = recommend(entries, compensators, bands, str(problem.doubt))
+    on_level = {name: band for (name, level), band in bands.items() if level is best}
     traits, costs = {}, {}
     for model in (*Level, None):
         name = CAPSTAN_PLANT if model is None else model.value
@@ -101,55 +104,61 @@ def compare(
         outputs_N=outputs,
         traits=traits,
         costs=costs,
-        doubt=real,
-        worst_percent=worst,
-        recommendation=recommend(entries, compensators, worst, str(real)),
+        bands=bands,
+        expectation=expectation_of(problem.doubt, on_level),
+        recommended_level=best,
+        recommendation=text,
         ignored=ignored_motion(Problem.of(scenario, reference=reference, options=options)),
-        warnings=tuple(dict.fromkeys((*warnings, *slack_warnings(slack), *_noise(entries)))),
+        warnings=tuple(
+            dict.fromkeys(
+                (*warnings, *(f"{n}: {why}" for n, why in failed.items()), *slack_warnings(slack), *_noise(entries))
+            )
+        ),
     )
 
 
 def recommend(
     entries: Sequence[Entry],
     compensators: Sequence[Compensator],
-    worst_percent: Mapping[tuple[str, Level], float],
+    bands: Mapping[tuple[str, Level], ErrorBand],
     doubt: str,
-) -> str:
+) -> tuple[str, Level]:
     """Which level to design on, in one sentence; the most detailed level stands for the real transmission.
 
-    What counts is the error to expect on a rig: the worst over what may be the real transmission [% of range], by name
-    of the compensator and design level; `doubt` names it in words.
+    What counts is the error to expect on a rig: the worst over what may be the real transmission, by name of the
+    compensator and design level; `doubt` names it in words.
     """
     fixed = {c.name for c in compensators if not c.knows_the_level}
     plant = Level.PRESLIDING.value
     on_plant = [e for e in entries if e.plant_level == plant]
 
     def error(entry: Entry) -> float:
-        return worst_percent[entry.compensator, entry.design_level]
+        band = bands.get((entry.compensator, entry.design_level))
+        return math.inf if band is None else band.worst.rmse_percent_of_range
 
     def designed(level: Level) -> Entry:
-        models = [e for e in on_plant if e.design_level is level and e.compensator not in {*fixed, _SMOOTHED}]
+        models = [e for e in on_plant if e.design_level is level and e.compensator not in {*fixed, *_NO_MODEL}]
         return min(models, key=error)
 
     smoothed = [e for e in on_plant if e.compensator == _SMOOTHED and e.design_level is Level.PRESLIDING]
     candidates = [
-        ("No compensation", next(e for e in on_plant if e.compensator == "none")),
+        ("The reference applied directly", next(e for e in on_plant if e.compensator == "none")),
         ("The static capstan law", next(e for e in on_plant if e.compensator == "capstan")),
         *(("The capstan law with a smoothed sign change", entry) for entry in smoothed),
         *((f"The {level} level", designed(level)) for level in Level),
     ]
     ideal = min((entry for _, entry in candidates), key=error)
-    best = f"{error(ideal):.2g} %"
+    best = f"{two_digits(error(ideal))} %"
     over = f" of range on the {plant} plant, for {doubt}"
     for name, entry in candidates:
         margin = max(ENOUGH_PERCENT, entry.spread_percent_of_range, ideal.spread_percent_of_range)
         if error(entry) <= error(ideal) + margin:
-            if entry.plant_level == entry.design_level and entry.compensator not in {*fixed, _SMOOTHED}:
+            if entry.plant_level == entry.design_level and entry.compensator not in {*fixed, *_NO_MODEL}:
                 break
-            verb = "is needed" if name == "No compensation" else "is enough here"
-            return f"{name} {verb}: RMS error {error(entry):.2g} %{over}; the best design {best}."
-    others = ", ".join(f"{name[0].lower()}{name[1:]} {error(entry):.2g} %" for name, entry in candidates[1:-1])
-    return f"Design on the {plant} level: RMS error {best}{over}, against {others}."
+            text = f"{name} is enough here: RMS error {two_digits(error(entry))} %{over}; the best design {best}."
+            return text, entry.design_level
+    others = ", ".join(f"{name[0].lower()}{name[1:]} {two_digits(error(entry))} %" for name, entry in candidates[1:-1])
+    return f"Design on the {plant} level: RMS error {best}{over}, against {others}.", Level.PRESLIDING
 
 
 def _entry(
@@ -194,11 +203,10 @@ def _replays(
 ) -> Iterator[FloatArray]:
     """Output tension with ever larger steps, then with a force that is a little different."""
     for refinement in REFINEMENTS:
-        plant = SimulatedPlant(level=level, refinement=refinement)
-        run = simulate_profile(transmission, plant, profile, reference).require()
-        if refinement == REFINEMENTS[0] and (found := Slack.of(run)) is not None:
-            slack[what] = found
-        yield run.output_tension_N[::refinement]
+        run = Plant(transmission, level, refinement=refinement).respond(profile, reference).require()
+        if refinement == REFINEMENTS[0] and run.slack is not None:
+            slack[what] = run.slack
+        yield run.output_N
     # Steps are solved to rounding, so a tolerance is the last digits: the answer must not depend on them.
     start = reference.initial_tension_N
     nudged = replace(
@@ -206,8 +214,7 @@ def _replays(
         force_N=start + (profile.force_N - start) * (1 + NUDGE),
         command_m=None if profile.command_m is None else profile.command_m * (1 + NUDGE),
     )
-    plant = SimulatedPlant(level=level, refinement=REFINEMENTS[0])
-    yield simulate_profile(transmission, plant, nudged, reference).require().output_tension_N[:: REFINEMENTS[0]]
+    yield Plant(transmission, level, refinement=REFINEMENTS[0]).respond(nudged, reference).require().output_N
 
 
 def lag(reference_N: FloatArray, output_N: FloatArray, step_s: float) -> float:

@@ -5,15 +5,16 @@ then know it. `export-c` also needs its C template, named by `c_module`.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tendonff.compensator.files.progress import Progress, silent
+from tendonff.compensator.compensators.plant import Plant
+from tendonff.compensator.compensators.profile import FloatArray, Profile
+from tendonff.compensator.compensators.uncertain import Doubt
+from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.reporting.colours import Style
 from tendonff.compensator.scenario.reference import Hold
 from tendonff.compensator.scenario.sampled.joint_motion import moved
@@ -21,21 +22,17 @@ from tendonff.compensator.scenario.sampled.sampling import Reference, sample_ref
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenario.settings import OptimalSettings
 from tendonff.models.chain import Chain
+from tendonff.models.errors import TendonffError
 from tendonff.models.fidelity import Level
-from tendonff.models.parameters import Actuator, Transmission
-from tendonff.models.parameters.drive import Drive
-from tendonff.models.parameters.uncertainty import Objective
-from tendonff.ocp.errors import SolveError
+from tendonff.models.parameters import Transmission
+from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.ocp.inverse import Inversion, invert
-from tendonff.ocp.periodic import Steadiness, steady_inverse, steady_response
+from tendonff.ocp.periodic import Steadiness, steady_inverse
 from tendonff.ocp.reference.hold import KeptForce, find_holds, keep_force, last_approach
+from tendonff.ocp.simulate import Outcome
 from tendonff.ocp.tracking.limits import ForceLimits
-from tendonff.ocp.tracking.motion import limit_motion, travel_of
+from tendonff.ocp.tracking.motion import limit_motion
 from tendonff.ocp.tracking.problem import TrackOptions
-from tendonff.ocp.tracking.result import Tracking
-from tendonff.ocp.tracking.robust import Sample, sample_transmissions
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)  # without slots: what is computed once is kept in the instance
@@ -46,10 +43,8 @@ class Problem:
     ----------
     transmission, level : Transmission, Level
         Of the design model.
-    samples : tuple of Sample, optional
-        Transmissions that the uncertainty admits, the nominal one first; empty where all is certain.
-    objective : Objective, optional
-        Which error over the samples counts.
+    uncertainty : Uncertainty, optional
+        What is not known of the transmission, and which error over what is possible counts; default: all is certain.
     options, asked : TrackOptions, OptimalSettings, optional
         What the optimal profile is optimised for, and whether it is to follow the reference, or what else.
     live : bool, optional
@@ -62,8 +57,7 @@ class Problem:
     transmission: Transmission
     level: Level
     reference: Reference
-    samples: tuple[Sample, ...] = ()
-    objective: Objective = Objective.WORST
+    uncertainty: Uncertainty = Uncertainty()  # noqa: RUF009 - frozen
     options: TrackOptions = TrackOptions()  # noqa: RUF009 - frozen
     asked: OptimalSettings = OptimalSettings()  # noqa: RUF009 - frozen
     live: bool = False
@@ -81,13 +75,11 @@ class Problem:
         """The problem that a scenario poses, with its uncertainty; level, reference and options by default its own."""
         reference = sample_reference(scenario) if reference is None else reference
         transmission = moved(scenario, float(reference.time_s[-1]), periodic=scenario.reference.periodic)
-        samples = sample_transmissions(transmission, scenario.robust)
         return cls(
             transmission=transmission,
             level=level or scenario.run.level,
             reference=reference,
-            samples=samples if len(samples) > 1 else (),
-            objective=scenario.robust.objective,
+            uncertainty=scenario.robust,
             options=options or TrackOptions(**scenario.optimal.given),  # type: ignore[arg-type]
             asked=scenario.optimal,
         )
@@ -96,6 +88,16 @@ class Problem:
     def chain(self) -> Chain:
         """The design model."""
         return self.model or Chain.of(self.transmission, self.level)
+
+    @cached_property
+    def doubt(self) -> Doubt:
+        """Transmissions that may be the real one, by the uncertainty or, where none is stated, an assumed one."""
+        return Doubt.of(self.transmission, self.uncertainty)
+
+    @property
+    def is_robust(self) -> bool:
+        """The scenario states an uncertainty."""
+        return not self.doubt.is_assumed
 
     @cached_property
     def limits(self) -> ForceLimits:
@@ -166,48 +168,6 @@ class Problem:
         return result
 
 
-class ProfileStatus(StrEnum):
-    """What a profile is worth."""
-
-    GOOD = "good"  # what the compensator is meant to give
-    DOUBTFUL = "doubtful"  # usable, but the message says what is missing
-    FAILED = "failed"  # not to be sent to an actuator; the message says why
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Profile:
-    """The answer of a compensator.
-
-    Parameters
-    ----------
-    force_N : ndarray, shape (n,)
-        Force of the actuator at the rows of the reference [N].
-    travel_m, command_m : ndarray, shape (n,), or None
-        Travel of the actuator's end from rest that belongs to the force, where the compensator knows it, and command of
-        a position drive relative to the start [m].
-    message : str
-        Why the status is not good; empty where it is.
-    warnings : tuple of str
-        All that the user should know of this profile, the message included.
-    tracking : Tracking or None
-        How an optimisation ended; None where nothing was optimised.
-    """
-
-    force_N: FloatArray
-    travel_m: FloatArray | None = None
-    command_m: FloatArray | None = None
-    status: ProfileStatus = ProfileStatus.GOOD
-    message: str = ""
-    warnings: tuple[str, ...] = ()
-    tracking: Tracking | None = None
-
-    def require(self) -> "Profile":
-        """Return itself, or raise `SolveError` with the diagnosis where it must not be used."""
-        if self.status is ProfileStatus.FAILED:
-            raise SolveError(" ".join([self.message, *(w for w in self.warnings if self.message not in w)]))
-        return self
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CModule:
     """What `export-c` makes of a compensator."""
@@ -243,8 +203,61 @@ class Compensator(ABC):
     def profile(self, problem: Problem, *, progress: Progress = silent) -> Profile:
         """Answer a problem."""
 
+    def refusal(self, problem: Problem) -> str:  # noqa: ARG002
+        """Why it has no answer to a problem; empty where it has one."""
+        return ""
+
     def __str__(self) -> str:
         return self.name
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answers:
+    """Profiles of several compensators for one problem.
+
+    Attributes
+    ----------
+    profiles : dict of str to Profile
+        By name of the compensator, with travel and command; only of those that have an answer.
+    refused : dict of str to str
+        Why others have none for a problem of this kind, by name.
+    failed : dict of str to str
+        What ended the computation of others, by name.
+    """
+
+    profiles: dict[str, Profile]
+    refused: dict[str, str]
+    failed: dict[str, str]
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the user should know of all of them."""
+        notes = [note for profile in self.profiles.values() for note in profile.warnings]
+        return [*notes, *(f"{name}: {reason}" for name, reason in (self.refused | self.failed).items())]
+
+
+def answers_of(problem: Problem, compensators: Sequence[Compensator], parts: Parts) -> Answers:
+    """Profiles of all compensators that have an answer; one that fails does not keep the others from theirs.
+
+    A slow compensator counts as `SLOW_PARTS` of the progress.
+    """
+    found = Answers(profiles={}, refused={}, failed={})
+    for each in compensators:
+        share = 1 if each.is_fast else SLOW_PARTS
+        if reason := each.refusal(problem):
+            found.refused[each.name] = reason
+        else:
+            try:
+                profile = each.profile(problem, progress=parts.inside(share))
+                found.profiles[each.name] = with_motion(problem, each.name, profile)
+            except TendonffError as error:
+                found.failed[each.name] = str(error)
+        parts.done(share)
+    return found
+
+
+SLOW_PARTS = 8
+"""A slow compensator takes about as long as so many other parts of a design."""
 
 
 def limit_warnings(name: str, before_N: FloatArray, after_N: FloatArray) -> tuple[str, ...]:
@@ -265,31 +278,16 @@ def with_motion(problem: Problem, name: str, profile: Profile) -> Profile:
     every compensator answers with a force, and here it becomes the command, relative to the start at rest. "none" knows
     of no friction: its command is that of springs in series.
     """
-    reference, actuator = problem.reference, problem.transmission.actuator
-    start = reference.initial_tension_N
+    actuator, start = problem.transmission.actuator, problem.reference.initial_tension_N
     travel = profile.travel_m
-    if travel is None and reference.periodic:
-        run, _ = steady_response(problem.chain, profile.force_N, reference.step_s, initial_tension_N=start)
-        travel = run.near_position_m - problem.chain.rest_state(start).near_position_m
-    elif travel is None:
-        travel = travel_of(problem.chain, profile.force_N, reference.step_s, start)
-    if actuator.drive is not Drive.POSITION or actuator.servo_stiffness_N_per_m is None or travel is None:
+    if travel is None:
+        plant = Plant.by_force(problem.transmission, problem.level, problem.chain.motion)
+        response = plant.respond(profile, problem.reference)
+        travel = None if response.outcome is Outcome.FAILED else response.travel_m
+    if actuator.servo_stiffness_N_per_m is None or travel is None:
         return replace(profile, travel_m=travel)
     moved = travel
     if name == "none":
         moved = (profile.force_N - start) * problem.chain.rest_state(1.0).near_position_m
     command = moved + (profile.force_N - start) / actuator.servo_stiffness_N_per_m
     return replace(profile, travel_m=travel, command_m=command)
-
-
-def servo(
-    chain: Chain, actuator: Actuator, initial_tension_N: float, command_m: FloatArray
-) -> tuple[Chain, FloatArray]:
-    """The chain behind the servo of a position drive, and the force on it that stands for a command: k_c1 x_c1.
-
-    The command x_c1, shape (n,), counts from the rest under the initial tension [m].
-    """
-    stiffness = actuator.servo_stiffness_N_per_m or 0.0
-    rest = chain.rest_state(initial_tension_N).near_position_m
-    drive: FloatArray = initial_tension_N + stiffness * (rest + command_m)
-    return chain.with_end_stiffness(stiffness, chain.far.stiffness_N_per_m), drive

@@ -1,30 +1,45 @@
-"""Compensators in closed form: none, the static inverse of the capstan law, and the exact inverse of the chain."""
+"""Compensators in closed form: none, the inverse without friction or with it, and the static inverse."""
 
-from tendonff.compensator.compensators.base import (
-    CModule,
-    Compensator,
-    Problem,
-    Profile,
-    ProfileStatus,
-    limit_warnings,
-)
+from dataclasses import replace
+
+from tendonff.compensator.compensators.base import CModule, Compensator, Problem, limit_warnings, with_motion
+from tendonff.compensator.compensators.expectation import FRICTIONLESS
+from tendonff.compensator.compensators.profile import Profile, ProfileStatus
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.reporting.colours import BLUE, GREY, ORANGE, Style
 from tendonff.models.capstan import CapstanLaw
+from tendonff.models.parameters.numbers import without_friction
 from tendonff.ocp.inverse import InverseStatus
 
 
 class Uncompensated(Compensator):
-    """The wanted tension itself as force."""
+    """The reference itself as force."""
 
     name = "none"
-    label = "no compensation"
+    label = "reference applied directly"
     style = Style(color=GREY, linestyle=":")
     knows_the_level = False
 
     def profile(self, problem: Problem, *, progress: Progress = silent) -> Profile:  # noqa: ARG002
         """Answer with the reference; see `Compensator.profile`."""
         return Profile(force_N=problem.reference.tension_N)
+
+
+class Frictionless(Compensator):
+    """The exact inverse with mu = 0 and no load-independent friction, within the actuator's limits.
+
+    What is left of its error is friction alone: inertia, elasticity and relaxation are compensated.
+    """
+
+    name = FRICTIONLESS
+    label = "inverse without friction"
+    style = Style(color=GREY, linestyle="--")
+
+    def profile(self, problem: Problem, *, progress: Progress = silent) -> Profile:
+        """Answer by the exact inverse of the frictionless chain; see `Compensator.profile`."""
+        bare = replace(problem, transmission=without_friction(problem.transmission), model=None)
+        found = with_motion(bare, self.name, Inverse().profile(bare, progress=progress))
+        return replace(found, status=ProfileStatus.GOOD, message="", warnings=())
 
 
 class Capstan(Compensator):

@@ -4,10 +4,17 @@ Here, and nowhere else, it is decided whether the profile is made for the nomina
 scenario's uncertainty admits.
 """
 
-from tendonff.compensator.compensators.base import CModule, Compensator, Problem, Profile, ProfileStatus
+import numpy as np
+
+from tendonff.compensator.compensators.base import CModule, Compensator, Problem
+from tendonff.compensator.compensators.expectation import worst_corner
+from tendonff.compensator.compensators.plant import Plant
+from tendonff.compensator.compensators.profile import Profile, ProfileStatus
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.reporting.colours import VERMILION, Style
 from tendonff.models.chain import Chain
+from tendonff.models.parameters.drive import Drive
+from tendonff.models.parameters.uncertainty import Objective
 from tendonff.ocp.tracking.goals.cycle import track_cycle
 from tendonff.ocp.tracking.goals.preview import track_preview
 from tendonff.ocp.tracking.goals.tolerance import track_band
@@ -62,9 +69,8 @@ def solve(problem: Problem, *, progress: Progress = silent) -> Tracking:
     if asked.preview_s is not None:
         given = asked.preview_s
         return track_preview(chain, wanted, step, limits, given, options, initial_tension_N=start, progress=progress)
-    exact, samples, power = problem.inversion, problem.samples, POWER[problem.objective]
+    exact, objective, chains = problem.inversion, problem.uncertainty.objective, counted(problem)
     if reference.periodic:
-        chains = (chain, *(Chain.of(sample.transmission, problem.level) for sample in samples[1:]))
         return track_cycle(
             chains,
             wanted,
@@ -73,18 +79,17 @@ def solve(problem: Problem, *, progress: Progress = silent) -> Tracking:
             options,
             initial_tension_N=start,
             inversion=exact,
-            power=power,
+            power=POWER[objective],
             progress=progress,
         )
-    if not samples:
+    if len(chains) == 1:
         return track(chain, wanted, step, limits, options, initial_tension_N=start, inversion=exact, progress=progress)
     return track_robust(
-        samples,
-        problem.level,
+        chains,
         wanted,
         step,
         limits,
-        problem.objective,
+        objective,
         options,
         initial_tension_N=start,
         inversion=exact,
@@ -92,9 +97,34 @@ def solve(problem: Problem, *, progress: Progress = silent) -> Tracking:
     )
 
 
+def counted(problem: Problem) -> tuple[Chain, ...]:
+    """The chains whose errors the search makes small, the nominal one first; that alone where nothing else counts.
+
+    For the worst case: the corner of all intervals that is worst for the exact inverse, and the opposite one. For the
+    mean: all samples. Of a position drive the nominal one alone, since the search is for a force, and the same command
+    gives every chain another.
+    """
+    position = problem.transmission.actuator.drive is Drive.POSITION
+    if not problem.is_robust or position or problem.asked.goal:
+        return (problem.chain,)
+    doubt, reference = problem.doubt, problem.reference
+    if problem.uncertainty.objective is Objective.MEAN:
+        samples = doubt.samples[1:]
+    else:
+        profile = Profile(force_N=problem.limited(problem.inversion.force_N))
+        ends = doubt.samples[: 1 + 2 * len(doubt.spreads)]
+        outputs = [Plant(end.transmission, problem.level).respond(profile, reference).output_N for end in ends]
+        corner = worst_corner(doubt, np.array(outputs) - reference.tension_N)
+        samples = (doubt.at(corner), doubt.at([-place for place in corner]))
+    return (problem.chain, *(Chain.of(sample.transmission, problem.level) for sample in samples))
+
+
 def _purpose(problem: Problem) -> tuple[str, ...]:
-    """That the errors against the reference are not what a profile was made for."""
+    """What a profile was not made for: the least error against the reference, or an uncertain position drive."""
     if problem.asked.is_followed:
+        if problem.is_robust and problem.transmission.actuator.drive is Drive.POSITION:
+            text = "optimal: made for the nominal parameters: over [robust] the search compares forces, not commands"
+            return (text,)
         return ()
     asked = problem.asked.goal
     return (

@@ -1,7 +1,7 @@
 """All compensators, in the order in which they are shown."""
 
 from tendonff.compensator.compensators.base import Compensator
-from tendonff.compensator.compensators.closed_form import Capstan, Inverse, Uncompensated
+from tendonff.compensator.compensators.closed_form import Capstan, Frictionless, Inverse, Uncompensated
 from tendonff.compensator.compensators.optimal import Optimal
 from tendonff.compensator.compensators.smoothed import Smoothed
 from tendonff.compensator.compensators.table import CompensationTable
@@ -9,6 +9,7 @@ from tendonff.compensator.files.reading import InputError, suggestion
 
 COMPENSATORS: tuple[Compensator, ...] = (
     Uncompensated(),
+    Frictionless(),
     Capstan(),
     Smoothed(),
     Inverse(),

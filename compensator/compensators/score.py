@@ -1,27 +1,15 @@
-"""How well a force does: simulated on a chain and scored, and on all chains that may be the real one."""
+"""Errors of a profile on a plant, and what they say against its use."""
 
-from collections.abc import Hashable, Mapping
-from dataclasses import dataclass
-from typing import TypeVar
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.compensator.compensators.base import FloatArray, Problem, Profile, servo
+from tendonff.compensator.compensators.base import Problem, with_motion
+from tendonff.compensator.compensators.plant import Plant, Response, Slack
+from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.scenario.sampled.sampling import Reference
-from tendonff.models.chain import Chain
-from tendonff.models.fidelity import Level
-from tendonff.models.parameters import Transmission
-from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.models.path import JointMotion
-from tendonff.ocp.inverse import invert
-from tendonff.ocp.periodic import steady_response
-from tendonff.ocp.simulate import Outcome, Simulation, simulate
-from tendonff.ocp.tracking.robust import ErrorBand, Sample, error_band, sample_transmissions
-
-K = TypeVar("K", bound=Hashable)
-
-ASSUMED = Uncertainty(mu=0.1, samples=3)
-"""What is assumed where the scenario states no uncertainty: friction known to 10 % either way."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,8 +34,11 @@ def scale_N(reference_N: FloatArray) -> float:
 
 
 def score(reference_N: FloatArray, output_N: FloatArray) -> Score:
-    """Compare a delivered tension with the wanted one, shape (n,), rows at the same times [N]."""
-    error = output_N - reference_N
+    """Compare a delivered tension with the reference, shape (n,), rows at the same times [N].
+
+    Errors are infinite where the output is not known everywhere, because a simulation failed.
+    """
+    error = np.nan_to_num(output_N - reference_N, nan=np.inf)
     rmse = float(np.sqrt(np.mean(error**2)))
     return Score(
         rmse_N=rmse, rmse_percent_of_range=100 * rmse / scale_N(reference_N), peak_error_N=float(np.max(np.abs(error)))
@@ -68,7 +59,7 @@ def harm_warnings(scores: Mapping[str, Score], reference_N: FloatArray) -> list[
     if nothing is None:
         return []
     return [
-        f"{name}: RMS error {score.rmse_percent_of_range:.3g} % of range, more than without compensation "
+        f"{name}: RMS error {score.rmse_percent_of_range:.3g} % of range, more than the reference applied directly "
         f"({nothing.rmse_percent_of_range:.3g} %): do not use it for this reference and these limits"
         for name, score in scores.items()
         if is_worse(score, nothing, reference_N)
@@ -76,84 +67,54 @@ def harm_warnings(scores: Mapping[str, Score], reference_N: FloatArray) -> list[
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SimulatedPlant:
-    """The chain that a force is tried on."""
-
-    level: Level
-    segments: int | None = None  # masses; default: the path's own
-    refinement: int = 1  # steps per row of the profile; the force is linear in between
-
-
-def simulate_profile(
-    transmission: Transmission, plant: SimulatedPlant, profile: Profile, reference: Reference
-) -> Simulation:
-    """Simulate a plant under a profile, from rest at the reference's initial tension; a cycle in its steady state.
-
-    The profile's command counts where it has one, else its force. The result is on the plant's own grid, every
-    `refinement`-th row of which is a row of the reference.
-    """
-    chain = Chain.of(transmission, plant.level, plant.segments)
-    drive = profile.force_N
-    if profile.command_m is not None:
-        chain, drive = servo(chain, transmission.actuator, reference.initial_tension_N, profile.command_m)
-    if plant.refinement > 1:
-        rows = (len(drive) - 1) * plant.refinement + 1
-        drive = np.interp(np.arange(rows) / plant.refinement, np.arange(len(drive)), drive)
-    step, start = reference.step_s / plant.refinement, reference.initial_tension_N
-    if reference.periodic:
-        return steady_response(chain, drive, step, initial_tension_N=start)[0]
-    return simulate(chain, drive, step, initial_tension_N=start)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Slack:
-    """Where a tendon went slack."""
-
-    end: str  # the nearest end, "actuator" or "load", of the link that went slack first
-    message: str  # what the simulation says
-
-    @classmethod
-    def of(cls, run: Simulation) -> "Slack | None":
-        """Of a simulation; None where the tendon stayed taut."""
-        if run.outcome is not Outcome.SLACK:
-            return None
-        slack = run.tension_N <= 0
-        first = int(np.argmax(slack[np.argmax(slack.any(axis=1))]))
-        return cls(end="load" if first >= slack.shape[1] / 2 else "actuator", message=run.message)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Verified:
-    """One compensator's profile on one plant."""
+    """One compensator's profile on one plant.
 
-    compensator: str  # name of the compensator
-    plant: SimulatedPlant
-    output_N: FloatArray  # shape (n,); delivered tension at the rows of the reference [N]
-    travel_m: FloatArray  # shape (n,); position of the actuator's end relative to the start [m]
+    Attributes
+    ----------
+    compensator : str
+        Name of the compensator.
+    plant : Plant
+    response : Response
+        What the plant does.
+    score : Score
+        Error of the output tension.
+    position_error_m : tuple of float or None
+        Root mean square and largest error of the load's position [m], where that is the reference.
+    """
+
+    compensator: str
+    plant: Plant
+    response: Response
     score: Score
-    # root mean square and largest error of the load's position [m], where that is wanted
     position_error_m: tuple[float, float] | None
-    slack: Slack | None  # where the tendon went slack; None where it stayed taut
+
+    @property
+    def output_N(self) -> FloatArray:
+        """Output tension at the rows of the reference, shape (n,) [N]."""
+        return self.response.output_N
+
+    @property
+    def travel_m(self) -> FloatArray:
+        """Position of the actuator's end relative to the start, shape (n,) [m]."""
+        return self.response.travel_m
+
+    @property
+    def slack(self) -> Slack | None:
+        """Where the tendon went slack; None where it stayed taut."""
+        return self.response.slack
 
 
-def verify(
-    transmission: Transmission, plant: SimulatedPlant, compensator: str, profile: Profile, reference: Reference
-) -> Verified:
+def verify(plant: Plant, compensator: str, profile: Profile, reference: Reference) -> Verified:
     """Simulate a plant under a profile and score what arrives; SolveError if the simulation fails."""
-    run = simulate_profile(transmission, plant, profile, reference).require()
-    output = run.output_tension_N[:: plant.refinement]
-    rest = Chain.of(transmission, plant.level, plant.segments).rest_state(reference.initial_tension_N)
-    travel = run.near_position_m[:: plant.refinement] - rest.near_position_m
-    load = run.far_position_m[:: plant.refinement] - rest.far_position_m
-    off = None if reference.position_m is None else load - reference.position_m
+    response = plant.respond(profile, reference).require()
+    off = None if reference.position_m is None else response.load_m - reference.position_m
     return Verified(
         compensator=compensator,
         plant=plant,
-        output_N=output,
-        travel_m=travel,
-        score=score(reference.tension_N, output),
+        response=response,
+        score=score(reference.tension_N, response.output_N),
         position_error_m=None if off is None else (float(np.sqrt(np.mean(off**2))), float(np.max(np.abs(off)))),
-        slack=Slack.of(run),
     )
 
 
@@ -204,60 +165,15 @@ class IgnoredMotion:
 
 
 def ignored_motion(problem: Problem) -> IgnoredMotion | None:
-    """Play the exact inverse for the mean pose on the moving path; None where nothing moves."""
-    motion, reference = problem.transmission.motion, problem.reference
+    """Design the exact inverse for the mean pose and simulate it on the moving path; None where nothing moves."""
+    motion = problem.transmission.motion
     if motion is None or not motion.moves:
         return None
-    still = problem.chain.at_rest(motion.angle_rad.mean(axis=0))
-    start = reference.initial_tension_N
-    forces = (
-        problem.inversion.force_N,
-        invert(still, reference.tension_N, reference.step_s, initial_tension_N=start).force_N,
-    )
-    plant = SimulatedPlant(level=problem.level)
+    still = replace(problem, model=problem.chain.at_rest(motion.angle_rad.mean(axis=0)))
+    plant = Plant.fine(problem.transmission, problem.level)
+    profiles = (Profile(force_N=each.limited(each.inversion.force_N)) for each in (problem, still))
     known, ignored = (
-        verify(problem.transmission, plant, "inverse", Profile(force_N=problem.limited(force)), reference).score
-        for force in forces
+        verify(plant, "inverse", with_motion(each, "inverse", profile), problem.reference).score
+        for each, profile in zip((problem, still), profiles, strict=True)
     )
     return IgnoredMotion(motion=motion, known=known, ignored=ignored)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Doubt:
-    """Transmissions that may be the real one."""
-
-    samples: tuple[Sample, ...]  # the first is the nominal one
-    is_assumed: bool  # the scenario states no uncertainty
-    widths: str  # in words: "mu ±10 %"
-
-    def __str__(self) -> str:
-        source = "an assumption: [robust] states nothing" if self.is_assumed else "as [robust] states"
-        return f"{self.widths} ({source})"
-
-
-def doubt(transmission: Transmission, uncertainty: Uncertainty) -> Doubt:
-    """What may be the real transmission, by the scenario's uncertainty.
-
-    Where that says that all is certain, or takes a single sample, it is `ASSUMED` instead.
-    """
-    is_assumed = uncertainty.is_certain or uncertainty.samples == 1
-    stated = ASSUMED if is_assumed else uncertainty
-    widths = (("mu", stated.mu), ("stiffness", stated.stiffness), ("bristle stiffness", stated.bristle_stiffness))
-    return Doubt(
-        samples=sample_transmissions(transmission, stated),
-        is_assumed=is_assumed,
-        widths=", ".join(f"{name} ±{100 * width:.3g} %" for name, width in widths if width > 0),
-    )
-
-
-def error_bands(
-    samples: tuple[Sample, ...], level: Level, forces_N: Mapping[K, FloatArray], reference: Reference
-) -> dict[K, ErrorBand]:
-    """Errors of each force, shape (n,), over samples of the transmission; equal forces are tried once."""
-    tension, step, start = reference.tension_N, reference.step_s, reference.initial_tension_N
-    unique = {force.tobytes(): force for force in forces_N.values()}
-    seen = {
-        key: error_band(samples, level, force, tension, step, initial_tension_N=start, periodic=reference.periodic)
-        for key, force in unique.items()
-    }
-    return {name: seen[force.tobytes()] for name, force in forces_N.items()}

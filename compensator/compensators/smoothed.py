@@ -4,18 +4,21 @@ The baseline that a model has to beat. The jumps of the inverted law are what a 
 not; smoothed, the same law does much better.
 """
 
-import math
+from collections.abc import Callable
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 
-from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile
+from tendonff.compensator.compensators.base import Compensator, Problem
+from tendonff.compensator.compensators.plant import Plant
+from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.compensators.score import score
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.reporting.colours import PURPLE, Style
 from tendonff.models.capstan import CapstanLaw
-from tendonff.ocp.simulate import simulate
+
+Smoother = Callable[[FloatArray, float], FloatArray]
 
 _TIMES = 12  # tried between a step and a quarter of the duration, in equal ratios
 
@@ -45,18 +48,21 @@ class Smoothed(Compensator):
         """Answer by the best of all smoothing times; see `Compensator.profile`."""
         reference, start = problem.reference, problem.reference.initial_tension_N
         law = CapstanLaw.of(problem.transmission)
-        lifted = reference.tension_N + law.adhesion_N
-        jumping = law.input_history_N(reference.tension_N, start)
-        exponent = np.log((jumping + law.adhesion_N) / lifted)
-        most = max(2.0, 0.25 * len(exponent))
+        plant = Plant.by_force(problem.transmission, problem.level, problem.chain.motion)
+        most = max(2.0, 0.25 * len(reference.tension_N))
         candidates = [(smoother, steps) for smoother in (lagged, centred) for steps in np.geomspace(1, most, _TIMES)]
         forces: list[FloatArray] = []
         errors: list[float] = []
         for k, (smoother, steps) in enumerate(candidates, start=1):
-            force = lifted * np.exp(smoother(exponent, float(steps))) - law.adhesion_N
-            forces.append(problem.limited(force))
-            run = simulate(problem.chain, forces[-1], reference.step_s, initial_tension_N=start)
-            whole = len(run.output_tension_N) == len(reference.tension_N)
-            errors.append(score(reference.tension_N, run.output_tension_N).rmse_N if whole else math.inf)
+
+            def smoothed(rows: FloatArray, smoother: Smoother = smoother, steps: float = float(steps)) -> FloatArray:
+                lifted = rows + law.adhesion_N
+                exponent = np.log((law.input_history_N(rows, start) + law.adhesion_N) / lifted)
+                force: FloatArray = lifted * np.exp(smoother(exponent, steps)) - law.adhesion_N
+                return force
+
+            forces.append(problem.limited(problem.in_cycle(smoothed, reference.tension_N)))
+            response = plant.respond(Profile(force_N=forces[-1]), reference)
+            errors.append(score(reference.tension_N, response.output_N).rmse_N)
             progress(k, len(candidates))
         return Profile(force_N=forces[int(np.argmin(errors))])

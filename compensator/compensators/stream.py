@@ -10,8 +10,10 @@ from functools import cached_property
 
 import numpy as np
 
-from tendonff.compensator.compensators.base import FloatArray, Problem, Profile
-from tendonff.compensator.compensators.score import Score, SimulatedPlant, scale_N, score, simulate_profile
+from tendonff.compensator.compensators.base import Problem, with_motion
+from tendonff.compensator.compensators.plant import Plant
+from tendonff.compensator.compensators.profile import FloatArray, Profile
+from tendonff.compensator.compensators.score import Score, scale_N, score
 from tendonff.compensator.compensators.table import accepted_range
 from tendonff.compensator.scenario.settings import Stream
 from tendonff.models.errors import ParameterError
@@ -318,7 +320,13 @@ def _resolution_N(problem: Problem, stated_N: float) -> float:
 
 
 def _tried(problem: Problem, design: StreamDesign) -> tuple[Candidate, ...]:
-    """The design with the noise of a converter; nothing where the chain cannot be simulated under its force.
+    """The design on the design model; nothing where that cannot be simulated under its force."""
+    found = stream_candidate(problem, design, Plant(problem.transmission, problem.level))
+    return () if found is None else (found,)
+
+
+def stream_candidate(problem: Problem, design: StreamDesign, plant: Plant) -> Candidate | None:
+    """A design with the noise of a converter, on a plant; None where that cannot be simulated under it.
 
     What is handed over ahead ends with the last reference, held.
     """
@@ -330,14 +338,15 @@ def _tried(problem: Problem, design: StreamDesign) -> tuple[Candidate, ...]:
     wanted = np.pad(tension, (delay, 0), mode="edge")[: len(force)]
     time = np.arange(len(force), dtype=np.float64) * reference.step_s
     once = replace(reference, time_s=time, tension_N=wanted, periodic=False, position_m=None)  # starts at rest
+    profile = Profile(force_N=force)
     try:
-        run = simulate_profile(
-            problem.transmission, SimulatedPlant(level=problem.level), Profile(force_N=force), once
-        ).require()
+        if plant.transmission.actuator.drive is Drive.POSITION:
+            profile = with_motion(replace(problem, reference=once), "stream", profile)
+        output = plant.respond(profile, once).require().output_N
     except SolveError:
-        return ()
+        return None
     noise_dB = _dB((force - clean)[:rows], reference.step_s) - _dB((noisy - tension)[:rows], reference.step_s)
-    return (Candidate(design=design, score=score(wanted[ahead:], run.output_tension_N[ahead:]), noise_dB=noise_dB),)
+    return Candidate(design=design, score=score(wanted[ahead:], output[ahead:]), noise_dB=noise_dB)
 
 
 def _dB(values: FloatArray, step_s: float) -> float:

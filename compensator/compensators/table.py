@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.compensator.compensators.base import CModule, Compensator, Problem, Profile
+from tendonff.compensator.compensators.base import CModule, Compensator, Problem
 from tendonff.compensator.compensators.lookup_table import BranchTable, FloatArray, LookupTable, table_force
+from tendonff.compensator.compensators.profile import Profile
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.reporting.colours import GREEN, Style
 from tendonff.compensator.scenario.sampled.sampling import largest_tension
@@ -49,6 +50,17 @@ class CompensationTable(Compensator):
     c_module = CModule(name="table", content="compensation table", headers=("table_data",), knows_joints=False)
 
     table: LookupTable | None = None  # one that exists already; default: made for the problem
+
+    def refusal(self, problem: Problem) -> str:
+        """No table holds a path that moves."""
+        motion = problem.transmission.motion
+        if motion is None or not motion.moves:
+            return ""
+        return (
+            "no table can hold a path that moves: the distribution of wrap angle along the path matters, not only its "
+            "sum, and the length changes too; `tendonff export-c` gives an inverse that takes joint angles, and "
+            "`tendonff table --pose NAME=ANGLE` (for each joint) the table of one pose"
+        )
 
     def profile(self, problem: Problem, *, progress: Progress = silent) -> Profile:  # noqa: ARG002
         """Answer by looking up; see `Compensator.profile`."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.compensator.compensators.base import FloatArray
+from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.design.result import DesignData
 from tendonff.models.parameters.drive import Motor
 

@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tendonff.compensator.compensators.base import Compensator, FloatArray
+from tendonff.compensator.compensators.base import Compensator
+from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.design.drive_use import drive_use
 from tendonff.compensator.design.result import DesignData
 from tendonff.compensator.reporting.colours import GREY, INK
@@ -24,6 +25,7 @@ from tendonff.models.fidelity import Level
 
 _LOOPS = ("none", "inverse")  # whose loop of output over force is drawn
 _BOUND: dict[str, Any] = {"color": INK, "linewidth": 0.8, "linestyle": (0, (6, 3))}
+_MOST_BARS = 12
 _WIDE = 3.4  # line under another that coincides with it
 
 
@@ -32,6 +34,7 @@ def design_figures(result: DesignData) -> dict[str, Figure]:
     with figure_style():
         return {
             "expectation": expectation_figure(result),
+            "contributions": contributions_figure(result),
             "tension": tension_figure(result),
             "force": force_figure(result),
             "drive": drive_figure(result),
@@ -48,7 +51,7 @@ def expectation_figure(result: DesignData) -> Figure:
     best, found = result.recommended, result.expectation
     none = result.on_level("none", result.level).output_N if "none" in result.profiles else None
     for panel, base in ((tension, 0 * wanted), (error, wanted)):
-        low, high = found.low_N - base, found.high_N - base
+        low, high = found.best.low_N - base, found.best.high_N - base
         panel.fill_between(
             time[rows],
             low[rows],
@@ -59,12 +62,27 @@ def expectation_figure(result: DesignData) -> Figure:
             label=f"{best.label}, {found.doubt.widths}",
         )
         if none is not None:
-            label = "without compensation, nominal parameters"
+            label = "reference applied directly, nominal parameters"
             panel.plot(time[rows], (none - base)[rows], color=GREY, linestyle=":", label=label)
         panel.plot(time[rows], (wanted - base)[rows], color=INK, linewidth=0.8, label="reference")
     tension.set(ylabel="output tension [N]")
     error.set(xlabel="time [s]", ylabel="error [N]")
     legend_below(figure, tension, columns=3)
+    return figure
+
+
+def contributions_figure(result: DesignData) -> Figure:
+    """RMS error of the recommended profile by each uncertain number alone, beside the worst case of all."""
+    found = result.expectation
+    shown = [each for each in found.contributions if np.isfinite(each.rmse_N)][:_MOST_BARS][::-1]
+    figure, axes = new_figure(1, 1, height_in=1.3 + 0.28 * len(shown))
+    panel = axes[0, 0]
+    panel.barh([each.key for each in shown], [each.rmse_N for each in shown], color=result.recommended.style.color)
+    panel.axvline(found.best.nominal.rmse_N, color=GREY, linewidth=0.8, linestyle=":", label="nominal parameters")
+    if np.isfinite(found.best.worst.rmse_N):
+        panel.axvline(found.best.worst.rmse_N, label="all together, worst case", **_BOUND)
+    panel.set(xlabel="RMS error [N]", xlim=(0, None))
+    legend_below(figure, panel, columns=2)
     return figure
 
 

@@ -8,13 +8,14 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from tendonff.compensator.compensators.base import FloatArray
+from tendonff.compensator.compensators.expectation import ErrorBand, Expectation, two_digits
+from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS
+from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.compensators.score import Verified
 from tendonff.compensator.design.drive_use import drive_columns, drive_summary
-from tendonff.compensator.design.expectation import robustness_summary
 from tendonff.compensator.design.figures import design_figures
 from tendonff.compensator.design.report import design_report, headline, interactive_panels
-from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS, DesignData
+from tendonff.compensator.design.result import DesignData
 from tendonff.compensator.files.writing import atomic_directory, write_csv
 from tendonff.compensator.reporting.page import summary_head, write_pages
 from tendonff.compensator.scenario.sampled.joint_motion import sample_joints
@@ -80,15 +81,7 @@ def summary(result: DesignData) -> dict[str, object]:
         },
         "drive": drive_summary(result),
         "ocp": None if result.tracking is None else _tracking_summary(result.tracking),
-        "expectation": {
-            "uncertainty": result.expectation.doubt.widths,
-            "is_assumed": result.expectation.doubt.is_assumed,
-            "recommended": result.expectation.recommended,
-            "worst_percent_of_range": {
-                name: value if math.isfinite(value) else None
-                for name, value in result.expectation.worst_percent.items()
-            },
-        },
+        "expectation": _expectation_summary(result.expectation),
         "foresight": {
             "unstable_share": result.stick_slip.unstable_share,
             "largest_growth_per_s": result.stick_slip.largest_growth_per_s,
@@ -96,8 +89,37 @@ def summary(result: DesignData) -> dict[str, object]:
             "stretches": [asdict(stretch) for stretch in result.stick_slip.stretches],
         },
         **({} if result.ignored is None else {"ignored_motion": asdict(result.ignored.ignored)}),
-        "robust": None if result.robustness is None else robustness_summary(result.robustness),
         "warnings": list(result.warnings),
+    }
+
+
+def _expectation_summary(found: Expectation) -> dict[str, object]:
+    """Errors over all that may be the real transmission; null is what could not be simulated."""
+
+    def finite(value: float) -> float | None:
+        return value if math.isfinite(value) else None
+
+    def band(errors: ErrorBand) -> dict[str, object]:
+        return {
+            "nominal_rmse_N": finite(errors.nominal.rmse_N),
+            "worst_rmse_N": finite(errors.worst.rmse_N),
+            "worst_peak_N": finite(errors.worst_peak_N),
+            "worst_values": dict(errors.worst_sample.numbers),
+            "amplification": finite(errors.amplification),
+            "slack_samples": errors.slack_samples,
+        }
+
+    return {
+        "uncertainty": [spread.words for spread in found.doubt.spreads],
+        "is_assumed": found.doubt.is_assumed,
+        "samples": len(found.doubt.samples),
+        "segments": FINE_SEGMENTS,
+        "recommended": found.recommended,
+        "rmse_N": finite(found.best.worst.rmse_N),
+        "peak_N": finite(found.best.worst_peak_N),
+        "worst_percent_of_range": {name: finite(value) for name, value in found.worst_percent.items()},
+        "contributions": [{"key": each.key, "rmse_N": finite(each.rmse_N)} for each in found.contributions],
+        "compensators": {name: band(errors) for name, errors in found.bands.items()},
     }
 
 
@@ -118,16 +140,19 @@ def print_scores(result: DesignData, folder: Path) -> None:
     console = Console()
     table = Table(title=f"{result.scenario.name}: RMS error, % of reference range", title_justify="left")
     table.add_column("compensator")
-    table.add_column(f"worst, {result.expectation.doubt.widths}", justify="right")
+    table.add_column("worst case", justify="right")
     for level in Level:
         table.add_column(f"{level}*" if level is result.level else level.value, justify="right")
     table.add_column(f"{FINE_SEGMENTS} masses, step/{FINE_REFINEMENT}", justify="right")
     for compensator in result.compensators:
         name = compensator.name
-        worst = result.expectation.worst_percent.get(name)
-        table.add_row(name, "–" if worst is None else f"{worst:.3g}", *[score.percent for score in result.scores(name)])
+        worst = result.expectation.worst_percent.get(name, math.inf)
+        table.add_row(name, two_digits(worst), *[score.percent for score in result.scores(name)])
     console.print(table)
-    console.print(f"* design level, used in the last column too; range {result.reference.range_N:.4g} N")
+    span = f"range {result.reference.range_N:.4g} N"
+    over = f"worst case: over {result.expectation.doubt}, on {FINE_SEGMENTS} masses; {span}"
+    console.print(over, soft_wrap=True, markup=False, highlight=False)
+    console.print("* design level, used for the worst case and the last column too")
     console.print(headline(result), soft_wrap=True, markup=False, highlight=False)
     if result.tracking is not None:
         console.print(f"optimal control: {result.tracking.message}", soft_wrap=True)

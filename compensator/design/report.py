@@ -3,9 +3,9 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from tendonff.compensator.compensators.score import scale_N
+from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.design.drive_use import drive_use
-from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS, DesignData
+from tendonff.compensator.design.result import DesignData
 from tendonff.compensator.reporting.colours import INK, Style
 from tendonff.compensator.reporting.interactive import interactive_view
 from tendonff.compensator.reporting.page import (
@@ -31,6 +31,8 @@ _MOVES_IN_A_HOLD = 0.05  # of the force's range: what is worth a word
 _CAPTIONS = {
     "expectation": "Output tension of the recommended profile over all sampled parameters (band), and of the reference "
     "applied directly.",
+    "contributions": "RMS error of the recommended profile at the worse end of each interval alone, all else nominal; "
+    "the line is the worst case with all of them together.",
     "tension": "Reference and output tension of each profile with the design's own parameters. Below: the "
     "compensated errors, enlarged; a curve that leaves the panel is larger.",
     "force": "Actuator force, its rate of change, and the travel of the actuator's end. Dashed: limits of the "
@@ -43,15 +45,14 @@ _CAPTIONS = {
 
 
 def headline(result: DesignData) -> str:
-    """What to expect on a rig, in two sentences."""
+    """What to expect on a rig, and what to do next."""
     found, best = result.expectation, result.recommended
-    over = f"the {scale_N(result.reference.tension_N):.4g} N range of the reference, for {found.doubt}"
+    label = best.label
     if best.name == "optimal" and result.tracking is not None and result.tracking.cautions:
-        over += ", bristles as soft as stated (stiffer ones: see the warning)"
-    if best.name == "none":
-        return f"The reference applied directly does best: expect an RMS error of up to {_worst(result)} of {over}."
-    without = f" Without compensation: up to {_worst(result, 'none')}." if "none" in found.worst_percent else ""
-    return f"Expect an RMS error of up to {_worst(result)} of {over}, with the best profile: {best.label}.{without}"
+        label += " (bristles as soft as stated; stiffer ones: see the warning)"
+    file = result.scenario.source.name
+    measure = f"tendonff identify {file} --suggest suggested"
+    return found.headline(label, measure if found.doubt.is_assumed else f"tendonff export-c {file} --out c")
 
 
 def fine_print(result: DesignData) -> str:
@@ -61,16 +62,12 @@ def fine_print(result: DesignData) -> str:
         f"With exactly the design's parameters the RMS error is {result.on_proof(best.name).score.percent} % "
         f"({best.label}, {FINE_SEGMENTS} masses, step/{FINE_REFINEMENT})"
     )
-    if result.robustness is not None and best.name == "optimal" and "inverse" in result.profiles:
+    if not result.expectation.doubt.is_assumed and best.name == "optimal" and "inverse" in result.profiles:
         return (
             f"{own}, against {result.on_proof('inverse').score.percent} % of the exact inverse: what the robust "
             "profile gives up there for a smaller worst case."
         )
     return f"{own}. That is the accuracy of the computation; on a rig the uncertainty of the parameters decides."
-
-
-def _worst(result: DesignData, name: str | None = None) -> str:
-    return f"{result.expectation.worst_percent[name or result.expectation.recommended]:.3g} %"
 
 
 def interactive_panels(result: DesignData) -> Interactive:
@@ -97,11 +94,11 @@ def design_report(result: DesignData, figures: dict[str, Figure], view: Interact
     pictures = pictures_of(figures, {**_CAPTIONS, "tension": _CAPTIONS["tension"] + joints})
     worst = result.expectation.worst_percent
     scores = Table(
-        caption="RMS error, % of reference range. First column: worst case over the uncertainty; the others: the "
-        "design's own parameters; * design level, used in the last column too",
+        caption=f"RMS error, % of reference range. Worst case: over {result.expectation.doubt}, on {FINE_SEGMENTS} "
+        "masses; the other columns: the design's own parameters; * design level, used for the first and last column",
         columns=(
             "profile",
-            f"worst, {result.expectation.doubt.widths}",
+            "worst case",
             *(f"{level}*" if level is result.level else level.value for level in Level),
             f"{FINE_SEGMENTS} masses, step/{FINE_REFINEMENT}",
         ),
@@ -123,7 +120,9 @@ def design_report(result: DesignData, figures: dict[str, Figure], view: Interact
         fine_print=fine_print(result),
         warnings=result.warnings,
         sections=(
-            Section(title="What to expect", blocks=(pictures["expectation"], scores, *ignored)),
+            Section(
+                title="What to expect", blocks=(pictures["expectation"], scores, pictures["contributions"], *ignored)
+            ),
             *([] if view is None else [Section(title="Interactive view", blocks=(view,))]),
             Section(title="Output tension", blocks=(pictures["tension"], peaks, *_positions(result))),
             Section(title="Actuator force", blocks=(pictures["force"], *_holds(result), *_solver(result))),
@@ -250,25 +249,33 @@ def _solver(result: DesignData) -> tuple[Block, ...]:
 
 
 def _robust_section(result: DesignData) -> tuple[Section, ...]:
-    """What the scenario's uncertainty does to each profile; nothing where all is certain."""
-    found = result.robustness
-    if found is None:
-        return ()
-    span, labels = result.reference.range_N, {c.name: c.label for c in result.compensators}
+    """What uncertainty does to each profile, and which number does most of it."""
+    found, labels = result.expectation, {c.name: c.label for c in result.compensators}
     rows: list[tuple[Cell, ...]] = []
     for name, band in found.bands.items():
-        errors = (band.nominal_rms_N, band.least_rms_N, band.median_rms_N, band.worst_rms_N)
-        over, mu = 100 * band.amplification, 100 * (band.worst_sample.mu - 1)
-        rows.append((labels[name], *(100 * error / span for error in errors), over, mu))
+        worst, over = band.worst, 100 * band.amplification
+        at = ", ".join(f"{key} = {value:.3g}" for key, value in band.worst_sample.numbers.items()) or "nominal"
+        errors = (band.nominal.rmse_percent_of_range, worst.rmse_percent_of_range, worst.rmse_N, band.worst_peak_N)
+        rows.append((labels[name], *errors, over, at))
     table = Table(
-        caption=f"RMS error over {len(found.samples)} samples of the parameters, % of reference range; "
-        "over-compensation: largest swing of the output beyond the reference's, %; mu of the worst sample beside the "
-        "nominal one, %",
-        columns=("profile", "nominal", "least", "median", "worst", "over-compensation", "mu at worst"),
+        caption=f"Errors over {len(found.doubt.samples)} samples of the parameters on {FINE_SEGMENTS} masses; "
+        "over-compensation: largest swing of the output beyond the reference's",
+        columns=(
+            "profile",
+            "nominal [% of range]",
+            "worst [% of range]",
+            "worst RMS [N]",
+            "peak [N]",
+            "over-compensation [%]",
+            "worst at",
+        ),
         rows=rows,
+        least=1e-3,
     )
     note = Text(
-        f"The optimal profile minimises the {found.objective.value} error over the samples. Inside a feedback loop "
-        "over-compensation injects energy: choose mu too low rather than too high."
+        "Inside a feedback loop over-compensation injects energy: choose mu too low rather than too high."
+        if found.doubt.is_assumed
+        else f"The optimal profile minimises the {result.scenario.robust.objective.value} error. Inside a feedback "
+        "loop over-compensation injects energy: choose mu too low rather than too high."
     )
     return (Section(title="Robustness to parameter uncertainty", blocks=(table, note)),)

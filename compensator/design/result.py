@@ -3,17 +3,15 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from tendonff.compensator.compensators.base import Compensator, FloatArray, Profile, ProfileStatus
+from tendonff.compensator.compensators.base import Compensator
+from tendonff.compensator.compensators.expectation import Expectation
+from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.score import IgnoredMotion, Score, Verified
-from tendonff.compensator.design.expectation import Expectation, Robustness
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
 from tendonff.ocp.stability import StickSlipPrediction
 from tendonff.ocp.tracking.result import Tracking
-
-FINE_SEGMENTS = 40  # masses of the finer chain that proves a design
-FINE_REFINEMENT = 10  # its steps to a row of the profile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,10 +22,10 @@ class DesignData:
     reference: Reference
     compensators: tuple[Compensator, ...]  # in the order in which they are shown
     profiles: Mapping[str, Profile]  # by name of the compensator
+    failed: Mapping[str, str]  # what ended the computation of other profiles, by name of the compensator
     verified: tuple[Verified, ...]  # every compensator on every level
     proof: tuple[Verified, ...]  # every compensator on the design level with more masses and a smaller step
     stick_slip: StickSlipPrediction  # where friction that weakens with speed makes feedforward fail
-    robustness: Robustness | None  # error bands under the scenario's uncertainty; None where all is certain
     expectation: Expectation  # what to expect on a rig, and the profile that does best there
     ignored: IgnoredMotion | None  # what it would cost to ignore that joints move; None where none does
     warnings: tuple[str, ...]  # what the user should know
@@ -55,7 +53,7 @@ class DesignData:
     @property
     def is_usable(self) -> bool:
         """No compensator failed."""
-        return all(profile.status is not ProfileStatus.FAILED for profile in self.profiles.values())
+        return not self.failed and all(profile.status is not ProfileStatus.FAILED for profile in self.profiles.values())
 
     def on_level(self, name: str, level: Level) -> Verified:
         """What a compensator delivers on a level."""

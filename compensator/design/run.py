@@ -3,10 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, ProfileStatus, with_motion
+from tendonff.compensator.compensators.base import SLOW_PARTS, Compensator, Problem, answers_of
+from tendonff.compensator.compensators.expectation import expect
+from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS, Plant
+from tendonff.compensator.compensators.profile import FloatArray, ProfileStatus
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import (
-    SimulatedPlant,
     Verified,
     harm_warnings,
     ignored_motion,
@@ -14,9 +16,7 @@ from tendonff.compensator.compensators.score import (
     verify,
 )
 from tendonff.compensator.design.drive_use import drive_warnings
-from tendonff.compensator.design.expectation import expect, robustness, robustness_warnings
 from tendonff.compensator.design.output import Design
-from tendonff.compensator.design.result import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.scenario.reference import CsvReference, Hold
 from tendonff.compensator.scenario.sampled.from_file import noise_advice, ripple_advice
@@ -26,8 +26,6 @@ from tendonff.models.fidelity import Level
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.stability import predict_stick_slip
 from tendonff.ocp.tracking.problem import TrackOptions
-
-_PARTS_OF_THE_SEARCH = 8  # the optimal profile takes about as long as so many other parts
 
 
 def design(
@@ -55,18 +53,13 @@ def design(
     """
     problem = Problem.of(scenario, reference=sample_reference(scenario, strict=strict), options=options)
     reference, transmission, level = problem.reference, problem.transmission, problem.level
-    shares = {c.name: 1 if c.is_fast else _PARTS_OF_THE_SEARCH for c in compensators}
-    parts = Parts(progress, sum(shares.values()) + len(compensators) * (len(Level) + 1))
+    shares = sum(1 if c.is_fast else SLOW_PARTS for c in compensators)
+    parts = Parts(progress, shares + len(compensators) * (len(Level) + 1))
     warnings = [*reference.warnings, *_file_warnings(scenario, problem)]
     warnings += [*_hold_notes(problem), *problem.unsettled]
-    profiles: dict[str, Profile] = {}
-    for compensator in compensators:
-        share = shares[compensator.name]
-        profile = compensator.profile(problem, progress=parts.inside(share))
-        profiles[compensator.name] = with_motion(problem, compensator.name, profile)
-        warnings += profiles[compensator.name].warnings
-        parts.done(share)
-    forces = {name: profile.force_N for name, profile in profiles.items()}
+    answers = answers_of(problem, compensators, parts)
+    profiles = answers.profiles
+    warnings += answers.warnings
     stick_slip = predict_stick_slip(
         problem.chain,
         reference.tension_N,
@@ -75,33 +68,31 @@ def design(
         inversion=problem.inversion,
     )
     warnings += stick_slip.warnings
-    bands = robustness(problem, forces) if problem.samples else None
-    if bands is not None:
-        warnings += robustness_warnings(bands)
-    usable = {name: p.force_N for name, p in profiles.items() if p.status is not ProfileStatus.FAILED}
-    expectation = expect(problem, scenario.robust, usable, bands)
+    usable = {name: p for name, p in profiles.items() if p.status is not ProfileStatus.FAILED}
+    expectation = expect(problem.doubt, level, usable, reference)
+    warnings += expectation.warnings
 
     verified: list[Verified] = []
     proof: list[Verified] = []
-    fine = SimulatedPlant(level=level, segments=FINE_SEGMENTS, refinement=FINE_REFINEMENT)
+    plants = [*((Plant(transmission, each), verified) for each in Level), (Plant.fine(transmission, level), proof)]
     for name, profile in profiles.items():
-        for plant, found in (*((SimulatedPlant(level=each), verified) for each in Level), (fine, proof)):
-            found.append(verify(transmission, plant, name, profile, reference))
+        for plant, found in plants:
+            found.append(verify(plant, name, profile, reference))
             parts.done()
     judged = [v for v in verified if v.plant.level is level]
     followed = [v for v in judged if problem.asked.is_followed or v.compensator != "optimal"]
     warnings += harm_warnings({v.compensator: v.score for v in followed}, reference.tension_N)
-    warnings += _promises(judged, proof, is_compared=bands is None and problem.asked.is_followed)
+    warnings += _promises(judged, proof, is_compared=not problem.is_robust and problem.asked.is_followed)
     warnings += slack_warnings({(v.compensator, v.plant.level.value): v.slack for v in verified if v.slack})
     result = Design(
         scenario=scenario,
         reference=reference,
-        compensators=tuple(compensators),
+        compensators=tuple(c for c in compensators if c.name in profiles),
         profiles=profiles,
+        failed=answers.failed,
         verified=tuple(verified),
         proof=tuple(proof),
         stick_slip=stick_slip,
-        robustness=bands,
         expectation=expectation,
         ignored=ignored_motion(problem),
         warnings=tuple(warnings),

@@ -7,16 +7,11 @@ from typing import Any
 import numpy as np
 
 from tendonff.compensator.adapt.setup import tuned_chain, tuning_of
-from tendonff.compensator.compensators.base import (
-    Compensator,
-    FloatArray,
-    Problem,
-    Profile,
-    ProfileStatus,
-    with_motion,
-)
+from tendonff.compensator.compensators.base import Compensator, Problem, with_motion
+from tendonff.compensator.compensators.plant import Plant
+from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.registry import COMPENSATORS
-from tendonff.compensator.compensators.score import Score, SimulatedPlant, score, verify
+from tendonff.compensator.compensators.score import Score, score, verify
 from tendonff.compensator.reporting.colours import PURPLE, Style
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, Joint, SineJoint, WaypointJoint
 from tendonff.compensator.scenario.sampled.joint_motion import moved
@@ -26,6 +21,7 @@ from tendonff.compensator.scenario.settings import Adaptation
 from tendonff.models.chain import Chain
 from tendonff.models.errors import TendonffError
 from tendonff.models.parameters import Friction, Path, Transmission
+from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.models.path import Section
 from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig
 from tendonff.ocp.adaptation.tuning import Sensor
@@ -190,7 +186,7 @@ class Explorer:
             if design_knows
             else replace(self._scenario, transmission=replace(known, actuator=changed.transmission.actuator))
         )
-        problem = replace(Problem.of(model, reference=sample_reference(model)), samples=())
+        problem = replace(Problem.of(model, reference=sample_reference(model)), uncertainty=Uncertainty())
         plant = moved(changed, float(problem.reference.time_s[-1]))
         notes: list[str] = []
         courses = {}
@@ -215,7 +211,7 @@ def _course(
     profile: Profile = with_motion(problem, curve.name, curve.compensator.profile(problem))
     if profile.status is not ProfileStatus.GOOD:
         notes.append(f"{curve.label}: {profile.message}")
-    found = verify(plant, SimulatedPlant(level=problem.level), curve.name, profile, reference)
+    found = verify(Plant(plant, problem.level), curve.name, profile, reference)
     if found.slack:
         notes.append(f"{curve.label}: {found.slack.message}")
     return _thinned(problem, profile.force_N, found.output_N)

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.compensator.adapt.setup import Certified, certified, tuned_chain, tuning_of
-from tendonff.compensator.compensators.base import FloatArray, Problem
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.export.golden import Course
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.scenario.settings import Adaptation

@@ -9,16 +9,17 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from tendonff._version import __version__
-from tendonff.compensator.adapt.setup import learnt, tuning_of
-from tendonff.compensator.compensators.base import CModule, FloatArray, Problem
+from tendonff.compensator.adapt.setup import check_tuning, learnt, tuning_of
+from tendonff.compensator.compensators.base import CModule, Problem, with_motion
+from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.stream import StreamChoice, choose_stream
 from tendonff.compensator.compensators.table import BuiltTable, table_of
 from tendonff.compensator.export.adaptive import adaptive_golden
 from tendonff.compensator.export.golden import golden_vectors
 from tendonff.compensator.export.host import run_on_host
-from tendonff.compensator.export.judgement import Judged, answer_of, chosen, driven, forces_of, judge, judge_stream
-from tendonff.compensator.export.modules import ADAPTIVE_MODULES, c_modules, check_prefix, check_tuning
+from tendonff.compensator.export.judgement import Judged, chosen, driven, judge, judge_stream, profiles_of
+from tendonff.compensator.export.modules import ADAPTIVE_MODULES, c_modules, check_prefix
 from tendonff.compensator.export.self_test import FloatLoss, float_losses, loss_warnings, self_test_context
 from tendonff.compensator.export.text.c_text import (
     c_sources,
@@ -88,13 +89,14 @@ def export_project(
     check_prefix(prefix)
     check_tuning(scenario)
     problem = Problem.of(scenario, level=level)
+    drive = scenario.transmission.actuator.drive
     warnings = problem.reference.warnings
     if profile_N is None:
-        profile = compensator("optimal").profile(problem).require()
-        profile_N, warnings = answer_of(problem, "optimal", profile), (*warnings, *profile.warnings)
+        optimal = with_motion(problem, "optimal", compensator("optimal").profile(problem).require())
+        profile_N, warnings = optimal.setpoint(drive), (*warnings, *optimal.warnings)
     built = None if scenario.joints else table_of(problem)
     table = None if built is None else built.table
-    forces = forces_of(problem, built, rounded(profile_N, precision))
+    profiles = profiles_of(problem, built, Profile.of_setpoint(rounded(profile_N, precision), drive))
     if problem.reference.periodic:
         profile_N = profile_N[:-1]  # its last row is the first of the next period
     numbers: dict[str, object] = {
@@ -124,8 +126,9 @@ def export_project(
         found = run_on_host(every, prefix, precision, inputs, angles if scenario.joints else ())
         if found is not None:
             losses = float_losses(golden.course, found[0], problem)
-            forces |= {module: driven(problem, answer[-len(tension) :]) for module, answer in found[3].items()}
-    judged = judge(problem, forces)
+            answers = {module: answer[-len(tension) :] for module, answer in found[3].items()}
+            profiles |= {m: driven(problem, m, Profile.of_setpoint(answer, drive)) for m, answer in answers.items()}
+    judged = judge(problem, profiles)
     judged = (*judged, judge_stream(judged, choice, problem))
     modules, faults = chosen(judged, c_modules(scenario, stream is not None), force_export=force_export)
     further: dict[str, object] = {

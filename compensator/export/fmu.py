@@ -13,11 +13,12 @@ from importlib.resources import files
 from pathlib import Path
 
 from tendonff._version import __version__
+from tendonff.compensator.adapt.setup import check_tuning
 from tendonff.compensator.compensators.base import CModule, Problem
 from tendonff.compensator.compensators.table import BuiltTable, table_of
-from tendonff.compensator.export.judgement import Judged, chosen, forces_of, judge
+from tendonff.compensator.export.judgement import Judged, chosen, judge, profiles_of
 from tendonff.compensator.export.kinds import FmiVersion, Kind
-from tendonff.compensator.export.modules import ADAPTIVE, PLANT, c_modules, check_prefix, check_tuning
+from tendonff.compensator.export.modules import ADAPTIVE, PLANT, c_modules, check_prefix
 from tendonff.compensator.export.text.c_text import c_sources, table_context
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_file
@@ -143,7 +144,7 @@ def _judged(
     if module == PLANT:
         return (), ()
     name = "inverse" if module == ADAPTIVE else module.name
-    judged = judge(problem, forces_of(problem, built, names=(name,)))
+    judged = judge(problem, profiles_of(problem, built, names=(name,)))
     return judged, chosen(judged, (module,), force_export=force_export)[1]
 
 

@@ -6,8 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.compensator.compensators.base import FloatArray, Problem, servo
+from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
+from tendonff.compensator.compensators.plant import behind_servo
+from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.compensators.score import scale_N
 from tendonff.compensator.compensators.stream import StreamDesign, quantised, smoothed, stream_force
 from tendonff.compensator.compensators.table import CompensationTable
@@ -309,4 +311,4 @@ def _drive(problem: Problem, drive: FloatArray, start_N: float, chain: Chain) ->
     """The chain that forces or commands act on, and the force on it that stands for them [N]."""
     if servo_of(problem) is None:
         return chain, drive
-    return servo(chain, problem.transmission.actuator, start_N, drive)
+    return behind_servo(chain, problem.transmission.actuator, start_N, drive)

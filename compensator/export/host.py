@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tendonff.compensator.compensators.base import FloatArray
+from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.ocp.codegen.compiler import find_compiler, run_compiler
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import CodeError

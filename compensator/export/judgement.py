@@ -1,12 +1,14 @@
-"""What the exported modules are worth: each on the scenario's own reference and plant, against no compensation."""
+"""What the exported modules are worth on the scenario's reference, against the reference applied directly."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 
-from tendonff.compensator.compensators.base import CModule, FloatArray, Problem, Profile, with_motion
+from tendonff.compensator.compensators.base import CModule, Problem, with_motion
+from tendonff.compensator.compensators.plant import Plant
+from tendonff.compensator.compensators.profile import Profile
 from tendonff.compensator.compensators.registry import compensator
-from tendonff.compensator.compensators.score import Score, SimulatedPlant, is_worse, verify
-from tendonff.compensator.compensators.stream import StreamChoice
+from tendonff.compensator.compensators.score import Score, is_worse, verify
+from tendonff.compensator.compensators.stream import StreamChoice, stream_candidate
 from tendonff.compensator.compensators.table import BuiltTable, CompensationTable
 from tendonff.compensator.export.modules import ADAPTIVE, BOUNDS, PLANT, exportable
 from tendonff.models.parameters.drive import Drive
@@ -28,56 +30,58 @@ class Judged:
         return {**(asdict(self.score) if self.score is not None else {}), "fault": self.fault}
 
 
-def judge(problem: Problem, forces_N: Mapping[str, FloatArray]) -> tuple[Judged, ...]:
-    """Simulate each module's force [N] or command [m] on the chain of the problem's level; none comes first."""
-    nothing = _score(problem, answer_of(problem, UNCOMPENSATED, compensator(UNCOMPENSATED).profile(problem)))
+def judge(problem: Problem, profiles: Mapping[str, Profile]) -> tuple[Judged, ...]:
+    """Simulate each module's profile on the plant that a design is verified on; none comes first."""
+    plain = compensator(UNCOMPENSATED)
+    nothing = _score(problem, with_motion(problem, UNCOMPENSATED, plain.profile(problem)))
     if nothing is None:
         raise SolveError(
             "the reference itself as force cannot be simulated on this chain, so no module can be judged; "
             "check the parameters with tendonff simulate"
         )
     judged = [Judged(module=UNCOMPENSATED, score=nothing, fault="")]
-    for module, force in forces_N.items():
-        score = _score(problem, force)
+    for module, profile in profiles.items():
+        score = _score(problem, profile)
         fault = ""
         if score is None:
             fault = "the chain cannot be simulated under its force"
         elif is_worse(score, nothing, problem.reference.tension_N):
             fault = (
-                f"RMS error {score.percent} % of range, worse than no compensation ({nothing.percent} %) "
-                "on the scenario's reference"
+                f"RMS error {score.percent} % of range, worse than the reference applied directly ({nothing.percent} %)"
             )
         judged.append(Judged(module=module, score=score, fault=fault))
     return tuple(judged)
 
 
-def forces_of(
-    problem: Problem, built: BuiltTable | None, profile_N: FloatArray | None = None, names: Sequence[str] = ()
-) -> dict[str, FloatArray]:
-    """Force [N] or command [m] of each module, or of some, at the samples of the reference, for `judge`.
+def profiles_of(
+    problem: Problem, built: BuiltTable | None, optimal: Profile | None = None, names: Sequence[str] = ()
+) -> dict[str, Profile]:
+    """What each module, or some, tells the actuator at the samples of the reference, for `judge`.
 
     A module reads the reference live: it keeps no force in a hold, and does not know where the reference ends. Table
     and profile are those that are exported; a profile of another length than the reference is left out.
     """
-    forces, following = {}, replace(problem, live=True)
+    found, following = {}, replace(problem, live=True)
     for each, module in exportable(problem.transmission, moving=problem.chain.motion is not None):
         if names and module.name not in names:
             continue
         if module.plays_back:
-            if profile_N is not None and len(profile_N) == len(problem.reference.tension_N):
-                forces[module.name] = profile_N
+            if optimal is not None and len(optimal.force_N) == len(problem.reference.tension_N):
+                found[module.name] = optimal
         else:
             exported = CompensationTable(built.table) if built and isinstance(each, CompensationTable) else each
-            forces[module.name] = driven(problem, answer_of(following, each.name, exported.profile(following)))
-    return forces
+            found[module.name] = driven(problem, each.name, exported.profile(following))
+    return found
 
 
-def driven(problem: Problem, answer: FloatArray) -> FloatArray:
-    """What the actuator makes of a module's force [N]: the limits of its motion, which no module knows, bind as well.
+def driven(problem: Problem, name: str, profile: Profile) -> Profile:
+    """What the actuator makes of a module's profile: the limits of its motion, which no module knows, bind as well.
 
-    A command [m] stays as it is.
+    A position drive is told the command as it is.
     """
-    return answer if problem.transmission.actuator.drive is Drive.POSITION else problem.limited(answer)
+    if problem.transmission.actuator.drive is Drive.POSITION:
+        return profile if profile.command_m is not None else with_motion(problem, name, profile)
+    return replace(profile, force_N=problem.limited(profile.force_N), travel_m=None)
 
 
 def chosen(
@@ -106,9 +110,12 @@ def judge_stream(judged: Sequence[Judged], choice: StreamChoice | None, problem:
     fault = next((each.fault for each in judged if each.module == "inverse"), "")
     if choice is None:
         return Judged(module="stream", score=None, fault="the chain cannot be simulated under its force")
-    own, nothing = choice.picked.score, judged[0].score
+    fine = stream_candidate(problem, choice.picked.design, Plant.fine(problem.transmission, problem.level))
+    if fine is None:
+        return Judged(module="stream", score=None, fault="the chain cannot be simulated under its force")
+    own, nothing = fine.score, judged[0].score
     if not fault and nothing is not None and is_worse(own, nothing, problem.reference.tension_N):
-        fault = f"RMS error {own.percent} % of range, worse than no compensation ({nothing.percent} %)"
+        fault = f"RMS error {own.percent} % of range, worse than the reference applied directly ({nothing.percent} %)"
     return Judged(module="stream", score=own, fault=fault)
 
 
@@ -122,21 +129,9 @@ def score_lines(judged: Sequence[Judged]) -> list[str]:
     return lines
 
 
-def answer_of(problem: Problem, name: str, profile: Profile) -> FloatArray:
-    """What the actuator is told: the force of a profile [N], or the command of a position drive [m]."""
-    if problem.transmission.actuator.drive is not Drive.POSITION:
-        return profile.force_N
-    moved = with_motion(problem, name, profile)
-    if moved.command_m is None:
-        raise SolveError(f"{name}: the chain cannot be simulated under its force, so no command is known")
-    return moved.command_m
-
-
-def _score(problem: Problem, answer: FloatArray) -> Score | None:
-    plant = SimulatedPlant(level=problem.level)
-    command = answer if problem.transmission.actuator.drive is Drive.POSITION else None
-    profile = Profile(force_N=answer, command_m=command)
+def _score(problem: Problem, profile: Profile) -> Score | None:
+    """Error on the plant that a design is verified on; None where it cannot be simulated."""
     try:
-        return verify(problem.transmission, plant, "", profile, problem.reference).score
+        return verify(Plant.fine(problem.transmission, problem.level), "", profile, problem.reference).score
     except SolveError:
         return None

@@ -32,14 +32,6 @@ _KEYWORDS = frozenset(
 )
 
 
-def check_tuning(scenario: Scenario) -> None:
-    """Refuse self-tuning behind a position servo: the model of the tuner is driven by the force that was applied."""
-    if scenario.adaptation is not None and scenario.transmission.actuator.drive is Drive.POSITION:
-        raise InputError(
-            f'{scenario.source.name} [adaptation]: self-tuning needs a force drive; leave it out, or use "force"'
-        )
-
-
 def check_prefix(prefix: str) -> None:
     """Refuse a prefix that not every C and C++ compiler takes."""
     good = prefix.isascii() and prefix.isidentifier() and not prefix.startswith("_") and len(prefix) <= 24

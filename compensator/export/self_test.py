@@ -10,8 +10,9 @@ from enum import IntFlag
 
 import numpy as np
 
-from tendonff.compensator.compensators.base import FloatArray, Problem
+from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
+from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.compensators.score import scale_N
 from tendonff.compensator.compensators.table import accepted_range
 from tendonff.compensator.export.golden import Course, Golden, respond, servo_of

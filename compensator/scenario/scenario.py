@@ -33,7 +33,8 @@ from tendonff.compensator.scenario.tables import (
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Actuator, Friction, Load, Tendon, Transmission
 from tendonff.models.parameters import Path as TendonPath
-from tendonff.models.parameters.uncertainty import Uncertainty
+from tendonff.models.parameters.numbers import keys_of, with_numbers
+from tendonff.models.parameters.uncertainty import Spread, Uncertainty
 from tendonff.models.path import Section
 
 SCHEMA = 1
@@ -122,7 +123,8 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
     if not isinstance(name, str):
         raise InputError(f'{file}: name must be text in quotes ("..."), got {show(name)}')
     sections, path = _path_keys(raw.get("path", {}), file)
-    expanded = {"path": path, "load": _load_keys(raw.get("load", {}), file)}
+    spread, robust = _spread_keys(raw.get("robust", {}), file)
+    expanded = {"path": path, "load": _load_keys(raw.get("load", {}), file), "robust": robust}
     raw = _complete({**raw, **{key: value for key, value in expanded.items() if key in raw}}, file)
 
     def table(cls: type, key: str) -> object:
@@ -138,6 +140,7 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
         transmission = Transmission(**parts)  # type: ignore[arg-type]
     except ParameterError as error:
         raise InputError(f"{file}: {error}") from None
+    optional["robust"] = _with_spread(optional["robust"], spread, transmission, file)  # type: ignore[arg-type]
     joints = read_joints(raw.get("joints", {}), file)
     for joint in (*(section.joint for section in sections), transmission.load.joint):
         if joint is not None and joint not in joints:
@@ -176,6 +179,52 @@ def _path_keys(raw: object, file: str) -> tuple[tuple[Section, ...], object]:
     sections = _sections(raw["sections"], file)
     others = {key: value for key, value in raw.items() if key != "sections"}
     return sections, {**others, "total_angle_rad": math.fsum(section.angle_rad for section in sections)}
+
+
+def _spread_keys(raw: object, file: str) -> tuple[tuple[Spread, ...], object]:
+    """The intervals of [robust.spread], and the other keys of [robust]."""
+    if not isinstance(raw, Mapping) or "spread" not in raw:
+        return (), raw
+    given = raw["spread"]
+    if not isinstance(given, Mapping):
+        raise InputError(f"{file} [robust]: spread must be a table, got {show(given)}; write [robust.spread]")
+    found = []
+    for name, value in given.items():
+        if isinstance(value, Mapping):
+            raise InputError(
+                f'{file} [robust.spread]: write the dotted key in quotes: "{name}.{next(iter(value), "")}"'
+            )
+        keys = tuple(key.strip() for key in name.split(","))
+        ends = value if isinstance(value, list) else [value]
+        if any(isinstance(end, bool) or not isinstance(end, int | float) for end in ends) or len(ends) > 2:
+            raise InputError(
+                f'{file} [robust.spread]: "{name}" must be a relative half-width or [low, high], got {show(value)}'
+            )
+        numbers = {"half_width": float(ends[0])} if not isinstance(value, list) else {}
+        if isinstance(value, list):
+            numbers = dict(zip(("low", "high"), map(float, ends), strict=False))
+        try:
+            found.append(Spread(keys=keys, **numbers))
+        except ParameterError as error:
+            raise InputError(f"{file} [robust.spread]: {error}") from None
+    return tuple(found), {key: value for key, value in raw.items() if key != "spread"}
+
+
+def _with_spread(robust: Uncertainty, spread: tuple[Spread, ...], transmission: Transmission, file: str) -> Uncertainty:
+    """[robust] with its intervals, each tried at both ends; InputError where one has no meaning."""
+    known = keys_of(transmission)
+    for key in (key for one in spread for key in one.keys):
+        if key not in known:
+            raise InputError(f'{file} [robust.spread]: unknown key "{key}"{suggestion(key, known)}')
+    try:
+        robust = replace(robust, spread=spread)
+        for one in robust.spreads:
+            one.check(transmission)
+            for place in (-1.0, 1.0):
+                with_numbers(transmission, one.values(transmission, place))
+    except ParameterError as error:
+        raise InputError(f"{file} [robust.spread]: {error}") from None
+    return robust
 
 
 def _sections(raw: object, file: str) -> tuple[Section, ...]:
@@ -280,13 +329,25 @@ def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | Non
             sections = "".join(f"\n[[path.sections]]\n{toml_table(part)}" for part in transmission.path.sections)
             parts.append(f"\n[{table}]\n{lines}{sections}")
             continue
-        lines += toml_table(value, table)
+        if isinstance(value, Uncertainty):
+            lines += toml_table(replace(value, spread=())) + _spread_toml(value.spread)
+        else:
+            lines += toml_table(value, table)
         if lines:
             parts.append(f"\n[{table}]\n{lines}")
     for name, joint in scenario.joints.items():
         known = next(kind for kind, cls in JOINT_KINDS.items() if isinstance(joint, cls))
         parts.append(f'\n[joints.{name}]\nkind = "{known}"\n{toml_table(joint)}')
     return "".join(parts)
+
+
+def _spread_toml(spread: tuple[Spread, ...]) -> str:
+    """The table [robust.spread], where there is one."""
+    rows = []
+    for one in spread:
+        width = one.half_width if one.half_width is not None else (one.low, one.high)
+        rows.append(f"{toml_value(one.name)} = {toml_value(width)}\n")
+    return "\n[robust.spread]\n" + "".join(rows) if rows else ""
 
 
 def _relative(file: Path, folder: str | os.PathLike[str]) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tendonff.compensator.compensators.base import servo
+from tendonff.compensator.compensators.plant import behind_servo
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.quantities import FORCE_UNITS, LENGTH_UNITS, Quantity, read_quantities, time_quantity
 from tendonff.compensator.files.reading import FloatArray, InputError
@@ -119,7 +119,7 @@ def simulate_force(
     chain = Chain.of(moved(scenario, float(profile.time_s[-1])), level)
     actuator = scenario.transmission.actuator
     if profile.is_command:
-        chain, drive = servo(chain, actuator, start_tension, profile.force_N)
+        chain, drive = behind_servo(chain, actuator, start_tension, profile.force_N)
         profile = replace(profile, force_N=drive)
     names = ["time_s", "force_N", *(f"tension_{k}_N" for k in range(1, chain.count + 2))]
     size = max(1, _CHUNK_VALUES // (chain.count + 5))

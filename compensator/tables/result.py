@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.score import Score
 from tendonff.compensator.compensators.table import BuiltTable
 from tendonff.compensator.scenario.sampled.sampling import Reference
@@ -36,17 +37,11 @@ class TablesData:
     tables: tuple[AngleTable, ...]
     axes: tuple[str, ...]  # further columns of the file
     scores: dict[Level, Score]  # what the scenario's own table delivers on each level, within the actuator's limits
-    # largest RMS error of "table" and of "none" over what may be the real transmission [% of range]
-    worst_percent: dict[str, float]
-    doubt: str  # what that is the worst over, in words
+    expectation: Expectation  # of "table" beside "none" and "frictionless", over what may be the real transmission
     options: str  # options of the command that would make the same, for the report
     warnings: tuple[str, ...]  # what the user should know
 
     @property
     def headline(self) -> str:
         """What to expect on a rig, in one sentence."""
-        return (
-            f"Expect an RMS error of up to {self.worst_percent['table']:.3g} % of the {self.reference.range_N:.4g} N "
-            f"range of the reference with this table, for {self.doubt}. Without compensation: up to "
-            f"{self.worst_percent['none']:.3g} %."
-        )
+        return self.expectation.headline("compensation table", f"tendonff export-c {self.scenario.source.name} --out c")

@@ -5,15 +5,10 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from tendonff.compensator.compensators.base import Problem, limit_warnings, with_motion
+from tendonff.compensator.compensators.expectation import FRICTIONLESS, error_bands, expectation_of
+from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.registry import compensator
-from tendonff.compensator.compensators.score import (
-    SimulatedPlant,
-    doubt,
-    error_bands,
-    harm_warnings,
-    scale_N,
-    verify,
-)
+from tendonff.compensator.compensators.score import harm_warnings, verify
 from tendonff.compensator.compensators.table import CompensationTable, table_of, table_range
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampled.joint_motion import posed
@@ -55,12 +50,8 @@ def make_tables(
                 raise InputError(f"--{name}: every value must be a finite number > 0, got {value}")
     problem = Problem.of(scenario, level=level)
     transmission, reference = problem.transmission, problem.reference
-    if transmission.motion is not None and transmission.motion.moves:
-        raise InputError(
-            "no table can hold a path that moves: where the angle sits decides, not how much there is of it, and the "
-            "length changes too; `tendonff export-c` gives an inverse that takes joint angles, and --pose NAME=ANGLE "
-            "(for each joint) the table of one pose"
-        )
+    if refused := CompensationTable().refusal(problem):
+        raise InputError(refused)
     own_angle, covered = transmission.path.total_angle_rad, table_range(problem)
     own = table_of(problem, bound_N=bound_N)
     tables = [AngleTable(built=own, total_angle_rad=own_angle)]
@@ -76,12 +67,13 @@ def make_tables(
                 for rate in sorted(rates_N_per_s or [own.rate_N_per_s])
             ]
     compensation = CompensationTable(own.table)
-    direct = with_motion(problem, "none", compensator("none").profile(problem))
-    profile = with_motion(problem, "table", compensation.profile(problem))
-    scores = {on: verify(transmission, SimulatedPlant(level=on), "table", profile, reference).score for on in Level}
-    nothing = verify(transmission, SimulatedPlant(level=problem.level), "none", direct, reference).score
-    real = doubt(transmission, scenario.robust)
-    bands = error_bands(real.samples, problem.level, {"none": direct.force_N, "table": profile.force_N}, reference)
+    every = (compensator("none"), compensator(FRICTIONLESS), compensation)
+    profiles = {each.name: with_motion(problem, each.name, each.profile(problem)) for each in every}
+    profile = profiles["table"]
+    scores = {on: verify(Plant(transmission, on), "table", profile, reference).score for on in Level}
+    nothing = verify(Plant(transmission, problem.level), "none", profiles["none"], reference).score
+    bands = error_bands(problem.doubt, problem.level, profiles, reference)
+    expectation = expectation_of(problem.doubt, bands, "table")
     harm = harm_warnings({"none": nothing, "table": scores[problem.level]}, reference.tension_N)
     met = limit_warnings("table", compensation.wanted_N(problem), profile.force_N)
     bounds = problem.options.minimum_tension_N, problem.options.maximum_tension_N
@@ -96,8 +88,7 @@ def make_tables(
         tables=tuple(tables),
         axes=(("total_angle_rad",) if angles_rad else ()) + (("rate_N_per_s",) if rates_N_per_s else ()),
         scores=scores,
-        worst_percent={name: 100 * band.worst_rms_N / scale_N(reference.tension_N) for name, band in bands.items()},
-        doubt=str(real),
+        expectation=expectation,
         options=" ".join(f"--{name} {value}" for name, value in options.items() if value),
         warnings=(*reference.warnings, *met, *causes, *harm),
     )

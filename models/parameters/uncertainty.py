@@ -1,10 +1,12 @@
-"""How well the parameters of a transmission are known, and which error over what is possible counts."""
+"""Interval of each number of a transmission that is not known exactly, and which error over what is possible counts."""
 
 import math
 from dataclasses import dataclass
 from enum import StrEnum
 
 from tendonff.models.errors import ParameterError, require_whole
+from tendonff.models.parameters.numbers import FACTORS, is_whole, number_of
+from tendonff.models.parameters.transmission import Transmission
 
 
 class Objective(StrEnum):
@@ -15,8 +17,80 @@ class Objective(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Spread:
+    """Interval of a number of the scenario, or of several that vary together.
+
+    Parameters
+    ----------
+    keys : tuple of str
+        Dotted keys, as `models.parameters.numbers` reads them.
+    half_width : float, optional
+        Relative half-width [-], > 0 and < 1: 0.2 means within 20 % either way.
+    low, high : float, optional
+        Ends of the interval instead, in the unit of the one key; low < high.
+    """
+
+    keys: tuple[str, ...]
+    half_width: float | None = None
+    low: float | None = None
+    high: float | None = None
+
+    def __post_init__(self) -> None:
+        name = self.name
+        if not self.keys or not all(self.keys):
+            raise ParameterError(f'spread "{name}": a key is empty; write "friction.mu_dynamic" = 0.1')
+        if self.half_width is not None and (self.low is not None or self.high is not None):
+            raise ParameterError(f'spread "{name}": give the relative half-width or [low, high], not both')
+        if self.half_width is not None:
+            if not 0 < self.half_width < 1:
+                raise ParameterError(
+                    f'spread "{name}" must be > 0 and < 1, got {self.half_width}; 0.2 means within 20 % either way, '
+                    "[low, high] gives the ends themselves"
+                )
+        elif self.low is None or self.high is None or not -math.inf < self.low < self.high < math.inf:
+            raise ParameterError(
+                f'spread "{name}" must be a relative half-width or [low, high] with low < high, '
+                f"got [{self.low}, {self.high}]"
+            )
+        elif len(self.keys) > 1:
+            raise ParameterError(f'spread "{name}": numbers that vary together need a relative half-width')
+
+    @property
+    def name(self) -> str:
+        """Its keys as they are written in the scenario."""
+        return ", ".join(self.keys)
+
+    @property
+    def words(self) -> str:
+        """Key and width: "mu ±10 %", "actuator.coulomb_N 0 to 15"."""
+        if self.half_width is not None:
+            return f"{self.name} ±{100 * self.half_width:.3g} %"
+        return f"{self.name} {self.low:g} to {self.high:g}"
+
+    def values(self, transmission: Transmission, place: float) -> dict[str, float]:
+        """The numbers at a place in the interval, from −1 (low) over 0 (middle) to 1 (high), by key."""
+        if self.half_width is not None:
+            factor = 1 + place * self.half_width
+            return {key: factor * (number_of(transmission, key) or 0.0) for key in self.keys}
+        low, high = self.low or 0.0, self.high or 0.0
+        return {self.keys[0]: low + 0.5 * (1 + place) * (high - low)}
+
+    def check(self, transmission: Transmission) -> None:
+        """Refuse a key that cannot vary; KeyError where there is none of that name."""
+        for key in self.keys:
+            value = number_of(transmission, key)
+            if is_whole(transmission, key):
+                raise ParameterError(f'spread "{key}": a whole number cannot be uncertain; leave it out')
+            if self.half_width is not None and not value:
+                held = "not set" if value is None else "0"
+                raise ParameterError(
+                    f'spread "{key}": the number is {held}, so that a share of it says nothing; give [low, high]'
+                )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Uncertainty:
-    """Relative uncertainty of the parameters; the default is certainty.
+    """Uncertainty of the parameters; the default is certainty.
 
     Parameters
     ----------
@@ -24,11 +98,14 @@ class Uncertainty:
         Relative half-width of the uncertainty of the friction coefficients, of k1 and k2, and of the bristle
         stiffnesses [-], >= 0 and < 1: 0.2 means within 20 % either way. Default 0.
     samples : int, optional
-        Number of parameter samples, the nominal ones among them, 1 to 1000. Default 8.
+        Number of parameter samples, 1 to 1000, the nominal ones and the extremes of each number among them, which are
+        always taken. Default 8.
     objective : Objective, optional
         Worst or mean error over the samples. Default worst.
     seed : int, optional
         Seed of the sampling, >= 0. Default 0.
+    spread : tuple of Spread, optional
+        Intervals of further numbers of the scenario. Default none.
     """
 
     mu: float = 0.0
@@ -37,9 +114,10 @@ class Uncertainty:
     samples: int = 8
     objective: Objective = Objective.WORST
     seed: int = 0
+    spread: tuple[Spread, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("mu", "stiffness", "bristle_stiffness"):
+        for name in FACTORS:
             value = getattr(self, name)
             if not (math.isfinite(value) and 0 <= value < 1):
                 raise ParameterError(
@@ -47,8 +125,20 @@ class Uncertainty:
                 )
         require_whole("samples", self.samples, least=1, most=1000, hint="8 is a good start")
         require_whole("seed", self.seed, least=0, most=2**32 - 1, hint="any number will do")
+        keys = [key for spread in self.spreads for key in spread.keys]
+        if twice := [key for key in keys if keys.count(key) > 1]:
+            raise ParameterError(f'"{twice[0]}" has two spreads; give one')
+
+    @property
+    def spreads(self) -> tuple[Spread, ...]:
+        """The intervals of all that is uncertain."""
+        widths = {name: getattr(self, name) for name in FACTORS}
+        return (
+            *(Spread(keys=(name,), half_width=width) for name, width in widths.items() if width > 0),
+            *self.spread,
+        )
 
     @property
     def is_certain(self) -> bool:
         """No parameter is uncertain."""
-        return self.mu == self.stiffness == self.bristle_stiffness == 0
+        return not self.spreads

@@ -11,7 +11,7 @@ import numpy as np
 
 from tendonff.models.chain import Chain
 from tendonff.models.layout import ChainInputs, ChainState
-from tendonff.ocp.simulate import Outcome, Simulator, simulate
+from tendonff.ocp.simulate import Simulator
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.limits import ForceLimits
 
@@ -182,17 +182,3 @@ def _root(beyond: Callable[[float], float | None], wanted_N: float, excess: floa
         else:
             inside, outside = (force, found), (outside[0], outside[1] / 2)
     return True
-
-
-def travel_of(
-    chain: Chain, force_N: Array, step_s: float, initial_tension_N: float, state: ChainState | None = None
-) -> Array | None:
-    """Travel of the actuator's end under a force, shape (n,) [m]; None where the simulation fails.
-
-    It counts from rest at the initial tension; the run starts there, or in `state`.
-    """
-    run = simulate(chain, force_N, step_s, initial_tension_N=initial_tension_N, state=state)
-    if run.outcome is Outcome.FAILED:
-        return None
-    travel: Array = run.near_position_m - chain.rest_state(initial_tension_N).near_position_m
-    return travel

@@ -6,31 +6,21 @@ bristles, and by the static law (a play operator), much less arrives than on the
 more than they do under the clipped inverse.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.chain import Chain
-from tendonff.models.friction import LuGreBristle
 from tendonff.ocp.simulate import simulate
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.diagnosis import law_of
 
 _TINY_N = 1e-12
-_STIFFER = 30.0  # bristles about as stiff as those of the other levels
+STIFFER = 30.0  # bristles about as stiff as those of the other levels
 _MORE = 2.0  # times what the models differ under the clipped inverse
 _LEAST = 0.03  # of the reference's range: differences below this are not looked into
-
-
-def stiffened(chain: Chain) -> Chain:
-    """The chain with bristles so stiff that they cannot be pumped."""
-    bristle = chain.friction
-    if not isinstance(bristle, LuGreBristle):
-        return chain
-    stiff = replace(bristle, bristle_stiffness_N_per_m=_STIFFER * bristle.bristle_stiffness_N_per_m)
-    return replace(chain, elements=replace(chain.elements, friction=stiff))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +44,7 @@ class StaticGoal:
         if weight > 0:
             own, stiff = (
                 simulate(each, force, step_s, initial_tension_N=tension_N).output_tension_N
-                for each in (chain, stiffened(chain))
+                for each in (chain, chain.stiffened(STIFFER))
             )
             usable = len(own) == len(stiff) == len(wanted)
             missed = _rms(stiff - wanted) / max(_rms(stiff - own), _TINY_N) if usable else np.inf
@@ -91,7 +81,7 @@ class Disagreement:
 def disagreement(chain: Chain, force_N: Array, step_s: float, initial_tension_N: float) -> Disagreement:
     """Compare a chain with one of stiff bristles and with the static law, under a force from rest at T0 [N]."""
     own = simulate(chain, force_N, step_s, initial_tension_N=initial_tension_N).output_tension_N
-    stiff = simulate(stiffened(chain), force_N, step_s, initial_tension_N=initial_tension_N).output_tension_N
+    stiff = simulate(chain.stiffened(STIFFER), force_N, step_s, initial_tension_N=initial_tension_N).output_tension_N
     play = law_of(chain).output_history_N(np.maximum(force_N, 0.0), initial_tension_N)
     return Disagreement(stiff_N=_rms(stiff - own), play_N=_rms(play - own))
 

@@ -19,7 +19,7 @@ from tendonff.ocp.tracking.diagnosis import law_of
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.motion import limit_motion
 from tendonff.ocp.tracking.problem import WORST_POWER, TrackingProblem, TrackOptions, travel_N
-from tendonff.ocp.tracking.ratcheting import disagreement, stiffened
+from tendonff.ocp.tracking.ratcheting import STIFFER, disagreement
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
 from tendonff.ocp.tracking.search.grids import GridRefinement
 from tendonff.ocp.tracking.search.led import led_force
@@ -110,7 +110,10 @@ def _solve(
             weight, share = problem.goal.travel_weight, _STIFF
         sober = replace(
             problem,
-            plants=(*problem.plants, *(replace(p, chain=stiffened(p.chain), weight=share) for p in problem.plants)),
+            plants=(
+                *problem.plants,
+                *(replace(p, chain=p.chain.stiffened(STIFFER), weight=share) for p in problem.plants),
+            ),
             goal=replace(problem.goal, power=WORST_POWER, travel_weight=weight),
         )
         calm = _search(sober, inversion, options, progress)

@@ -16,4 +16,4 @@ def compare(scenario: ScenarioArgument, out: OutFolderOption) -> None:
             result = compare_levels(loaded, progress=advance)
         result.write(folder)
     warn(*result.warnings)
-    say(result.recommendation)
+    say(result.recommendation, result.headline)

@@ -1,21 +1,17 @@
 """What a sweep tries: points of a grid over scenario keys, or units drawn from the stated uncertainty."""
 
-import operator
 import re
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 
+from tendonff.compensator.compensators.uncertain import draw_transmissions
 from tendonff.compensator.files.reading import InputError, suggestion
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.errors import ParameterError
+from tendonff.models.parameters.numbers import FACTORS, is_whole, keys_of, with_numbers
 from tendonff.models.parameters.uncertainty import Uncertainty
-from tendonff.ocp.tracking.robust import Sample, draw_transmissions
-
-_TABLES = ("path", "tendon", "friction", "actuator", "actuator.motor", "load", "run")
-_AT_THE_DRUM = ("mass_kg", "force_max_N", "speed_max_m_per_s")  # of an actuator: they follow from its motor
-FACTORS = ("mu_factor", "stiffness_factor", "bristle_stiffness_factor")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,59 +53,58 @@ def grid_units(scenario: Scenario, axes: tuple[Axis, ...]) -> list[Unit]:
     return [Unit(index=k, values=at, scenario=varied(scenario, keys, at)) for k, at in enumerate(points)]
 
 
+def random_keys(scenario: Scenario) -> tuple[str, ...]:
+    """Keys that the scenario's uncertainty varies, in the order of a unit's values."""
+    return tuple(key for spread in scenario.robust.spreads for key in spread.keys)
+
+
 def random_units(scenario: Scenario, count: int) -> list[Unit]:
-    """Units that the scenario's uncertainty admits: a Latin hypercube."""
+    """Units that the scenario's uncertainty admits: a Sobol sequence over its intervals."""
     if scenario.robust.is_certain:
         raise InputError(
             f"{scenario.source.name}: --samples needs an uncertainty; write [robust] with mu = 0.2 or the like"
         )
     drawn = draw_transmissions(scenario.transmission, scenario.robust, count)
-    certain = replace(scenario, robust=Uncertainty())
+    certain, keys = replace(scenario, robust=Uncertainty()), random_keys(scenario)
     return [
-        Unit(index=k, values=factors_of(sample), scenario=replace(certain, transmission=sample.transmission))
+        Unit(
+            index=k,
+            values=tuple(sample.numbers[key] for key in keys),
+            scenario=replace(certain, transmission=sample.transmission),
+        )
         for k, sample in enumerate(drawn)
     ]
 
 
-def factors_of(sample: Sample) -> tuple[float, ...]:
-    """In the order of `FACTORS`."""
-    return (sample.mu, sample.stiffness, sample.bristle_stiffness)
-
-
 def varied(scenario: Scenario, keys: tuple[str, ...], values: tuple[float, ...]) -> Scenario:
-    """The scenario with other values of keys "table.name".
-
-    `mu_static` follows `mu_dynamic` where both are equal, and what the actuator has of its motor follows the motor.
-    """
-    actuator = scenario.transmission.actuator
-    changes: dict[str, dict[str, object]] = {}
+    """The scenario with other values of keys "table.name"; what follows from them follows, see `with_numbers`."""
+    run, transmission = scenario.run, scenario.transmission
+    changes: dict[str, float] = {}
+    steps: dict[str, float] = {}
+    known = [*keys_of(transmission)[len(FACTORS) :], "run.step_s"]
     for key, value in zip(keys, values, strict=True):
-        table, name = key.rsplit(".", 1)
-        if table not in _TABLES:
-            raise InputError(f'--over {key}: unknown table "{table}"{suggestion(table, _TABLES)}')
-        record = operator.attrgetter(table)(scenario if table == "run" else scenario.transmission)
-        if record is None:
-            raise InputError(f"--over {key}: {scenario.source.name} has no [{table}]; add it")
-        numeric = [f.name for f in fields(record) if isinstance(getattr(record, f.name), int | float)]
-        if name not in numeric:
-            raise InputError(f'--over {key}: [{table}] has no number "{name}"{suggestion(name, numeric)}')
-        whole = isinstance(getattr(record, name), int)
-        if whole and value != round(value):
+        if key not in known:
+            _refuse(scenario, key, known)
+        if key != "run.step_s" and is_whole(transmission, key) and value != round(value):
+            name = key.rpartition(".")[2]
             raise InputError(f"--over {key}: {name} must be a whole number, got {value:g}; choose FROM:TO:COUNT so")
-        changes.setdefault(table, {})[name] = round(value) if whole else value
-    friction = scenario.transmission.friction
-    if "mu_dynamic" in changes.get("friction", {}) and friction.mu_static == friction.mu_dynamic:
-        changes["friction"].setdefault("mu_static", changes["friction"]["mu_dynamic"])  # no Stribeck effect stays none
+        (steps if key == "run.step_s" else changes)[key] = value
     try:
-        if (motor := actuator.motor) is not None and "actuator.motor" in changes:
-            turned = replace(motor, **changes.pop("actuator.motor"))  # type: ignore[arg-type]
-            of_motor = [each for each in _AT_THE_DRUM if getattr(actuator, each) == getattr(motor, each)]
-            follow = {each: getattr(turned, each) for each in of_motor}
-            changes["actuator"] = {"motor": turned, **follow, **changes.get("actuator", {})}
-        run = replace(scenario.run, **changes.pop("run", {}))  # type: ignore[arg-type]
-        transmission = scenario.transmission
-        parts = {table: replace(getattr(transmission, table), **change) for table, change in changes.items()}
-        return replace(scenario, run=run, transmission=replace(transmission, **parts))
+        if steps:
+            run = replace(run, step_s=steps["run.step_s"])
+        return replace(scenario, run=run, transmission=with_numbers(transmission, changes))
     except ParameterError as error:
         at = ", ".join(f"{key} = {value:g}" for key, value in zip(keys, values, strict=True))
         raise InputError(f"--over: {at}: {error}") from None
+
+
+def _refuse(scenario: Scenario, key: str, known: list[str]) -> None:
+    """Say what is wrong with a key that is not known: its table, a table that the file lacks, or its name."""
+    table, name = key.rsplit(".", 1)
+    names = [each.rsplit(".", 1)[1] for each in known if each.rsplit(".", 1)[0] == table]
+    if names:
+        raise InputError(f'--over {key}: [{table}] has no number "{name}"{suggestion(name, names)}')
+    if table == "actuator.motor":
+        raise InputError(f"--over {key}: {scenario.source.name} has no [{table}]; add it")
+    tables = list(dict.fromkeys(each.rsplit(".", 1)[0] for each in known))
+    raise InputError(f'--over {key}: unknown table "{table}"{suggestion(table, tables)}')

@@ -8,12 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from tendonff.compensator.compensators.base import FloatArray
+from tendonff.compensator.compensators.expectation import Expectation, two_digits
+from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.compensators.registry import compensator
-from tendonff.compensator.compensators.score import doubt
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_file
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.parameters.numbers import FACTORS
 
 YIELD_PERCENT = (0.5, 1.0, 2.0, 5.0, 10.0)  # errors whose yields are told [% of range]
 
@@ -21,9 +22,8 @@ QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 
 
 def key_label(key: str) -> str:
-    """A varied key as figures and tables name it: `mu_factor` is a factor on mu."""
-    name = key.removesuffix("_factor")
-    return key if name == key else f"factor on {name.replace('_', ' ')}"
+    """A varied key as figures and tables name it."""
+    return f"factor on {key.replace('_', ' ')}" if key in FACTORS else key
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,8 +50,31 @@ class SweepData:
     keys: tuple[str, ...]  # varied keys of the scenario, or factors on its parameters
     compensators: tuple[str, ...]
     rows: tuple[Row, ...]  # in the order of their index
-    budget: tuple[Cost, ...]  # empty for a grid
-    is_random: bool  # units drawn from the uncertainty: the profiles are those of the nominal scenario
+    # of the nominal scenario's profiles, on units drawn from its uncertainty; None for a grid, where every point has
+    # profiles of its own
+    expectation: Expectation | None
+
+    @property
+    def is_random(self) -> bool:
+        """Units drawn from the uncertainty: the profiles are those of the nominal scenario."""
+        return self.expectation is not None
+
+    @property
+    def budget(self) -> tuple[Cost, ...]:
+        """Errors at both ends of each interval alone; empty for a grid."""
+        found = self.expectation
+        if found is None:
+            return ()
+
+        def at(sample: int) -> tuple[float, ...]:
+            return tuple(found.bands[name].scores[sample].rmse_percent_of_range for name in self.compensators)
+
+        costs: list[Cost] = []
+        for k, spread in enumerate(found.doubt.spreads):
+            low, high = found.doubt.ends(k)
+            first, last = (found.doubt.samples[end].numbers[spread.keys[0]] for end in (low, high))
+            costs.append((spread.name, first, last, at(low), at(high)))
+        return tuple(costs)
 
     def percent(self, name: str) -> FloatArray:
         """Errors of a compensator, infinite where it failed [% of range]."""
@@ -71,18 +94,19 @@ class SweepData:
     def headline(self) -> str:
         """What to expect, in two sentences."""
         best = min(self.compensators, key=lambda name: self.quantiles(name)[-1])
+        if self.expectation is not None:
+            best = self.expectation.recommended
         *_, most, worst = (max(q, 1e-3) for q in self.quantiles(best))
         label = compensator(best).label
-        if not self.is_random:
+        if self.expectation is None:
             return (
-                f"RMS error of up to {worst:.3g} % of range over {len(self.rows)} points, best profile: {label}. "
-                "Every profile knows the parameters of its point; on a rig their uncertainty adds to that."
+                f"RMS error of up to {two_digits(worst)} % of range over {len(self.rows)} points, best profile: "
+                f"{label}. Every profile knows the parameters of its point; on a rig their uncertainty adds to that."
             )
-        over = doubt(self.scenario.transmission, self.scenario.robust).widths
         return (
-            f"Expect an RMS error of up to {worst:.3g} % of range on {len(self.rows)} units drawn from {over} (as "
-            f"[robust] states), with the best profile: {label}. 95 % of the units stay below {most:.3g} %, "
-            f"{100 * self.yield_of(best, 1.0):.3g} % below 1 %."
+            f"{self.expectation.headline(label, f'tendonff export-c {self.scenario.source.name} --out c')} "
+            f"Of {len(self.rows)} units drawn from it 95 % stay below {two_digits(most)} %, "
+            f"{two_digits(100 * self.yield_of(best, 1.0))} % of them below 1 %."
         )
 
 

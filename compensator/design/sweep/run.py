@@ -5,23 +5,25 @@ import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
-from tendonff.compensator.compensators.base import Problem, Profile
+from tendonff.compensator.compensators.base import Problem, with_motion
+from tendonff.compensator.compensators.expectation import expect
+from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant
+from tendonff.compensator.compensators.profile import Profile
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
-from tendonff.compensator.compensators.score import SimulatedPlant, verify
+from tendonff.compensator.compensators.score import verify
 from tendonff.compensator.design.sweep.output import Sweep
-from tendonff.compensator.design.sweep.plan import FACTORS, Axis, Unit, factors_of, grid_units, random_units
-from tendonff.compensator.design.sweep.result import Cost, Row, Store
+from tendonff.compensator.design.sweep.plan import Axis, Unit, grid_units, random_keys, random_units
+from tendonff.compensator.design.sweep.result import Row, Store
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.errors import TendonffError
-from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.ocp.batch import run_jobs
-from tendonff.ocp.tracking.robust import transmission_at
+from tendonff.ocp.errors import SolveError
 
 
 @contextmanager
@@ -75,14 +77,22 @@ def _score(unit: Unit, job: Job) -> Row:
     scores = []
     for k, name in enumerate(job.compensators):
         try:
-            profile = compensator(name).profile(problem) if job.profiles is None else job.profiles[k]
-            plant = SimulatedPlant(level=problem.level)
-            found = verify(problem.transmission, plant, name, profile, problem.reference).score
+            profile = _profile(name, problem) if job.profiles is None else job.profiles[k]
+            plant = Plant(problem.transmission, problem.level, FINE_SEGMENTS)
+            found = verify(plant, name, profile, problem.reference).score
             scores.append((found.rmse_percent_of_range, found.peak_error_N))
         except TendonffError:
             scores.append((math.nan, math.nan))
     percent, peak = zip(*scores, strict=True)
     return Row(index=unit.index, values=unit.values, percent=percent, peak_N=peak)
+
+
+def _profile(name: str, problem: Problem) -> Profile:
+    """The profile of a compensator, with its command; SolveError where it has none."""
+    each = compensator(name)
+    if reason := each.refusal(problem):
+        raise SolveError(f"{name}: {reason}")
+    return with_motion(problem, name, each.profile(problem)).require()
 
 
 def sweep(
@@ -106,7 +116,7 @@ def sweep(
         raise InputError("a sweep needs either --over KEY=FROM:TO:COUNT or --samples N, and not both")
     names = tuple(each.name for each in map(compensator, compensators))
     random = samples > 0
-    keys = FACTORS if random else tuple(axis.key for axis in over)
+    keys = random_keys(scenario) if random else tuple(axis.key for axis in over)
     units = random_units(scenario, samples) if random else grid_units(scenario, tuple(over))
     axes = [[axis.key, axis.values[0], axis.values[-1], len(axis.values)] for axis in over]
     plan: dict[str, object] = {
@@ -119,10 +129,12 @@ def sweep(
     done = store.read(len(keys))
     left = [unit for unit in units if unit.index not in done]
     progress(len(done), len(units))
-    profiles = None
+    profiles, expectation = None, None
     if random:  # those that `design` makes
         problem = Problem.of(scenario, reference=sample_reference(scenario, strict=False))
-        profiles = tuple(compensator(name).profile(problem).require() for name in names)
+        profiles = tuple(_profile(name, problem) for name in names)
+        by_name = dict(zip(names, profiles, strict=True))
+        expectation = expect(problem.doubt, problem.level, by_name, problem.reference)
     pieces = [left[k : k + _UNITS_OF_JOB] for k in range(0, len(left), _UNITS_OF_JOB)]
     for start in range(0, len(pieces), _JOBS_OF_WAVE):
         jobs = [
@@ -142,25 +154,5 @@ def sweep(
         keys=keys,
         compensators=names,
         rows=tuple(done[unit.index] for unit in units),
-        budget=_budget(scenario, names, profiles) if profiles is not None else (),
-        is_random=random,
+        expectation=expectation,
     )
-
-
-def _budget(scenario: Scenario, names: tuple[str, ...], profiles: tuple[Profile, ...]) -> tuple[Cost, ...]:
-    """What each parameter costs alone: errors at both ends of its range."""
-    robust, found = scenario.robust, []
-    widths = (robust.mu, robust.stiffness, robust.bristle_stiffness)
-    for k, (key, width) in enumerate(zip(FACTORS, widths, strict=True)):
-        if width == 0:
-            continue
-        ends = []
-        for factor in (1 - width, 1 + width):
-            factors = [1.0, 1.0, 1.0]
-            factors[k] = factor
-            sample = transmission_at(scenario.transmission, tuple(factors))
-            varied = replace(scenario, robust=Uncertainty(), transmission=sample.transmission)
-            unit = Unit(index=0, values=factors_of(sample), scenario=varied)
-            ends.append(_score(unit, Job(units=(unit,), compensators=names, profiles=profiles)).percent)
-        found.append((key, 1 - width, 1 + width, ends[0], ends[1]))
-    return tuple(found)

@@ -2,7 +2,8 @@
 
 import pytest
 
-from tendonff.compensator.compensators.base import Problem, ProfileStatus
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.profile import ProfileStatus
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.design.run import design
 from tendonff.compensator.files.text import InputError

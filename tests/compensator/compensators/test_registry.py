@@ -12,8 +12,9 @@ import pytest
 from tendonff.compensator.cli import run
 from tendonff.compensator.compare.run import compare
 from tendonff.compensator.compensators import base, optimal
-from tendonff.compensator.compensators.base import CModule, Compensator, Problem, Profile, ProfileStatus
+from tendonff.compensator.compensators.base import CModule, Compensator, Problem
 from tendonff.compensator.compensators.closed_form import Capstan
+from tendonff.compensator.compensators.profile import Profile, ProfileStatus
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
 from tendonff.compensator.design.run import design
 from tendonff.compensator.export import c_project, modules
@@ -76,7 +77,15 @@ def designed(quick, reports):
 
 
 def test_names_are_unique_and_ordered_as_shown():
-    assert [c.name for c in COMPENSATORS] == ["none", "capstan", "smoothed", "inverse", "optimal", "table"]
+    assert [c.name for c in COMPENSATORS] == [
+        "none",
+        "frictionless",
+        "capstan",
+        "smoothed",
+        "inverse",
+        "optimal",
+        "table",
+    ]
     assert len({(c.style.color, c.style.linestyle) for c in COMPENSATORS}) == len(COMPENSATORS)
 
 
@@ -120,8 +129,8 @@ def test_a_further_compensator_goes_through_design_with_force_error_and_picture(
 
 
 def test_a_further_compensator_enters_the_matrix_of_compare(quick):
-    result = compare(quick, compensators=(*COMPENSATORS[:4], ConstantGain()))
-    assert {e.compensator for e in result.entries} == {"none", "capstan", "smoothed", "inverse", "gain"}
+    result = compare(quick, compensators=(*COMPENSATORS[:5], ConstantGain()))
+    assert {e.compensator for e in result.entries} == {"none", "frictionless", "capstan", "smoothed", "inverse", "gain"}
     # The gain is the pulling branch of the static law, so it is exact there and wrong while releasing.
     on_law = result.entry("gain", Level.ELASTIC, "capstan")
     assert on_law.rmse_percent_of_range > result.entry("capstan", Level.ELASTIC, "capstan").rmse_percent_of_range
@@ -163,7 +172,7 @@ def test_every_module_that_follows_a_reference_has_a_co_simulation_unit(quick):
     assert followers <= {kind.value for kind in Kind}
 
 
-def test_the_exact_inverse_is_computed_once_in_a_design(quick, monkeypatch):
+def test_the_exact_inverse_is_computed_once_with_and_once_without_friction_in_a_design(quick, monkeypatch):
     calls = []
     for module in (base, tracking, stability):
         right = module.invert
@@ -174,7 +183,7 @@ def test_the_exact_inverse_is_computed_once_in_a_design(quick, monkeypatch):
 
         monkeypatch.setattr(module, "invert", counted)
     design(quick)
-    assert calls == [base.__name__]
+    assert calls == 2 * [base.__name__]
 
 
 def _parts(reports):

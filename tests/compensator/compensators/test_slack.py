@@ -2,8 +2,9 @@
 
 from dataclasses import replace
 
-from tendonff.compensator.compensators.base import Problem, ProfileStatus
+from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.closed_form import Inverse
+from tendonff.compensator.compensators.profile import ProfileStatus
 from tendonff.compensator.compensators.score import Slack, slack_warnings
 from tendonff.compensator.scenario.reference import Shape, WaypointReference
 from tendonff.compensator.scenario.scenario import load_scenario

@@ -133,7 +133,7 @@ def test_a_table_of_one_pose_is_that_of_the_path_in_this_pose(examples, tmp_path
     toml = examples / "finger_moving.toml"
     assert run(["table", str(toml), "--out", str(tmp_path / "none")]) == 2
     said = capsys.readouterr().err
-    assert "where the angle sits decides" in said
+    assert "the distribution of wrap angle along the path matters" in said
     assert "export-c" in said
     assert "--pose" in said
     assert run(["table", str(toml), "--pose", "knuckle=0.3", "--out", str(tmp_path / "half")]) == 2  # the other moves

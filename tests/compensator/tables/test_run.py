@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.compensators.score import SimulatedPlant, verify
+from tendonff.compensator.compensators.expectation import two_digits
+from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant
+from tendonff.compensator.compensators.score import verify
 from tendonff.compensator.compensators.table import CompensationTable
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.compensator.tables.output import table_csv
@@ -42,20 +44,20 @@ def test_its_first_sentence_is_the_worst_case_over_the_friction_and_not_the_mode
         friction=replace(friction, mu_dynamic=0.9 * friction.mu_dynamic, mu_static=0.9 * friction.mu_static),
     )
     profile = CompensationTable(tables.tables[0].built.table).profile(Problem.of(finger))
-    apart = verify(softer, SimulatedPlant(level=tables.level), "table", profile, tables.reference).score
-    assert tables.worst_percent["table"] == pytest.approx(apart.rmse_percent_of_range, rel=1e-6)
-    assert tables.headline.startswith(
-        f"Expect an RMS error of up to {tables.worst_percent['table']:.3g} % of the 32.98 N range"
-    )
+    apart = verify(Plant(softer, tables.level, FINE_SEGMENTS), "table", profile, tables.reference).score
+    worst = tables.expectation.worst_percent
+    assert worst["table"] == pytest.approx(apart.rmse_percent_of_range, rel=1e-6)
+    assert f"({two_digits(worst['table'])} % of range)" in tables.headline
+    assert f"{two_digits(worst['frictionless'])} % without friction compensation" in tables.headline
 
 
 def test_a_table_that_does_harm_is_called_so_and_the_limit_named(finger):
     slow = replace(finger.transmission.actuator, force_rate_max_N_per_s=40.0)
     made = make_tables(replace(finger, transmission=replace(finger.transmission, actuator=slow)), level=Level.ELASTIC)
     said = "\n".join(made.warnings)
-    assert made.worst_percent["table"] > made.worst_percent["none"]
-    assert f"Without compensation: up to {made.worst_percent['none']:.3g} %" in made.headline
-    assert "more than without compensation" in said
+    worst = made.expectation.worst_percent
+    assert worst["table"] > worst["none"]
+    assert "more than the reference applied directly" in said
     assert "needs" in said
     assert "at the actuator, limit 40" in said
 

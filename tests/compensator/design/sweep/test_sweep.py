@@ -14,7 +14,10 @@ import pytest
 from tendonff.compensator import cli
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.closed_form import Inverse
-from tendonff.compensator.compensators.score import SimulatedPlant, verify
+from tendonff.compensator.compensators.expectation import expect, two_digits
+from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant
+from tendonff.compensator.compensators.registry import compensator
+from tendonff.compensator.compensators.score import verify
 from tendonff.compensator.design.sweep import run
 from tendonff.compensator.design.sweep.plan import Axis, varied
 from tendonff.compensator.design.sweep.run import sweep
@@ -125,7 +128,7 @@ def test_a_unit_scores_what_a_single_run_on_it_scores(unsure: Scenario, tmp_path
             unsure.transmission.tendon.relaxing_stiffness_N_per_m * row.values[1],
         ),
     ).transmission
-    alone = verify(unit, SimulatedPlant(level=problem.level), "inverse", profile, problem.reference).score
+    alone = verify(Plant(unit, problem.level, FINE_SEGMENTS), "inverse", profile, problem.reference).score
     assert row.percent[1] == pytest.approx(alone.rmse_percent_of_range, rel=1e-9)
     assert row.percent[1] > 1
 
@@ -135,7 +138,7 @@ def test_yields_and_quantiles_are_counts_of_the_rows(unsure: Scenario, tmp_path:
     errors = sorted(row.percent[1] for row in result.rows)
     assert result.yield_of("inverse", errors[4]) == 4 / 12
     assert result.quantiles("inverse")[-1] == errors[-1]
-    assert [entry[0] for entry in result.budget] == ["mu_factor", "stiffness_factor"]
+    assert [entry[0] for entry in result.budget] == ["mu", "stiffness"]
     mu, stiffness = ((entry[3][1], entry[4][1]) for entry in result.budget)
     assert min(mu) > 10 * max(stiffness)  # friction is what feedforward lives and dies by
 
@@ -146,7 +149,7 @@ def test_a_grid_designs_anew_at_every_point(unsure: Scenario, tmp_path: Path) ->
     assert [row.values for row in result.rows] == [
         (mu, n) for mu in np.linspace(0.1, 0.2, 3).tolist() for n in (2.0, 4.0)
     ]
-    assert max(row.percent[1] for row in result.rows) < 0.02  # one force for all would leave several %
+    assert max(row.percent[1] for row in result.rows) < 0.8  # on 40 masses; one force for all would leave several %
     assert result.rows[0].percent[0] < result.rows[4].percent[0]
 
 
@@ -157,10 +160,14 @@ def test_without_a_stribeck_effect_friction_is_varied_as_a_whole(unsure: Scenari
     assert there.mu_static == there.mu_dynamic == 0.4
 
 
-def test_the_first_sentence_is_the_worst_unit(unsure: Scenario, tmp_path: Path) -> None:
+def test_the_first_sentence_is_that_of_a_design_and_no_unit_is_worse(unsure: Scenario, tmp_path: Path) -> None:
     result = sweep(unsure, tmp_path / "s", samples=6, compensators=NAMES)
-    worst = min(max(row.percent[k] for row in result.rows) for k in range(len(NAMES)))
-    assert result.headline.startswith(f"Expect an RMS error of up to {worst:.3g} % of range on 6 units drawn from mu ±")
+    problem = Problem.of(unsure)
+    profiles = {name: compensator(name).profile(problem) for name in NAMES}
+    worst = expect(problem.doubt, problem.level, profiles, problem.reference).worst_percent
+    assert f"({two_digits(min(worst.values()))} % of range)" in result.headline
+    for k, name in enumerate(NAMES):
+        assert max(row.percent[k] for row in result.rows) <= 1.02 * worst[name]
 
 
 @pytest.mark.slow

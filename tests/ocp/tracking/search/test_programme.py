@@ -6,12 +6,11 @@ import pytest
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
-from tendonff.models.parameters.uncertainty import Uncertainty
+from tendonff.models.parameters.numbers import with_numbers
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.tracking.diagnosis import law_of
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
-from tendonff.ocp.tracking.robust import sample_transmissions
 from tendonff.ocp.tracking.search.programme import programme
 
 STEP = 4e-3
@@ -23,8 +22,8 @@ LIMITS = ForceLimits(minimum_N=0.0, maximum_N=300.0, rate_N_per_s=2000.0)
 @pytest.mark.parametrize("width", [0.1, 0.2])
 def test_by_the_static_law_it_beats_the_inverse_over_both_extremes(generic: Transmission, width: float) -> None:
     """At most 0.9 of the clipped static inverse's error, within the limits."""
-    samples = sample_transmissions(generic, Uncertainty(mu=width, samples=3))
-    chains = tuple(Chain.of(s.transmission, Level.PRESLIDING) for s in samples)
+    rigs = (with_numbers(generic, {"mu": factor}) for factor in (1.0, 1 - width, 1 + width))
+    chains = tuple(Chain.of(rig, Level.PRESLIDING) for rig in rigs)
     inverse = invert(chains[0], REFERENCE, STEP).force_N
     problem = TrackingProblem.of(
         chains, REFERENCE, STEP, LIMITS, TrackOptions(), initial_tension_N=30.0, inverse_N=inverse

@@ -1,0 +1,187 @@
+"""The one way to meet a plant: the transmission behind its drive, and its response to a profile.
+
+Force or command behind the servo, from rest or in the steady cycle, with moving joints or without: every number that
+is shown of a profile comes from `Plant.respond`.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tendonff.compensator.compensators.profile import FloatArray, Profile
+from tendonff.compensator.scenario.sampled.sampling import Reference
+from tendonff.models.chain import Chain
+from tendonff.models.fidelity import Level
+from tendonff.models.parameters import Actuator, Transmission
+from tendonff.models.parameters.drive import Drive
+from tendonff.models.path import JointMotion
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.periodic import Steadiness, steady_response
+from tendonff.ocp.simulate import Outcome, Simulation, simulate
+
+FINE_SEGMENTS = 40
+"""Masses of the plants that profiles are judged on."""
+
+FINE_REFINEMENT = 10
+"""Steps to a row of the profile where a design is verified."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Slack:
+    """Where a tendon went slack.
+
+    Attributes
+    ----------
+    end : str
+        The nearest end, "actuator" or "load", of the link that went slack first.
+    message : str
+        Time, link and share of samples.
+    """
+
+    end: str
+    message: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Response:
+    """What a plant does under a profile, at the rows of the reference.
+
+    Attributes
+    ----------
+    outcome : Outcome
+        `FAILED` where a step could not be solved.
+    message : str
+        How the simulation ended, for the user.
+    output_N : ndarray, shape (n,)
+        Output tension [N]; NaN from the step on that failed, everywhere where no cycle could be simulated.
+    travel_m : ndarray, shape (n,)
+        Position of the actuator's end relative to the start [m], NaN as above.
+    load_m : ndarray, shape (n,)
+        Position of the load relative to the start [m], NaN as above.
+    slack : Slack or None
+        Where the tendon went slack; None where it stayed taut.
+    steadiness : Steadiness or None
+        How the search for the steady cycle of a periodic reference ended; None from rest.
+    """
+
+    outcome: Outcome
+    message: str
+    output_N: FloatArray
+    travel_m: FloatArray
+    load_m: FloatArray
+    slack: Slack | None = None
+    steadiness: Steadiness | None = None
+
+    def require(self) -> "Response":
+        """Return itself, or raise `SolveError` with the message where the simulation failed."""
+        if self.outcome is Outcome.FAILED:
+            raise SolveError(self.message)
+        return self
+
+
+@dataclass(frozen=True, slots=True)
+class Plant:
+    """A transmission behind its drive, at a fidelity level: what a profile is tried on.
+
+    Parameters
+    ----------
+    transmission : Transmission
+    level : Level
+    segments : int, optional
+        Number of masses; default: the path's own.
+    refinement : int, optional
+        Steps to a row of the profile, which is linear in between, >= 1.
+    joints : JointMotion, optional
+        Motion of the joints instead of the transmission's.
+    """
+
+    transmission: Transmission
+    level: Level
+    segments: int | None = None
+    refinement: int = 1
+    joints: JointMotion | None = None
+
+    @classmethod
+    def fine(cls, transmission: Transmission, level: Level) -> "Plant":
+        """The plant that a design is verified on: more masses and a smaller step."""
+        return cls(transmission, level, FINE_SEGMENTS, FINE_REFINEMENT)
+
+    @classmethod
+    def by_force(cls, transmission: Transmission, level: Level, joints: JointMotion | None = None) -> "Plant":
+        """The plant in front of its servo: whatever its drive, it is told a force."""
+        actuator = replace(transmission.actuator, drive=Drive.FORCE, servo_stiffness_N_per_m=None)
+        return cls(replace(transmission, actuator=actuator), level, joints=joints)
+
+    @property
+    def chain(self) -> Chain:
+        """Its chain, without the servo of a position drive."""
+        motion = self.transmission.motion if self.joints is None else self.joints
+        return Chain.of(replace(self.transmission, motion=motion), self.level, self.segments)
+
+    def respond(self, profile: Profile, reference: Reference) -> Response:
+        """Simulate the plant under a profile.
+
+        A position drive is told the profile's command, any other its force. The run starts at rest at the reference's
+        initial tension; that of a periodic reference is in its steady cycle.
+
+        Raises
+        ------
+        SolveError
+            If the drive is told a position and the profile has no command.
+        """
+        own, actuator = self.chain, self.transmission.actuator
+        step, start = reference.step_s / self.refinement, reference.initial_tension_N
+        chain, drive = own, profile.setpoint(actuator.drive)
+        if actuator.drive is Drive.POSITION:
+            chain, drive = behind_servo(own, actuator, start, drive)
+        rows, between = len(drive), slice(None, None, self.refinement)
+        if self.refinement > 1:
+            fine = np.arange((rows - 1) * self.refinement + 1)
+            drive = np.interp(fine / self.refinement, np.arange(rows), drive)
+        steadiness = None
+        if reference.periodic:
+            try:
+                run, steadiness = steady_response(chain, drive, step, initial_tension_N=start)
+            except SolveError as error:
+                nothing = np.full(rows, np.nan)
+                return Response(
+                    outcome=Outcome.FAILED, message=str(error), output_N=nothing, travel_m=nothing, load_m=nothing
+                )
+        else:
+            run = simulate(chain, drive, step, initial_tension_N=start)
+        rest = own.rest_state(start)
+
+        def column(values: FloatArray, origin: float = 0.0) -> FloatArray:
+            kept = values[between] - origin
+            return np.pad(kept, (0, rows - len(kept)), constant_values=np.nan)
+
+        return Response(
+            outcome=run.outcome,
+            message=run.message,
+            output_N=column(run.output_tension_N),
+            travel_m=column(run.near_position_m, rest.near_position_m),
+            load_m=column(run.far_position_m, rest.far_position_m),
+            slack=_slack_of(run),
+            steadiness=steadiness,
+        )
+
+
+def behind_servo(
+    chain: Chain, actuator: Actuator, initial_tension_N: float, command_m: FloatArray
+) -> tuple[Chain, FloatArray]:
+    """The chain behind the servo of a position drive, and the force on it that stands for a command: k_c1 x_c1.
+
+    The command x_c1, shape (n,), counts from the rest under the initial tension [m].
+    """
+    stiffness = actuator.servo_stiffness_N_per_m or 0.0
+    rest = chain.rest_state(initial_tension_N).near_position_m
+    drive: FloatArray = initial_tension_N + stiffness * (rest + command_m)
+    return chain.with_end_stiffness(stiffness, chain.far.stiffness_N_per_m), drive
+
+
+def _slack_of(run: Simulation) -> Slack | None:
+    if run.outcome is not Outcome.SLACK:
+        return None
+    slack = run.tension_N <= 0
+    first = int(np.argmax(slack[np.argmax(slack.any(axis=1))]))
+    return Slack(end="load" if first >= slack.shape[1] / 2 else "actuator", message=run.message)

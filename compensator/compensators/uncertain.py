@@ -1,0 +1,115 @@
+"""Transmissions that may be the real one, by what the scenario says of its uncertainty."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from tendonff.models.parameters import Transmission
+from tendonff.models.parameters.numbers import with_numbers
+from tendonff.models.parameters.uncertainty import Spread, Uncertainty
+
+ASSUMED: Final = Uncertainty(mu=0.1, samples=3)
+"""Uncertainty where the scenario states none: friction known to 10 % either way."""
+
+_NAMED = 3  # spreads that a sentence names
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sample:
+    """One transmission that the uncertainty admits.
+
+    Parameters
+    ----------
+    transmission : Transmission
+    numbers : mapping of str to float, optional
+        The numbers that differ from the scenario's, by key; a factor for mu, stiffness and bristle_stiffness. Empty for
+        the nominal one.
+    """
+
+    transmission: Transmission
+    numbers: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Doubt:
+    """Transmissions that may be the real one.
+
+    Parameters
+    ----------
+    transmission : Transmission
+        The nominal one.
+    uncertainty : Uncertainty
+        Intervals of the numbers that are not known exactly.
+    is_assumed : bool
+        The scenario states no uncertainty.
+    samples : tuple of Sample
+        The nominal one, both ends of each interval with all else nominal, then a Sobol sequence over all intervals.
+    """
+
+    transmission: Transmission
+    uncertainty: Uncertainty
+    is_assumed: bool
+    samples: tuple[Sample, ...]
+
+    @classmethod
+    def of(cls, transmission: Transmission, uncertainty: Uncertainty) -> "Doubt":
+        """What may be the real transmission; where all is said to be certain, it is `ASSUMED` instead."""
+        is_assumed = uncertainty.is_certain or uncertainty.samples == 1
+        stated = ASSUMED if is_assumed else uncertainty
+        samples = sample_transmissions(transmission, stated)
+        return cls(transmission=transmission, uncertainty=stated, is_assumed=is_assumed, samples=samples)
+
+    @property
+    def spreads(self) -> tuple[Spread, ...]:
+        """Intervals in the order of the samples at their ends."""
+        return self.uncertainty.spreads
+
+    def ends(self, k: int) -> tuple[int, int]:
+        """Numbers of the two samples at the ends of interval k."""
+        return 1 + 2 * k, 2 + 2 * k
+
+    def at(self, places: Sequence[float]) -> Sample:
+        """The sample at a place in each interval, from −1 (low) to 1 (high)."""
+        return _sample(self.transmission, self.spreads, places)
+
+    @property
+    def widths(self) -> str:
+        """The intervals in words: "mu ±10 %"; the first three where there are more."""
+        words = [spread.words for spread in self.spreads]
+        more = f" and {len(words) - _NAMED} more" if len(words) > _NAMED else ""
+        return ", ".join(words[:_NAMED]) + more
+
+    def __str__(self) -> str:
+        source = "assumed; set [robust]" if self.is_assumed else "as [robust] states"
+        return f"{self.widths} ({source})"
+
+
+def sample_transmissions(transmission: Transmission, uncertainty: Uncertainty) -> tuple[Sample, ...]:
+    """The nominal transmission, both ends of each interval, then points of a Sobol sequence up to `samples` in all."""
+    nominal, spreads = Sample(transmission=transmission), uncertainty.spreads
+    ends: list[Sample] = []
+    for spread in spreads:
+        ends += [_sample(transmission, (spread,), (side,)) for side in (-1.0, 1.0)]
+    further = draw_transmissions(transmission, uncertainty, max(uncertainty.samples - 1 - len(ends), 0))
+    return (nominal, *ends, *further)
+
+
+def draw_transmissions(transmission: Transmission, uncertainty: Uncertainty, count: int) -> tuple[Sample, ...]:
+    """Points of a Sobol sequence over all intervals, shifted by the seed (Cranley, Patterson 1976)."""
+    spreads = uncertainty.spreads
+    if count == 0 or not spreads:
+        return ()
+    from scipy.stats import qmc  # here, since it takes half a second to import and most commands draw nothing
+
+    points = qmc.Sobol(len(spreads), scramble=False).random_base2((count - 1).bit_length())[:count]
+    shifted = (points + np.random.default_rng(uncertainty.seed).random(len(spreads))) % 1.0
+    return tuple(_sample(transmission, spreads, row) for row in 2 * shifted - 1)
+
+
+def _sample(transmission: Transmission, spreads: Sequence[Spread], places: Sequence[float]) -> Sample:
+    values: dict[str, float] = {}
+    for spread, place in zip(spreads, places, strict=True):
+        values |= spread.values(transmission, float(place))
+    return Sample(transmission=with_numbers(transmission, values), numbers=values)

@@ -1,0 +1,134 @@
+"""Samples of what is not known, and errors over them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.compensators.expectation import expect, two_digits
+from tendonff.compensator.compensators.plant import Plant
+from tendonff.compensator.compensators.profile import Profile
+from tendonff.compensator.compensators.uncertain import Doubt, sample_transmissions
+from tendonff.compensator.scenario.sampled.sampling import Reference
+from tendonff.models.chain import Chain
+from tendonff.models.errors import ParameterError
+from tendonff.models.fidelity import Level
+from tendonff.models.parameters import Transmission
+from tendonff.models.parameters.uncertainty import Spread, Uncertainty
+from tendonff.ocp.inverse import invert
+
+STEP = 2e-3
+TIME = np.arange(0, 1 + STEP / 2, STEP)
+TENSION = 30 + 10 * np.sin(2 * np.pi * TIME) * np.minimum(TIME / 0.1, 1)
+UNSURE = Uncertainty(mu=0.2, stiffness=0.1, spread=(Spread(keys=("load.stiffness_N_per_m",), half_width=0.3),))
+
+
+@pytest.fixture(scope="module")
+def reference() -> Reference:
+    return Reference(time_s=TIME, tension_N=TENSION, initial_tension_N=30.0, step_s=STEP)
+
+
+def test_samples_are_the_nominal_ones_each_end_alone_and_points_that_fill_all_intervals(generic: Transmission) -> None:
+    samples = sample_transmissions(generic, replace(UNSURE, samples=40))
+    assert len(samples) == 40
+    assert samples[0].transmission == generic
+    load = generic.load.stiffness_N_per_m
+    ends = [dict(sample.numbers) for sample in samples[1:7]]
+    assert ends[:4] == [{"mu": 0.8}, {"mu": 1.2}, {"stiffness": 0.9}, {"stiffness": 1.1}]
+    assert [end["load.stiffness_N_per_m"] for end in ends[4:]] == pytest.approx([0.7 * load, 1.3 * load])
+    inner = np.array([list(sample.numbers.values()) for sample in samples[7:]]) / (1, 1, load)
+    assert np.all(np.abs(inner - 1) <= (0.2, 0.1, 0.3))
+    assert np.all(np.ptp(inner, axis=0) > np.array((0.2, 0.1, 0.3)) * 1.8)
+    last = samples[-1]
+    assert last.transmission.friction.mu_static == pytest.approx(generic.friction.mu_static * last.numbers["mu"])
+    assert last.transmission.load.stiffness_N_per_m == last.numbers["load.stiffness_N_per_m"]
+
+
+def test_the_points_of_one_seed_are_even_and_those_of_another_are_others(generic: Transmission) -> None:
+    """A Sobol sequence has as many points in each half of every interval, to one."""
+    many = replace(UNSURE, samples=7 + 64)
+    first, again, other = (sample_transmissions(generic, u) for u in (many, many, replace(many, seed=1)))
+    assert [s.numbers for s in first] == [s.numbers for s in again] != [s.numbers for s in other]
+    mu = np.array([sample.numbers["mu"] for sample in first[7:]])
+    assert abs(int(np.sum(mu > 1)) - 32) <= 1
+
+
+def test_certainty_needs_one_sample_and_is_doubted_all_the_same(generic: Transmission) -> None:
+    assert len(sample_transmissions(generic, Uncertainty(samples=9))) == 1
+    doubt = Doubt.of(generic, Uncertainty(samples=9))
+    assert doubt.is_assumed
+    assert str(doubt) == "mu ±10 % (assumed; set [robust])"
+
+
+def test_friction_overestimated_makes_the_output_swing_more_than_the_reference(
+    generic: Transmission, reference: Reference
+) -> None:
+    """Over-compensation: the exact inverse of the nominal rig on rigs with less friction."""
+    profile = Profile(force_N=invert(Chain.of(generic, Level.PRESLIDING, 40), TENSION, STEP).force_N)
+    doubt = Doubt.of(generic, Uncertainty(mu=0.2, samples=3))
+    band = expect(doubt, Level.PRESLIDING, {"inverse": profile}, reference).bands["inverse"]
+    assert band.nominal.rmse_N < 1e-6
+    assert band.amplified_sample.numbers == {"mu": 0.8}
+    assert band.amplification > 0.05
+
+
+def test_the_number_that_does_it_is_the_first_contribution_and_the_corner_of_all_is_the_worst_case(
+    generic: Transmission, reference: Reference
+) -> None:
+    """Every number is simulated here again, on its own plant."""
+    profile = Profile(force_N=invert(Chain.of(generic, Level.PRESLIDING), TENSION, STEP).force_N)
+    spread = (
+        Spread(keys=("tendon.damping_N_s_per_m",), half_width=0.2),
+        Spread(keys=("actuator.coulomb_N",), low=0.0, high=4.0),
+        Spread(keys=("friction.mu_dynamic", "friction.mu_dynamic_release"), half_width=0.05),
+    )
+    rig = replace(generic, friction=replace(generic.friction, mu_dynamic_release=0.15))
+    doubt = Doubt.of(rig, Uncertainty(spread=spread))
+    found = expect(doubt, Level.PRESLIDING, {"inverse": profile}, reference)
+    assert found.contributions[0].key == "actuator.coulomb_N"
+
+    def error_N(transmission: Transmission) -> float:
+        output = Plant(transmission, Level.PRESLIDING, 40).respond(profile, reference).output_N
+        return float(np.sqrt(np.mean((output - TENSION) ** 2)))
+
+    dry = replace(rig, actuator=replace(rig.actuator, coulomb_N=4.0))
+    assert found.contributions[0].rmse_N == pytest.approx(error_N(dry))
+    corners = [
+        error_N(
+            replace(
+                dry,
+                tendon=replace(rig.tendon, damping_N_s_per_m=damping * rig.tendon.damping_N_s_per_m),
+                friction=replace(
+                    rig.friction,
+                    mu_dynamic=mu * rig.friction.mu_dynamic,
+                    mu_static=mu * rig.friction.mu_static,
+                    mu_dynamic_release=mu * 0.15,
+                    mu_static_release=mu * rig.friction.release_static,
+                ),
+            )
+        )
+        for damping in (0.8, 1.2)
+        for mu in (0.95, 1.05)
+    ]
+    assert found.best.worst.rmse_N == pytest.approx(max(corners), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("keys", "values", "message"),
+    [
+        (("load.stiffness_N_per_m",), {"half_width": 1.0}, "must be > 0 and < 1, got 1"),
+        (("actuator.coulomb_N",), {"low": 3.0, "high": 1.0}, r"low < high, got \[3.0, 1.0\]"),
+        (("mu", "stiffness"), {"low": 0.9, "high": 1.1}, "together need a relative half-width"),
+    ],
+)
+def test_an_interval_without_a_meaning_is_refused(keys: tuple[str, ...], values: dict, message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        Spread(keys=keys, **values)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(1.634, "1.6"), (24.7, "25"), (0.0123, "0.012"), (123.4, "120"), (9.96, "10"), (99.6, "100"), (0.0004, "< 0.001")],
+)
+def test_headlines_have_two_digits(value: float, text: str) -> None:
+    assert two_digits(value) == text
