@@ -77,7 +77,7 @@ def lively(generic: Transmission) -> Chain:
 def test_the_mode_that_grows_has_the_frequency_and_the_growth_of_a_disturbance_that_is_simulated(
     generic: Transmission,
 ) -> None:
-    """Two runs of the chain at a 200th of the step, one of them with a kick of 0.2 ms: what grows of their difference."""
+    """Two runs of the chain at a 200th of the step, one with a kick of 0.2 ms: what grows of their difference."""
     chain = lively(generic)
     worst = max(predict_stick_slip(chain, REFERENCE, STEP).stretches, key=lambda s: s.growth_exponent)
     inversion = invert(chain, REFERENCE, STEP, record=True)
