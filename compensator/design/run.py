@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from tendonff.compensator.compensators.base import Compensator, FloatArray, Problem, Profile, ProfileStatus, with_motion
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import (
@@ -22,7 +24,9 @@ from tendonff.compensator.scenario.reference import CsvReference, Hold
 from tendonff.compensator.scenario.sampled.from_file import noise_advice, ripple_advice
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.errors import TendonffError
 from tendonff.models.fidelity import Level
+from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.stability import predict_stick_slip
 from tendonff.ocp.tracking.problem import TrackOptions
@@ -40,7 +44,8 @@ def design(
 ) -> Design:
     """Design the force profile of a scenario by every compensator, and simulate each on every level.
 
-    InputError if the reference cannot be delivered, SolveError if a simulation fails.
+    InputError if the reference cannot be delivered, SolveError if a simulation or every compensator fails; what one of
+    them raises is the message of its profile.
 
     Parameters
     ----------
@@ -62,10 +67,11 @@ def design(
     profiles: dict[str, Profile] = {}
     for compensator in compensators:
         share = shares[compensator.name]
-        profile = compensator.profile(problem, progress=parts.inside(share))
-        profiles[compensator.name] = with_motion(problem, compensator.name, profile)
+        profiles[compensator.name] = _answer(compensator, problem, parts.inside(share))
         warnings += profiles[compensator.name].warnings
         parts.done(share)
+    if all(profile.status is ProfileStatus.FAILED for profile in profiles.values()):
+        raise SolveError("; ".join(profile.message for profile in profiles.values()))
     forces = {name: profile.force_N for name, profile in profiles.items()}
     stick_slip = predict_stick_slip(
         problem.chain,
@@ -107,6 +113,19 @@ def design(
         warnings=tuple(warnings),
     )
     return replace(result, warnings=(*result.warnings, *drive_warnings(result)))
+
+
+def _answer(compensator: Compensator, problem: Problem, progress: Progress) -> Profile:
+    """The profile of one compensator; where it raises, a failed one that holds the force of the start."""
+    try:
+        return with_motion(problem, compensator.name, compensator.profile(problem, progress=progress))
+    except (TendonffError, ArithmeticError, np.linalg.LinAlgError) as error:
+        reason = str(error) if isinstance(error, TendonffError) else f"{type(error).__name__}: {error}"
+        message = f"{compensator.name}: failed: {reason}"
+        start = problem.limits.start(problem.reference.initial_tension_N)
+        force = np.full(len(problem.reference.tension_N), start)
+        failed = Profile(force_N=force, status=ProfileStatus.FAILED, message=message, warnings=(message,))
+        return with_motion(problem, compensator.name, failed)
 
 
 _KEPT = 2.0  # times the error on the design level that the finer chain may leave
