@@ -70,9 +70,7 @@ def predict_stick_slip(
         inversion = invert(chain, reference, step_s, record=True)
     force = inversion.force_N if force_N is None else force_N
     expected = expected_error_N(chain, force, reference, step_s, float(inversion.force_N[0]))
-    states = inversion.states
-    if states is None:
-        raise AssertionError("the inverse was asked to record its states")
+    states = inversion.recorded
     last = len(reference) - 1
     rows = np.unique(np.linspace(min(1, last), last, min(_SAMPLES, max(last, 1))).astype(int))
     linear, layout = Lineariser(chain), chain.layout
