@@ -154,14 +154,14 @@ def _require_finite(values: Values, law: str) -> Values:
     """Refuse what no C literal spells: at run time it would be infinite or not a number as well."""
     if not all(map(math.isfinite, values)):
         raise CodeError(
-            f"{law}: a number of these parameters is {values[0] if len(values) == 1 else values}: something is divided by "
-            "zero, or overflows; check the parameters that are zero or very large"
+            f"{law}: a number of these parameters is {values[0] if len(values) == 1 else values}: something is divided "
+            "by zero, or overflows; check the parameters that are zero or very large"
         )
     return values
 
 
 def _value_of(op: int, operands: Sequence[float]) -> float:
-    """What C gives for an operation on numbers; where Python raises, as for 1/0, CasADi gives infinity or NaN like C."""
+    """Value of an operation on numbers in C; where Python raises, as for 1/0, CasADi gives infinity or NaN like C."""
     try:
         return OPERATORS[op].evaluate(*operands)
     except (ArithmeticError, ValueError):
