@@ -55,7 +55,9 @@ def test_without_a_statement_friction_is_assumed_to_be_known_to_ten_percent_and_
 def test_the_first_sentence_has_the_worst_case_and_the_small_print_the_model_against_itself(assumed):
     worst = assumed.expectation.worst_percent["inverse"]
     assert worst > 3  # per cent, where the model against itself has less than a tenth
-    assert f"{worst:.3g} %" in headline(assumed).split(".  ")[0]
+    first, second = headline(assumed).split(". ")
+    assert f"{worst:.3g} %" in first
+    assert f"{assumed.expectation.worst_percent['none']:.3g} %" in second
     own = assumed.on_proof("inverse").score.percent
     assert float(own) < 0.1
     assert own not in headline(assumed)
