@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tendonff.models.assembly import NORMAL_FORCE_FLOOR_N, End
 from tendonff.models.bounds import at_least
-from tendonff.models.path import Section
+from tendonff.models.path import Section, SectionKind
 
 COEFFICIENT_FLOOR = 1e-12
 """Least equivalent coefficient in the bristle law [-]: lets a frictionless path run through the same expression."""
@@ -186,13 +186,11 @@ class LuGreBristle:
 
     def in_section(self, section: Section) -> "LuGreBristle":
         """The section's own coefficients where it has any; a pulley's bearing has one for both directions."""
-        if section.bearing_exponent is not None:
-            bearing = section.bearing_exponent / section.angle_rad
-            return self._with_coefficients(bearing, bearing, bearing, bearing)
-        pull = self.mu_dynamic_pull if section.mu_dynamic is None else section.mu_dynamic
-        release = section.mu_dynamic_release
-        if release is None:
-            release = self.mu_dynamic_release if section.mu_dynamic is None else section.mu_dynamic
+        own_pull, own_release = section.own_dynamic()
+        if section.kind is SectionKind.PULLEY:
+            return self._with_coefficients(own_pull, own_pull, own_release, own_release)
+        pull = self.mu_dynamic_pull if own_pull is None else own_pull
+        release = self.mu_dynamic_release if own_release is None else own_release
         # The static excess of the whole stays where a section says nothing about it.
         stick = pull * _ratio(self.mu_static_pull, self.mu_dynamic_pull)
         stick_release = release * _ratio(self.mu_static_release, self.mu_dynamic_release)

@@ -45,7 +45,7 @@ class Section:
         Length at joint angle zero [m], >= 0; default: in proportion to the angles.
     kind : SectionKind, optional
     bearing_exponent : float, optional
-        For a pulley: ln(T_in/T_out) at which its bearing turns [-], instead of coefficients.
+        For a pulley: ln(T_in/T_out) at which its bearing turns at joint angle zero [-], instead of coefficients.
     mu_dynamic, mu_static, mu_dynamic_release, mu_static_release : float, optional
         Instead of those of the whole [-].
     joint : str, optional
@@ -89,6 +89,17 @@ class Section:
         dynamic, static = self.mu_dynamic, self.mu_static
         if dynamic is not None and static is not None and static < dynamic:
             raise ParameterError(f'section "{self.name}": mu_static must be >= mu_dynamic = {dynamic:g}, got {static}')
+
+    def own_dynamic(self) -> tuple[float | None, float | None]:
+        """Dynamic coefficients when pulling and when releasing [-]; None where those of the whole hold.
+
+        A bearing carries 2 T sin(phi/2), so the exponent of a pulley goes with its wrap angle to first order, and
+        nothing is left of it where the tendon lifts off: the bearing is a coefficient, alike in both directions.
+        """
+        if self.bearing_exponent is not None:
+            bearing = self.bearing_exponent / self.angle_rad
+            return bearing, bearing
+        return self.mu_dynamic, self.mu_dynamic if self.mu_dynamic_release is None else self.mu_dynamic_release
 
     def angle_at(self, joint_rad: ArrayLike) -> Array:
         """Wrap angle phi(q) where its joint stands at these angles [rad], not below 0."""

@@ -19,7 +19,7 @@ from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.simulate import at_rest, tensions_of
 from tendonff.ocp.step.c_engine import CompiledInverse
 from tendonff.ocp.step.casadi_inverse import CasadiInverse
-from tendonff.ocp.step.protocol import Array, Inverse
+from tendonff.ocp.step.protocol import Array, Inverse, require_recorded
 
 
 class InverseStatus(StrEnum):
@@ -42,6 +42,11 @@ class Inversion:
     least_tension_N: Array  # shape (n,); smallest tension along the path at each row
     states: Array | None  # shape (n, size); in the order of `StateLayout`, recorded on request
     final: ChainState  # state after the last row
+
+    @property
+    def recorded(self) -> Array:
+        """The states, shape (n, size); ParameterError where nobody asked for them."""
+        return require_recorded(self.states)
 
 
 def invert(

@@ -70,17 +70,16 @@ def predict_stick_slip(
         inversion = invert(chain, reference, step_s, record=True)
     force = inversion.force_N if force_N is None else force_N
     expected = expected_error_N(chain, force, reference, step_s, float(inversion.force_N[0]))
-    states = inversion.states
-    if states is None:
-        raise AssertionError("the inverse was asked to record its states")
-    rows = np.unique(np.linspace(1, len(reference) - 1, min(_SAMPLES, len(reference) - 1)).astype(int))
+    states = inversion.recorded
+    last = len(reference) - 1
+    rows = np.unique(np.linspace(min(1, last), last, min(_SAMPLES, max(last, 1))).astype(int))
     linear, layout = Lineariser(chain), chain.layout
     all_poles = [linear.at(ChainState.from_vector(states[row], layout, row * step_s)).poles for row in rows]
     poles = np.array([each[np.argmax(each.real)] for each in all_poles])  # the fastest growing [1/s]
     time_s = rows * step_s
     found = _stretches(time_s, poles)
     duration = float(time_s[-1])
-    share = min(sum(s.end_s - s.start_s for s in found) / duration, 1.0)
+    share = min(sum(s.end_s - s.start_s for s in found) / duration, 1.0) if found else 0.0
     return StickSlipPrediction(
         stretches=found,
         unstable_share=share,
@@ -107,7 +106,7 @@ def _stretches(time_s: Array, poles: Array) -> tuple[UnstableStretch, ...]:
     growing = np.flatnonzero(poles.real > 0)
     if growing.size == 0:
         return ()
-    width = np.gradient(time_s)
+    width = np.gradient(time_s) if len(time_s) > 1 else time_s  # one sample stands for all the time there is
     found = []
     for run in np.split(growing, np.flatnonzero(np.diff(growing) > 1) + 1):
         exponent = float(np.sum(poles.real[run] * width[run]))

@@ -26,6 +26,7 @@ from tendonff.models.errors import TendonffError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.uncertainty import Uncertainty
+from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import Inversion, invert
 from tendonff.ocp.periodic import Steadiness, steady_inverse
 from tendonff.ocp.reference.hold import KeptForce, find_holds, keep_force, last_approach
@@ -239,7 +240,7 @@ class Answers:
 def answers_of(problem: Problem, compensators: Sequence[Compensator], parts: Parts) -> Answers:
     """Profiles of all compensators that have an answer; one that fails does not keep the others from theirs.
 
-    A slow compensator counts as `SLOW_PARTS` of the progress.
+    A slow compensator counts as `SLOW_PARTS` of the progress. SolveError where none has an answer.
     """
     found = Answers(profiles={}, refused={}, failed={})
     for each in compensators:
@@ -250,9 +251,12 @@ def answers_of(problem: Problem, compensators: Sequence[Compensator], parts: Par
             try:
                 profile = each.profile(problem, progress=parts.inside(share))
                 found.profiles[each.name] = with_motion(problem, each.name, profile)
-            except TendonffError as error:
-                found.failed[each.name] = str(error)
+            except (TendonffError, ArithmeticError, np.linalg.LinAlgError) as error:
+                reason = str(error) if isinstance(error, TendonffError) else f"{type(error).__name__}: {error}"
+                found.failed[each.name] = f"failed: {reason}"
         parts.done(share)
+    if not found.profiles:
+        raise SolveError("; ".join(f"{name}: {reason}" for name, reason in (found.refused | found.failed).items()))
     return found
 
 

@@ -12,7 +12,7 @@ from tendonff.compensator.identification.fitting.static import CONSTANTS, Static
 from tendonff.compensator.identification.fitting.tendon import longest_hold_s
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record, mean_pose
-from tendonff.compensator.identification.result import Estimate
+from tendonff.compensator.identification.result import Estimate, is_known
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import ExponentLine, exponent_lines
@@ -20,9 +20,6 @@ from tendonff.ocp.fits.chain import DynamicParameter
 from tendonff.ocp.fits.static import SPREADS, StaticParameter, in_gross_sliding
 
 P, D = StaticParameter, DynamicParameter
-
-POOR_SHARE = 0.35
-"""Standard error over value from which on a value counts as not identified."""
 
 BLIND_SHARE = 1e3
 """A standard error of so many times the value, and of so many units, is none: the data do not see the value."""
@@ -225,7 +222,7 @@ def _static(rig: _Rig, fit: StaticFit) -> list[Estimate]:
         if parameter in (P.INPUT_BIAS, P.OUTPUT_BIAS):
             sure = fit.stands_out(parameter)
         else:
-            sure = error < POOR_SHARE * abs(value) or parameter is P.GUIDE
+            sure = is_known(error, abs(value)) or parameter is P.GUIDE
         told = not alike and sure
         if alike:
             why = f"it goes with {partner}, these files tell only their combination; repeat at several loads"
@@ -264,7 +261,7 @@ def _without_load(rig: _Rig, fit: StaticFit) -> Estimate:
         value,
         error,
         (value - reach, value + reach),
-        told=error < POOR_SHARE * value,
+        told=is_known(error, value),
         why="static stage: adhesion times (e^{mu theta} - 1)",
     )
     return replace(found, fitted=False)
@@ -310,9 +307,7 @@ def _dynamic(rig: _Rig, fit: DynamicFit) -> list[Estimate]:
         low, high = solution.interval(source)
         if source not in BIASES:
             low = max(low, 0.0)  # no interval of a positive value reaches below zero
-        told = math.isfinite(error) and (
-            error < POOR_SHARE * relevant_size(source, value, fit.mean_N) or source in BIASES
-        )
+        told = math.isfinite(error) and (is_known(error, relevant_size(source, value, fit.mean_N)) or source in BIASES)
         share = error / abs(value) if value else float("inf")
         why = "dynamic stage" if told else rig.reason(parameter, share, fitted=True)
         if parameter is not D.STATIC_EXCESS:

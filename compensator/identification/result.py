@@ -18,6 +18,15 @@ POOR_PERCENT = 10.0
 """A law that leaves more than this share of the range does not describe the device."""
 
 
+POOR_SHARE = 0.35
+"""Standard error over size from which on a value counts as not identified."""
+
+
+def is_known(standard_error: float, size: float) -> bool:
+    """Whether a value of a size is known well enough to be told; what is not a number is not."""
+    return standard_error < POOR_SHARE * size
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
     """One value."""

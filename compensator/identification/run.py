@@ -114,7 +114,7 @@ def identify(
         say("replay of the fitted scenario")
         fitted = carried_on(scenario, law, records, static_only=static_only)
         warnings += messages.about_fitted(fitted, records)
-        warnings.append(messages.about_uneven_path(chain, theta))
+        warnings += [messages.about_uneven_path(chain, theta), "" if chain is None else chain.caution]
     sections = friction_by_section(fit_files, how, theta, fitted.scenario.transmission.friction.adhesion_N)
     of_drive = drive_estimate(scenario, raw[: len(fit_files)])
     if of_drive is not None:

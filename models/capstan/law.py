@@ -27,7 +27,6 @@ from tendonff.models.capstan.spread_bounds import SpreadPlays
 from tendonff.models.errors import ParameterError, require
 from tendonff.models.layout import Array
 from tendonff.models.parameters.transmission import Transmission
-from tendonff.models.path import Section
 
 NO_JOINTS: Mapping[str, float] = MappingProxyType({})
 
@@ -65,12 +64,9 @@ def held_within(start: float, low: Array, high: Array) -> Array:
     return held
 
 
-def _section_exponent(section: Section, own: float | None, usual: float, joint_rad: Mapping[str, float]) -> float:
-    """Mu phi of a section where the joints stand."""
-    if section.bearing_exponent is not None:
-        return section.bearing_exponent
-    bent = 0.0 if section.joint is None else joint_rad.get(section.joint, 0.0)
-    return (usual if own is None else own) * float(section.angle_at(bent))
+def _angles(transmission: Transmission, joint_rad: Mapping[str, float]) -> list[float]:
+    """Wrap angle of each section where the joints stand [rad]."""
+    return [float(part.angle_at(joint_rad.get(part.joint or "", 0.0))) for part in transmission.path.parts]
 
 
 def section_exponents(
@@ -79,12 +75,16 @@ def section_exponents(
     """Mu phi of each section when pulling and when releasing, by the dynamic coefficients; joints stand at zero unless
     said.
     """
-    friction, parts, angles = transmission.friction, transmission.path.parts, joint_rad
-    back = [part.mu_dynamic if part.mu_dynamic_release is None else part.mu_dynamic_release for part in parts]
-    return (
-        [_section_exponent(part, part.mu_dynamic, friction.mu_dynamic, angles) for part in parts],
-        [_section_exponent(part, mu, friction.release_dynamic, angles) for part, mu in zip(parts, back, strict=True)],
+    parts, angles = transmission.path.parts, _angles(transmission, joint_rad)
+    pull, release = (
+        [(usual if own is None else own) * phi for own, phi in zip(mus, angles, strict=True)]
+        for usual, mus in zip(
+            (transmission.friction.mu_dynamic, transmission.friction.release_dynamic),
+            zip(*(part.own_dynamic() for part in parts), strict=True),
+            strict=True,
+        )
     )
+    return pull, release
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,26 +107,14 @@ def exponent_lines(
     transmission: Transmission, joint_rad: Mapping[str, float] = NO_JOINTS
 ) -> tuple[ExponentLine, ExponentLine]:
     """Lines when pulling and when releasing; joints stand at zero unless said."""
-    zero, one = (
-        [
-            math.fsum(exponents)
-            for exponents in section_exponents(
-                replace(
-                    transmission,
-                    friction=replace(
-                        transmission.friction,
-                        mu_dynamic=mu,
-                        mu_static=mu,
-                        mu_dynamic_release=None,
-                        mu_static_release=None,
-                    ),
-                ),
-                joint_rad,
-            )
-        ]
-        for mu in (0.0, 1.0)
+    angles = _angles(transmission, joint_rad)
+    pull, release = (
+        ExponentLine(
+            angle_rad=math.fsum(phi for own, phi in zip(mus, angles, strict=True) if own is None),
+            held=math.fsum(own * phi for own, phi in zip(mus, angles, strict=True) if own is not None),
+        )
+        for mus in zip(*(part.own_dynamic() for part in transmission.path.parts), strict=True)
     )
-    pull, release = (ExponentLine(angle_rad=b - a, held=a) for a, b in zip(zero, one, strict=True))
     return pull, release
 
 

@@ -1,6 +1,5 @@
 """The tuner in C: its laws from the symbolic models, its template, and the library of the host."""
 
-import ctypes
 import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -18,6 +17,7 @@ from tendonff.ocp.codegen.compiler import find_compiler, load_library, why_no_co
 from tendonff.ocp.codegen.partial_evaluation import FoldedLaw, PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import Law, literal
+from tendonff.ocp.codegen.prototype import CFunction
 from tendonff.ocp.codegen.templates import environment
 from tendonff.ocp.errors import CodeError
 from tendonff.ocp.step.c_engine import PREFIX, host_source
@@ -229,9 +229,21 @@ def _moving_context(tuned: TunedChain, own_slopes: FoldedLaw) -> dict[str, objec
     }
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostTuner:
+    """The compiled tuner of the host; double."""
+
+    size: CFunction  # bytes of its memory
+    begin: CFunction
+    step: CFunction
+    report: CFunction
+    run: CFunction
+    work_reals: CFunction  # reals of the memory of a step of a chain
+
+
 @functools.lru_cache(maxsize=32)
-def host_library(tuned: TunedChain) -> ctypes.CDLL:
-    """The compiled tuner of the host; double.
+def host_tuner(tuned: TunedChain) -> HostTuner:
+    """The tuner for a chain, compiled or from the cache.
 
     Raises
     ------
@@ -243,11 +255,17 @@ def host_library(tuned: TunedChain) -> ctypes.CDLL:
             f"self-tuning runs as compiled C only: {why_no_compiler()} (whatever has no [adaptation] works without, "
             "several times slower)"
         )
-    library = load_library(_host_text(tuned))
-    library.tff_tuner_bytes.restype = ctypes.c_long
-    library.tff_tuner_begin.restype = None
-    library.tff_tuner_step.restype = ctypes.c_double
-    library.tff_tuner_report.restype = None
-    library.tff_tuner_run.restype = ctypes.c_long
-    library.tff_work_reals.restype = ctypes.c_int
-    return library
+    source = _host_text(tuned)
+    library = load_library(source)
+
+    def function(name: str) -> CFunction:
+        return CFunction(library, source, f"{PREFIX}_{name}")
+
+    return HostTuner(
+        size=function("tuner_bytes"),
+        begin=function("tuner_begin"),
+        step=function("tuner_step"),
+        report=function("tuner_report"),
+        run=function("tuner_run"),
+        work_reals=function("work_reals"),
+    )

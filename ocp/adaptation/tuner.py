@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
-from tendonff.ocp.adaptation.code import TunedChain, host_library, rest_on_spring
+from tendonff.ocp.adaptation.code import TunedChain, host_tuner, rest_on_spring
 from tendonff.ocp.adaptation.tuning import Sensor, Tuning
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.step.c_engine import chain_struct, places_of, pointer
+from tendonff.ocp.step.c_engine import chain_struct, places_of
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.limits import ForceLimits
 
@@ -37,7 +37,9 @@ REALS = (
 
 _PER_PARAMETER = ("factors", "deviation", "slopes")
 _FOUND = ("force_N", "tension_N", *_PER_PARAMETER, "moved", "residual", "measured")
-"""Numbers that a run gives step by step, in the order in which the C takes their arrays."""
+"""Numbers that a run gives step by step."""
+_IN_C = {"force_N": "force", "tension_N": "tension", "factors": "f", "slopes": "s"}
+"""Those that the C calls by another name."""
 
 
 class _TuningStruct(ctypes.Structure):
@@ -126,7 +128,7 @@ class SelfTuner:
                 f"the chain must carry the factors that are tuned, {', '.join(tuning.parameters)}; "
                 f"got {', '.join(tuned.parameters)}"
             )
-        self._library, self._count = host_library(tuned), len(tuning.parameters)
+        self._code, self._count = host_tuner(tuned), len(tuning.parameters)
         self._chain, self._step_s, self._rows = tuned.chain, step_s, 0
         self._numbers = chain_struct(tuned.chain)  # the tuner points at what differs from mass to mass
         self._struct = _TuningStruct(
@@ -138,14 +140,23 @@ class SelfTuner:
         )
         change = limits.rate_N_per_s * step_s
         self._limits = _LimitsStruct(limits.minimum_N, limits.maximum_N, change)
-        self._memory = np.empty(2 * self._library.tff_work_reals(ctypes.c_int(tuned.chain.count)))
-        self._state = ctypes.create_string_buffer(self._library.tff_tuner_bytes())
+        self._memory = np.empty(2 * self._code.work_reals(n=tuned.chain.count))
+        self._state = ctypes.create_string_buffer(self._code.size())
         first = 0.0 if tuning.sensor is Sensor.ACTUATOR_POSITION else initial_tension_N
         self._late = np.full(tuning.delay_samples + 1, first)
-        self._library.tff_tuner_begin(
-            *(self._state, ctypes.byref(self._numbers), ctypes.c_double(step_s), ctypes.byref(self._struct)),
-            *(ctypes.c_double(initial_tension_N), *map(pointer, places_of(tuned.chain, 0.0, step_s, 0))),
+        self._code.begin(
+            self=self._state,
+            chain=ctypes.byref(self._numbers),
+            step_s=step_s,
+            t=ctypes.byref(self._struct),
+            tension=initial_tension_N,
+            **self._places(0, "row"),
         )
+
+    def _places(self, first: int, name: str, rows: int = 0) -> dict[str, Array]:
+        """Argument that says where the path is from a row on; none where nothing moves."""
+        found = places_of(self._chain, first * self._step_s, self._step_s, rows)
+        return dict(zip((name,), found, strict=False))
 
     def step(self, reference_N: float, measured: float) -> float:
         """Force at the end of a step, where that output tension is wanted [N].
@@ -153,12 +164,15 @@ class SelfTuner:
         The last measurement is that of the sensor: output tension [N], or actuator position relative to the start [m].
         """
         self._rows += 1
-        places = places_of(self._chain, (self._rows + 1) * self._step_s, self._step_s, 0)  # begins with this row
         return float(
-            self._library.tff_tuner_step(
-                *(self._state, ctypes.byref(self._struct), ctypes.byref(self._limits)),
-                *map(ctypes.c_double, (reference_N, measured)),
-                *map(pointer, (self._memory, *places)),
+            self._code.step(
+                self=self._state,
+                t=ctypes.byref(self._struct),
+                limits=ctypes.byref(self._limits),
+                reference=reference_N,
+                measured=measured,
+                memory=self._memory,
+                **self._places(self._rows + 1, "row"),  # begins with this row
             )
         )
 
@@ -173,13 +187,19 @@ class SelfTuner:
         return self._report()[1]
 
     def _report(self) -> tuple[Array, TunerStatus]:
-        f, deviation, s = (np.empty(self._count) for _ in range(3))
-        moved, residual, status = ctypes.c_double(), ctypes.c_double(), ctypes.c_int()
-        self._library.tff_tuner_report(
-            *(self._state, ctypes.byref(self._struct), *map(pointer, (f, deviation, s))),
-            *(ctypes.byref(moved), ctypes.byref(residual), ctypes.byref(status)),
+        factors, deviation, slopes = (np.empty(self._count) for _ in range(3))
+        status = np.empty(1, dtype=np.intc)
+        self._code.report(
+            self=self._state,
+            t=ctypes.byref(self._struct),
+            f=factors,
+            deviation=deviation,
+            s=slopes,
+            moved=np.empty(1),
+            residual=np.empty(1),
+            status=status,
         )
-        return f, TunerStatus(status.value)
+        return factors, TunerStatus(int(status[0]))
 
     def run(self, rig: SimulatedRig, reference_N: Array, noise: Array, *, adapt: bool = True) -> TunedRun:
         """Close the loop around a simulated rig, which goes on from where it is.
@@ -196,20 +216,29 @@ class SelfTuner:
         reference, noise = (np.ascontiguousarray(a, dtype=np.float64) for a in (reference_N, noise))
         found = {name: np.empty((rows, count) if name in _PER_PARAMETER else rows) for name in _FOUND}
         status = np.zeros(rows, dtype=np.intc)
-        memory = np.empty(self._library.tff_work_reals(ctypes.c_int(rig.chain.count)))
         fine = rig.struct.step_s
-        places = [
-            *places_of(self._chain, self._rows * self._step_s, self._step_s, rows),
-            *places_of(rig.chain, rig.rows * self._step_s, fine, rows * rig.struct.substeps),
-        ]
+        plant_places = places_of(rig.chain, rig.rows * self._step_s, fine, rows * rig.struct.substeps)
+        places = self._places(self._rows, "places", rows) | dict(zip(("plant_places",), plant_places, strict=False))
         if len(places) == 1:
             raise ParameterError("rig and tuner must both be on a path that moves, or neither; give both the same path")
-        done = self._library.tff_tuner_run(
-            *(self._state, ctypes.byref(self._struct), ctypes.byref(self._limits), ctypes.c_int(not adapt)),
-            *map(ctypes.byref, (chain_struct(rig.chain), rig.struct)),
-            *map(pointer, (rig.x, rig.x_old, memory, self._memory, self._late, reference, noise)),
-            *(ctypes.c_long(rows), *map(pointer, found.values()), pointer(status)),
-            *map(pointer, places),
+        done = self._code.run(
+            self=self._state,
+            t=ctypes.byref(self._struct),
+            limits=ctypes.byref(self._limits),
+            open=not adapt,
+            plant=ctypes.byref(chain_struct(rig.chain)),
+            rig=ctypes.byref(rig.struct),
+            x=rig.x,
+            x_old=rig.x_old,
+            plant_memory=np.empty(self._code.work_reals(n=rig.chain.count)),
+            memory=self._memory,
+            late=self._late,
+            reference=reference,
+            noise=noise,
+            rows=rows,
+            status=status,
+            **{_IN_C.get(name, name): values for name, values in found.items()},
+            **places,
         )
         self._rows += rows
         rig.rows += rows

@@ -10,6 +10,7 @@ Folding keeps the order of operations, so that double code gives the bits that t
 allows it, constants are gathered and divisions by them become multiplications.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -91,6 +92,7 @@ class PartialEvaluator:
         def text_of(node: _Node) -> str:
             nonlocal weighted
             if node.constant is not None:
+                _require_finite(node.constant, law.name)
                 if len(set(node.constant)) == 1:
                     text = literal(node.constant[0], self.precision)
                     return f"({text})" if text.startswith("-") else text
@@ -145,7 +147,25 @@ class PartialEvaluator:
 def _constant_of(node: _Node, law: str) -> Values:
     if node.constant is None:
         raise CodeError(f"{law}: an argument has no known value")
-    return node.constant
+    return _require_finite(node.constant, law)
+
+
+def _require_finite(values: Values, law: str) -> Values:
+    """Refuse what no C literal spells: at run time it would be infinite or not a number as well."""
+    if not all(map(math.isfinite, values)):
+        raise CodeError(
+            f"{law}: a number of these parameters is {values[0] if len(values) == 1 else values}: something is divided "
+            "by zero, or overflows; check the parameters that are zero or very large"
+        )
+    return values
+
+
+def _value_of(op: int, operands: Sequence[float]) -> float:
+    """Value of an operation on numbers in C; where Python raises, as for 1/0, CasADi gives infinity or NaN like C."""
+    try:
+        return OPERATORS[op].evaluate(*operands)
+    except (ArithmeticError, ValueError):
+        return float(ca.SX.unary(op, *operands) if len(operands) == 1 else ca.SX.binary(op, *operands))
 
 
 _SHORTHANDS = {ca.OP_SQ, ca.OP_TWICE, ca.OP_INV}
@@ -204,7 +224,7 @@ class _Tape:
             columns = [o.constant for o in operands if o.constant is not None]
             count = max(len(column) for column in columns)
             rows = zip(*(column if len(column) == count else column * count for column in columns), strict=True)
-            return _Node(None, constant=tuple(OPERATORS[op].evaluate(*row) for row in rows))
+            return _Node(None, constant=tuple(_value_of(op, row) for row in rows))
         if op == ca.OP_LT and self._is_below(*operands):
             return _constant(1.0, 1)
         if (moved := self._into_choice(op, operands)) is not None:

@@ -52,9 +52,8 @@ class CasadiTangent:
         """
         memory = StepperMemory(x=x.copy(), x_old=x.copy(), inputs=inputs[:1], time_s=time_s, fresh=True)
         rows = self._stepper.advance(memory, inputs[1:], record=True)
-        if rows.states is None:
-            raise AssertionError("the stepper was asked to record its states")
-        states, done, n = np.vstack([x, x, rows.states]), len(rows.states), self._count
+        after = rows.recorded
+        states, done, n = np.vstack([x, x, after]), len(after), self._count
         times = time_s + self._step_s * np.arange(-1.0, done + 1)
         moves = path_moves(self._chain, self._chain.path_at(times).table(), self._step_s, fresh=True).T
         layout = self._chain.layout
@@ -71,7 +70,7 @@ class CasadiTangent:
         for first in range(0, done, _CHUNK):
             part = slice(first, min(first + _CHUNK, done))
             blocks = self._evaluate(
-                rows.states[part, : n + 2], bases[part], inputs.table()[1:][part], weights[part], moves[part]
+                after[part, : n + 2], bases[part], inputs.table()[1:][part], weights[part], moves[part]
             )
             for k, row in enumerate(range(part.start, part.stop)):
                 (r_v, r_base, r_u, r_p), (x_v, x_base, _, x_p), (f_v, f_base, _, f_p) = (

@@ -6,6 +6,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from tendonff.models.errors import ParameterError
 from tendonff.models.layout import ChainInputs
 
 Array = NDArray[np.float64]
@@ -23,6 +24,13 @@ class StepperMemory:
     fresh: bool  # there is no earlier state; the next step is implicit Euler
 
 
+def require_recorded(states: Array | None) -> Array:
+    """Refuse to go on without states that were not kept."""
+    if states is None:
+        raise ParameterError("the states were not kept; ask for them with record=True")
+    return states
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rows:
     """What one chunk of steps gave."""
@@ -36,6 +44,11 @@ class Rows:
     residual_N: float  # largest force balance of the last step tried [N]
     worst_mass: int  # mass with that balance: 0 actuator, 1 .. N on the path, N + 1 load
     evaluations: int = 0  # of the balances, tries of the line search among them; CasADi does not count
+
+    @property
+    def recorded(self) -> Array:
+        """The states, shape (rows, size); ParameterError where nobody asked for them."""
+        return require_recorded(self.states)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

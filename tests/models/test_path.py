@@ -1,6 +1,7 @@
 """Sections, joints and the cutting into pieces: lengths and angles add up, whatever the cut."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -54,9 +55,11 @@ def test_without_lengths_they_go_by_the_angles() -> None:
     assert 1 / path.at().ratio[0] == pytest.approx(np.array([0.5, 1.0, 1.0, 0.5]) / 3)
 
 
-def test_joints_are_linear_between_instants_and_held_beyond() -> None:
+def test_joints_are_linear_between_instants_and_held_or_repeated_beyond() -> None:
     bent = motion(0.0, 1.0, 0.5)
     assert bent.at(np.array([-1.0, 0.25, 1.5, 9.0]))[:, 0].tolist() == [0.0, 0.25, 0.75, 0.5]
+    again = replace(bent, period_s=2.0)  # repeated instead of held
+    assert again.at(np.array([0.25, 2.25, 7.5, -0.5]))[:, 0] == pytest.approx([0.25, 0.25, 0.75, 0.75])
     assert bent.moves
     assert not bent.held(np.array([0.3])).moves
 

@@ -129,3 +129,11 @@ def test_a_reference_that_is_not_a_tension_is_refused(generic: Transmission, bad
 def test_a_step_that_is_not_positive_is_refused(generic: Transmission) -> None:
     with pytest.raises(ParameterError, match="step_s must be a finite number > 0, got -1"):
         invert(Chain.of(generic, Level.ELASTIC), np.full(5, 30.0), -1.0)
+
+
+def test_states_that_nobody_asked_to_keep_are_refused_by_name(generic: Transmission) -> None:
+    chain = Chain.of(generic, Level.PRESLIDING)
+    kept, lost = (invert(chain, np.full(3, 30.0), 1e-3, record=record) for record in (True, False))
+    assert kept.recorded.shape == (3, chain.layout.size)
+    with pytest.raises(ParameterError, match="record=True"):
+        _ = lost.recorded

@@ -1,9 +1,9 @@
 """A friction law that the tool does not know, in one file: simulated, inverted, differentiated and exported."""
 
 import ctypes
+import pathlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import ClassVar
 
 import casadi as ca
@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from tendonff.models.bounds import at_least
 from tendonff.models.chain import Chain
+from tendonff.models.elements import whole_of
 from tendonff.models.fidelity import Level
 from tendonff.models.friction import COEFFICIENT_FLOOR, States, equivalent_coefficient
 from tendonff.models.link import TwoTimesLink
-from tendonff.models.parameters import Tendon, Transmission
-from tendonff.models.path import Section
+from tendonff.models.parameters import Path, Tendon, Transmission
+from tendonff.models.path import JointMotion, Section
 from tendonff.ocp.codegen.compiler import load_library
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.codegen.precision import Precision
@@ -107,6 +108,45 @@ def wave(amplitude_N: float) -> Array:
     return 30 + amplitude_N * np.sin(2 * np.pi * 2 * time) * np.minimum(time / 0.2, 1)
 
 
+BENT = (
+    Section(name="arm", angle_rad=1.2, length_m=0.036),
+    Section(name="knuckle", angle_rad=0.9, length_m=0.027, joint="q", angle_per_rad=1.0, length_per_rad_m=0.01),
+    Section(name="tip", angle_rad=1.0, length_m=0.03, mu_dynamic=0.15, mu_static=0.15),
+)
+
+
+def bent_chains(rig: Transmission) -> tuple[Chain, Chain]:
+    """The paper's law and two equal bristles on a path with a joint, and a section that has its own coefficient."""
+    time = np.arange(0.0, 1.2, STEP)
+    swing = 0.6 * np.sin(2 * np.pi * 1.1 * time) * np.minimum(time / 0.3, 1)
+    rig = replace(
+        rig,
+        path=Path(total_angle_rad=3.1, segments=6, sections=BENT),
+        friction=replace(
+            rig.friction, mu_static=0.2, mu_dynamic_release=None, mu_static_release=None, bristle_stiffness_N_per_m=2e5
+        ),
+        motion=JointMotion(names=("q",), time_s=time, angle_rad=swing[:, None]),
+    )
+    one, whole = Chain.of(rig, Level.VISCOELASTIC), whole_of(rig, Level.VISCOELASTIC)
+    law = TwoBristles(stiff_N_per_m=1e5, soft_N_per_m=1e5, mu=0.2, share=0.5, viscous_N_s_per_m=1.0)
+    return one, replace(one, elements=replace(whole, friction=law).divided(one.count, rig.motion))
+
+
+@pytest.mark.compiler
+@pytest.mark.parametrize("engine", [Engine.COMPILED, Engine.CASADI])
+def test_on_a_path_with_sections_and_joints_it_is_cut_and_moved_as_the_papers(
+    generic: Transmission, engine: Engine
+) -> None:
+    """Two equal bristles are one of the paper's there too: each mass has its own angle and coefficient."""
+    one, two = bent_chains(generic)
+    expected, found = (simulate(c, wave(20.0), STEP, engine=engine).require() for c in (one, two))
+    assert found.tension_N == pytest.approx(expected.tension_N, abs=1e-9)
+    still = simulate(two.at_rest(), wave(20.0), STEP, engine=engine).require()
+    assert np.abs(still.tension_N - found.tension_N).max() > 1  # the joint is seen
+    forces = [invert(c, wave(12.0), STEP, engine=engine).force_N for c in (one, two)]
+    assert forces[1] == pytest.approx(forces[0], abs=1e-8)
+
+
 def test_two_equal_bristles_are_one_of_the_papers(generic: Transmission) -> None:
     """Half the stiffness and half the coefficient each: Dahl's law is linear in both together."""
     friction = replace(
@@ -152,7 +192,7 @@ def test_its_sensitivity_is_the_slope_of_central_differences(generic: Transmissi
 
 
 @pytest.mark.compiler
-def test_it_is_exported_as_c(generic: Transmission, tmp_path: Path) -> None:
+def test_it_is_exported_as_c(generic: Transmission, tmp_path: pathlib.Path) -> None:
     """The inverse in C gives the forces of the Python inverse; the plant in C its tensions."""
     chain, reference = chain_with_two_bristles(generic), wave(12.0)
     parts = ["#include <math.h>\n"]

@@ -79,6 +79,7 @@ class DynamicFit(ChainLaw):
     files: tuple[ByFile, ...]  # what each file says by itself; empty for a single file
     # by how much more of the wrap angle the nearer half of the path seems to carry than half [-]; 0: even
     concentration: float = 0.0
+    caution: str = ""  # what could not be done about the input's noise, and what that means; empty where it was
 
 
 def _tension_N(pieces: Sequence[FitPiece]) -> Array:
@@ -176,7 +177,7 @@ def fit_dynamic(
     task = replace(law.task.continued(law.solution), model=fine)
     solution = fit_free(task, task.fixed, span_N, 8, 1e-5)
     say("dynamic stage: noise on the input")
-    law, task, solution = look_again(law, task, solution, offsets=offsets)
+    law, task, solution, caution = look_again(law, task, solution, offsets=offsets)
     say("dynamic stage: uncertainty")
     coarse_model = replace(task.model, count=COARSE_MASSES, longest_step_s=COARSE_STEP_S)
     quick = replace(task, model=coarse_model, fixed=task.complete(solution.values))
@@ -195,4 +196,5 @@ def fit_dynamic(
         mean_N=mean_N,
         files=files,
         concentration=concentration,
+        caution=caution,
     )

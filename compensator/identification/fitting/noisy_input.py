@@ -78,6 +78,7 @@ def with_input_estimated(
     """Values with the input estimated besides, their covariance that of values and input together.
 
     The task is on many masses. With `signed`, what may vanish may fall below nothing: its scatter shows then.
+    SolveError if the chain fails on the way, or the readings do not tell values and input apart.
     """
     if all(run.record.input_noise_N <= 0 for run in task.pieces):
         return solution
@@ -85,8 +86,8 @@ def with_input_estimated(
     for _ in range(rounds):
         try:
             step, covariance = _step(task, moved, signed=signed)
-        except (SolveError, np.linalg.LinAlgError):
-            return solution
+        except np.linalg.LinAlgError as error:
+            raise SolveError(f"values and input cannot be told apart: {error}") from error
         values = {name: moved.values[name] + float(by) for name, by in zip(moved.values, step, strict=True)}
         moved = replace(moved, values=values, covariance=covariance, residuals=residuals_of(task, values))
         if np.all(np.abs(step) < np.sqrt(np.diag(covariance))):
@@ -253,10 +254,23 @@ def _sampled(slopes: Array, time_s: Array, at_s: Array, cutoff_Hz: float) -> Arr
 
 def look_again(
     law: ChosenLaw, task: ChainResiduals, solution: Solution, *, offsets: bool
-) -> tuple[ChosenLaw, ChainResiduals, Solution]:
+) -> tuple[ChosenLaw, ChainResiduals, Solution, str]:
     """The law, its task on many masses, with the constants that the data tell, and its values with the input
-    estimated.
+    estimated; where that fails all stay as they are, and the last says why.
     """
+    try:
+        return *_looked_again(law, task, solution, offsets=offsets), ""
+    except SolveError as error:
+        caution = (
+            f"the noise of the input could not be taken out of the values ({error}): load-independent friction may be "
+            "too high, and the intervals too narrow; log the input with less noise, or more samples"
+        )
+        return law, task, solution, caution
+
+
+def _looked_again(
+    law: ChosenLaw, task: ChainResiduals, solution: Solution, *, offsets: bool
+) -> tuple[ChosenLaw, ChainResiduals, Solution]:
     proximal = task.pieces[0].explain is Explain.POSITION
     if D.INPUT_BIAS in task.free or all(run.record.input_noise_N <= 0 for run in task.pieces):
         return law, task, with_input_estimated(task, solution)
@@ -268,8 +282,6 @@ def look_again(
     told = with_input_estimated(
         wide, replace(solution, values=at, residuals=residuals_of(wide, at)), rounds=1, signed=True
     )
-    if len(told.covariance) != len(free):  # the chain failed on the way
-        return law, task, solution
     own, dropped = task.model.values(), set[DynamicParameter]()
     for name, sure in ((D.OUTPUT_BIAS, SURE_OF_OFFSET), (D.ADHESION, SURE_OF_ADHESION)):
         if name in free and own[name] == 0:
@@ -289,8 +301,6 @@ def look_again(
     )
     at = {str(name): float(told.values[name]) for name in kept}
     found = with_input_estimated(chosen, replace(solution, values=at, residuals=residuals_of(chosen, at)))
-    if len(found.covariance) != len(kept):
-        return law, task, solution
     return _renamed(law, chosen, found), chosen, found
 
 

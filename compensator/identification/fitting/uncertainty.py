@@ -121,10 +121,7 @@ def _with_concentration(found: Residuals, task: ChainResiduals) -> Residuals | N
     halves = tuple(Section(name=name, angle_rad=theta * share, length_m=0.5) for name, share in shares.items())
     path = replace(t.path, sections=halves, total_angle_rad=sum(half.angle_rad for half in halves))
     model = replace(task.model, transmission=replace(t, path=path))
-    try:
-        other = replace(task, model=model, free=()).evaluate({})
-    except ValueError:
-        return None
+    other = replace(task, model=model, free=()).evaluate({})
     slope = (other.values - found.values) / TRIED_CONCENTRATION
     return replace(found, slopes=np.column_stack([found.slopes, slope]))
 

@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.identification import result
+from tendonff.compensator.identification.fitting.drive import drive_estimate
+from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.scenario import load_scenario
 from tests.independent_plant import respond
@@ -63,3 +66,13 @@ def test_without_the_position_or_the_force_it_is_not_told(rig, measured):
     unforced = replace(rig, measurement=replace(rig.measurement, actuator_force_column="none"))
     names = [e.name for e in identify(unforced, [measured], static_only=True).estimates]
     assert "coulomb_N" not in names
+
+
+def test_the_drive_s_friction_is_known_from_the_same_error_on_as_every_other_value(rig, measured, monkeypatch):
+    raw = [read_measurement(measured, rig.measurement, ())]
+    estimate = drive_estimate(rig, raw)
+    assert estimate.identifiable
+    assert result.is_known(estimate.standard_error, estimate.value)
+    monkeypatch.setattr(result, "POOR_SHARE", 0.9 * estimate.standard_error / estimate.value)
+    assert not drive_estimate(rig, raw).identifiable
+    assert not result.is_known(np.nan, 1.0)

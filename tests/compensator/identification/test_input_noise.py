@@ -6,13 +6,17 @@ import numpy as np
 import pytest
 from synthetic import Faults, write_synthetic
 
+from tendonff.compensator.identification.fitting import noisy_input, uncertainty
 from tendonff.compensator.identification.fitting.chain_law import CORE, fit_free
-from tendonff.compensator.identification.fitting.noisy_input import with_input_estimated
+from tendonff.compensator.identification.fitting.noisy_input import look_again, with_input_estimated
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, fit_pieces, spans_of
+from tendonff.compensator.identification.fitting.uncertainty import slopes_over_all, with_other_laws
 from tendonff.compensator.identification.measured.cleaning import clean
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
+from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.chain import ChainModel
 from tendonff.ocp.fits.chain import DynamicParameter as D
 
@@ -75,3 +79,32 @@ def test_a_quiet_input_leaves_the_answer_alone(nominal, tmp_path):
     assert all(run.record.input_noise_N < 1e-3 for run in task.pieces)
     for name, value in plain.values.items():
         assert joint.values[name] == pytest.approx(value, rel=2e-3, abs=5e-3)
+
+
+def failing(error):
+    def fail(*_args, **_options):
+        raise error
+
+    return fail
+
+
+@pytest.mark.parametrize("error", [SolveError("mass 3 did not converge"), np.linalg.LinAlgError("Singular matrix")])
+def test_noise_that_could_not_be_taken_out_is_said_with_its_cause(nominal, tmp_path, monkeypatch, error):
+    """The answer before it stays, and nobody takes it for one without the input's noise."""
+    task, plain, _ = fitted(nominal, tmp_path, 0, 0.006)
+    monkeypatch.setattr(noisy_input, "_step", failing(error))
+    with pytest.raises(SolveError, match=str(error)):
+        with_input_estimated(task, plain)
+    law, kept, solution, caution = look_again("the law", task, plain, offsets=False)
+    assert (law, kept, solution) == ("the law", task, plain)
+    assert "the noise of the input could not be taken out" in caution
+    assert str(error) in caution
+
+
+def test_a_path_that_cannot_be_split_for_the_doubt_about_it_is_no_silence(nominal, tmp_path, monkeypatch):
+    task, plain, _ = fitted(nominal, tmp_path, 0, 0.0)
+    every = (*task.free, *(name for name in D if name not in task.free))
+    slopes = slopes_over_all(replace(task, fixed=task.complete(plain.values)), every)
+    monkeypatch.setattr(uncertainty, "Section", failing(ParameterError("no such section")))
+    with pytest.raises(ParameterError, match="no such section"):
+        with_other_laws(plain, slopes, every, task)

@@ -154,3 +154,30 @@ def test_a_library_is_compiled_once(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     assert library.tff_answer() == 42.0
     assert built[0].stat().st_mtime_ns == made
     assert math.isclose(library.tff_answer(), 42.0)
+
+
+def folded(expression: ca.SX, **parameters: float) -> str:
+    """C of a law whose value is an expression of x and p."""
+    symbols = {s.name(): s for s in ca.symvar(expression)}
+    law = Law(name="risky", comment="none", inputs=tuple(symbols.values()), outputs={"y": expression})
+    known = {name: (value,) for name, value in parameters.items()}
+    return PartialEvaluator(prefix="c", precision=Precision.DOUBLE, parameters=known).fold(law).code
+
+
+X, P = ca.SX.sym("x"), ca.SX.sym("p")
+
+
+@pytest.mark.parametrize(
+    "risk", [1 / P, ca.log(P), ca.exp(1e3 + P), P ** ca.SX(-1.5), 1 / P - ca.exp(1e3 + P)], ids=str
+)
+def test_a_branch_that_is_not_taken_may_divide_by_zero(risk: ca.SX) -> None:
+    """The guard of a law decides beforehand, as it would at run time."""
+    guarded = ca.if_else(P > 0, risk, 3) * X
+    (line,) = [text for text in folded(guarded, p=0.0).splitlines() if "3" in text]
+    assert "* x" in line or "x *" in line
+
+
+@pytest.mark.parametrize("risk", [1 / P, ca.log(P), ca.exp(1e3 + P), 1 / P - ca.exp(1e3 + P)], ids=str)
+def test_a_number_that_c_cannot_spell_is_refused_with_the_name_of_its_law(risk: ca.SX) -> None:
+    with pytest.raises(CodeError, match=r"risky: a number of these parameters is (-?inf|nan): .* divided by zero"):
+        folded(risk + X, p=0.0)

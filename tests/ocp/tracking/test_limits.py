@@ -38,6 +38,7 @@ def test_a_jump_becomes_a_ramp_at_the_rate_limit() -> None:
     ("force", "name", "time_s"),
     [
         ([10.0, 10.0, 51.0], "force_rate_max_N_per_s", 0.01),
+        ([30.0, 30.9, 5.0, 5.9], "force_rate_max_N_per_s", 0.01),  # a fall
         ([50.0, 50.5, 51.0], "force_max_N", 0.02),
         ([2.0, 1.5, 2.0], "force_min_N", 0.01),
     ],
