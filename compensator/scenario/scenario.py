@@ -280,7 +280,8 @@ def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | Non
             sections = "".join(f"\n[[path.sections]]\n{toml_table(part)}" for part in transmission.path.sections)
             parts.append(f"\n[{table}]\n{lines}{sections}")
             continue
-        lines += toml_table(value, table)
+        motor = transmission.actuator.motor if table == "actuator" else None
+        lines += toml_table(value, table, without=() if motor is None else tuple(motor.at_the_drum))
         if lines:
             parts.append(f"\n[{table}]\n{lines}")
     for name, joint in scenario.joints.items():

@@ -14,7 +14,6 @@ from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.ocp.tracking.robust import Sample, draw_transmissions
 
 _TABLES = ("path", "tendon", "friction", "actuator", "actuator.motor", "load", "run")
-_AT_THE_DRUM = ("mass_kg", "force_max_N", "speed_max_m_per_s")  # of an actuator: they follow from its motor
 FACTORS = ("mu_factor", "stiffness_factor", "bristle_stiffness_factor")
 
 
@@ -103,9 +102,7 @@ def varied(scenario: Scenario, keys: tuple[str, ...], values: tuple[float, ...])
     try:
         if (motor := actuator.motor) is not None and "actuator.motor" in changes:
             turned = replace(motor, **changes.pop("actuator.motor"))  # type: ignore[arg-type]
-            of_motor = [each for each in _AT_THE_DRUM if getattr(actuator, each) == getattr(motor, each)]
-            follow = {each: getattr(turned, each) for each in of_motor}
-            changes["actuator"] = {"motor": turned, **follow, **changes.get("actuator", {})}
+            changes["actuator"] = {"motor": turned, **turned.at_the_drum, **changes.get("actuator", {})}
         run = replace(scenario.run, **changes.pop("run", {}))  # type: ignore[arg-type]
         transmission = scenario.transmission
         parts = {table: replace(getattr(transmission, table), **change) for table, change in changes.items()}

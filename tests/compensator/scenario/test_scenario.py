@@ -213,11 +213,44 @@ speed_max_rad_per_s = 900.0
 """
 
 
+def with_motor(motor: str, *, beside: tuple[str, ...] = ()) -> str:
+    """The scenario with a motor instead of what follows from it, but for keys `beside`."""
+    head, actuator, tail = re.split(r"(?s)(\[actuator\]\n.*?\n)(?=\n\[load\])", TEXT)
+    for key in {"mass_kg", "force_max_N"} - set(beside):
+        actuator = actuator.replace(line(key, actuator), "")
+    return f"{head}{actuator}{motor}{tail}"
+
+
+@pytest.mark.parametrize("key", ["mass_kg", "force_max_N", "speed_max_m_per_s"])
+def test_a_motor_beside_what_follows_from_it_is_refused_with_both_names(key: str) -> None:
+    text = with_motor(MOTOR, beside=(key,))
+    if key == "speed_max_m_per_s":
+        text = text.replace("\n[actuator.motor]", "speed_max_m_per_s = 0.3\n\n[actuator.motor]")
+    with pytest.raises(
+        InputError, match=rf"\[actuator\]: two sources for one quantity: {key} = .*, and .* from \[actuator.motor\]; lea"
+    ):
+        parse(text)
+
+
+@pytest.mark.parametrize(
+    ("instead", "key", "named"),
+    [
+        ("damping_N_s_per_m", "stiffness_N_per_m", "elastic_modulus_Pa, length_m and diameter_m"),
+        ("stiffness_N_per_m", "mass_kg", "density_kg_per_m3, length_m and diameter_m"),
+    ],
+)
+def test_a_data_sheet_beside_what_follows_from_it_is_refused_with_both_names(
+    instead: str, key: str, named: str
+) -> None:
+    rope = MODULUS if key == "stiffness_N_per_m" else f"{MODULUS}density_kg_per_m3 = 970\n"
+    text = TEXT.replace(line(instead), f"{rope}{line(instead) if key == 'stiffness_N_per_m' else ''}", 1)
+    with pytest.raises(InputError, match=rf"\[tendon\]: two sources for one quantity: {key} = .* from {named}; leave one"):
+        parse(text)
+
+
 def test_a_motor_stands_for_mass_and_largest_force_of_the_actuator() -> None:
     """J n^2/r^2 = 2e-6 25^2/0.02^2 and torque n/r = 0.2 25/0.02."""
-    actuator_mass = re.search(r"\[actuator\]\n(mass_kg = .*\n)", TEXT)
-    assert actuator_mass
-    text = TEXT.replace(actuator_mass[1], "").replace(line("force_max_N"), "").replace("\n[load]", f"{MOTOR}\n[load]")
+    text = with_motor(MOTOR)
     scenario = parse(text)
     actuator = scenario.transmission.actuator
     assert actuator.mass_kg == pytest.approx(3.125)
@@ -226,8 +259,6 @@ def test_a_motor_stands_for_mass_and_largest_force_of_the_actuator() -> None:
     assert actuator.motor.speed_max_m_per_s == pytest.approx(0.72)
     again = parse(scenario_to_toml(scenario))
     assert again.transmission == scenario.transmission
-    given = parse(TEXT.replace("\n[load]", f"{MOTOR}\n[load]")).transmission.actuator
-    assert (given.mass_kg, given.force_max_N) == (parse(TEXT).transmission.actuator.mass_kg, 200.0)
     with pytest.raises(
         InputError, match=r'\[actuator.motor\]: unknown key "drum_radius", did you mean "drum_radius_m"'
     ):
@@ -258,14 +289,14 @@ def test_the_largest_force_is_named_by_the_key_that_limits_it(
     motor: str, name: str, force_N: float, asked: str
 ) -> None:
     """With a force_max_N added, as the message once advised, the motor's torque would no longer count."""
-    text = TEXT.replace(line("force_max_N"), "").replace("\n[load]", f"{motor}\n[load]")
+    text = with_motor(motor)
     transmission = parse(text).transmission
     actuator = replace(transmission.actuator, coulomb_N=1.0)
     assert (actuator.largest_force_name, actuator.largest_force_N) == (name, pytest.approx(force_N))
     assert ForceLimits.of(actuator).maximum_name == name
     assert asked in "; ".join(questions(transmission))
     assert largest_tension(replace(transmission, actuator=actuator)) >= 0
-    assert parse(TEXT.replace("\n[load]", f"{MOTOR}\n[load]")).transmission.actuator.largest_force_name == "force_max_N"
+    assert parse(TEXT).transmission.actuator.largest_force_name == "force_max_N"
 
 
 @pytest.mark.parametrize(
