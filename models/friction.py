@@ -189,10 +189,7 @@ class LuGreBristle:
         if section.bearing_exponent is not None:
             bearing = section.bearing_exponent / section.angle_rad
             return self._with_coefficients(bearing, bearing, bearing, bearing)
-        pull = self.mu_dynamic_pull if section.mu_dynamic is None else section.mu_dynamic
-        release = section.mu_dynamic_release
-        if release is None:
-            release = self.mu_dynamic_release if section.mu_dynamic is None else section.mu_dynamic
+        pull, release = section.dynamic_coefficients(*self.slip_coefficients)
         # The static excess of the whole stays where a section says nothing about it.
         stick = pull * _ratio(self.mu_static_pull, self.mu_dynamic_pull)
         stick_release = release * _ratio(self.mu_static_release, self.mu_dynamic_release)

@@ -122,6 +122,7 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
     if not isinstance(name, str):
         raise InputError(f'{file}: name must be text in quotes ("..."), got {show(name)}')
     sections, path = _path_keys(raw.get("path", {}), file)
+    raw_tendon = raw.get("tendon")
     expanded = {"path": path, "load": _load_keys(raw.get("load", {}), file)}
     raw = _complete({**raw, **{key: value for key, value in expanded.items() if key in raw}}, file)
 
@@ -136,8 +137,11 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
     optional |= {key: table(cls, key) for key, cls in _ON_REQUEST.items() if key in raw}
     try:
         transmission = Transmission(**parts)  # type: ignore[arg-type]
+        for section in sections:
+            section.check_coefficients(transmission.friction.mu_dynamic, transmission.friction.release_dynamic)
     except ParameterError as error:
         raise InputError(f"{file}: {error}") from None
+    _check_length(raw_tendon, sections, file)
     joints = read_joints(raw.get("joints", {}), file)
     for joint in (*(section.joint for section in sections), transmission.load.joint):
         if joint is not None and joint not in joints:
@@ -192,6 +196,19 @@ def _sections(raw: object, file: str) -> tuple[Section, ...]:
     if twice := [name for name in names if names.count(name) > 1]:
         raise InputError(f'{file} [path]: two sections are named "{twice[0]}"; each needs a name of its own')
     return sections
+
+
+def _check_length(tendon: object, sections: tuple[Section, ...], file: str) -> None:
+    """Refuse a length of the tendon that is not that of the path it lies on."""
+    lengths = [section.length_m for section in sections if section.length_m is not None]
+    own = tendon.get("length_m") if isinstance(tendon, Mapping) else None
+    if own is None or not sections or len(lengths) < len(sections):
+        return
+    if not math.isclose(own, total := math.fsum(lengths), rel_tol=0.01):
+        raise InputError(
+            f"{file}: two sources for one quantity: [tendon] length_m = {own:g}, and {total:g} from length_m of the "
+            "sections of [path]; correct one of them, or leave out those of the sections"
+        )
 
 
 def _load_keys(raw: object, file: str) -> object:

@@ -65,12 +65,12 @@ def held_within(start: float, low: Array, high: Array) -> Array:
     return held
 
 
-def _section_exponent(section: Section, own: float | None, usual: float, joint_rad: Mapping[str, float]) -> float:
+def _section_exponent(section: Section, mu: float, joint_rad: Mapping[str, float]) -> float:
     """Mu phi of a section where the joints stand."""
     if section.bearing_exponent is not None:
         return section.bearing_exponent
     bent = 0.0 if section.joint is None else joint_rad.get(section.joint, 0.0)
-    return (usual if own is None else own) * float(section.angle_at(bent))
+    return mu * float(section.angle_at(bent))
 
 
 def section_exponents(
@@ -79,12 +79,10 @@ def section_exponents(
     """Mu phi of each section when pulling and when releasing, by the dynamic coefficients; joints stand at zero unless
     said.
     """
-    friction, parts, angles = transmission.friction, transmission.path.parts, joint_rad
-    back = [part.mu_dynamic if part.mu_dynamic_release is None else part.mu_dynamic_release for part in parts]
-    return (
-        [_section_exponent(part, part.mu_dynamic, friction.mu_dynamic, angles) for part in parts],
-        [_section_exponent(part, mu, friction.release_dynamic, angles) for part, mu in zip(parts, back, strict=True)],
-    )
+    friction, parts = transmission.friction, transmission.path.parts
+    usual = friction.mu_dynamic, friction.release_dynamic
+    both = [[_section_exponent(part, mu, joint_rad) for mu in part.dynamic_coefficients(*usual)] for part in parts]
+    return [pull for pull, _ in both], [release for _, release in both]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -108,7 +108,7 @@ def test_what_the_actuator_has_of_its_motor_follows_a_swept_motor(unsure: Scenar
     assert geared.force_max_N == pytest.approx(0.5 * 20 / 0.02)
     assert geared.mass_kg == pytest.approx(1e-5 * 1e6)
     assert geared.speed_max_m_per_s == pytest.approx(300 * 0.02 / 20)
-    with pytest.raises(InputError, match=r"mass_kg must be 2\.5, as the actuator's motor gives, got 3.0; change the motor"):
+    with pytest.raises(InputError, match=r"mass_kg must be 2\.5, as the actuator's motor gives, got 3"):
         varied(there, ("actuator.mass_kg",), (3.0,))
 
 
