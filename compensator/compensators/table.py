@@ -14,7 +14,7 @@ from tendonff.compensator.compensators.base import CModule, Compensator, Problem
 from tendonff.compensator.compensators.lookup_table import BranchTable, FloatArray, LookupTable, table_force
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.reporting.colours import GREEN, Style
-from tendonff.compensator.scenario.sampled.sampling import largest_tension
+from tendonff.compensator.scenario.doubts import largest_tension
 from tendonff.models.capstan import Branch
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError

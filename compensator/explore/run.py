@@ -188,7 +188,7 @@ class Explorer:
             if design_knows
             else replace(self._scenario, transmission=replace(known, actuator=changed.transmission.actuator))
         )
-        problem = replace(Problem.of(model, reference=sample_reference(model)), samples=())
+        problem = replace(Problem.of(model, reference=sample_reference(model, strict=True)), samples=())
         plant = moved(changed, float(problem.reference.time_s[-1]))
         notes: list[str] = []
         courses = {}

@@ -7,6 +7,7 @@ A scenario is a TOML file (schema 1) with the tables [path], [tendon], [friction
 import hashlib
 import math
 import os
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -115,7 +116,7 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
     except RecursionError:
         raise InputError(f"{file} is nested too deeply to be a scenario") from None
     except ValueError as error:  # TOMLDecodeError, and numbers of thousands of digits
-        raise InputError(f"{file}: not valid TOML: {error}") from None
+        raise InputError(f"{file}: not valid TOML: {error}{_advice(text, str(error))}") from None
     _check_schema(raw, file)
     _check_names(raw, file)
     name = raw.get("name", source.stem)
@@ -167,6 +168,32 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
     if (goal := scenario.optimal.goal) and present:
         raise InputError(f"{file}: [optimal] {goal} does not go with {present[0]}; leave one of them out")
     return scenario
+
+
+_NO_TOML = (
+    (r"(\w+)\s*=\s*([-+]?\d+),(\d+)", "; a decimal point, not a comma: {0} = {1}.{2}"),
+    (r"(\w+)\s*=\s*([A-Za-z][\w./-]*)", '; text stands in quotes: {0} = "{1}"'),
+    (
+        r"(\w+)\s*=\s*([-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?)\s*[A-Za-z%°]\S*",
+        "; a number alone, the key says its unit: {0} = {1}",
+    ),
+    (r"(\w+)\s*=\s*([-+]?\.\d+)", "; a digit before the point: {0} = 0{1}"),
+    (r"(\w+)\s*=\s*([-+]?\d+)\.", "; a digit after the point: {0} = {1}.0"),
+)
+"""What people write that is no TOML, and what to write instead."""
+
+
+def _advice(text: str, error: str) -> str:
+    """The way out of what tomllib refuses, where the line shows a usual slip; else empty."""
+    place = re.search(r"at line (\d+)", error)
+    lines = text.splitlines()
+    if place is None or not 0 < (number := int(place[1])) <= len(lines):
+        return ""
+    line = lines[number - 1].partition("#")[0].strip()
+    for pattern, advice in _NO_TOML:
+        if len(line) < 200 and (found := re.fullmatch(pattern, line)):
+            return advice.format(*found.groups())
+    return ""
 
 
 def _path_keys(raw: object, file: str) -> tuple[tuple[Section, ...], object]:

@@ -10,6 +10,7 @@ import json
 import operator
 import re
 from collections.abc import Mapping
+from difflib import get_close_matches
 from enum import StrEnum
 from inspect import cleandoc
 from types import NoneType, UnionType
@@ -151,7 +152,16 @@ def _explain(cls: type, keys: Mapping[str, object], error: ValidationError) -> s
     name, *items = problem["loc"]
     key = f"{name}{''.join(f'[{k}]' for k in items)}"
     value: Any = functools.reduce(operator.getitem, problem["loc"], keys)  # type: ignore[arg-type]
-    return f"{key} must be {_wanted(get_type_hints(cls)[str(name)], item=bool(items))}, got {show(value)}"
+    annotation = get_type_hints(cls)[str(name)]
+    return f"{key} must be {_wanted(annotation, item=bool(items))}, got {show(value)}{_meant(annotation, value)}"
+
+
+def _meant(annotation: Any, value: object) -> str:
+    """The member of an enum that a wrong text comes close to, as a question; empty where there is none."""
+    parts = [annotation, *get_args(annotation)]
+    members = [str(m) for part in parts if isinstance(part, type) and issubclass(part, StrEnum) for m in part]
+    near = get_close_matches(value, members, n=1) if isinstance(value, str) else []
+    return f', did you mean "{near[0]}"?' if near else ""
 
 
 def _wanted(annotation: Any, *, item: bool) -> str:

@@ -100,6 +100,7 @@ def make_tables(
         doubt=str(real),
         options=" ".join(f"--{name} {value}" for name, value in options.items() if value),
         warnings=(*reference.warnings, *met, *causes, *harm),
+        harm=tuple(harm),
     )
 
 

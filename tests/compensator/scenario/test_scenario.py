@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_text
+from tendonff.compensator.scenario.doubts import largest_tension, scenario_doubts
 from tendonff.compensator.scenario.reference import CsvReference, SineReference
-from tendonff.compensator.scenario.sampled.sampling import largest_tension, questions
 from tendonff.compensator.scenario.scenario import (
     Scenario,
     load_scenario,
@@ -290,31 +290,35 @@ def test_the_largest_force_is_named_by_the_key_that_limits_it(
 ) -> None:
     """With a force_max_N added, as the message once advised, the motor's torque would no longer count."""
     text = with_motor(motor)
-    transmission = parse(text).transmission
+    scenario = parse(text)
+    transmission = scenario.transmission
     actuator = replace(transmission.actuator, coulomb_N=1.0)
     assert (actuator.largest_force_name, actuator.largest_force_N) == (name, pytest.approx(force_N))
     assert ForceLimits.of(actuator).maximum_name == name
-    assert asked in "; ".join(questions(transmission))
+    assert asked in "; ".join(scenario_doubts(scenario))
     assert largest_tension(replace(transmission, actuator=actuator)) >= 0
     assert parse(TEXT).transmission.actuator.largest_force_name == "force_max_N"
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "question"),
+    ("old", "new", "message"),
     [
-        ("stiffness_N_per_m", "20", "[tendon] stiffness_N_per_m = 20: softer than a rubber band; N/mm?"),
-        ("mass_kg", "2", "[tendon] mass_kg = 2: grams?"),
-        ("total_angle_rad", "180", "[path] total_angle_rad = 180 is 28.6 turns: degrees?"),
-        ("mu_dynamic", "8", "[friction] mu_dynamic = 8: per cent?"),
+        (
+            "mass_kg = 0.002",
+            "mass_kg = 0,002",
+            r"\(at line 13, column \d+\); a decimal point, not a comma: mass_kg = 0\.002",
+        ),
+        ("mass_kg = 0.002", "mass_kg = 2 g", "a number alone, the key says its unit: mass_kg = 2"),
+        ("mass_kg = 0.002", "mass_kg = .002", r"a digit before the point: mass_kg = 0\.002"),
+        ('"presliding"', "presliding", 'text stands in quotes: level = "presliding"'),
+        ('"presliding"', '"pre-sliding"', 'got "pre-sliding" \\(text\\), did you mean "presliding"\\?'),
+        ('"presliding"', '"nonsense"', r'got "nonsense" \(text\)$'),
     ],
 )
-def test_values_that_look_like_another_unit_are_asked_about(key: str, value: str, question: str) -> None:
-    assert questions(parse(TEXT).transmission) == []
-    text = TEXT.replace(line(key), f"{key} = {value}\n", 1)
-    if key == "mu_dynamic":
-        text = text.replace(line("mu_static"), f"mu_static = {value}\n")
-    found = questions(parse(text).transmission)
-    assert any(asked.startswith(question) for asked in found)
+def test_usual_slips_are_answered_with_what_to_write(old: str, new: str, message: str) -> None:
+    assert old in TEXT
+    with pytest.raises(InputError, match=message):
+        parse(TEXT.replace(old, new, 1))
 
 
 @pytest.mark.parametrize(
