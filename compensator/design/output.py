@@ -116,7 +116,9 @@ def _tracking_summary(tracking: Tracking) -> dict[str, object]:
 def print_scores(result: DesignData, folder: Path) -> None:
     """Print the error of each compensator on each level, what to expect on a rig, and where the files are."""
     console = Console()
-    table = Table(title=f"{result.scenario.name}: RMS error, % of reference range", title_justify="left")
+    table = Table(
+        title=f"{result.scenario.name}: RMS error, % of range of the {result.reference.name}", title_justify="left"
+    )
     table.add_column("compensator")
     table.add_column(f"worst, {result.expectation.doubt.widths}", justify="right")
     for level in Level:

@@ -45,7 +45,7 @@ _CAPTIONS = {
 def headline(result: DesignData) -> str:
     """What to expect on a rig, in two sentences."""
     found, best = result.expectation, result.recommended
-    over = f"the {scale_N(result.reference.tension_N):.4g} N range of the reference, for {found.doubt}"
+    over = f"the {scale_N(result.reference.tension_N):.4g} N range of the {result.reference.name}, for {found.doubt}"
     if best.name == "optimal" and result.tracking is not None and result.tracking.cautions:
         over += ", bristles as soft as stated (stiffer ones: see the warning)"
     if best.name == "none":

@@ -48,6 +48,6 @@ class TablesData:
         """What to expect on a rig, in one sentence."""
         return (
             f"Expect an RMS error of up to {self.worst_percent['table']:.3g} % of the {self.reference.range_N:.4g} N "
-            f"range of the reference with this table, for {self.doubt}. Without compensation: up to "
+            f"range of the {self.reference.name} with this table, for {self.doubt}. Without compensation: up to "
             f"{self.worst_percent['none']:.3g} %."
         )

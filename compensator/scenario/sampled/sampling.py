@@ -42,6 +42,8 @@ class Reference:
         One period of a cycle: the last row is the first of the next.
     hold : Hold
         What the force does while the reference rests.
+    raised_N : float
+        Tension that it was raised to where less was asked for [N]; 0 where it is as the user wrote it.
     """
 
     time_s: FloatArray
@@ -53,7 +55,13 @@ class Reference:
     position_m: FloatArray | None = None
     periodic: bool = False
     hold: Hold = Hold.EXACT
+    raised_N: float = 0.0
     warnings: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """What errors refer to: the reference as the user wrote it, or the raised one."""
+        return "reference" if self.raised_N == 0 else f"reference raised to {self.raised_N:.3g} N"
 
     @property
     def range_N(self) -> float:
@@ -155,6 +163,7 @@ def _sample(scenario: Scenario) -> Reference:
         position_m=position,
         periodic=spec.periodic,
         hold=spec.hold,
+        raised_N=floor,
         warnings=(*notes, *note),
     )
 
@@ -186,12 +195,11 @@ def keep_taut(tension_N: FloatArray, least_N: float | None) -> tuple[FloatArray,
     # A hyperbola between reference and floor: a corner there would make the inverse jump.
     lifted: FloatArray = 0.5 * (tension_N + least + np.hypot(tension_N - least, 0.5 * least))
     floor = float(np.min(lifted))
-    default = f"{100 * _LEAST_SHARE:g} % of the range; least_tension_N sets it"
-    kept = default if least_N is None else "least_tension_N"
+    source = f"least_tension_N, default {100 * _LEAST_SHARE:g} % of range" if least_N is None else "least_tension_N"
     share = 100 * float(np.mean(lifted - tension_N > 0.1 * least))
     note = (
-        f"the wanted tension falls to {lowest:.3g} N: at least {floor:.3g} N is kept instead ({kept}), which lifts it "
-        f"in {share:.2g} % of the samples; errors refer to the lifted one"
+        f"the reference falls to {lowest:.3g} N and is raised to {floor:.3g} N ({source}) in {share:.2g} % of the "
+        "samples; errors are relative to the raised reference"
     )
     return lifted, floor, (note,)
 

@@ -326,8 +326,10 @@ def test_a_reference_that_touches_zero_is_lifted_smoothly_and_says_so(finger: Sc
     assert chosen.tension_N.min() >= 4.0
     assert chosen.initial_tension_N == chosen.tension_N.min()
     assert chosen.tension_N.max() == pytest.approx(50.0, rel=1e-3)
-    assert "at least 4.24 N is kept instead (least_tension_N)" in chosen.warnings[0]
-    assert "2 % of the range; least_tension_N sets it" in default.warnings[0]
+    assert "falls to 0 N and is raised to 4.24 N (least_tension_N) in " in chosen.warnings[0]
+    assert "(least_tension_N, default 2 % of range)" in default.warnings[0]
+    assert chosen.name == "reference raised to 4.24 N"
+    assert sampled(finger, WAYPOINTS).name == "reference"
 
 
 def test_a_reference_that_stays_above_zero_is_not_lifted(finger: Scenario) -> None:
