@@ -186,11 +186,9 @@ class LuGreBristle:
 
     def in_section(self, section: Section) -> "LuGreBristle":
         """The section's own coefficients where it has any; a pulley's bearing has one for both directions."""
-        own_pull, own_release = section.own_dynamic()
+        pull, release = section.dynamic_coefficients(*self.slip_coefficients)
         if section.kind is SectionKind.PULLEY:
-            return self._with_coefficients(own_pull, own_pull, own_release, own_release)
-        pull = self.mu_dynamic_pull if own_pull is None else own_pull
-        release = self.mu_dynamic_release if own_release is None else own_release
+            return self._with_coefficients(pull, pull, release, release)
         # The static excess of the whole stays where a section says nothing about it.
         stick = pull * _ratio(self.mu_static_pull, self.mu_dynamic_pull)
         stick_release = release * _ratio(self.mu_static_release, self.mu_dynamic_release)

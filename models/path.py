@@ -12,6 +12,7 @@ Wrap angles and lengths of the sections are affine in the joint angles, so those
 import math
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +24,10 @@ MOST_TURNS = 100.0
 
 ANGLE_FLOOR_RAD = 1e-12
 """Below this wrap angle there is no contact whose loss could be told."""
+
+
+COEFFICIENTS = ("mu_dynamic", "mu_static", "mu_dynamic_release", "mu_static_release")
+"""Keys of friction that a section may have of its own."""
 
 
 class SectionKind(StrEnum):
@@ -69,8 +74,7 @@ class Section:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "kind", SectionKind(self.kind))
-        bounded = ("angle_rad", "length_m", "bearing_exponent", "mu_dynamic", "mu_static")
-        for name in (*bounded, "mu_dynamic_release", "mu_static_release"):
+        for name in ("angle_rad", "length_m", "bearing_exponent", *COEFFICIENTS):
             value = getattr(self, name)
             if value is not None and not 0 <= value < math.inf:
                 raise ParameterError(f'section "{self.name}": {name} must be a finite number >= 0, got {value}')
@@ -86,9 +90,34 @@ class Section:
             raise ParameterError(f'section "{self.name}": bearing_exponent belongs to kind = "pulley", and to it alone')
         if self.kind is SectionKind.PULLEY and self.angle_rad == 0:
             raise ParameterError(f'section "{self.name}": a pulley needs angle_rad > 0, got 0')
-        dynamic, static = self.mu_dynamic, self.mu_static
-        if dynamic is not None and static is not None and static < dynamic:
-            raise ParameterError(f'section "{self.name}": mu_static must be >= mu_dynamic = {dynamic:g}, got {static}')
+        own = [f"{name} = {value:g}" for name in COEFFICIENTS if (value := getattr(self, name)) is not None]
+        if self.kind is SectionKind.PULLEY and own:
+            raise ParameterError(
+                f'section "{self.name}": bearing_exponent = {self.bearing_exponent:g} and {own[0]} are two sources of '
+                "one friction; leave one of them out"
+            )
+        self.check_coefficients(None, None)
+
+    def check_coefficients(self, pull: float | None, release: float | None) -> None:
+        """Refuse static coefficients below the dynamic ones.
+
+        Parameters
+        ----------
+        pull, release : float or None
+            Dynamic coefficients of the whole path [-], which hold where the section has none; None: not known.
+        """
+        usual = self.dynamic_coefficients(pull, release)
+        for end, static, dynamic in zip(("", "_release"), (self.mu_static, self.mu_static_release), usual, strict=True):
+            if static is not None and dynamic is not None and static < dynamic:
+                raise ParameterError(
+                    f'section "{self.name}": mu_static{end} must be >= mu_dynamic{end} = {dynamic:g}, which holds '
+                    f"there, got {static}; set both equal for no Stribeck effect"
+                )
+
+    def dynamic_coefficients(self, pull: Any, release: Any) -> tuple[Any, Any]:
+        """Dynamic coefficients when pulling and when releasing [-], numbers or symbols: its own, else those given."""
+        own_pull, own_release = self.own_dynamic()
+        return pull if own_pull is None else own_pull, release if own_release is None else own_release
 
     def own_dynamic(self) -> tuple[float | None, float | None]:
         """Dynamic coefficients when pulling and when releasing [-]; None where those of the whole hold.

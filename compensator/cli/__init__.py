@@ -24,7 +24,7 @@ from tendonff.compensator.cli.commands.path import path
 from tendonff.compensator.cli.commands.simulate import simulate
 from tendonff.compensator.cli.commands.sweep import sweep
 from tendonff.compensator.cli.commands.table import table
-from tendonff.compensator.cli.progress import leave, say
+from tendonff.compensator.cli.progress import forget_warnings, leave, say
 from tendonff.compensator.files import interrupts
 from tendonff.models.errors import TendonffError
 
@@ -71,6 +71,7 @@ for _command in (*_COMMANDS, *_EXPORTS):
 def run(arguments: Sequence[str]) -> int:
     """Run one command and turn what goes wrong into a message and an exit code."""
     command = typer.main.get_command(app)
+    forget_warnings()
     if not arguments:
         command.main(["--help"], prog_name="tendonff", standalone_mode=False)
         return EXIT_INPUT

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tendonff.compensator.cli.progress import say
+from tendonff.compensator.cli.progress import warn
 from tendonff.compensator.files.dialect import is_number
 from tendonff.compensator.files.text import InputError
 from tendonff.models.fidelity import Level
@@ -45,24 +45,30 @@ ForceOption = Annotated[
 ]
 
 
-@contextmanager
-def opened(
-    scenario: Path, out: Path, *, follows_reference: bool = True, strict: bool = True
-) -> Iterator[tuple["Scenario", Path]]:
-    """Scenario and result folder, before a command imports what it computes with, which takes a second.
+def looked_at(scenario: Path, *, follows_reference: bool = True, strict: bool = False) -> "Scenario":
+    """Read a scenario and say at once what to ask about it, before a command imports what it computes with.
 
-    A scenario that is not valid, a reference (where the command follows it) that is infeasible, if `strict` out of
-    reach, and a folder that cannot be written are refused at once; the folder appears when the block ends without an
-    error. The length of a long run is said before it starts.
+    A scenario that is not valid and a reference (where the command follows it) that is infeasible, if `strict` out of
+    reach, are refused.
     """
-    from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.scenario.sampled.sampling import sample_reference, work_ahead
+    from tendonff.compensator.scenario.sampled.first_look import first_look
     from tendonff.compensator.scenario.scenario import load_scenario
 
     loaded = load_scenario(scenario)
-    if follows_reference and loaded.reference_file() is None:  # pandas reads files; the command itself checks those
-        sample_reference(loaded, strict=strict)
+    warn(*first_look(loaded, follows_reference=follows_reference, strict=strict))
+    return loaded
+
+
+@contextmanager
+def opened(
+    scenario: Path, out: Path, *, follows_reference: bool = True, strict: bool = False
+) -> Iterator[tuple["Scenario", Path]]:
+    """Scenario, as `looked_at`, and result folder.
+
+    A folder that cannot be written is refused at once; it appears when the block ends without an error.
+    """
+    from tendonff.compensator.files.writing import atomic_directory
+
+    loaded = looked_at(scenario, follows_reference=follows_reference, strict=strict)
     with atomic_directory(out) as folder:
-        if follows_reference and (note := work_ahead(loaded)) is not None:
-            say(note)
         yield loaded, folder

@@ -23,9 +23,19 @@ def say(*messages: str) -> None:
         print(message, file=sys.stderr)  # noqa: T201 - the one place that prints
 
 
+_warned: set[str] = set()
+"""Warnings of this command so far: what was said before the work is not said again with its result."""
+
+
 def warn(*messages: str) -> None:
-    """Warnings on standard error, one a line."""
-    say(*(f"warning: {message}" for message in messages))
+    """Warnings on standard error, one a line, each once a command."""
+    say(*(f"warning: {message}" for message in dict.fromkeys(messages) if message not in _warned))
+    _warned.update(messages)
+
+
+def forget_warnings() -> None:
+    """Begin a command."""
+    _warned.clear()
 
 
 @functools.cache

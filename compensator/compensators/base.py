@@ -29,7 +29,7 @@ from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import Inversion, invert
 from tendonff.ocp.periodic import Steadiness, steady_inverse
-from tendonff.ocp.reference.hold import KeptForce, find_holds, keep_force, last_approach
+from tendonff.ocp.reference.hold import KeptForce, find_holds, keep_force_to_end
 from tendonff.ocp.simulate import Outcome
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.motion import limit_motion
@@ -107,19 +107,15 @@ class Problem:
 
     @cached_property
     def kept(self) -> KeptForce | None:
-        """Holds and the end of the reference, where the force is kept; None where none is, or is reached."""
+        """Holds, and an end of the reference under which the output stays; None where no force is kept."""
         reference = self.reference
         if reference.periodic or self.live:
             return None
         wanted, step = reference.tension_N, reference.step_s
-        end = last_approach(wanted, step)
         holds = find_holds(wanted, step) if reference.hold is Hold.KEEP else ()
-        if not holds and end is None:
-            return None
-        rows = (*holds, *(() if end is None else (end,)))
-        kept = keep_force(self.chain, wanted, step, rows, initial_tension_N=reference.initial_tension_N)
+        kept = keep_force_to_end(self.chain, wanted, step, holds, initial_tension_N=reference.initial_tension_N)
         # A chain that no force lets follow goes slack before: the inverse of the wanted tension then says why.
-        return kept if np.all(kept.followed_N > 0) else None
+        return kept if kept is not None and np.all(kept.followed_N > 0) else None
 
     @cached_property
     def followed_N(self) -> FloatArray:

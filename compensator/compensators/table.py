@@ -15,7 +15,7 @@ from tendonff.compensator.compensators.lookup_table import BranchTable, FloatArr
 from tendonff.compensator.compensators.profile import Profile
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.reporting.colours import GREEN, Style
-from tendonff.compensator.scenario.sampled.sampling import largest_tension
+from tendonff.compensator.scenario.doubts import largest_tension
 from tendonff.models.capstan import Branch
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError

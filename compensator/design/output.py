@@ -138,7 +138,9 @@ def _tracking_summary(tracking: Tracking) -> dict[str, object]:
 def print_scores(result: DesignData, folder: Path) -> None:
     """Print the error of each compensator on each level, what to expect on a rig, and where the files are."""
     console = Console()
-    table = Table(title=f"{result.scenario.name}: RMS error, % of reference range", title_justify="left")
+    table = Table(
+        title=f"{result.scenario.name}: RMS error, % of range of the {result.reference.name}", title_justify="left"
+    )
     table.add_column("compensator")
     table.add_column("worst case", justify="right")
     for level in Level:

@@ -22,11 +22,9 @@ from tendonff.models.chain import Chain
 from tendonff.models.errors import TendonffError
 from tendonff.models.parameters import Friction, Path, Transmission
 from tendonff.models.parameters.uncertainty import Uncertainty
-from tendonff.models.path import Section
+from tendonff.models.path import COEFFICIENTS, Section
 from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig
 from tendonff.ocp.adaptation.tuning import Sensor
-
-_SECTION_MU = ("mu_dynamic", "mu_static", "mu_dynamic_release", "mu_static_release")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,7 +96,7 @@ class ExploreParameters:
         return replace(old.path, total_angle_rad=total, sections=sections)
 
     def _section(self, old: Section, share: float, mu_before: float) -> Section:
-        given = {name: value for name in _SECTION_MU if (value := getattr(old, name)) is not None}
+        given = {name: value for name in COEFFICIENTS if (value := getattr(old, name)) is not None}
         coefficients: dict[str, Any] = {n: _in_proportion(value, mu_before, self.mu) for n, value in given.items()}
         return replace(old, angle_rad=share * old.angle_rad, **coefficients)
 
@@ -186,7 +184,7 @@ class Explorer:
             if design_knows
             else replace(self._scenario, transmission=replace(known, actuator=changed.transmission.actuator))
         )
-        problem = replace(Problem.of(model, reference=sample_reference(model)), uncertainty=Uncertainty())
+        problem = replace(Problem.of(model, reference=sample_reference(model, strict=True)), uncertainty=Uncertainty())
         plant = moved(changed, float(problem.reference.time_s[-1]))
         notes: list[str] = []
         courses = {}

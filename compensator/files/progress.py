@@ -4,6 +4,9 @@ from collections.abc import Callable
 
 Progress = Callable[[int, int], None]  # told parts done and parts in all
 
+DOUBT = "doubt: "
+"""How a line begins that asks about the data, among those that say what is being done."""
+
 
 def silent(_done: int, _total: int) -> None:
     """No-op progress callback."""

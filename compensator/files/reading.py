@@ -3,9 +3,10 @@
 import csv
 import warnings
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,9 @@ from tendonff.compensator.files.text import InputError, open_text, read_text, su
 __all__ = ["FloatArray", "InputError", "nearest_column", "open_text", "read_csv", "read_text", "suggestion"]
 
 FloatArray = NDArray[np.float64]
+
+_SMALL = 500_000
+"""Bytes of a file that is read without pandas, which takes longer to load."""
 
 
 def read_csv(
@@ -49,6 +53,8 @@ def read_csv(
     if is_packed(path):
         table = read_table(path)
         columns = {name: table.numbers(name) for name in wanted}
+    elif path.suffix.lower() != ".gz" and path.stat().st_size <= _SMALL:
+        columns = _parse_slowly(path, dialect, wanted)
     else:
         columns = _parse(path, dialect, wanted)
     if columns[wanted[0]].size == 0:
@@ -59,19 +65,40 @@ def read_csv(
             place = row + dialect.skipped + 1
             raise InputError(f"{path.name} row {place}: {name} must be a finite number, got {values[row]}")
     if increasing is not None and increasing in columns:
-        check_increasing(path, increasing, columns[increasing], dialect.skipped + 1, starts_at_zero=starts_at_zero)
+        others = {name: values for name, values in columns.items() if name != increasing}
+        check_increasing(
+            path, increasing, columns[increasing], dialect.skipped + 1, starts_at_zero=starts_at_zero, others=others
+        )
     return columns
 
 
-def check_increasing(path: Path, name: str, time: FloatArray, first: int, *, starts_at_zero: bool) -> None:
-    """Refuse a clock that stands still, runs back, or starts elsewhere than at 0; its first row is row `first`."""
+def check_increasing(
+    path: Path,
+    name: str,
+    time: FloatArray,
+    first: int,
+    *,
+    starts_at_zero: bool,
+    others: Mapping[str, FloatArray] = MappingProxyType({}),
+) -> None:
+    """Refuse a clock that stands still, runs back, or starts elsewhere than at 0; its first row is row `first`.
+
+    Where another column could be the clock, the message asks whether the two are reversed.
+    """
+    clocks = [other for other, values in others.items() if values[0] == 0 and (np.diff(values) > 0).all()]
+    reversed_ = f"; {clocks[0]} starts at 0 and increases: are the two columns reversed?" if clocks else ""
     if starts_at_zero and time[0] != 0:
-        raise InputError(f"{path.name} row {first}: {name} must start at 0, got {time[0]:g}; subtract the first time")
+        raise InputError(
+            f"{path.name} row {first}: {name} must start at 0, got {time[0]:g}"
+            f"{reversed_ or '; subtract the first time'}"
+        )
     forward = np.diff(time) > 0
     if not forward.all():
         row = int(np.argmin(forward))
         place = row + first + 1
-        raise InputError(f"{path.name} row {place}: {name} must increase, got {time[row + 1]:g} after {time[row]:g}")
+        raise InputError(
+            f"{path.name} row {place}: {name} must increase, got {time[row + 1]:g} after {time[row]:g}{reversed_}"
+        )
 
 
 def nearest_column(name: str, names: Sequence[str]) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tendonff.compensator.files.progress import DOUBT
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification import messages
 from tendonff.compensator.identification.estimates import estimates_of, summarise_excitation
@@ -22,6 +23,7 @@ from tendonff.compensator.identification.measured.cleaning import Record, clean,
 from tendonff.compensator.identification.measured.plan import (
     check_plan,
     check_question,
+    data_doubts,
     magnitude_warning,
     unit_warning,
 )
@@ -89,7 +91,10 @@ def identify(
     _check_common_friction(scenario, records)
     if static_only:
         _check_rest(everything)
-    warnings = [unit_warning(how, _positions_of(records)), *messages.about_issues(everything)]
+    doubts = [unit_warning(how, _positions_of(records)), *data_doubts(raw, how.explain)]
+    for doubt in filter(None, doubts):
+        say(f"{DOUBT}{doubt}")
+    warnings = [*doubts, *messages.about_issues(everything)]
     foreign = _foreign(scenario, records)
     if _proximal(scenario, everything, static_only=static_only):
         fits = _fit_proximal(scenario, records, judges, say)

@@ -7,6 +7,7 @@ A scenario is a TOML file (schema 1) with the tables [path], [tendon], [friction
 import hashlib
 import math
 import os
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -116,13 +117,14 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
     except RecursionError:
         raise InputError(f"{file} is nested too deeply to be a scenario") from None
     except ValueError as error:  # TOMLDecodeError, and numbers of thousands of digits
-        raise InputError(f"{file}: not valid TOML: {error}") from None
+        raise InputError(f"{file}: not valid TOML: {error}{_advice(text, str(error))}") from None
     _check_schema(raw, file)
     _check_names(raw, file)
     name = raw.get("name", source.stem)
     if not isinstance(name, str):
         raise InputError(f'{file}: name must be text in quotes ("..."), got {show(name)}')
     sections, path = _path_keys(raw.get("path", {}), file)
+    raw_tendon = raw.get("tendon")
     spread, robust = _spread_keys(raw.get("robust", {}), file)
     expanded = {"path": path, "load": _load_keys(raw.get("load", {}), file), "robust": robust}
     raw = _complete({**raw, **{key: value for key, value in expanded.items() if key in raw}}, file)
@@ -138,9 +140,12 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
     optional |= {key: table(cls, key) for key, cls in _ON_REQUEST.items() if key in raw}
     try:
         transmission = Transmission(**parts)  # type: ignore[arg-type]
+        for section in sections:
+            section.check_coefficients(transmission.friction.mu_dynamic, transmission.friction.release_dynamic)
     except ParameterError as error:
         raise InputError(f"{file}: {error}") from None
     optional["robust"] = _with_spread(optional["robust"], spread, transmission, file)  # type: ignore[arg-type]
+    _check_length(raw_tendon, sections, file)
     joints = read_joints(raw.get("joints", {}), file)
     for joint in (*(section.joint for section in sections), transmission.load.joint):
         if joint is not None and joint not in joints:
@@ -166,6 +171,32 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
     if (goal := scenario.optimal.goal) and present:
         raise InputError(f"{file}: [optimal] {goal} does not go with {present[0]}; leave one of them out")
     return scenario
+
+
+_NO_TOML = (
+    (r"(\w+)\s*=\s*([-+]?\d+),(\d+)", "; a decimal point, not a comma: {0} = {1}.{2}"),
+    (r"(\w+)\s*=\s*([A-Za-z][\w./-]*)", '; text stands in quotes: {0} = "{1}"'),
+    (
+        r"(\w+)\s*=\s*([-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?)\s*[A-Za-z%°]\S*",
+        "; a number alone, the key says its unit: {0} = {1}",
+    ),
+    (r"(\w+)\s*=\s*([-+]?\.\d+)", "; a digit before the point: {0} = 0{1}"),
+    (r"(\w+)\s*=\s*([-+]?\d+)\.", "; a digit after the point: {0} = {1}.0"),
+)
+"""What people write that is no TOML, and what to write instead."""
+
+
+def _advice(text: str, error: str) -> str:
+    """The way out of what tomllib refuses, where the line shows a usual slip; else empty."""
+    place = re.search(r"at line (\d+)", error)
+    lines = text.splitlines()
+    if place is None or not 0 < (number := int(place[1])) <= len(lines):
+        return ""
+    line = lines[number - 1].partition("#")[0].strip()
+    for pattern, advice in _NO_TOML:
+        if len(line) < 200 and (found := re.fullmatch(pattern, line)):
+            return advice.format(*found.groups())
+    return ""
 
 
 def _path_keys(raw: object, file: str) -> tuple[tuple[Section, ...], object]:
@@ -241,6 +272,19 @@ def _sections(raw: object, file: str) -> tuple[Section, ...]:
     if twice := [name for name in names if names.count(name) > 1]:
         raise InputError(f'{file} [path]: two sections are named "{twice[0]}"; each needs a name of its own')
     return sections
+
+
+def _check_length(tendon: object, sections: tuple[Section, ...], file: str) -> None:
+    """Refuse a length of the tendon that is not that of the path it lies on."""
+    lengths = [section.length_m for section in sections if section.length_m is not None]
+    own = tendon.get("length_m") if isinstance(tendon, Mapping) else None
+    if own is None or not sections or len(lengths) < len(sections):
+        return
+    if not math.isclose(own, total := math.fsum(lengths), rel_tol=0.01):
+        raise InputError(
+            f"{file}: two sources for one quantity: [tendon] length_m = {own:g}, and {total:g} from length_m of the "
+            "sections of [path]; correct one of them, or leave out those of the sections"
+        )
 
 
 def _load_keys(raw: object, file: str) -> object:
@@ -332,7 +376,8 @@ def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | Non
         if isinstance(value, Uncertainty):
             lines += toml_table(replace(value, spread=())) + _spread_toml(value.spread)
         else:
-            lines += toml_table(value, table)
+            motor = transmission.actuator.motor if table == "actuator" else None
+            lines += toml_table(value, table, without=() if motor is None else tuple(motor.at_the_drum))
         if lines:
             parts.append(f"\n[{table}]\n{lines}")
     for name, joint in scenario.joints.items():

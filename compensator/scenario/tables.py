@@ -10,6 +10,7 @@ import json
 import operator
 import re
 from collections.abc import Mapping
+from difflib import get_close_matches
 from enum import StrEnum
 from inspect import cleandoc
 from types import NoneType, UnionType
@@ -115,10 +116,13 @@ def toml_value(value: object) -> str:
     raise TypeError(f"{type(value).__name__} cannot be written to a scenario file")
 
 
-def toml_table(instance: object, name: str = "") -> str:
-    """All keys of a dataclass that are set, one per line, and then the tables within it, as "name.key"."""
+def toml_table(instance: object, name: str = "", *, without: tuple[str, ...] = ()) -> str:
+    """All keys of a dataclass that are set, one per line, and then the tables within it, as "name.key".
+
+    Keys `without` are left out: they follow from others.
+    """
     pairs = [(field.name, getattr(instance, field.name)) for field in dataclasses.fields(instance)]  # type: ignore[arg-type]
-    given = [(key, value) for key, value in pairs if value not in (None, ())]
+    given = [(key, value) for key, value in pairs if value not in (None, ()) and key not in without]
     inner = [(f"{name}.{key}", value) for key, value in given if dataclasses.is_dataclass(value)]
     lines = [f"{key} = {toml_value(value)}\n" for key, value in given if not dataclasses.is_dataclass(value)]
     return "".join(lines) + "".join(f"\n[{table}]\n{toml_table(value, table)}" for table, value in inner)
@@ -148,7 +152,16 @@ def _explain(cls: type, keys: Mapping[str, object], error: ValidationError) -> s
     name, *items = problem["loc"]
     key = f"{name}{''.join(f'[{k}]' for k in items)}"
     value: Any = functools.reduce(operator.getitem, problem["loc"], keys)  # type: ignore[arg-type]
-    return f"{key} must be {_wanted(get_type_hints(cls)[str(name)], item=bool(items))}, got {show(value)}"
+    annotation = get_type_hints(cls)[str(name)]
+    return f"{key} must be {_wanted(annotation, item=bool(items))}, got {show(value)}{_meant(annotation, value)}"
+
+
+def _meant(annotation: Any, value: object) -> str:
+    """The member of an enum that a wrong text comes close to, as a question; empty where there is none."""
+    parts = [annotation, *get_args(annotation)]
+    members = [str(m) for part in parts if isinstance(part, type) and issubclass(part, StrEnum) for m in part]
+    near = get_close_matches(value, members, n=1) if isinstance(value, str) else []
+    return f', did you mean "{near[0]}"?' if near else ""
 
 
 def _wanted(annotation: Any, *, item: bool) -> str:
@@ -168,8 +181,8 @@ def expand(table: str, raw: Mapping[str, object], *, file: str) -> dict[str, obj
     """The keys of a table, as they were written, with what follows from them; InputError where those are wrong.
 
     What users have instead of what the model needs: the tendon's modulus and section stand for its stiffness, its
-    density for its mass, the motor for the actuator's mass and force; a value without effect need not be given. A key
-    that is given beside what it could follow from counts.
+    density for its mass, the motor for the actuator's mass, force and speed; a value without effect need not be given.
+    A key that is given beside what it follows from is refused: of two sources one would be ignored.
     """
     keys = dict(raw)
     match table:
@@ -181,9 +194,8 @@ def expand(table: str, raw: Mapping[str, object], *, file: str) -> dict[str, obj
             motor = keys.get("motor")
             if isinstance(motor, Mapping):
                 drive = read_table(Motor, motor, file=file, table="actuator.motor")
-                keys.setdefault("mass_kg", drive.mass_kg)
-                keys.setdefault("force_max_N", drive.force_max_N)
-                keys.setdefault("speed_max_m_per_s", drive.speed_max_m_per_s)
+                for key, value in drive.at_the_drum.items():
+                    _follow(keys, key, value, "[actuator.motor]", where=f"{file} [{table}]")
     return keys
 
 
@@ -191,11 +203,25 @@ def _expand_tendon(keys: dict[str, object], file: str) -> None:
     given = {name: keys.pop(name) for name in ROPE_KEYS if name in keys}
     if given:
         rope = read_table(Rope, given, file=file, table="tendon")
-        keys.setdefault("stiffness_N_per_m", rope.stiffness_N_per_m)
+        area = "diameter_m" if rope.cross_section_m2 is None else "cross_section_m2"
+        where = f"{file} [tendon]"
+        _follow(
+            keys, "stiffness_N_per_m", rope.stiffness_N_per_m, f"elastic_modulus_Pa, length_m and {area}", where=where
+        )
         if rope.mass_kg is not None:
-            keys.setdefault("mass_kg", rope.mass_kg)
+            _follow(keys, "mass_kg", rope.mass_kg, f"density_kg_per_m3, length_m and {area}", where=where)
     if keys.get("relaxing_stiffness_N_per_m") == 0:
         keys.setdefault("relaxation_time_s", NO_RELAXATION_TIME_S)
+
+
+def _follow(keys: dict[str, object], key: str, value: float, source: str, *, where: str) -> None:
+    """Set a key that follows from others; InputError where it is given too."""
+    if key in keys:
+        raise InputError(
+            f"{where}: two sources for one quantity: {key} = {show(keys[key])}, and {value:.6g} from {source}; "
+            "leave one of them out"
+        )
+    keys[key] = value
 
 
 def _expand_friction(keys: dict[str, object]) -> None:

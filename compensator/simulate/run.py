@@ -14,8 +14,9 @@ from tendonff.compensator.files.quantities import FORCE_UNITS, LENGTH_UNITS, Qua
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.tables import table_dialect
 from tendonff.compensator.files.writing import open_csv
+from tendonff.compensator.scenario.doubts import force_doubts, scenario_doubts
 from tendonff.compensator.scenario.sampled.joint_motion import moved
-from tendonff.compensator.scenario.sampled.sampling import initial_tension, questions
+from tendonff.compensator.scenario.sampled.sampling import initial_tension
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
@@ -94,6 +95,15 @@ def read_force(path: Path, column: str | None = None, drive: Drive = Drive.FORCE
     )
 
 
+def doubts_of(scenario: Scenario, profile: ForceProfile) -> tuple[str, ...]:
+    """What to ask about a scenario and a force file, which is simulated all the same."""
+    doubts = scenario_doubts(scenario)
+    if profile.is_command:
+        return doubts
+    start = initial_tension(scenario)
+    return (*doubts, *force_doubts(scenario.transmission, profile.force_N, start, file=profile.name))
+
+
 def simulate_force(
     scenario: Scenario,
     level: Level,
@@ -115,7 +125,7 @@ def simulate_force(
         raise InputError(
             f"{profile.name}: {profile.time_s[-1]:g} s at step_s = {step:g} are {total} rows; use a larger step"
         )
-    start_tension = initial_tension(scenario)
+    start_tension, given = initial_tension(scenario), profile
     chain = Chain.of(moved(scenario, float(profile.time_s[-1])), level)
     actuator = scenario.transmission.actuator
     if profile.is_command:
@@ -136,13 +146,12 @@ def simulate_force(
             coming = next(computed, None)
             stream.write(rows)
             progress(round(rows[-1, 0] / step) + 1, total)
-    warnings = questions(scenario.transmission)
-    if (jump := abs(run.first_force - start_tension)) > 1e-6 * max(start_tension, 1.0):
+    warnings = list(doubts_of(scenario, given))
+    if given.is_command and (jump := abs(run.first_force - start_tension)) > 1e-6 * max(start_tension, 1.0):
         warnings.append(
             f"{profile.name} starts at {run.first_force:.6g} N, but the run starts at rest at {start_tension:.6g} N: "
             f"the force jumps by {jump:.3g} N at t = 0"
         )
-    warnings += [] if profile.is_command else _beyond(scenario, profile)
     if run.slack_rows:
         warnings.append(
             f"the tendon goes slack at t = {run.first_slack_s:.6g} s, and in {100 * run.slack_rows / total:.2g} % of "
@@ -150,17 +159,6 @@ def simulate_force(
         )
     found = run.halving.result().text if run.halving is not None else None
     return SimulatedForce(rows=total, warnings=tuple(warnings), check=found)
-
-
-def _beyond(scenario: Scenario, profile: ForceProfile) -> list[str]:
-    """Forces that the scenario's actuator could not apply; they are simulated all the same."""
-    actuator, force = scenario.transmission.actuator, profile.force_N
-    found = []
-    if force.max() > actuator.force_max_N:
-        found.append(f"{force.max():.4g} N where force_max_N is {actuator.force_max_N:g}")
-    if force.min() < actuator.force_min_N:
-        found.append(f"{force.min():.4g} N where force_min_N is {actuator.force_min_N:g}")
-    return [f"{profile.name} asks for {text}: played as it is" for text in found]
 
 
 class _Run:

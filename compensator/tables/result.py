@@ -40,6 +40,7 @@ class TablesData:
     expectation: Expectation  # of "table" beside "none" and "frictionless", over what may be the real transmission
     options: str  # options of the command that would make the same, for the report
     warnings: tuple[str, ...]  # what the user should know
+    harm: tuple[str, ...] = ()  # why the table must not be used as it is: its error is above that of no compensation
 
     @property
     def headline(self) -> str:

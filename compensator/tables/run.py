@@ -91,6 +91,7 @@ def make_tables(
         expectation=expectation,
         options=" ".join(f"--{name} {value}" for name, value in options.items() if value),
         warnings=(*reference.warnings, *met, *causes, *harm),
+        harm=tuple(harm),
     )
 
 

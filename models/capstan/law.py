@@ -76,14 +76,9 @@ def section_exponents(
     said.
     """
     parts, angles = transmission.path.parts, _angles(transmission, joint_rad)
-    pull, release = (
-        [(usual if own is None else own) * phi for own, phi in zip(mus, angles, strict=True)]
-        for usual, mus in zip(
-            (transmission.friction.mu_dynamic, transmission.friction.release_dynamic),
-            zip(*(part.own_dynamic() for part in parts), strict=True),
-            strict=True,
-        )
-    )
+    usual = transmission.friction.mu_dynamic, transmission.friction.release_dynamic
+    both = [part.dynamic_coefficients(*usual) for part in parts]
+    pull, release = ([mus[k] * phi for mus, phi in zip(both, angles, strict=True)] for k in (0, 1))
     return pull, release
 
 

@@ -92,6 +92,11 @@ class Motor:
         """Largest speed at the tendon [m/s]."""
         return self.speed_max_rad_per_s * self.travel_per_rad_m
 
+    @property
+    def at_the_drum(self) -> dict[str, float]:
+        """What an actuator has of its motor, by the actuator's keys."""
+        return {key: getattr(self, key) for key in ("mass_kg", "force_max_N", "speed_max_m_per_s")}
+
     def torque_limit_N_m(self, speed_rad_per_s: float) -> float:
         """Largest torque at a speed in its direction, by torque_max_N_m and the torque-speed line [N m].
 

@@ -13,14 +13,12 @@ from typing import Any, get_args, get_type_hints
 
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters.transmission import Actuator, Transmission
-from tendonff.models.path import Section
+from tendonff.models.path import COEFFICIENTS, Section
 
 FACTORS = ("mu", "stiffness", "bristle_stiffness")
 """Keys that are factors [-]."""
 
 _TABLES = ("path", "tendon", "friction", "actuator", "load")
-_COEFFICIENTS = ("mu_dynamic", "mu_static", "mu_dynamic_release", "mu_static_release")
-_OF_MOTOR = ("mass_kg", "force_max_N", "speed_max_m_per_s")  # of an actuator: they follow from its motor
 _STATIC_OF = {"mu_dynamic": "mu_static", "mu_dynamic_release": "mu_static_release"}
 
 
@@ -120,8 +118,7 @@ def _with_motor(actuator: Actuator, given: Mapping[str, float]) -> Actuator:
     if motor is None:
         raise ParameterError("the actuator has no motor; add [actuator.motor]")
     turned = replace(motor, **given)
-    follow = {name: getattr(turned, name) for name in _OF_MOTOR if getattr(actuator, name) == getattr(motor, name)}
-    return replace(actuator, motor=turned, **follow)
+    return replace(actuator, motor=turned, **turned.at_the_drum)  # type: ignore[arg-type]
 
 
 def _with_followers(record: Any, given: Mapping[str, float]) -> dict[str, float]:
@@ -153,7 +150,7 @@ def _scaled(transmission: Transmission, key: str, factor: float) -> Transmission
 
 
 def _with_coefficients(record: Any, factor: float) -> Any:
-    names = (*_COEFFICIENTS, "bearing_exponent") if isinstance(record, Section) else _COEFFICIENTS
+    names = (*COEFFICIENTS, "bearing_exponent") if isinstance(record, Section) else COEFFICIENTS
     given = {f.name: getattr(record, f.name) for f in fields(record) if f.name in names}
     return replace(record, **{name: value * factor for name, value in given.items() if value is not None})
 

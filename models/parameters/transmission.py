@@ -213,7 +213,7 @@ class Actuator:
     coulomb_N : float, optional
         Dry friction of motor and gear, as a force at its end [N], >= 0; default: none.
     motor : Motor, optional
-        Motor, gear and drum behind it; mass_kg, force_max_N and speed_max_m_per_s follow from them where left out.
+        Motor, gear and drum behind it, which give mass_kg, force_max_N and speed_max_m_per_s.
     """
 
     mass_kg: float
@@ -254,6 +254,16 @@ class Actuator:
             if self.drive is not Drive.POSITION:
                 raise ParameterError('servo_stiffness_N_per_m is for drive = "position"; add it, or leave this out')
             require("servo_stiffness_N_per_m", self.servo_stiffness_N_per_m, above=0, hint="from its data sheet")
+        self._check_motor()
+
+    def _check_motor(self) -> None:
+        """Refuse numbers that contradict the motor they come from."""
+        for name, gives in self.motor.at_the_drum.items() if self.motor is not None else ():
+            value = getattr(self, name)
+            if value is None or not math.isclose(value, gives, rel_tol=1e-9):
+                raise ParameterError(
+                    f"{name} must be {gives:g}, as the actuator's motor gives, got {value}; change the motor instead"
+                )
 
     @property
     def largest_force_N(self) -> float:
@@ -263,8 +273,7 @@ class Actuator:
     @property
     def largest_force_name(self) -> str:
         """Where that comes from, as the user writes it: a motor's torque at the drum, where it is the limit."""
-        motor = self.motor
-        if motor is None or (self.force_max_N != motor.force_max_N and self.largest_force_N == self.force_max_N):
+        if self.motor is None:
             return "force_max_N"
         torque = "torque_max_N_m" if self.largest_force_N == self.force_max_N else "stall_torque_N_m"
         return f"{torque} * gear_ratio/drum_radius_m"

@@ -26,6 +26,10 @@ BLEND_S = 0.1
 """Time in which the drift of a hold is made good by the move after it."""
 
 
+END_DRIFT = 1e-3
+"""Share of the reference's range that the output may drift by at the end under a kept force."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeptForce:
     """A force that is kept in holds, and what the chain delivers under it."""
@@ -107,6 +111,27 @@ def keep_force(
     return KeptForce(
         force_N=force, followed_N=followed, holds=tuple(holds), drift_N=float(np.max(np.abs(followed - wanted)))
     )
+
+
+def keep_force_to_end(
+    chain: Chain,
+    reference_N: Array,
+    step_s: float,
+    holds: tuple[tuple[int, int], ...],
+    *,
+    initial_tension_N: float | None = None,
+) -> KeptForce | None:
+    """`keep_force` in holds and in the end that the reference creeps up to, which is followed where keeping drifts.
+
+    None where no force is kept. Exceptions as of `keep_force`.
+    """
+    wanted, kept = np.asarray(reference_N, dtype=np.float64), None
+    if (end := last_approach(wanted, step_s)) is not None:
+        kept = keep_force(chain, wanted, step_s, (*holds, end), initial_tension_N=initial_tension_N)
+        drift = float(np.max(np.abs(kept.followed_N - wanted)[end[0] :]))
+        if drift <= END_DRIFT * float(np.ptp(wanted)):
+            return kept
+    return keep_force(chain, wanted, step_s, holds, initial_tension_N=initial_tension_N) if holds else None
 
 
 def _fade(rows: int, step_s: float) -> Array:

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.options import ScenarioArgument
+from tendonff.compensator.cli.options import ScenarioArgument, looked_at
 from tendonff.compensator.cli.progress import say
 from tendonff.compensator.files.text import InputError
 
@@ -20,9 +20,7 @@ def explore(
 
     Sliders change friction, angle, presliding stiffness, relaxation, rate limit, load and the pose of joints.
     """
-    from tendonff.compensator.scenario.scenario import load_scenario
-
-    loaded = load_scenario(scenario)
+    loaded = looked_at(scenario)
     try:
         from tendonff.compensator.explore.page import make_server, page_url
     except ModuleNotFoundError as error:

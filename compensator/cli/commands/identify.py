@@ -9,6 +9,7 @@ import typer
 
 from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument, named_numbers, opened, option
 from tendonff.compensator.cli.progress import interruptible, progress, say, warn
+from tendonff.compensator.files.progress import DOUBT
 from tendonff.compensator.files.text import InputError, suggestion
 from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.models.errors import ParameterError
@@ -133,9 +134,11 @@ def identify(
 
 
 def _say_files(line: str) -> None:
-    """What was read; the names of stages stay silent."""
+    """What was read and what is asked about it; the names of stages stay silent."""
     if " samples over " in line:
         say(line)
+    elif line.startswith(DOUBT):
+        warn(line.removeprefix(DOUBT))
 
 
 def _labels(options: list[str], names: list[str]) -> dict[str, str]:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.options import LevelOption, ScenarioArgument, option
+from tendonff.compensator.cli.options import LevelOption, ScenarioArgument, looked_at, option
 from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.compensator.files.text import InputError
 
@@ -30,15 +30,14 @@ def simulate(
 
     The run starts at rest at the scenario's initial tension.
     """
-    from tendonff.compensator.scenario.scenario import load_scenario
-
-    loaded = load_scenario(scenario)  # before the imports below, which take a second: a refusal is quick
+    loaded = looked_at(scenario, follows_reference=False)
     from tendonff.compensator.scenario.sampled.joint_motion import moved_by_file
-    from tendonff.compensator.simulate.run import read_force, simulate_force
+    from tendonff.compensator.simulate.run import doubts_of, read_force, simulate_force
 
     loaded = loaded if joints is None else moved_by_file(loaded, joints)
     profile = read_force(force, column, loaded.transmission.actuator.drive)
     say(*profile.notes)
+    warn(*doubts_of(loaded, profile))
     if out.exists() and any(out.samefile(source) for source in (scenario, force, joints) if source):
         raise InputError(f"{out} is an input of this run; name another file for the result")
     with progress("simulating") as advance:

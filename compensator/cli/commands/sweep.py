@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument, option
+from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument, looked_at, option
 from tendonff.compensator.cli.progress import progress, say
 
 
@@ -35,9 +35,7 @@ def sweep(
     """
     if source != "robust":
         raise typer.BadParameter(f'must be "robust", got "{source}"', param_hint="--from")
-    from tendonff.compensator.scenario.scenario import load_scenario
-
-    loaded = load_scenario(scenario)
+    loaded = looked_at(scenario)
     from tendonff.compensator.design.sweep.plan import Axis
     from tendonff.compensator.design.sweep.result import kept_rows
     from tendonff.compensator.design.sweep.run import DEFAULT, executor_of

@@ -14,6 +14,7 @@ from tendonff.compensator.cli.options import (
     option,
 )
 from tendonff.compensator.cli.progress import progress, say, warn
+from tendonff.ocp.errors import SolveError
 
 _MANY_NODES = 5000
 _BOUND = "Largest interpolation error [N]; default: 0.5 % of the reference's range."
@@ -40,10 +41,13 @@ def table(
         list[str] | None, option("--pose", "NAME=ANGLE", "Joint that stands still for the table [rad]; repeatable.")
     ] = None,
     prefix: PrefixOption = "tff",
+    *,
+    force: Annotated[bool, typer.Option("--force", help="Write a table all the same that does harm.")] = False,
 ) -> None:
     """Tabulate the feedforward force.
 
-    The axes are the reference, the branch and the tension since the last reversal.
+    The axes are the reference, the branch and the tension since the last reversal. A table whose error is above that of
+    no compensation is not written, unless forced.
     """
     angles_of_joints = dict(named_numbers("--pose", pose or [], "NAME=ANGLE", "wrist=0.5", is_named=True))
     angle_axis, rate_axis = _numbers(angles, "--angles"), _numbers(rates, "--rates")
@@ -61,6 +65,9 @@ def table(
                 rates_N_per_s=rate_axis,
                 pose_rad=angles_of_joints,
             )
+            if result.harm and not force:
+                warn(*(warning for warning in result.warnings if warning not in result.harm))
+                raise SolveError(f"{result.harm[0]}; nothing was written, --force writes it all the same")
             result.write(folder, prefix=prefix)
     warn(*result.warnings)
     if (nodes := max(made.built.table.nodes for made in result.tables)) > _MANY_NODES:

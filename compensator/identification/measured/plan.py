@@ -8,7 +8,8 @@ import numpy as np
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.measured.reading import RawMeasurement
-from tendonff.compensator.scenario.measurement import Measurement
+from tendonff.compensator.scenario.doubts import angle_doubt
+from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.compensator.scenario.scenario import Scenario
 
 LONGEST_STEP_S = 1e-3
@@ -19,6 +20,9 @@ MANY_STEPS = 1_000_000
 
 SLOW_S = 0.05
 """A clock with longer intervals may count milliseconds."""
+
+_REVERSED = 1.1  # an output tension that swings so many times the input is at the driven end
+_LONGEST_STROKE_M = 10.0
 
 _FORCES = ("Nm", "mNm", "kN", "mN", "lbf", "lb", "kg", "V", "mV", "mA")
 _LENGTHS = ("rad", "deg", "mm", "cm", "um", "counts")
@@ -118,6 +122,29 @@ def unit_warning(how: Measurement, positions: Sequence[str]) -> str:
         f"read without a factor: {', '.join(found)}; estimates with N and m in their names are then in the file's own "
         "units. A torque over the drum's radius is a tension, an angle times it a position"
     )
+
+
+def data_doubts(files: Sequence[RawMeasurement], explain: Explain) -> tuple[str, ...]:
+    """What to ask about measured values that look like another unit, or like reversed columns."""
+    found = []
+    for file in files:
+        swings = float(np.ptp(file.input_N)), float(np.ptp(file.output_N))
+        # Friction takes its share of every swing on the way to a load that moves with the tendon alone.
+        if file.has_output and explain in (Explain.AUTO, Explain.OUTPUT) and swings[1] > _REVERSED * swings[0]:
+            found.append(
+                f"{file.name}: the output tension swings by {swings[1]:.3g} N, the input by {swings[0]:.3g} N: are the "
+                'two columns reversed? If the output end is driven, say so with explain = "input"'
+            )
+        for end, position in (("input", file.input_m), ("output", file.output_m)):
+            if position is not None and float(np.ptp(position)) > _LONGEST_STROKE_M:
+                found.append(
+                    f"{file.name}: the {end} position moves by {np.ptp(position):.3g} m: millimetres? "
+                    f"--scale {end}_position=0.001"
+                )
+        if file.motion is not None:
+            for name, angle in zip(file.motion.names, file.motion.angle_rad.T, strict=True):
+                found += angle_doubt(f"{file.name}: {name}", float(np.max(np.abs(angle))))
+    return tuple(found)
 
 
 def magnitude_warning(largest_N: float, force_max_N: float) -> str:

@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from tendonff.compensator.files.quantities import ANGLE_UNITS, Quantity, read_quantities, time_quantity
 from tendonff.compensator.files.reading import FloatArray, suggestion
@@ -106,6 +105,20 @@ def read_motion(path: Path, name: str, time_s: FloatArray, end_s: float) -> Floa
 
     InputError where the file is refused, or ends before `end_s` [s].
     """
+    from scipy.interpolate import PchipInterpolator  # costs a second to import, and a first look needs none of it
+
+    time, angle = read_angles(path, name)
+    if len(time) < 2 or time[-1] < end_s - 1e-9:
+        raise InputError(
+            f'{path.name}: "{name}" is known from 0 to {time[-1]:g} s, but the run takes from 0 to {end_s:g} s; give a '
+            "longer motion or a shorter reference"
+        )
+    angles: FloatArray = PchipInterpolator(time, angle)(np.minimum(time_s, time[-1]))
+    return angles
+
+
+def read_angles(path: Path, name: str) -> tuple[FloatArray, FloatArray]:
+    """Times [s] and angles [rad] of one joint as a file has them, shape (rows,); InputError where it is refused."""
     wanted = (
         time_quantity('a column "time_s" instead of "{}"'),
         Quantity(
@@ -116,11 +129,4 @@ def read_motion(path: Path, name: str, time_s: FloatArray, end_s: float) -> Floa
         ),
     )
     values = read_quantities(path, wanted, starts_at_zero=True).values
-    time, angle = values["time_s"], values[f"{name}_rad"]
-    if len(time) < 2 or time[-1] < end_s - 1e-9:
-        raise InputError(
-            f'{path.name}: "{name}" is known from 0 to {time[-1]:g} s, but the run takes from 0 to {end_s:g} s; give a '
-            "longer motion or a shorter reference"
-        )
-    angles: FloatArray = PchipInterpolator(time, angle)(np.minimum(time_s, time[-1]))
-    return angles
+    return values["time_s"], values[f"{name}_rad"]

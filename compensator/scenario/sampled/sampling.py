@@ -7,6 +7,7 @@ from typing import assert_never
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError
+from tendonff.compensator.scenario.doubts import out_of_reach, reference_doubts, scenario_doubts
 from tendonff.compensator.scenario.reference import (
     CsvReference,
     Hold,
@@ -17,8 +18,6 @@ from tendonff.compensator.scenario.reference import (
 )
 from tendonff.compensator.scenario.sampled.from_file import read_samples, resample
 from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.models.capstan import CapstanLaw
-from tendonff.models.parameters import Transmission
 
 _MAX_STEPS = 50_000_000
 _LONG_RUN = 200_000
@@ -43,6 +42,8 @@ class Reference:
         One period of a cycle: the last row is the first of the next.
     hold : Hold
         What the force does while the reference rests.
+    raised_N : float
+        Tension that it was raised to where less was asked for [N]; 0 where it is as the user wrote it.
     """
 
     time_s: FloatArray
@@ -54,7 +55,13 @@ class Reference:
     position_m: FloatArray | None = None
     periodic: bool = False
     hold: Hold = Hold.EXACT
+    raised_N: float = 0.0
     warnings: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """What errors refer to: the reference as the user wrote it, or the raised one."""
+        return "reference" if self.raised_N == 0 else f"reference raised to {self.raised_N:.3g} N"
 
     @property
     def range_N(self) -> float:
@@ -62,20 +69,22 @@ class Reference:
         return float(np.ptp(self.tension_N))
 
 
-def sample_reference(scenario: Scenario, *, strict: bool = True) -> Reference:
+def sample_reference(scenario: Scenario, *, strict: bool = False) -> Reference:
     """Sample the reference of a scenario and check that the transmission can deliver it.
 
     InputError where the reference reaches 0 or below, or (only a warning unless `strict`) above the largest tension
     that the largest force delivers through the friction.
     """
-    spec, sampled = scenario.reference, _sample(scenario)
+    spec, sampled, file = scenario.reference, _sample(scenario), scenario.source.name
     tension, initial, removed = sampled.tension_N, sampled.initial_tension_N, sampled.removed_noise_N
-    notes = list(sampled.warnings)
-    if beyond := _check_deliverable(scenario.transmission, sampled.time_s, tension, scenario.source.name):
-        if strict:
-            raise InputError("; ".join((beyond, *questions(scenario.transmission))))
-        notes.append(beyond)
-    notes += questions(scenario.transmission)
+    require_taut(sampled.time_s, tension, file)
+    doubts = (
+        *scenario_doubts(scenario),
+        *reference_doubts(scenario.transmission, sampled.time_s, tension, file=file),
+    )
+    if strict and out_of_reach(scenario.transmission, 0.0, float(np.max(tension))):
+        raise InputError("; ".join(doubts))
+    notes = [*sampled.warnings, *doubts]
     if removed > 0 and isinstance(spec, CsvReference):
         span, unit = (tension, "N") if sampled.position_m is None else (sampled.position_m, "m")
         notes.append(
@@ -94,19 +103,15 @@ def initial_tension(scenario: Scenario) -> float:
     return _sample(scenario).initial_tension_N
 
 
-def work_ahead(scenario: Scenario) -> str | None:
-    """What to say before a long run starts; None for an ordinary one."""
-    step, spec = scenario.run.step_s, scenario.reference
-    if isinstance(spec, CsvReference):
-        duration = float(read_samples(spec, scenario.source.parent / spec.file, step).time_s[-1])
-    else:
-        duration = spec.duration_s
-    if not duration > _LONG_RUN * step:
-        return None
-    return (
-        f"{duration:g} s in steps of {step:g} s are {duration / step:.0f} steps, which takes long: is the length in "
-        "seconds? A larger step_s or a part of the reference takes less"
+def work_ahead(duration_s: float, step_s: float) -> tuple[str, ...]:
+    """What to say before a long run starts; nothing for an ordinary one."""
+    if not duration_s > _LONG_RUN * step_s:
+        return ()
+    note = (
+        f"{duration_s:g} s in steps of {step_s:g} s are {duration_s / step_s:.0f} steps, which takes long: is the "
+        "length in seconds? A larger step_s or a part of the reference takes less"
     )
+    return (note,)
 
 
 def _sample(scenario: Scenario) -> Reference:
@@ -120,8 +125,8 @@ def _sample(scenario: Scenario) -> Reference:
             if not highest * step < 0.5:  # sampled, it would be another sine, slower than the one asked for
                 raise InputError(
                     f"{file} [reference]: frequencies_Hz must be < {0.5 / step:g} (half the rate of "
-                    f"step_s = {step:g}), "
-                    f"got {highest:g}; use a step of {0.02 / highest:.2g} s or less"
+                    f"step_s = {step:g}), got {highest:g}; use a step of {0.02 / highest:.2g} s or less: "
+                    f"step_s is in seconds, 1 ms is 0.001"
                 )
             start = 0.0 if spec.wants_position else spec.initial_tension_N
             course = start + along_sines(spec.amplitudes, spec.frequencies_Hz, spec.fade_in_s, time)
@@ -158,6 +163,7 @@ def _sample(scenario: Scenario) -> Reference:
         position_m=position,
         periodic=spec.periodic,
         hold=spec.hold,
+        raised_N=floor,
         warnings=(*notes, *note),
     )
 
@@ -189,12 +195,11 @@ def keep_taut(tension_N: FloatArray, least_N: float | None) -> tuple[FloatArray,
     # A hyperbola between reference and floor: a corner there would make the inverse jump.
     lifted: FloatArray = 0.5 * (tension_N + least + np.hypot(tension_N - least, 0.5 * least))
     floor = float(np.min(lifted))
-    default = f"{100 * _LEAST_SHARE:g} % of the range; least_tension_N sets it"
-    kept = default if least_N is None else "least_tension_N"
+    source = f"least_tension_N, default {100 * _LEAST_SHARE:g} % of range" if least_N is None else "least_tension_N"
     share = 100 * float(np.mean(lifted - tension_N > 0.1 * least))
     note = (
-        f"the wanted tension falls to {lowest:.3g} N: at least {floor:.3g} N is kept instead ({kept}), which lifts it "
-        f"in {share:.2g} % of the samples; errors refer to the lifted one"
+        f"the reference falls to {lowest:.3g} N and is raised to {floor:.3g} N ({source}) in {share:.2g} % of the "
+        "samples; errors are relative to the raised reference"
     )
     return lifted, floor, (note,)
 
@@ -215,53 +220,11 @@ def _grid(duration_s: float, step_s: float, file: str) -> FloatArray:
     return np.arange(steps + 1, dtype=np.float64) * step_s
 
 
-def largest_tension(transmission: Transmission) -> float:
-    """Largest output tension that the actuator reaches by slow pulling [N]."""
-    actuator = transmission.actuator
-    return CapstanLaw.of(transmission).largest_output_N(actuator.largest_force_N - (actuator.coulomb_N or 0.0))
-
-
-def _check_deliverable(transmission: Transmission, time: FloatArray, tension: FloatArray, file: str) -> str:
-    """What keeps the reference out of reach; empty where it can be delivered."""
-    lowest, highest = int(np.argmin(tension)), int(np.argmax(tension))
-    if not tension[lowest] > 0:
+def require_taut(time_s: FloatArray, tension_N: FloatArray, file: str) -> None:
+    """Refuse a reference, shape (n,), that reaches 0 or below."""
+    lowest = int(np.argmin(tension_N))
+    if not tension_N[lowest] > 0:
         raise InputError(
-            f"{file} [reference]: the tension must stay above 0, got {tension[lowest]:.4g} N at "
-            f"t = {time[lowest]:g} s; a tendon cannot push: raise the reference, or make it swing less"
+            f"{file} [reference]: the tension must stay above 0, got {tension_N[lowest]:.4g} N at "
+            f"t = {time_s[lowest]:g} s; a tendon cannot push: raise the reference, or make it swing less"
         )
-    reachable = largest_tension(transmission)
-    if tension[highest] <= reachable:
-        return ""
-    actuator = transmission.actuator
-    return (
-        f"{file} [reference]: the tension reaches {tension[highest]:.4g} N at t = {time[highest]:g} s, but "
-        f"{actuator.largest_force_name} = {actuator.largest_force_N:g} delivers at most {reachable:.4g} N through the "
-        f"friction; lower the reference or raise {actuator.largest_force_name}"
-    )
-
-
-def questions(transmission: Transmission) -> list[str]:
-    """What to ask about parameters that are possible but look like another unit; they are never changed."""
-    path, tendon, friction = transmission.path, transmission.tendon, transmission.friction
-    actuator, load = transmission.actuator, transmission.load
-    angle, stiffness, radius = path.total_angle_rad, tendon.stiffness_N_per_m, path.radius_m or 0
-    motor = actuator.motor
-    stall = motor.stall_torque_N_m or math.inf if motor else math.inf
-    torque, drum = (motor.torque_max_N_m, motor.drum_radius_m) if motor else (0.0, 0.0)
-    line = f" is below torque_max_N_m = {torque:g}, so the motor never gives that: the torque at standstill?"
-    stretch = actuator.force_max_N / stiffness
-    soft = f": softer than a rubber band; N/mm? Then it is {1e3 * stiffness:g}"
-    long = f": force_max_N stretches the tendon by {stretch:.2g} m; N/mm?"
-    doubts = (
-        ("[path] total_angle_rad", angle, angle > 25, f" is {angle / (2 * math.pi):.3g} turns: degrees?"),
-        ("[path] radius_m", radius, radius > 5, ": millimetres?"),
-        ("[tendon] mass_kg", tendon.mass_kg, tendon.mass_kg > 1, ": grams? Where it follows from length_m, metres?"),
-        ("[tendon] stiffness_N_per_m", stiffness, stiffness < 300 or stretch > 1, soft if stiffness < 300 else long),
-        ("[friction] mu_dynamic", friction.mu_dynamic, friction.mu_dynamic > 1.5, ": per cent?"),
-        ("[actuator.motor] drum_radius_m", drum, drum > 1, ": millimetres?"),
-        ("[actuator.motor] stall_torque_N_m", stall, stall < torque, line),
-        ("[actuator] mass_kg", actuator.mass_kg, actuator.mass_kg > 200, ": grams?"),
-        ("[load] mass_kg", load.mass_kg, load.mass_kg > 500, ": grams?"),
-        ("[load] stiffness_N_per_m", load.stiffness_N_per_m, load.stiffness_N_per_m < 1, ": N/mm?"),
-    )
-    return [f"{key} = {value:g}{question}" for key, value, is_doubtful, question in doubts if is_doubtful]

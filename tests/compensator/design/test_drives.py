@@ -138,7 +138,7 @@ def test_a_torque_speed_line_is_kept_on_an_independent_plant_and_costs_less_than
         stall_torque_N_m=stall_N * radius,
         no_load_speed_rad_per_s=no_load / radius,
     )
-    seen = seen_under(actuated(cable, motor=motor), ("inverse", "optimal"))
+    seen = seen_under(actuated(cable, motor=motor, **motor.at_the_drum), ("inverse", "optimal"))
     for _, found, force in seen.values():
         assert np.max(force / stall_N + found / no_load) < 1.01
     clipped, best = seen["inverse"][0], seen["optimal"][0]

@@ -9,8 +9,9 @@ from tendonff.compensator.cli import run
 from tendonff.compensator.cli.progress import interruptible
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.identification.measured.plan import MANY_STEPS, check_plan
-from tendonff.compensator.scenario.measurement import Measurement
+from tendonff.compensator.identification.measured.plan import MANY_STEPS, check_plan, data_doubts
+from tendonff.compensator.scenario.measurement import Explain, Measurement
+from tendonff.models.path import JointMotion
 
 
 def log(samples=70000, step_s=1.0):
@@ -85,3 +86,39 @@ def test_what_goes_wrong_beside_the_main_thread_is_raised_in_it():
     assert interruptible(lambda: 3) == 3
     with pytest.raises(InputError, match="no such file"):
         interruptible(lambda: (_ for _ in ()).throw(InputError("no such file")))
+
+
+def measured(**values):
+    usual = {"name": "a.csv", "has_output": True, "input_m": None, "output_m": None, "motion": None}
+    return SimpleNamespace(**usual | values)
+
+
+def test_reversed_tensions_and_other_units_of_positions_and_joints_are_asked_about():
+    wave = np.sin(np.arange(100.0))
+    sound = measured(input_N=30 + 10 * wave, output_N=30 + 7 * wave, input_m=0.01 * wave)
+    swapped = measured(input_N=sound.output_N, output_N=sound.input_N)
+    assert data_doubts([sound], Explain.AUTO) == ()
+    assert data_doubts([swapped], Explain.INPUT) == ()  # the output end is driven
+    [doubt] = data_doubts([swapped], Explain.AUTO)
+    assert doubt.startswith(
+        "a.csv: the output tension swings by 20 N, the input by 14 N: are the two columns reversed?"
+    )
+    [doubt] = data_doubts([measured(input_N=wave, output_N=wave, input_m=10 * wave)], Explain.AUTO)
+    assert doubt.endswith("moves by 20 m: millimetres? --scale input_position=0.001")
+    motion = JointMotion(names=("wrist",), time_s=np.arange(2.0), angle_rad=np.array([[0.0], [45.0]]))
+    [doubt] = data_doubts([measured(input_N=wave, output_N=wave, motion=motion)], Explain.AUTO)
+    assert doubt == "a.csv: wrist: it turns to 45 rad: degrees?"
+
+
+def test_the_command_says_doubts_before_it_fits(examples, tmp_path, capsys, monkeypatch):
+    def fitted(*_, **__):
+        raise InputError(f"fitting; said before: {capsys.readouterr().err}")
+
+    monkeypatch.setattr("tendonff.compensator.identification.run._fit", fitted)
+    time = np.arange(0, 10, 0.01)
+    wave = 30 + 10 * np.sin(time)
+    write_csv(tmp_path / "swapped.csv", {"time_s": time, "input_tension_N": 0.7 * wave, "output_tension_N": wave})
+    data = ["--data", str(tmp_path / "swapped.csv"), "--out", str(tmp_path / "out")]
+    assert run(["identify", str(examples / "finger.toml"), *data]) == 2
+    assert "said before: swapped.csv: 1000 samples" in (said := capsys.readouterr().err)
+    assert "warning: swapped.csv: the output tension swings by 20 N, the input by 14 N" in said

@@ -58,6 +58,21 @@ def test_a_far_end_that_a_joint_moves_needs_no_spring(text: str) -> None:
         ('name = "first bone"', 'name = "wrist"', 'two sections are named "wrist"'),
         ("angle_rad = 1.2", "angle = 1.2", 'unknown key "angle"'),
         ('kind = "sine"\namplitudes_rad', 'kind = "cosine"\namplitudes_rad', 'kind must be one of "constant", "sine"'),
+        (
+            'name = "wrist"\n',
+            'name = "wrist"\nmu_static = 0.15\n',
+            r'"wrist": mu_static must be >= mu_dynamic = 0\.2, which holds there, got 0\.15',
+        ),
+        (
+            'name = "wrist"\n',
+            'name = "wrist"\nmu_static_release = 0.15\n',
+            r'"wrist": mu_static_release must be >= mu_dynamic_release = 0\.2, which holds there, got 0\.15',
+        ),
+        (
+            "stiffness_N_per_m = 2.0e4",
+            "elastic_modulus_Pa = 5e10\nlength_m = 0.3\ndiameter_m = 0.5e-3",
+            r"two sources for one quantity: \[tendon\] length_m = 0\.3, and 0\.205 from length_m of the sections",
+        ),
         ("amplitudes_rad = [0.6]", "amplitudes_rad = [0.6, 1.0]", "frequencies_Hz must be as many as amplitudes_rad"),
     ],
 )

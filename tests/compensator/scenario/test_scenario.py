@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_text
+from tendonff.compensator.scenario.doubts import largest_tension, scenario_doubts
 from tendonff.compensator.scenario.reference import CsvReference, SineReference
-from tendonff.compensator.scenario.sampled.sampling import largest_tension, questions
 from tendonff.compensator.scenario.scenario import (
     Scenario,
     load_scenario,
@@ -213,11 +213,44 @@ speed_max_rad_per_s = 900.0
 """
 
 
+def with_motor(motor: str, *, beside: tuple[str, ...] = ()) -> str:
+    """The scenario with a motor instead of what follows from it, but for keys `beside`."""
+    head, actuator, tail = re.split(r"(?s)(\[actuator\]\n.*?\n)(?=\n\[load\])", TEXT)
+    for key in {"mass_kg", "force_max_N"} - set(beside):
+        actuator = actuator.replace(line(key, actuator), "")
+    return f"{head}{actuator}{motor}{tail}"
+
+
+@pytest.mark.parametrize("key", ["mass_kg", "force_max_N", "speed_max_m_per_s"])
+def test_a_motor_beside_what_follows_from_it_is_refused_with_both_names(key: str) -> None:
+    text = with_motor(MOTOR, beside=(key,))
+    if key == "speed_max_m_per_s":
+        text = text.replace("\n[actuator.motor]", "speed_max_m_per_s = 0.3\n\n[actuator.motor]")
+    with pytest.raises(
+        InputError, match=rf"\[actuator\]: two sources for one quantity: {key} = .*, and .* from \[actuator.motor\];"
+    ):
+        parse(text)
+
+
+@pytest.mark.parametrize(
+    ("instead", "key", "named"),
+    [
+        ("damping_N_s_per_m", "stiffness_N_per_m", "elastic_modulus_Pa, length_m and diameter_m"),
+        ("stiffness_N_per_m", "mass_kg", "density_kg_per_m3, length_m and diameter_m"),
+    ],
+)
+def test_a_data_sheet_beside_what_follows_from_it_is_refused_with_both_names(
+    instead: str, key: str, named: str
+) -> None:
+    rope = MODULUS if key == "stiffness_N_per_m" else f"{MODULUS}density_kg_per_m3 = 970\n"
+    text = TEXT.replace(line(instead), f"{rope}{line(instead) if key == 'stiffness_N_per_m' else ''}", 1)
+    with pytest.raises(InputError, match=rf"\[tendon\]: two sources for one quantity: {key} = .* from {named};"):
+        parse(text)
+
+
 def test_a_motor_stands_for_mass_and_largest_force_of_the_actuator() -> None:
     """J n^2/r^2 = 2e-6 25^2/0.02^2 and torque n/r = 0.2 25/0.02."""
-    actuator_mass = re.search(r"\[actuator\]\n(mass_kg = .*\n)", TEXT)
-    assert actuator_mass
-    text = TEXT.replace(actuator_mass[1], "").replace(line("force_max_N"), "").replace("\n[load]", f"{MOTOR}\n[load]")
+    text = with_motor(MOTOR)
     scenario = parse(text)
     actuator = scenario.transmission.actuator
     assert actuator.mass_kg == pytest.approx(3.125)
@@ -226,8 +259,6 @@ def test_a_motor_stands_for_mass_and_largest_force_of_the_actuator() -> None:
     assert actuator.motor.speed_max_m_per_s == pytest.approx(0.72)
     again = parse(scenario_to_toml(scenario))
     assert again.transmission == scenario.transmission
-    given = parse(TEXT.replace("\n[load]", f"{MOTOR}\n[load]")).transmission.actuator
-    assert (given.mass_kg, given.force_max_N) == (parse(TEXT).transmission.actuator.mass_kg, 200.0)
     with pytest.raises(
         InputError, match=r'\[actuator.motor\]: unknown key "drum_radius", did you mean "drum_radius_m"'
     ):
@@ -258,32 +289,36 @@ def test_the_largest_force_is_named_by_the_key_that_limits_it(
     motor: str, name: str, force_N: float, asked: str
 ) -> None:
     """With a force_max_N added, as the message once advised, the motor's torque would no longer count."""
-    text = TEXT.replace(line("force_max_N"), "").replace("\n[load]", f"{motor}\n[load]")
-    transmission = parse(text).transmission
+    text = with_motor(motor)
+    scenario = parse(text)
+    transmission = scenario.transmission
     actuator = replace(transmission.actuator, coulomb_N=1.0)
     assert (actuator.largest_force_name, actuator.largest_force_N) == (name, pytest.approx(force_N))
     assert ForceLimits.of(actuator).maximum_name == name
-    assert asked in "; ".join(questions(transmission))
+    assert asked in "; ".join(scenario_doubts(scenario))
     assert largest_tension(replace(transmission, actuator=actuator)) >= 0
-    assert parse(TEXT.replace("\n[load]", f"{MOTOR}\n[load]")).transmission.actuator.largest_force_name == "force_max_N"
+    assert parse(TEXT).transmission.actuator.largest_force_name == "force_max_N"
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "question"),
+    ("old", "new", "message"),
     [
-        ("stiffness_N_per_m", "20", "[tendon] stiffness_N_per_m = 20: softer than a rubber band; N/mm?"),
-        ("mass_kg", "2", "[tendon] mass_kg = 2: grams?"),
-        ("total_angle_rad", "180", "[path] total_angle_rad = 180 is 28.6 turns: degrees?"),
-        ("mu_dynamic", "8", "[friction] mu_dynamic = 8: per cent?"),
+        (
+            "mass_kg = 0.002",
+            "mass_kg = 0,002",
+            r"\(at line 13, column \d+\); a decimal point, not a comma: mass_kg = 0\.002",
+        ),
+        ("mass_kg = 0.002", "mass_kg = 2 g", "a number alone, the key says its unit: mass_kg = 2"),
+        ("mass_kg = 0.002", "mass_kg = .002", r"a digit before the point: mass_kg = 0\.002"),
+        ('"presliding"', "presliding", 'text stands in quotes: level = "presliding"'),
+        ('"presliding"', '"pre-sliding"', 'got "pre-sliding" \\(text\\), did you mean "presliding"\\?'),
+        ('"presliding"', '"nonsense"', r'got "nonsense" \(text\)$'),
     ],
 )
-def test_values_that_look_like_another_unit_are_asked_about(key: str, value: str, question: str) -> None:
-    assert questions(parse(TEXT).transmission) == []
-    text = TEXT.replace(line(key), f"{key} = {value}\n", 1)
-    if key == "mu_dynamic":
-        text = text.replace(line("mu_static"), f"mu_static = {value}\n")
-    found = questions(parse(text).transmission)
-    assert any(asked.startswith(question) for asked in found)
+def test_usual_slips_are_answered_with_what_to_write(old: str, new: str, message: str) -> None:
+    assert old in TEXT
+    with pytest.raises(InputError, match=message):
+        parse(TEXT.replace(old, new, 1))
 
 
 @pytest.mark.parametrize(

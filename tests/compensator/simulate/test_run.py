@@ -89,7 +89,7 @@ def test_forces_beyond_the_actuator_are_played_and_said(examples: Path, tmp_path
     write_text(tmp_path / "F.csv", "time_s,force_N\n0,30\n0.2,500\n0.4,40\n")
     assert play(examples, tmp_path / "F.csv", tmp_path / "O.csv") == 0
     limit = load_scenario(examples / "finger.toml").transmission.actuator.force_max_N
-    assert f"F.csv asks for 500 N where force_max_N is {limit:g}: played as it is" in capsys.readouterr().err
+    assert f"F.csv asks for 500 N where force_max_N is {limit:g}: simulated as it is" in capsys.readouterr().err
     assert read_csv(tmp_path / "O.csv", COLUMNS)["force_N"].max() == 500
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tendonff.compensator.cli import run
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.expectation import two_digits
 from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant
@@ -60,6 +61,22 @@ def test_a_table_that_does_harm_is_called_so_and_the_limit_named(finger):
     assert "more than the reference applied directly" in said
     assert "needs" in said
     assert "at the actuator, limit 40" in said
+    assert made.harm
+
+
+def test_the_command_writes_a_table_that_does_harm_only_if_forced(examples, tmp_path, capsys):
+    text = (examples / "finger.toml").read_text(encoding="utf-8")
+    text = text.replace("force_rate_max_N_per_s = 100000.0", "force_rate_max_N_per_s = 40.0")
+    (tmp_path / "slow.toml").write_text(text, encoding="utf-8")
+    command = ["table", str(tmp_path / "slow.toml"), "--level", "elastic", "--out", str(tmp_path / "out")]
+    assert run(command) == 1
+    said = capsys.readouterr().err
+    assert "at the actuator, limit 40" in said
+    assert "more than the reference applied directly" in said.splitlines()[-1]
+    assert "--force writes it all the same" in said.splitlines()[-1]
+    assert not (tmp_path / "out").exists()
+    assert run([*command, "--force"]) == 0
+    assert (tmp_path / "out" / "table.csv").exists()
 
 
 def test_the_csv_has_the_agreed_columns_no_empty_cell_and_reads_back(tables):

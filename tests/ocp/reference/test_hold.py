@@ -11,7 +11,7 @@ from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Path, Transmission
 from tendonff.models.path import JointMotion, Section
 from tendonff.ocp.inverse import invert
-from tendonff.ocp.reference.hold import find_holds, keep_force, last_approach
+from tendonff.ocp.reference.hold import find_holds, keep_force, keep_force_to_end, last_approach
 
 STEP = 1e-3
 
@@ -68,6 +68,22 @@ def test_the_force_does_not_chatter_at_the_end_of_the_reference(chain: Chain) ->
     assert np.ptp(kept.force_N[end[0] :]) == 0.0
     assert np.array_equal(kept.force_N[: end[0]], exact[: end[0]])
     assert kept.drift_N < 1e-3 * np.ptp(LIFT_AND_HOLD)
+
+
+def test_an_end_under_which_the_output_drifts_is_followed(chain: Chain, generic: Transmission) -> None:
+    """A load that swings on under a kept force, and one that does not."""
+    quick = smooth((0, 20), (0.4, 60), (0.8, 60), (1.1, 80), (1.25, 50))
+    end, holds = last_approach(quick, STEP), find_holds(quick, STEP)
+    assert end is not None
+    heavy = Chain.of(replace(generic, load=replace(generic.load, mass_kg=0.5)), Level.VISCOELASTIC)
+    assert keep_force(heavy, quick, STEP, (end,)).drift_N > 1e-2 * np.ptp(quick)
+    assert keep_force_to_end(heavy, quick, STEP, ()) is None
+    kept = keep_force_to_end(heavy, quick, STEP, holds)
+    assert kept is not None
+    assert kept.holds == holds
+    calm = keep_force_to_end(chain, LIFT_AND_HOLD, STEP, ())
+    assert calm is not None
+    assert calm.holds == (last_approach(LIFT_AND_HOLD, STEP),)
 
 
 def test_a_kept_force_stays_spares_the_way_there_and_back_and_says_what_it_costs(chain: Chain) -> None:

@@ -103,14 +103,16 @@ def test_what_the_actuator_has_of_its_motor_follows_a_swept_motor(unsure: Scenar
     motor = Motor(
         drum_radius_m=0.02, gear_ratio=10.0, inertia_kg_m2=1e-5, torque_max_N_m=0.5, speed_max_rad_per_s=300.0
     )
-    actuator = replace(unsure.transmission.actuator, motor=motor, mass_kg=motor.mass_kg, force_max_N=motor.force_max_N)
+    actuator = replace(unsure.transmission.actuator, motor=motor, **motor.at_the_drum)
     there = replace(unsure, transmission=replace(unsure.transmission, actuator=actuator))
     axis = Axis.parse("actuator.motor.gear_ratio=20:20:1")
     geared = varied(there, (axis.key,), axis.values).transmission.actuator
     assert geared.motor == replace(motor, gear_ratio=20.0)
     assert geared.force_max_N == pytest.approx(0.5 * 20 / 0.02)
     assert geared.mass_kg == pytest.approx(1e-5 * 1e6)
-    assert geared.speed_max_m_per_s == actuator.speed_max_m_per_s  # what the file says itself stays
+    assert geared.speed_max_m_per_s == pytest.approx(300 * 0.02 / 20)
+    with pytest.raises(InputError, match=r"mass_kg must be 2\.5, as the actuator's motor gives, got 3"):
+        varied(there, ("actuator.mass_kg",), (3.0,))
 
 
 def test_a_unit_scores_what_a_single_run_on_it_scores(unsure: Scenario, tmp_path: Path) -> None:

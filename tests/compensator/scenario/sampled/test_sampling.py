@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from tendonff.compensator.files.reading import InputError, read_csv
 from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.scenario.doubts import largest_tension
 from tendonff.compensator.scenario.reference import (
     CsvReference,
     Interpolation,
@@ -20,13 +21,12 @@ from tendonff.compensator.scenario.reference import (
     SineReference,
     WaypointReference,
 )
+from tendonff.compensator.scenario.sampled.first_look import first_look
 from tendonff.compensator.scenario.sampled.from_file import low_pass, noise_advice, ripple_advice
 from tendonff.compensator.scenario.sampled.sampling import (
     Reference,
     initial_tension,
-    largest_tension,
     sample_reference,
-    work_ahead,
 )
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 from tendonff.compensator.scenario.settings import Run
@@ -141,9 +141,8 @@ def test_times_that_seem_to_be_milliseconds_are_asked_about_and_a_named_column_i
 
 
 def test_a_long_run_is_announced_with_its_number_of_steps(finger: Scenario) -> None:
-    assert work_ahead(finger) is None
-    note = work_ahead(replace(finger, reference=replace(WAYPOINTS, times_s=(0.0, 1.0, 2.0, 990.0))))
-    assert note is not None
+    assert first_look(finger) == ()
+    [note] = first_look(replace(finger, reference=replace(WAYPOINTS, times_s=(0.0, 1.0, 2.0, 990.0))))
     assert note.startswith("990 s in steps of 0.001 s are 990000 steps")
 
 
@@ -231,16 +230,22 @@ def test_the_largest_tension_is_the_capstan_law_with_adhesion(finger: Scenario) 
 
 
 @pytest.mark.parametrize(("share", "fits"), [(0.999, True), (1.001, False)])
-def test_a_reference_beyond_reach_is_refused_with_the_largest_tension(
+def test_a_reference_beyond_reach_is_said_in_one_line_and_refused_only_if_strict(
     finger: Scenario, share: float, fits: bool
 ) -> None:
+    """What the peak needs is T e^{mu theta}."""
     top = share * largest_tension(finger.transmission)
-    spec = replace(WAYPOINTS, tensions_N=(20.0, top, top, 10.0))
+    posed = replace(finger, reference=replace(WAYPOINTS, tensions_N=(20.0, top, top, 10.0)))
     if fits:
-        sampled(finger, spec)
+        assert sample_reference(posed, strict=True).warnings == ()
         return
-    with pytest.raises(InputError, match=r"force_max_N = 200 delivers at most 106\.7 N through the friction"):
-        sampled(finger, spec)
+    line = (
+        "finger.toml [reference]: the peak of 106.8 N at t = 0.7 s needs 200.2 N through the friction, "
+        "force_max_N = 200 delivers at most 106.7 N; lower the reference or raise force_max_N"
+    )
+    assert sample_reference(posed).warnings == (line,)
+    with pytest.raises(InputError, match=re.escape(line)):
+        sample_reference(posed, strict=True)
 
 
 def test_a_step_longer_than_the_reference_is_refused(finger: Scenario) -> None:
@@ -254,7 +259,7 @@ def test_a_sine_too_fast_for_the_step_is_refused_instead_of_folded_down(finger: 
     fast = SineReference(
         initial_tension_N=30.0, amplitudes_N=(5.0, 1.0), frequencies_Hz=(1.0, 500.0), duration_s=0.5, fade_in_s=0.1
     )
-    with pytest.raises(InputError, match=r"frequencies_Hz must be < 500 .*, got 500; use a step of 4e-05 s or less"):
+    with pytest.raises(InputError, match=r"must be < 500 .*, got 500; use a step of 4e-05 s or less: step_s"):
         sampled(finger, fast)
 
 
@@ -321,8 +326,10 @@ def test_a_reference_that_touches_zero_is_lifted_smoothly_and_says_so(finger: Sc
     assert chosen.tension_N.min() >= 4.0
     assert chosen.initial_tension_N == chosen.tension_N.min()
     assert chosen.tension_N.max() == pytest.approx(50.0, rel=1e-3)
-    assert "at least 4.24 N is kept instead (least_tension_N)" in chosen.warnings[0]
-    assert "2 % of the range; least_tension_N sets it" in default.warnings[0]
+    assert "falls to 0 N and is raised to 4.24 N (least_tension_N) in " in chosen.warnings[0]
+    assert "(least_tension_N, default 2 % of range)" in default.warnings[0]
+    assert chosen.name == "reference raised to 4.24 N"
+    assert sampled(finger, WAYPOINTS).name == "reference"
 
 
 def test_a_reference_that_stays_above_zero_is_not_lifted(finger: Scenario) -> None:

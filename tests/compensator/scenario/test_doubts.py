@@ -1,0 +1,184 @@
+"""What is asked about a scenario before anything is computed."""
+
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.cli import run
+from tendonff.compensator.files.reading import InputError, read_csv
+from tendonff.compensator.files.writing import write_text
+from tendonff.compensator.scenario.doubts import force_doubts, out_of_reach, scenario_doubts
+from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, SineJoint, WaypointJoint
+from tendonff.compensator.scenario.sampled.first_look import first_look
+from tendonff.compensator.scenario.scenario import Scenario, load_scenario, parse_scenario
+from tendonff.models.parameters.drive import Motor
+
+ROOT = Path(__file__).resolve().parents[3]
+EXAMPLES = sorted((ROOT / "examples").glob("*.toml"))
+TEMPLATES = sorted((ROOT / "compensator" / "scenario").rglob("*.toml"))
+
+
+@pytest.fixture(scope="module")
+def finger() -> Scenario:
+    return load_scenario(ROOT / "examples" / "finger.toml")
+
+
+@pytest.mark.parametrize("path", [*EXAMPLES, *TEMPLATES], ids=lambda path: f"{path.parent.name}/{path.stem}")
+def test_nothing_is_asked_about_a_sound_scenario(path: Path) -> None:
+    found = first_look(load_scenario(path))
+    assert [doubt for doubt in found if "?" in doubt or "needs" in doubt] == []
+
+
+def changed(scenario: Scenario, key: str, factor: float) -> Scenario:
+    """The scenario with a key of its transmission, or step_s, times a factor."""
+    table, name = key.split(".")
+    if table == "run":
+        return replace(scenario, run=replace(scenario.run, **{name: factor * scenario.run.step_s}))
+    part = getattr(scenario.transmission, table)
+    values = {name: factor * getattr(part, name)}
+    if name == "mu_dynamic":
+        values["mu_static"] = values[name]
+    part = replace(part, **values)
+    return replace(scenario, transmission=replace(scenario.transmission, **{table: part}))
+
+
+@pytest.mark.parametrize("example", ["finger", "bowden", "surgical"])
+@pytest.mark.parametrize(
+    ("key", "factor", "question"),
+    [
+        ("path.total_angle_rad", 180 / math.pi, "turns: degrees?"),
+        ("path.radius_m", 1e3, "millimetres?"),
+        ("tendon.mass_kg", 1e3, "grams?"),
+        ("tendon.stiffness_N_per_m", 1e-3, "N/mm?"),
+        ("tendon.stiffness_N_per_m", 1e6, "a diameter in millimetres?"),
+        ("friction.mu_dynamic", 100, "per cent?"),
+        ("friction.soft_bristle_stiffness_N_per_m", 1e-3, "N/mm?"),
+        ("actuator.mass_kg", 1e3, "grams?"),
+        ("load.mass_kg", 1e3, "grams?"),
+        ("load.stiffness_N_per_m", 1e-3, "N/mm?"),
+        ("run.step_s", 1e3, "milliseconds? Then it is 0.001"),
+    ],
+)
+def test_a_value_in_another_unit_is_asked_about_by_its_key(
+    example: str, key: str, factor: float, question: str
+) -> None:
+    """The usual wrong units of every rig that is shipped, by their factor."""
+    scenario = load_scenario(ROOT / "examples" / f"{example}.toml")
+    odd = changed(scenario, key, factor)
+    follows = key not in ("run.step_s", "friction.mu_dynamic")  # which are refused when the reference is looked at
+    found = first_look(odd, follows_reference=follows)
+    table, name = key.split(".")
+    assert [doubt for doubt in found if doubt.startswith(f"[{table}] {name} = ") and question in doubt]
+
+
+@pytest.mark.parametrize(
+    ("changes", "question"),
+    [
+        ({"drum_radius_m": 20.0}, "drum_radius_m = 20: millimetres?"),
+        ({"inertia_kg_m2": 10.0}, "inertia_kg_m2 = 10 is 2.5e+06 kg at the drum: g cm2?"),
+        ({"torque_max_N_m": 500.0}, "torque_max_N_m = 500 is 2.5e+05 N at the drum: mN m?"),
+        ({"speed_max_rad_per_s": 9000.0}, "speed_max_rad_per_s = 9000: turns a minute?"),
+    ],
+)
+def test_a_motor_in_another_unit_is_asked_about_by_its_key(
+    finger: Scenario, changes: dict[str, float], question: str
+) -> None:
+    usual = Motor(
+        drum_radius_m=0.02, gear_ratio=10.0, inertia_kg_m2=1e-5, torque_max_N_m=0.5, speed_max_rad_per_s=300.0
+    )
+    for motor, asked in ((usual, False), (replace(usual, **changes), True)):
+        actuator = replace(finger.transmission.actuator, motor=motor, **motor.at_the_drum)
+        found = scenario_doubts(replace(finger, transmission=replace(finger.transmission, actuator=actuator)))
+        assert any(doubt.startswith(f"[actuator.motor] {question}") for doubt in found) is asked
+
+
+@pytest.mark.parametrize(
+    "joint",
+    [
+        ConstantJoint(angle_rad=-45.0),
+        SineJoint(amplitudes_rad=(30.0,), frequencies_Hz=(1.0,)),
+        WaypointJoint(times_s=(0.0, 1.0), angles_rad=(0.0, 90.0)),
+    ],
+)
+def test_a_joint_in_degrees_is_asked_about(finger: Scenario, joint: ConstantJoint | SineJoint | WaypointJoint) -> None:
+    [doubt] = scenario_doubts(replace(finger, joints={"wrist": joint}))
+    assert re.fullmatch(r"\[joints\.wrist\]: it turns to \d+ rad: degrees\?", doubt)
+
+
+def test_a_joint_file_in_degrees_is_asked_about(finger: Scenario, tmp_path: Path) -> None:
+    write_text(tmp_path / "j.csv", "time_s,wrist_rad\n0,0\n1,45\n4,0\n")
+    moving = replace(finger, source=tmp_path / "x.toml", joints={"wrist": CsvJoint(file="j.csv")})
+    assert first_look(moving) == ("j.csv: wrist: it turns to 45 rad: degrees?",)
+
+
+FILE = """
+[reference]
+kind = "csv"
+file = "r.csv"
+"""
+
+
+def from_file(folder: Path, text: str, **keys: str) -> Scenario:
+    """The finger with a reference from a file."""
+    write_text(folder / "r.csv", text)
+    scenario = (ROOT / "examples" / "finger.toml").read_text(encoding="utf-8")
+    start, end = scenario.index("[reference]"), scenario.index("[run]")
+    lines = "".join(f"{key} = {value}\n" for key, value in keys.items())
+    return parse_scenario(f"{scenario[:start]}{FILE}{lines}\n{scenario[end:]}", folder / "x.toml")
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1e-3, "kN?"), (1.0, ""), (1e3, "mN?")])
+def test_a_reference_file_in_another_unit_is_asked_about(tmp_path: Path, factor: float, unit: str) -> None:
+    tensions = factor * np.array([20.0, 45.0, 20.0])
+    rows = "".join(f"{t},{tension}\n" for t, tension in zip((0, 1, 2), tensions, strict=True))
+    found = first_look(from_file(tmp_path, f"time_s,tension_N\n{rows}"))
+    assert [doubt.endswith(unit) for doubt in found] == ([True] if unit else [])
+
+
+def test_the_peak_of_a_file_is_that_behind_its_low_pass(tmp_path: Path) -> None:
+    """A spike of one sample, far out of reach, that the low-pass takes away."""
+    time = np.arange(0, 2.0005, 1e-3)
+    tension = np.where(np.arange(len(time)) == 1000, 200.0, 30.0 + 5 * time)
+    rows = "time_s,tension_N\n" + "".join(f"{t:.3f},{v}\n" for t, v in zip(time, tension, strict=True))
+    raw, filtered = (first_look(from_file(tmp_path, rows, **keys)) for keys in ({}, {"cutoff_Hz": "5"}))
+    assert any("the peak of 200 N at t = 1 s needs" in doubt for doubt in raw)
+    assert not any("the peak of" in doubt for doubt in filtered)
+
+
+def test_reversed_columns_are_asked_about(tmp_path: Path) -> None:
+    text = "time_s,tension_N\n30,0\n35,1\n32,2\n"
+    with pytest.raises(InputError, match=r"tension_N starts at 0 and increases: are the two columns reversed\?"):
+        first_look(from_file(tmp_path, text))
+    write_text(tmp_path / "f.csv", "time_s,force_N\n0,30\n2,35\n1,32\n")
+    with pytest.raises(InputError, match=r"time_s must increase, got 1 after 2$"):
+        read_csv(tmp_path / "f.csv", ("time_s", "force_N"))
+
+
+def test_what_the_peak_needs_is_the_capstan_law_and_the_drives_friction(finger: Scenario) -> None:
+    """(T + p) e^{mu theta} - p + F_c."""
+    rig = finger.transmission
+    rig = replace(rig, actuator=replace(rig.actuator, coulomb_N=7.0), friction=replace(rig.friction, adhesion_N=3.0))
+    needed = (150 + 3) * math.exp(0.2 * math.pi) - 3 + 7
+    assert f"the peak of 150 N at t = 1.5 s needs {needed:.4g} N through the friction" in out_of_reach(rig, 1.5, 150.0)
+
+
+@pytest.mark.parametrize(("force_N", "asked"), [(3e4, "mN?"), (0.03, "kN?"), (300.0, "simulated as it is")])
+def test_a_force_file_in_another_unit_is_asked_about(finger: Scenario, force_N: float, asked: str) -> None:
+    found = force_doubts(finger.transmission, np.array([0.5, 1.0]) * force_N, 30.0, file="f.csv")
+    assert any(doubt.endswith(asked) for doubt in found)
+
+
+def test_doubts_said_before_the_work_are_not_said_again_after_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (ROOT / "examples" / "finger.toml").read_text(encoding="utf-8").replace("0.15  ", "150.0  ", 1)
+    write_text(tmp_path / "odd.toml", text)
+    write_text(tmp_path / "f.csv", "time_s,force_N\n0,30\n0.01,31\n")
+    files = ["--force", str(tmp_path / "f.csv"), "--out", str(tmp_path / "o.csv")]
+    for _ in range(2):  # and each command says them anew
+        assert run(["simulate", str(tmp_path / "odd.toml"), *files]) == 0
+        assert capsys.readouterr().err.count("[actuator] mass_kg = 150: grams?") == 1
