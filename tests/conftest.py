@@ -1,16 +1,23 @@
 """Shared by all tests."""
 
+import functools
 import importlib.util
+import io
 import os
 import re
 import shutil
+import subprocess
 import sys
+import tarfile
+import tempfile
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import ModuleType
 
 import matplotlib as mpl
 import pytest
 from hypothesis import HealthCheck, settings
+from shared_outputs import Output, output_of
 
 from tendonff.models.parameters import (
     Actuator,
@@ -61,6 +68,15 @@ def independent_rig() -> ModuleType:
     sys.modules[spec.name] = module  # dataclasses look their module up
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="session")
+def output(tmp_path_factory: pytest.TempPathFactory, examples: Path) -> Callable[..., Output]:
+    """Files and messages of a command on an example: `output("design", "finger")`; made once in a session."""
+    base = tmp_path_factory.getbasetemp()
+    shared = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "outputs"
+    shared.mkdir(exist_ok=True)
+    return functools.partial(output_of, shared, examples)
 
 
 @pytest.fixture(scope="session")
@@ -119,8 +135,57 @@ def browser():
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Let the golden set be written anew."""
-    parser.addoption("--golden-update", action="store_true", help="store what the commands write now in tests/golden")
+    """Let the golden set be written anew, or be compared with that of another commit."""
+    add = parser.getgroup("golden set").addoption
+    add("--golden-update", action="store_true", help="store what the commands write now in tests/golden/stored")
+    add("--golden-folder", metavar="FOLDER", help="store there, or compare with what is stored there")
+    add(
+        "--golden-exact",
+        metavar="BASE",
+        help="compare with what commit BASE writes on this machine: numbers to 1e-12, texts to the byte",
+    )
+    add("--golden-full", action="store_true", help="store in full, compare exactly (what --golden-exact does in BASE)")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Record the golden set of the commit to compare with, once, before workers start."""
+    base = config.getoption("golden_exact")
+    if base is None or hasattr(config, "workerinput"):
+        return
+    temporary = Path(tempfile.mkdtemp(prefix="golden-"))
+    config.add_cleanup(lambda: shutil.rmtree(temporary, ignore_errors=True))
+    config.option.golden_folder, config.option.golden_full = str(temporary / "stored"), True
+    _record(base, temporary, config.invocation_params.args)
+
+
+def _record(base: str, temporary: Path, arguments: Sequence[str | os.PathLike[str]]) -> None:
+    """Let another commit write its golden set into a temporary folder, by today's tests and the same selection."""
+    checkout, there = temporary / "checkout", temporary / "stored"
+    archive = subprocess.run(["git", "archive", "--format=tar", base], cwd=ROOT, capture_output=True, check=False)
+    if archive.returncode:
+        raise pytest.UsageError(f"--golden-exact {base}: {archive.stderr.decode().strip()}")
+    with tarfile.open(fileobj=io.BytesIO(archive.stdout)) as files:
+        files.extractall(checkout, filter="tar")
+    for name in ("conftest.py", "shared_outputs.py"):
+        shutil.copy(ROOT / "tests" / name, checkout / "tests")
+    shutil.copytree(
+        ROOT / "tests" / "golden", checkout / "tests" / "golden", dirs_exist_ok=True, ignore=lambda *_: ["stored"]
+    )
+    kept = [str(argument) for argument in arguments]
+    place = next(i for i, argument in enumerate(kept) if argument.startswith("--golden-exact"))
+    del kept[place : place + (1 if "=" in kept[place] else 2)]
+    command = [sys.executable, "-m", "pytest", *kept, "--golden-update", "--golden-full", f"--golden-folder={there}"]
+    data = os.environ.get("TENDONFF_DATA") or str(ROOT.parent / "shared" / "data")
+    run = subprocess.run(
+        [*command, "--override-ini=pythonpath=. tests tests/golden"],
+        cwd=checkout,
+        env={**os.environ, "TENDONFF_DATA": data},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if run.returncode:
+        raise pytest.UsageError(f"--golden-exact {base}: its commands failed\n{run.stdout[-4000:]}{run.stderr[-1000:]}")
 
 
 @pytest.hookimpl(optionalhook=True)  # of pytest-xdist

@@ -84,7 +84,8 @@ def summary(result: DesignData) -> dict[str, object]:
         "expectation": _expectation_summary(result.expectation),
         "foresight": {
             "unstable_share": result.stick_slip.unstable_share,
-            "largest_growth_per_s": result.stick_slip.largest_growth_per_s,
+            # Beside poles of 1e5/s, what is below a millionth is rounding.
+            "largest_growth_per_s": round(result.stick_slip.largest_growth_per_s, 6),
             "expected_error_N": error if math.isfinite(error) else None,
             "stretches": [asdict(stretch) for stretch in result.stick_slip.stretches],
         },

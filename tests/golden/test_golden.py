@@ -8,28 +8,29 @@ import csv
 import zipfile
 from pathlib import Path
 
+import golden_set
 import numpy as np
 import pytest
+from golden_set import TOLERANCE
 
 from tendonff.compensator.cli import run
 
-pytestmark = [pytest.mark.compiler, pytest.mark.slow]  # the CasADi engine sums in another order
+pytestmark = pytest.mark.slow
 
-TOLERANCE = 1e-12  # of a column's largest magnitude
 STORED = Path(__file__).resolve().parent / "stored"
 EXAMPLES = ("bowden", "finger", "finger_fast", "finger_stribeck", "surgical")
 LEVELS = ("elastic", "viscoelastic", "presliding")
+MOVING = "finger_moving"
+CROSSING = "servo_cycle"  # beside this file
 EXPERIMENTS = ("finger",)
 TABLES = (("finger", "presliding"), ("finger", "elastic"))
 SIMULATIONS = (*(("finger", level) for level in LEVELS), ("finger_stribeck", "presliding"))
 EXPORTS = (*((name, "double") for name in EXAMPLES), ("finger", "float"))
 UNITS = (("finger", "inverse"), ("finger", "plant"))
-# The rate limit binds here, so that the optimal profile is iterated. Its linear algebra sums in an order that depends
-# on the number of threads (and may on the processor): one thread instead of two moves the profile by 5e-14 and the
-# matrix, which has stiffer levels too, by 6e-9. All else is the same to the bit with another number of threads and
-# another compiler.
-ITERATED = {"finger_fast": 1e-7}
-SOLVED = {"finger_fast": frozenset({"profile"})}
+# Profiles that are searched, since the rate limit binds: near an optimum the error is flat, so that rounding moves the
+# profile further than other results. Measured: 6e-11 in the design, 4e-6 in the matrix, which has stiffer levels too.
+SEARCHED = {"finger_fast": 5e-5}
+DIAGNOSTICS = {"largest_growth_per_s": 2e-6}  # written to a millionth
 TORQUES = (
     "--input-column=input_torque_Nm",
     "--output-column=output_torque_Nm",
@@ -74,36 +75,43 @@ def write_strokes(file):
     )
 
 
-@pytest.mark.parametrize("example", EXAMPLES)
-def test_design_gives_what_is_stored(example, command, golden):
+@pytest.mark.compiler
+@pytest.mark.parametrize("example", (*EXAMPLES, MOVING))
+def test_design_gives_what_is_stored(example, output, golden):
     stored = golden(f"{example}/design")
-    stored.messages(command("design", example, "--out", "out"))
-    stored.table(Path("out/profile.csv"))
-    stored.data(Path("out/summary.json"))
+    made = output("design", example)
+    stored.messages(made.messages)
+    stored.table(made.folder / "profile.csv", SEARCHED.get(example, TOLERANCE))
+    stored.data(made.folder / "summary.json", SEARCHED.get(example, TOLERANCE), amplified=DIAGNOSTICS)
 
 
+@pytest.mark.compiler
 @pytest.mark.parametrize("example", EXAMPLES)
-def test_compare_gives_what_is_stored(example, command, golden):
+def test_compare_gives_what_is_stored(example, output, golden):
     stored = golden(f"{example}/compare")
-    stored.messages(command("compare", example, "--out", "out"))
-    stored.table(Path("out/matrix.csv"), ITERATED.get(example, TOLERANCE))
+    made = output("compare", example)
+    stored.messages(made.messages)
+    stored.table(made.folder / "matrix.csv", SEARCHED.get(example, TOLERANCE))
 
 
 @pytest.mark.parametrize(("example", "level"), TABLES)
-def test_table_gives_what_is_stored(example, level, command, golden):
+def test_table_gives_what_is_stored(example, level, output, golden):
     stored = golden(f"{example}/table-{level}")
-    stored.messages(command("table", example, "--level", level, "--out", "out"))
-    stored.table(Path("out/table.csv"))
-    stored.data(Path("out/table.json"))
+    made = output("table", example, "--level", level)
+    stored.messages(made.messages)
+    stored.table(made.folder / "table.csv")
+    stored.data(made.folder / "table.json")
 
 
+@pytest.mark.compiler
 @pytest.mark.parametrize("example", EXPERIMENTS)
-def test_experiment_gives_what_is_stored(example, command, golden):
+def test_experiment_gives_what_is_stored(example, output, golden):
     stored = golden(f"{example}/experiment")
-    stored.messages(command("experiment", example, "--out", "out"))
+    made = output("experiment", example)
+    stored.messages(made.messages)
     for level in LEVELS:
-        stored.table(Path(f"out/experiment_{level}.csv"))
-    stored.data(Path("out/summary.json"))
+        stored.table(made.folder / f"experiment_{level}.csv")
+    stored.data(made.folder / "summary.json")
 
 
 @pytest.mark.parametrize(("example", "level"), SIMULATIONS)
@@ -114,14 +122,17 @@ def test_simulate_gives_what_is_stored(example, level, command, golden):
     stored.table(Path("chain.csv"))
 
 
+@pytest.mark.compiler
 @pytest.mark.parametrize(("example", "precision"), EXPORTS)
-def test_export_c_gives_what_is_stored(example, precision, command, golden):
-    """All arrays (golden vectors, profile, table) to the bit; of one export every text, so that changes are seen."""
+def test_export_c_gives_what_is_stored(example, precision, output, golden):
+    """All arrays (golden vectors, profile, table); of one export every text, so that changes are seen."""
     stored = golden(f"{example}/export-c-{precision}")
-    stored.messages(command("export-c", example, "--precision", precision, "--out", "out"))
-    stored.arrays(Path("out"), SOLVED.get(example, frozenset()))
-    stored.data(Path("out/design.json"))
-    out = Path("out")
+    made = output("export-c", example, "--precision", precision)
+    share = golden_set.SINGLE if precision == "float" else SEARCHED.get(example, TOLERANCE)
+    out = made.folder
+    stored.messages(made.messages)
+    stored.arrays(out, share)
+    stored.data(out / "design.json", share)
     files = sorted(f for f in out.rglob("*") if f.is_file() and f.name != "design.json")
     if (example, precision) == ("finger", "double"):
         for file in (f for f in files if f.parent == out or f.parent.name == "structured_text"):
@@ -130,17 +141,49 @@ def test_export_c_gives_what_is_stored(example, precision, command, golden):
         stored.text("files.txt", "".join(f"{f.relative_to(out).as_posix()}\n" for f in files))
 
 
+@pytest.mark.compiler
 @pytest.mark.parametrize(("example", "kind"), UNITS)
-def test_export_fmu_gives_what_is_stored(example, kind, command, golden):
+def test_export_fmu_gives_what_is_stored(example, kind, output, golden):
     stored = golden(f"{example}/export-fmu-{kind}")
-    stored.messages(command("export-fmu", example, "--kind", kind, "--out", "out"))
-    for unit in sorted(Path("out").glob("*.fmu")):
+    made = output("export-fmu", example, "--kind", kind)
+    stored.messages(made.messages)
+    for unit in sorted(made.folder.glob("*.fmu")):
         with zipfile.ZipFile(unit) as inside:
             names = sorted(n for n in inside.namelist() if not n.startswith("binaries/"))  # those are of this machine
             stored.text(f"{unit.stem}.txt", "".join(f"{name}\n" for name in names))
             stored.text(f"{unit.stem}.xml", inside.read("modelDescription.xml").decode())
 
 
+@pytest.mark.compiler
+def test_design_gives_what_is_stored_where_drive_path_and_cycle_meet(command, golden):
+    stored = golden(f"{CROSSING}/design")
+    stored.messages(command("design", Path(__file__).with_name(CROSSING), "--out", "out"))
+    stored.table(Path("out/profile.csv"))
+    stored.data(Path("out/summary.json"), amplified=DIAGNOSTICS)
+
+
+@pytest.mark.compiler
+@pytest.mark.parametrize("kind", ["samples", "grid"])
+def test_sweep_gives_what_is_stored(kind, command, golden):
+    asked = ["--samples", 3] if kind == "samples" else ["--over", "friction.mu_dynamic=0.15:0.25:3"]
+    stored = golden(f"{CROSSING}/sweep-{kind}")
+    names = "none,frictionless,inverse"
+    scenario = Path(__file__).with_name(CROSSING)
+    stored.messages(command("sweep", scenario, *asked, "--compensators", names, "--out", "out"))
+    stored.table(Path("out/samples.csv"))
+    stored.data(Path("out/summary.json"))
+
+
+@pytest.mark.compiler
+def test_adapt_gives_what_is_stored(command, golden, examples):
+    text = (examples / "finger_adaptive.toml").read_text(encoding="utf-8")
+    Path("slow.toml").write_text(text.replace("step_s = 0.001", "step_s = 0.004"), encoding="utf-8")
+    stored = golden("finger_adaptive/adapt")
+    stored.messages(command("adapt", Path("slow").absolute(), "--out", "out"))
+    stored.data(Path("out/summary.json"))
+
+
+@pytest.mark.compiler
 def test_identify_gives_what_is_stored_on_a_synthetic_log(command, golden):
     """A log of the chain itself under strokes, with seeded noise on all channels."""
     write_strokes(Path("force.csv"))
@@ -171,32 +214,37 @@ def test_identify_gives_what_is_stored_on_a_synthetic_log(command, golden):
     stored.data(Path("out/fitted.toml"), alone=True)
 
 
+@pytest.mark.compiler
 def test_identify_gives_what_is_stored_on_a_surgical_grasper(command, golden, measured_data):
     folder = measured_data / "davinci_tool4"
     fit = [f"--data={f}" for f in sorted((folder / "identify").glob("*.csv"))]
     judge = [f"--validate={f}" for f in sorted((folder / "validate").glob("*.csv"))]
     command("identify", "finger", *fit, *judge, *TORQUES, "--out", "out")
     stored = golden("finger/identify-davinci-tool4")
-    stored.data(Path("out/fit.json"), OF_THE_DATA, alone=True)
+    stored.data(Path("out/fit.json"), left_out=OF_THE_DATA, alone=True)
     stored.data(Path("out/fitted.toml"), alone=True)
 
 
+@pytest.mark.compiler
 def test_identify_gives_what_is_stored_on_a_band(command, golden, measured_data):
     data, judge = (measured_data / "band_capstan" / f"dataset4_{name}.csv" for name in ("harmonic", "step"))
     command("identify", "finger", "--data", data, "--validate", judge, "--out", "out")
     stored = golden("finger/identify-band-capstan")
-    stored.data(Path("out/fit.json"), OF_THE_DATA, alone=True)
+    stored.data(Path("out/fit.json"), left_out=OF_THE_DATA, alone=True)
     stored.data(Path("out/fitted.toml"), alone=True)
 
 
 def test_every_stored_folder_belongs_to_a_test():
     known = {
         *(f"{e}/{c}" for e in EXAMPLES for c in ("design", "compare")),
+        f"{MOVING}/design",
         *(f"{e}/experiment" for e in EXPERIMENTS),
         *(f"{e}/table-{x}" for e, x in TABLES),
         *(f"{e}/simulate-{x}" for e, x in SIMULATIONS),
         *(f"{e}/export-c-{x}" for e, x in EXPORTS),
         *(f"{e}/export-fmu-{x}" for e, x in UNITS),
+        *(f"{CROSSING}/{x}" for x in ("design", "sweep-samples", "sweep-grid")),
+        "finger_adaptive/adapt",
         *(f"finger/identify-{x}" for x in ("synthetic", "davinci-tool4", "band-capstan")),
     }
     assert {f"{f.parent.parent.name}/{f.parent.name}" for f in STORED.glob("*/*/*")} == known

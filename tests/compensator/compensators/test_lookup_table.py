@@ -123,9 +123,8 @@ def test_doubtful_tables_are_refused():
         BranchTable(share=np.array([0.0, 1.0]), force_N=np.array([[0.0, np.nan]]))
 
 
-def test_the_command_writes_table_data_header_and_figure(examples, tmp_path, record_property):
-    out = tmp_path / "t"
-    assert run(["table", str(examples / "finger.toml"), "--out", str(out)]) == 0
+def test_the_command_writes_table_data_header_and_figure(output, examples, tmp_path, record_property):
+    out = output("table", "finger", "--level", "presliding").folder
     assert {p.name for p in out.iterdir()} >= {"table.csv", "table.json", "table.h", "table.png", "table.pdf"}
     said = json.loads((out / "table.json").read_text())
     assert {"formula", "model", "level", "parameters", "scenario_hash", "valid_reference_N", "tendonff"} <= said.keys()

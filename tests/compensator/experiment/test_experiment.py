@@ -1,13 +1,14 @@
 """The ten-state test on the finger example: what the three models show, as numbers, and the files."""
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from shared_outputs import Output
 
-from tendonff.compensator.cli import run
 from tendonff.compensator.experiment import output as experiment_output
 from tendonff.compensator.experiment.figures import tensions_figure
 from tendonff.compensator.experiment.machine import plan_experiment
@@ -243,16 +244,16 @@ def test_nothing_is_left_where_a_figure_fails(
 
 
 @pytest.mark.slow
-def test_the_command_writes_everything_for_the_finger(examples: Path, result: ExperimentResult, tmp_path: Path) -> None:
-    assert run(["experiment", str(examples / "finger.toml"), "--out", str(tmp_path / "out")]) == 0
-    names = {path.name for path in (tmp_path / "out").iterdir()}
+def test_the_command_writes_everything_for_the_finger(output: Callable[..., Output], result: ExperimentResult) -> None:
+    folder = output("experiment", "finger").folder
+    names = {path.name for path in folder.iterdir()}
     pictures = {f"experiment_{what}" for what in ("distribution", "tensions", "details", "hysteresis")}
     assert names == (
         {f"experiment_{level}.csv" for level in Level}
         | {f"{name}.{kind}" for name in pictures for kind in ("png", "pdf")}
         | {"summary.json", "report.html"}
     )
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     assert summary["schema"] == 1
     assert summary["warnings"] == warnings_of(result) == []
     assert [state["state"] for state in summary["states"]] == [f"S{k}" for k in range(1, 11)]

@@ -54,13 +54,7 @@ static uint32_t tff_stream_take(tff_stream *self, tff_real reference)
 /* The smoothed reference: weights over what has arrived, relative to the newest of them, so that a constant stays one. */
 static tff_real tff_stream_smooth(const tff_stream *self)
 {
-    static const tff_real weight[TFF_STREAM_TAPS] = {
-    0.0024154624523971473, 0.0073965919242604651, 0.014014228447004669, 0.021633213725424278, 0.029659236126338182,
-    0.037651649450028316, 0.045221653578743769, 0.052080907226043006, 0.057983110570430159, 0.062753783683743194,
-    0.066250736138093472, 0.068387532116520391, 0.069103789121946022, 0.068387532116520391, 0.066250736138093472,
-    0.062753783683743194, 0.057983110570430159, 0.052080907226043006, 0.045221653578743769, 0.037651649450028316,
-    0.029659236126338182, 0.021633213725424278, 0.014014228447004669, 0.0073965919242604651, 0.0024154624523971473
-    };
+    static const tff_real weight[TFF_STREAM_TAPS] = { NUMBERS };
     const int32_t oldest = self->newest + 1;
     const int32_t last = oldest + (TFF_STREAM_TAPS - 1);
     const tff_real base = self->line[(last < TFF_STREAM_LINE) ? last : (last - TFF_STREAM_LINE)];
