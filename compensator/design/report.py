@@ -51,7 +51,7 @@ def headline(result: DesignData) -> str:
     if best.name == "optimal" and result.tracking is not None and result.tracking.cautions:
         label += " (bristles as soft as stated; stiffer ones: see the warning)"
     file = result.scenario.source.name
-    measure = f"tendonff identify {file} --suggest suggested"
+    measure = f"tendonff identify {file} --suggest --out excite"
     return found.headline(label, measure if found.doubt.is_assumed else f"tendonff export-c {file} --out c")
 
 
