@@ -59,7 +59,7 @@ def expectation_figure(result: DesignData) -> Figure:
             color=best.style.color,
             alpha=0.35,
             linewidth=0.6,
-            label=f"{best.label}, {found.doubt.widths}",
+            label=f"{best.label}, all sampled parameters",
         )
         if none is not None:
             label = "reference applied directly, nominal parameters"

@@ -1,8 +1,11 @@
 """The report of a design: what to expect of each profile, in one page."""
 
+import math
+
 import numpy as np
 from matplotlib.figure import Figure
 
+from tendonff.compensator.compensators.expectation import two_digits
 from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.design.drive_use import drive_use
 from tendonff.compensator.design.result import DesignData
@@ -103,7 +106,11 @@ def design_report(result: DesignData, figures: dict[str, Figure], view: Interact
             f"{FINE_SEGMENTS} masses, step/{FINE_REFINEMENT}",
         ),
         rows=[
-            (c.label, worst.get(c.name), *(score.rmse_percent_of_range for score in result.scores(c.name)))
+            (
+                c.label,
+                two_digits(worst.get(c.name, math.inf)),
+                *(score.rmse_percent_of_range for score in result.scores(c.name)),
+            )
             for c in result.compensators
         ],
         least=1e-3,
