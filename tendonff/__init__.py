@@ -47,9 +47,8 @@ if TYPE_CHECKING:  # what editors and type checkers read; `_HOMES` says the same
     from tendonff.ocp.errors import SolveError
     from tendonff.ocp.inverse import invert
     from tendonff.ocp.simulate import simulate
-    from tendonff.ocp.tracking.goals.several import track_batch
     from tendonff.ocp.tracking.limits import ForceLimits
-    from tendonff.ocp.tracking.problem import TrackOptions
+    from tendonff.ocp.tracking.options import TrackOptions
     from tendonff.ocp.tracking.track import track
 
 __all__ = [
@@ -107,7 +106,6 @@ __all__ = [
     "simulate_batch",
     "suggest",
     "track",
-    "track_batch",
 ]
 
 _HOMES = {
@@ -147,9 +145,8 @@ _HOMES = {
     "ocp.errors": ("SolveError",),
     "ocp.inverse": ("invert",),
     "ocp.simulate": ("simulate",),
-    "ocp.tracking.goals.several": ("track_batch",),
     "ocp.tracking.limits": ("ForceLimits",),
-    "ocp.tracking.problem": ("TrackOptions",),
+    "ocp.tracking.options": ("TrackOptions",),
     "ocp.tracking.track": ("track",),
 }
 _HOME_OF = {

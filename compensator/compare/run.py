@@ -29,7 +29,7 @@ from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.crosscheck import NUDGE
-from tendonff.ocp.tracking.problem import TrackOptions
+from tendonff.ocp.tracking.options import TrackOptions
 
 REFINEMENTS = (4, 2, 1)  # steps to a row of the profile; the first gives the figures, the others the spread
 

@@ -131,7 +131,6 @@ def _tracking_summary(tracking: Tracking) -> dict[str, object]:
         "reasons": list(tracking.reasons),
         "departures": [asdict(departure) for departure in tracking.departures],
         "iterations": tracking.iterations,
-        "build_s": tracking.build_s,
         "solve_s": tracking.solve_s,
     }
 

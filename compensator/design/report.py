@@ -51,8 +51,6 @@ def headline(result: DesignData) -> str:
     """What to expect on a rig, and what to do next."""
     found, best = result.expectation, result.recommended
     label = best.label
-    if best.name == "optimal" and result.tracking is not None and result.tracking.cautions:
-        label += " (bristles as soft as stated; stiffer ones: see the warning)"
     file = result.scenario.source.name
     measure = f"tendonff identify {file} --suggest --out excite"
     return found.headline(label, measure if found.doubt.is_assumed else f"tendonff export-c {file} --out c")
@@ -249,8 +247,8 @@ def _solver(result: DesignData) -> tuple[Block, ...]:
         return ()
     table = Table(
         caption="Optimal control",
-        columns=("status", "iterations", "build [s]", "solve [s]"),
-        rows=((tracking.status.value, tracking.iterations, tracking.build_s, tracking.solve_s),),
+        columns=("status", "iterations", "solve [s]"),
+        rows=((tracking.status.value, tracking.iterations, tracking.solve_s),),
     )
     return Text(f"{tracking.message[:1].upper()}{tracking.message[1:]}."), table
 

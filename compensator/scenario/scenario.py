@@ -19,7 +19,7 @@ from tendonff.compensator.scenario.joints import KINDS as JOINT_KINDS
 from tendonff.compensator.scenario.joints import Joint, read_joints
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec, SineReference, WaypointReference
-from tendonff.compensator.scenario.settings import Adaptation, OptimalSettings, Run, Stream
+from tendonff.compensator.scenario.settings import REMOVED_OPTIMAL, Adaptation, Run, Stream
 from tendonff.compensator.scenario.tables import (
     ROPE_KEYS,
     check_names,
@@ -37,6 +37,7 @@ from tendonff.models.parameters import Path as TendonPath
 from tendonff.models.parameters.numbers import keys_of, with_numbers
 from tendonff.models.parameters.uncertainty import Spread, Uncertainty
 from tendonff.models.path import Section
+from tendonff.ocp.tracking.options import TrackOptions
 
 SCHEMA = 1
 
@@ -51,7 +52,7 @@ _TABLES: dict[str, type] = {
 }
 _OPTIONAL: dict[str, type] = {
     "robust": Uncertainty,
-    "optimal": OptimalSettings,
+    "optimal": TrackOptions,
     "experiment": Experiment,
     "measurement": Measurement,
     "stream": Stream,
@@ -87,7 +88,7 @@ class Scenario:
     reference: ReferenceSpec
     run: Run
     robust: Uncertainty = field(default_factory=Uncertainty)
-    optimal: OptimalSettings = field(default_factory=OptimalSettings)
+    optimal: TrackOptions = field(default_factory=TrackOptions)
     experiment: Experiment = field(default_factory=Experiment)
     measurement: Measurement = field(default_factory=Measurement)
     stream: Stream = field(default_factory=Stream)
@@ -120,6 +121,7 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
         raise InputError(f"{file}: not valid TOML: {error}{_advice(text, str(error))}") from None
     _check_schema(raw, file)
     _check_names(raw, file)
+    _check_removed(raw.get("optimal"), file)
     name = raw.get("name", source.stem)
     if not isinstance(name, str):
         raise InputError(f'{file}: name must be text in quotes ("..."), got {show(name)}')
@@ -153,7 +155,7 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
             raise InputError(
                 f'{file}: the joint "{joint}" is named but not given (given: {given}); add [joints.{joint}]'
             )
-    scenario = Scenario(
+    return Scenario(
         name=name,
         transmission=transmission,
         reference=read_kind(_KINDS, raw["reference"], file=file, table="reference"),
@@ -162,15 +164,6 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
         joints=joints,
         **optional,  # type: ignore[arg-type]
     )
-    others = {
-        "[reference] periodic": scenario.reference.periodic,
-        "[robust]": not scenario.robust.is_certain,
-        "[joints]": bool(joints),
-    }
-    present = [name for name, is_present in others.items() if is_present]
-    if (goal := scenario.optimal.goal) and present:
-        raise InputError(f"{file}: [optimal] {goal} does not go with {present[0]}; leave one of them out")
-    return scenario
 
 
 _NO_TOML = (
@@ -297,6 +290,13 @@ def _load_keys(raw: object, file: str) -> object:
     if (kind == "joint") != ("joint" in keys):
         raise InputError(f'{file} [load]: kind = "joint" and the key joint belong together; give both or none')
     return {**_HELD_BY_JOINT, **keys} if kind == "joint" else keys
+
+
+def _check_removed(optimal: object, file: str) -> None:
+    """Refuse keys of [optimal] that are no more, with what to do instead."""
+    for key in optimal if isinstance(optimal, Mapping) else ():
+        if key in REMOVED_OPTIMAL:
+            raise InputError(f'{file} [optimal]: key "{key}" was removed in 0.3.0: {REMOVED_OPTIMAL[key]}')
 
 
 def _check_schema(raw: Mapping[str, object], file: str) -> None:

@@ -53,8 +53,6 @@ class Tracking:
         One sentence for the user.
     reasons : tuple of str
         Which wishes the actuator cannot fulfil, in the user's terms; empty where no limit binds.
-    cautions : tuple of str
-        Why the profile may deliver less than predicted.
     departures : tuple of Departure
         Where the predicted output leaves the reference.
     time_s, force_N, predicted_output_N : ndarray, shape (n,)
@@ -73,14 +71,13 @@ class Tracking:
         Relative decrease of the squared error that the last iteration brought [-].
     windows : int
         Pieces the horizon was cut into.
-    build_s, solve_s : float
-        Time for the inverse and the set-up, and for the search [s].
+    solve_s : float
+        Time of the search [s].
     """
 
     status: TrackStatus
     message: str
     reasons: tuple[str, ...]
-    cautions: tuple[str, ...]
     departures: tuple[Departure, ...]
     time_s: Array
     force_N: Array
@@ -94,7 +91,6 @@ class Tracking:
     iterations: int
     gain: float
     windows: int
-    build_s: float
     solve_s: float
 
     def require(self) -> "Tracking":

@@ -31,7 +31,7 @@ from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.ocp import stability
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.tracking import track as tracking
-from tendonff.ocp.tracking.problem import TrackOptions
+from tendonff.ocp.tracking.options import TrackOptions
 from tendonff.ocp.tracking.result import TrackStatus
 
 

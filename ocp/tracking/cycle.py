@@ -6,6 +6,7 @@ import numpy as np
 
 from tendonff.models.chain import Chain
 from tendonff.models.layout import ChainState
+from tendonff.models.parameters.uncertainty import Objective
 from tendonff.ocp.batch import Progress
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import Inversion
@@ -13,7 +14,8 @@ from tendonff.ocp.periodic import steady_response
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.diagnosis import departures
 from tendonff.ocp.tracking.limits import ForceLimits
-from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions
+from tendonff.ocp.tracking.options import TrackOptions
+from tendonff.ocp.tracking.problem import TrackingProblem
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
 from tendonff.ocp.tracking.track import solve_tracking
 
@@ -25,11 +27,11 @@ def track_cycle(
     cycle_N: Array,
     step_s: float,
     limits: ForceLimits,
-    options: TrackOptions,
+    objective: Objective = Objective.WORST,
+    options: TrackOptions = TrackOptions(),  # noqa: B008 - frozen
     *,
     initial_tension_N: float,
     inversion: Inversion,
-    power: float = 1.0,
     progress: Progress | None = None,
 ) -> Tracking:
     """Find the force of a cycle within the limits: three cycles from the inverse's steady state, the middle one kept.
@@ -44,13 +46,13 @@ def track_cycle(
         One period of the desired output tension, its last row the first of the next [N].
     step_s : float
     limits : ForceLimits
-    options : TrackOptions
+    objective : Objective, optional
+        Which error over the chains is minimised.
+    options : TrackOptions, optional
     initial_tension_N : float
         Tension of the rest that travel counts from [N].
     inversion : Inversion
         `steady_inverse` of the same cycle on the nominal chain, with its states.
-    power : float, optional
-        Order of the mean over the chains.
     progress : callable, optional
         Callback(completed, total), in iterations.
 
@@ -71,16 +73,16 @@ def track_cycle(
 
     problem = TrackingProblem.of(
         chains,
+        tuple(states),
         repeated(cycle_N),
         step_s,
         limits,
         options,
         initial_tension_N=initial_tension_N,
+        start_N=limits.start(float(inversion.force_N[0])),
         inverse_N=repeated(inversion.force_N),
-        power=power,
+        objective=objective,
     )
-    plants = tuple(replace(plant, state=state) for plant, state in zip(problem.plants, states, strict=True))
-    problem = replace(problem, plants=plants, start_N=limits.start(float(inversion.force_N[0])))
     force = repeated(inversion.force_N)
     time = np.arange(len(force), dtype=np.float64) * step_s
     long = replace(inversion, time_s=time, force_N=force, least_tension_N=repeated(inversion.least_tension_N))
