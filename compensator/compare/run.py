@@ -105,7 +105,7 @@ def compare(
         traits=traits,
         costs=costs,
         bands=bands,
-        expectation=expectation_of(problem.doubt, on_level),
+        expectation=expectation_of(problem.doubt, Level.PRESLIDING, on_level),
         recommended_level=best,
         recommendation=text,
         ignored=ignored_motion(Problem.of(scenario, reference=reference, options=options)),

@@ -15,6 +15,7 @@ from tendonff.compensator.design.report import fine_print, headline
 from tendonff.compensator.design.run import design
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.chain import Chain
+from tendonff.models.fidelity import Level
 from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.ocp.simulate import simulate
 
@@ -84,7 +85,7 @@ def test_of_profiles_that_do_equally_well_there_the_one_that_is_best_with_the_de
     good, poor = bands["inverse"], bands["capstan"]
     less = replace(good.worst, rmse_percent_of_range=0.999 * good.worst.rmse_percent_of_range)
     doubt = Doubt.of(scenario.transmission, Uncertainty())
-    assert expectation_of(doubt, {"a": replace(poor, worst=less), "b": good}).recommended == "b"
+    assert expectation_of(doubt, Level.PRESLIDING, {"a": replace(poor, worst=less), "b": good}).recommended == "b"
 
 
 def test_the_band_holds_the_output_of_every_sample(finger, assumed):
