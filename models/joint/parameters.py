@@ -210,17 +210,17 @@ class JointTendon:
         gained = math.fsum(s.length_per_rad_m for s in self.path.sections if s.joint == self.arm.joint)
         return self.arm.arm_at(angle_rad) - gained
 
-    def exponents(self, angle_rad: float, others: dict[str, float] | None = None) -> tuple[float, float]:
-        """Mu theta of its path, pulling and releasing [-], where the joints stand."""
-        pull = release = 0.0
-        known = {self.arm.joint: angle_rad} | (others or {})
-        law = whole_of(self, Level.ELASTIC).friction
-        for section in self.path.parts:
-            wrap = float(section.angle_at(0.0 if section.joint is None else known.get(section.joint, 0.0)))
-            own = law.in_section(section)
-            low, high = own.slip_coefficients
-            pull, release = pull + low * wrap, release + high * wrap
-        return pull, release
+    def path_travel_m(self, angle_rad: Array, others: dict[str, Array] | None = None) -> Array:
+        """What the path leaves to the drum for joint angles, by name where sections follow others, up to an offset [m].
+
+        Its slope over the driven joint's angle is the moment arm.
+        """
+        joints = {self.arm.joint: np.asarray(angle_rad, dtype=np.float64)} | (others or {})
+        travel = self.arm.travel_m(joints[self.arm.joint])
+        for section in self.path.sections:
+            if section.joint is not None and section.joint in joints:
+                travel = travel - section.length_per_rad_m * joints[section.joint]
+        return travel
 
 
 class DriveKind(StrEnum):

@@ -12,8 +12,9 @@ from enum import StrEnum
 import numpy as np
 
 from tendonff.models.errors import ParameterError
+from tendonff.ocp.codegen.compiler import why_no_compiler
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
-from tendonff.ocp.joint.casadi_joint import CasadiJoint
+from tendonff.ocp.errors import CodeError
 from tendonff.ocp.joint.compiled import CompiledJoint
 from tendonff.ocp.joint.protocol import Array, JointEngine, JointMemory, JointProblem
 from tendonff.ocp.joint.start import start_memory
@@ -85,11 +86,12 @@ class JointInversion:
 
 
 def engine_of(problem: JointProblem, step_s: float, engine: Engine) -> JointEngine:
-    """Engine of a problem; ParameterError for a step that is no time."""
+    """Engine of a problem; ParameterError for a step that is no time, CodeError where no C compiler works."""
     if not 0 < step_s < math.inf:
         raise ParameterError(f"step_s must be a finite number > 0, got {step_s}; 0.001 suits most rigs")
-    compiled = resolve_engine(engine) is Engine.COMPILED
-    return CompiledJoint(problem, step_s) if compiled else CasadiJoint(problem, step_s)
+    if resolve_engine(engine) is not Engine.COMPILED:
+        raise CodeError(f"a joint on tendons runs in compiled C only; {why_no_compiler()}")
+    return CompiledJoint(problem, step_s)
 
 
 def as_rows(name: str, values: Array | float, rows: int | None, step_s: float) -> Array:
