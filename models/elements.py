@@ -116,13 +116,16 @@ class Sliding(Protocol):
     """What slides where: a transmission, or one of several tendons."""
 
     @property
-    def path(self) -> Path: ...
+    def path(self) -> Path:
+        """Where it slides."""
 
     @property
-    def tendon(self) -> Tendon: ...
+    def tendon(self) -> Tendon:
+        """What slides."""
 
     @property
-    def friction(self) -> Friction: ...
+    def friction(self) -> Friction:
+        """What holds it."""
 
 
 def whole_of(sliding: Sliding, level: Level) -> Whole:

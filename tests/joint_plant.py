@@ -70,7 +70,7 @@ def _cut(tendon: JointTendon, masses: int, joint: str) -> dict[str, Array]:
     return dict(zip(_ARRAYS, columns, strict=True))
 
 
-def respond(
+def respond(  # noqa: PLR0913
     mechanism: Mechanism,
     motor_rad: Array,
     row_s: float,
@@ -125,4 +125,8 @@ def respond(
     first = np.concatenate([[start_rad, 0.0], *(3 * [tensions_N])])
     out = np.vstack([first, out])
     parts = (slice(2 + k * count, 2 + (k + 1) * count) for k in range(3))
-    return PlantResponse(angle_rad=out[:, 0], torque_N_m=out[:, 1], **dict(zip(("tension_N", "drum_N", "lowest_N"), (out[:, p] for p in parts), strict=True)))
+    return PlantResponse(
+        angle_rad=out[:, 0],
+        torque_N_m=out[:, 1],
+        **dict(zip(("tension_N", "drum_N", "lowest_N"), (out[:, p] for p in parts), strict=True)),
+    )

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.models.fidelity import Level
-from tendonff.models.joint.parameters import Arm, DrivenJoint, DriveKind, JointDrive, JointTendon, Mechanism
+from tendonff.models.joint.parameters import Arm, DriveKind, DrivenJoint, JointDrive, JointTendon, Mechanism
 from tendonff.models.parameters import Friction, Path, Tendon
 from tendonff.models.path import JointMotion, Section
 from tendonff.ocp.joint.protocol import JointProblem
@@ -45,7 +45,9 @@ def mechanism(
     return Mechanism(
         joints=(DrivenJoint(name="q", inertia_kg_m2=4e-5, damping_N_m_s_per_rad=2e-4, gravity_N_m=0.02),),
         tendons=tuple(
-            JointTendon(name=name, path=path, tendon=tendon, friction=friction, arms=(Arm(joint="q", moment_arm_m=arm),))
+            JointTendon(
+                name=name, path=path, tendon=tendon, friction=friction, arms=(Arm(joint="q", moment_arm_m=arm),)
+            )
             for name, arm in (("flexor", ARM), ("extensor", -ARM))
         ),
         drive=JointDrive(

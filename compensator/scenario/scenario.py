@@ -117,11 +117,16 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
     except ValueError as error:  # TOMLDecodeError, and numbers of thousands of digits
         raise InputError(f"{file}: not valid TOML: {error}") from None
     _check_schema(raw, file)
+    if {"tendons", "drive"} & raw.keys():
+        raise InputError(
+            f"{file} describes a driven joint between tendons, this command works on the tension of one; "
+            '"tendonff design" and "tendonff simulate" take it'
+        )
     _check_names(raw, file)
     name = raw.get("name", source.stem)
     if not isinstance(name, str):
         raise InputError(f'{file}: name must be text in quotes ("..."), got {show(name)}')
-    sections, path = _path_keys(raw.get("path", {}), file)
+    sections, path = path_keys(raw.get("path", {}), file)
     expanded = {"path": path, "load": _load_keys(raw.get("load", {}), file)}
     raw = _complete({**raw, **{key: value for key, value in expanded.items() if key in raw}}, file)
 
@@ -165,7 +170,7 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
     return scenario
 
 
-def _path_keys(raw: object, file: str) -> tuple[tuple[Section, ...], object]:
+def path_keys(raw: object, file: str) -> tuple[tuple[Section, ...], object]:
     """The sections of [path], and its other keys with the total angle that they add up to."""
     if not isinstance(raw, Mapping) or "sections" not in raw:
         return (), raw

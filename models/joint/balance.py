@@ -1,6 +1,7 @@
 """Balance of torques at a driven joint, stated once: simulation and inverse share it.
 
-    sum of the tendons' torques = J dw/dt + b w + k (q - rest) + g sin(q - zero) + dry friction + torque on what it touches
+    sum of the tendons' torques = J dw/dt + b w + k (q - rest) + g sin(q - zero) + dry friction
+                                  + torque on what it touches
 
 The power of a tendon's links is their force times their rate of elongation, and a joint's angle stands in the rate of
 every link whose path gets longer with it. So a tendon's torque is the sum over its links of force times what the joint

@@ -5,10 +5,12 @@ drum pays out it rises. So its elongation is ((T + p) phi(a) - p)/k with T the t
 
     phi(a) = (e^a - 1)/a pulled,  (1 - e^-a)/a paid out.
 
-summed over sections where the path has several. The drum of a loop keeps the sum of both elongations over the drum radii; the torque is the other equation. For equal
-tendons, with D the torque over the moment arm and T the tension after tensioning (T + p where p > 0):
+summed over sections where the path has several. The drum of a loop keeps the sum of both elongations over the drum
+radii; the torque is the other equation. For equal tendons, with D the torque over the moment arm and T the tension
+after tensioning (T + p where p > 0):
 
-    least tension T a/sinh a; lost motion +-(T/k) tanh(a/2) at the drum; drive force D +- 2 a T while the loose side is taut;
+    least tension T a/sinh a; lost motion +-(T/k) tanh(a/2) at the drum;
+    drive force D +- 2 a T while the loose side is taut;
     slack from D > 2 a T/(e^a - 1) pulling against the load, 2 a T/(1 - e^-a) paying out.
 """
 
@@ -83,7 +85,7 @@ class SlidingTendon:
         return self.far_arm_m - math.fsum(section.gained_per_rad_m for section in self.sections)
 
     def signed_exponent(self, direction: int) -> float:
-        """ln of the tension at the drum over that at the joint, while the joint turns that way [-]."""
+        """Logarithm of the tension at the drum over that at the joint, while the joint turns that way [-]."""
         pulled = direction * self.arm_m > 0
         return math.fsum(s.pull_exponent if pulled else -s.release_exponent for s in self.sections)
 

@@ -267,8 +267,6 @@ class JointDrive:
         Step of the command at the motor [rad], >= 0: 2 pi/4096 for 12 bits a turn.
     command_interval_s : float, optional
         Time between two commands [s], > 0; default: one a step.
-    backlash_rad : float, optional
-        Play between motor and drum, at the motor's shaft, from stop to stop [rad], >= 0.
     """
 
     kind: DriveKind
@@ -284,14 +282,13 @@ class JointDrive:
     servo_time_s: float = 0.0
     resolution_rad: float = 0.0
     command_interval_s: float | None = None
-    backlash_rad: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "kind", DriveKind(self.kind))
         for radius in self.drum_radius_m:
             require("drum_radius_m", radius, above=0, hint="half the drum's diameter plus half the tendon's")
         require("gear_ratio", self.gear_ratio, above=0, hint="turns of the motor for one of the drum")
-        for name in ("inertia_kg_m2", "coulomb_N_m", "servo_time_s", "resolution_rad", "backlash_rad"):
+        for name in ("inertia_kg_m2", "coulomb_N_m", "servo_time_s", "resolution_rad"):
             require(name, getattr(self, name), least=0, hint="leave it out for none")
         for name in ("torque_constant_N_m_per_A", "speed_max_rad_per_s", "torque_max_N_m", "command_interval_s"):
             require_given(name, getattr(self, name), above=0, hint="leave it out if it is not known")
@@ -303,11 +300,6 @@ class JointDrive:
             if self.least_tension_N is None or self.pretension_N is not None:
                 raise ParameterError('a drive of kind = "pair" needs least_tension_N, and no pretension_N')
             require("least_tension_N", self.least_tension_N, above=0, hint="a tendon cannot push; try 2")
-
-    @property
-    def start_tension_N(self) -> float | None:
-        """Tension of both tendons at the start of a loop [N]; a pair's follows from the torque there."""
-        return self.pretension_N
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -335,7 +327,9 @@ class Mechanism:
             raise ParameterError(f"tendons need different names, got {', '.join(names)}")
         for tendon in self.tendons:
             if tendon.arm.joint != self.joint.name:
-                raise ParameterError(f'tendon "{tendon.name}" names the joint "{tendon.arm.joint}", which is not driven')
+                raise ParameterError(
+                    f'tendon "{tendon.name}" names the joint "{tendon.arm.joint}", which is not driven'
+                )
         if len(self.drive.drum_radius_m) not in (1, len(self.tendons)):
             raise ParameterError(
                 f"drum_radius_m must be one number or one for each of {len(self.tendons)} tendons, "
@@ -346,15 +340,19 @@ class Mechanism:
     def _check_number(self) -> None:
         if len(self.tendons) == 1:
             if self.drive.kind is DriveKind.LOOP:
-                raise ParameterError('a drive of kind = "loop" needs two tendons, got 1; use "pair" for one and a spring')
+                raise ParameterError(
+                    'a drive of kind = "loop" needs two tendons, got 1; use "pair" for one and a spring'
+                )
             if self.joint.stiffness_N_m_per_rad == 0:
                 raise ParameterError(
                     "a joint with one tendon needs a spring that pulls the other way, got stiffness_N_m_per_rad = 0; "
                     "give it, or a second tendon"
                 )
         elif len(self.tendons) != 2:
-            raise ParameterError(f"a joint needs one or two tendons, got {len(self.tendons)}; three and more share a "
-                                 "torque in ways that are not decided here")
+            raise ParameterError(
+                f"a joint needs one or two tendons, got {len(self.tendons)}; three and more share a "
+                "torque in ways that are not decided here"
+            )
 
     @property
     def joint(self) -> DrivenJoint:
@@ -394,20 +392,11 @@ class Mechanism:
             return (1,) * len(self.tendons)
         return tuple(1 if arm > 0 else -1 for arm in self.arms_at(angle_rad))
 
-    def travel_m(self, motor_rad: Array, angle_rad: float) -> Array:
-        """Travel of each drum's tendon for angles of the motors, shape (rows,) of a loop or (rows, tendons) [m].
-
-        `angle_rad` is where the joint starts.
-        """
-        motor = np.asarray(motor_rad, dtype=np.float64)
-        motor = motor[:, None] if motor.ndim == 1 else motor
-        scale = np.array(self.drum_radius_m) * np.array(self.windings(angle_rad)) / self.drive.gear_ratio
-        return motor * scale
-
     def motor_rad(self, travel_m: Array, angle_rad: float) -> Array:
         """Angles of the motors for travels of the tendons at their drums, shape (rows, tendons): the same shape."""
         scale = np.array(self.drum_radius_m) * np.array(self.windings(angle_rad)) / self.drive.gear_ratio
-        return np.asarray(travel_m, dtype=np.float64) / scale
+        motor: Array = np.asarray(travel_m, dtype=np.float64) / scale
+        return motor
 
     def chains(self, level: Level, motion: JointMotion, segments: int | None = None) -> tuple[Chain, ...]:
         """A chain for each tendon, both of whose ends are led: the drum's by the motor, the other by the joint.
@@ -420,7 +409,9 @@ class Mechanism:
         segments : int, optional
             Number of masses of each; default: each path's own.
         """
-        relaxing = next((t.tendon for t in self.tendons if t.tendon.second_relaxing_stiffness_N_per_m is not None), None)
+        relaxing = next(
+            (t.tendon for t in self.tendons if t.tendon.second_relaxing_stiffness_N_per_m is not None), None
+        )
         return tuple(self._chain(tendon, level, motion, segments, relaxing) for tendon in self.tendons)
 
     @staticmethod

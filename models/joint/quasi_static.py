@@ -82,7 +82,8 @@ def static_motor_rad(
     others : dict of ndarray, optional
         Angles of the other joints that sections name, shape (rows,) each.
     direction : ndarray, shape (rows,), optional
-        Way the joint turns in each row, +1 or -1; 0 before it has moved. Default: that of the angle, kept while it stands.
+        Way the joint turns in each row, +1 or -1; 0 before it has moved. Default: that of the angle, kept while it
+        stands.
     """
     angle, torque = np.asarray(angle_rad, dtype=np.float64), np.asarray(torque_N_m, dtype=np.float64)
     ways = directions(angle) if direction is None else direction
@@ -93,7 +94,7 @@ def static_motor_rad(
         for tendon in mechanism.tendons
     ]
     radii = mechanism.drum_radius_m
-    longer = -radii[0] * sum(travel / radius for travel, radius in zip(travels, radii, strict=True))
+    longer: Array = -radii[0] * np.sum([travel / radius for travel, radius in zip(travels, radii, strict=True)], axis=0)
     fixed = all(section.joint is None for tendon in mechanism.tendons for section in tendon.path.sections)
     fixed = fixed and all(tendon.arm.lengths is None for tendon in mechanism.tendons)
     law = GrossSliding.of(mechanism, start, {name: float(values[0]) for name, values in others.items()})

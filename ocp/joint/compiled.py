@@ -136,7 +136,12 @@ class CompiledJoint:
         rows, count = len(travel_m) - 1, len(self._problem.chains)
         travel, contact = (np.ascontiguousarray(each, dtype=np.float64) for each in (travel_m, contact_N_m))
         angle = None if angle_rad is None else np.ascontiguousarray(angle_rad, dtype=np.float64)
-        out, tension, drum, lowest = np.empty((rows, 2)), np.empty((rows, count)), np.empty((rows, count)), np.empty(rows)
+        out, tension, drum, lowest = (
+            np.empty((rows, 2)),
+            np.empty((rows, count)),
+            np.empty((rows, count)),
+            np.empty(rows),
+        )
         report = ReportStruct()
         records, kept = self._tendons(memory, rows)
         done = self._library.tff_joint_run(
@@ -164,5 +169,3 @@ class CompiledJoint:
             memory.fresh = False
             memory.time_s += done * self._step_s
             memory.tension_N = tension[done - 1].copy()
-
-

@@ -144,7 +144,8 @@ def invert_joint(
         memory = start_memory(problem, float(contact[0]))
         if abs(float(angle[0]) - problem.start_rad) > 1e-9:
             raise ParameterError(
-                f"angle_rad starts at {angle[0]:g}, the problem at {problem.start_rad:g} rad; a run starts at rest there"
+                f"angle_rad starts at {angle[0]:g}, the problem at {problem.start_rad:g} rad; a run starts at "
+                "rest there"
             )
     memory = memory.copy()
     first = memory.copy()
@@ -217,12 +218,13 @@ def motor_angles(problem: JointProblem, travel_m: Array) -> Array:
 def motor_torques(problem: JointProblem, motor_rad: Array, drum_N: Array, step_s: float) -> Array:
     """Torque of each motor, shape (rows, motors) [N m]: tendons, inertia and dry friction of the drive."""
     drive = problem.mechanism.drive
-    each = drum_N * np.array(problem.windings_m) / drive.gear_ratio
-    held = each.sum(axis=1, keepdims=True) if problem.loop else each
+    each: Array = drum_N * np.array(problem.windings_m) / drive.gear_ratio
+    held: Array = each.sum(axis=1, keepdims=True) if problem.loop else each
     if len(motor_rad) < 3:
         return held
     speed = np.gradient(motor_rad, step_s, axis=0)
-    return held + drive.inertia_kg_m2 * np.gradient(speed, step_s, axis=0) + drive.coulomb_N_m * np.sign(speed)
+    torque: Array = held + drive.inertia_kg_m2 * np.gradient(speed, step_s, axis=0) + drive.coulomb_N_m * np.sign(speed)
+    return torque
 
 
 def _travel(memory: JointMemory) -> Array:
@@ -234,9 +236,7 @@ def _drum(memory: JointMemory) -> Array:
     return memory.tension_N
 
 
-def _status(
-    problem: JointProblem, rows: int, lowest: Array, slack: Array, step_s: float
-) -> tuple[JointStatus, str]:
+def _status(problem: JointProblem, rows: int, lowest: Array, slack: Array, step_s: float) -> tuple[JointStatus, str]:
     if len(lowest) < rows:
         return JointStatus.FAILED, (
             f"the inverse stopped at t = {len(lowest) * step_s:.6g} s: no tension closes the loop there; check the "
@@ -246,8 +246,8 @@ def _status(
     if hanging.any():
         share = 100 * float(hanging.mean())
         return JointStatus.SLACK, (
-            f"a tendon hangs loose from t = {int(np.argmax(hanging)) * step_s:.6g} s, in {share:.2g} % of the rows; the "
-            "other one carries the torque, and the joint can be pushed by hand; more pretension_N keeps both taut"
+            f"a tendon hangs loose from t = {int(np.argmax(hanging)) * step_s:.6g} s, in {share:.2g} % of the rows; "
+            "the other one carries the torque, and the joint can be pushed by hand; more pretension_N keeps both taut"
         )
     floor = -1e-6 if problem.loop else 0.0
     pushed = np.flatnonzero(lowest < floor)
@@ -257,5 +257,3 @@ def _status(
             "more tension, or let the reference change more slowly"
         )
     return JointStatus.EXACT, f"{rows} rows, least tension {lowest.min():.4g} N"
-
-

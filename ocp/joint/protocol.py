@@ -152,7 +152,5 @@ class JointEngine(Protocol):
     ) -> JointInverseRows:
         """Motor travels for angles at the present instant and the ends of the steps that follow, shape (rows + 1,)."""
 
-    def run(
-        self, memory: JointMemory, travel_m: Array, contact_N_m: Array, angle_rad: Array | None
-    ) -> JointRows:
+    def run(self, memory: JointMemory, travel_m: Array, contact_N_m: Array, angle_rad: Array | None) -> JointRows:
         """Advance over travels, shape (rows + 1, tendons), the first at the present instant; the joint led or free."""

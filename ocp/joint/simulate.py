@@ -117,7 +117,9 @@ def simulate_joint(
         raise ParameterError(f"motor_rad must have a column for each of {motors} motors, got shape {motor.shape}")
     if not np.isfinite(motor).all():
         row = int(np.argmax(~np.isfinite(motor).all(axis=1)))
-        raise ParameterError(f"motor_rad must be finite, got {motor[row]} at t = {row * step_s:g} s; repair the profile")
+        raise ParameterError(
+            f"motor_rad must be finite, got {motor[row]} at t = {row * step_s:g} s; repair the profile"
+        )
     contact = as_rows("contact_N_m", contact_N_m, len(motor), step_s)
     led = None if led_rad is None else as_rows("led_rad", led_rad, len(motor), step_s)
     memory = start_memory(problem, float(contact[0]), hanging=True) if memory is None else memory.copy()

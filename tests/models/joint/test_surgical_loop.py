@@ -32,7 +32,7 @@ def columns(f: Array, x: Array) -> Array:
 
 
 def linear_part(files: list[Array], x: Array, own_zero: bool) -> tuple[Array, Array]:
-    """Gain, compliance and elongation by least squares, and the residual [rad]; a zero for each file, or one for all."""
+    """Gain, compliance and elongation by least squares, and the residual [rad]; a zero for each file or for all."""
     rows, wanted = [columns(f, x) for f in files], [f[:, 2] for f in files]
     if own_zero:
         rows, wanted = [r - r.mean(axis=0) for r in rows], [w - w.mean() for w in wanted]

@@ -167,9 +167,7 @@ def test_the_scheme_is_of_second_order_where_nothing_turns_back() -> None:
 )
 def test_arms_that_cannot_hold_a_joint_are_refused(arms: tuple[float, float], message: str) -> None:
     rig = mechanism()
-    tendons = tuple(
-        replace(t, arms=(Arm(joint="q", moment_arm_m=a),)) for t, a in zip(rig.tendons, arms, strict=True)
-    )
+    tendons = tuple(replace(t, arms=(Arm(joint="q", moment_arm_m=a),)) for t, a in zip(rig.tendons, arms, strict=True))
     with pytest.raises(ParameterError, match=message):
         problem(replace(rig, tendons=tendons))
 
