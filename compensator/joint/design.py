@@ -187,24 +187,23 @@ def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Prog
     plant = JointPlant(
         mechanism=mechanism, scenario=scenario, sampled=sampled, masses=_verifying(mechanism), refinement=REFINEMENT
     )
-    profiles = {}
+    profiles, commands = {}, {}
     for name, motor in motors.items():
         # A controller that knows the ratio alone does not know its servo either.
         command = commanded(drive if name != "linear" else replace(drive, servo_time_s=0.0), motor, step)
+        commands[name] = command
         run = plant.respond(command)
-        reached = plant.reached(run)
+        reached, kept = plant.reached(run), slice(sampled.lead, None)
         profiles[name] = JointProfile(
             name=name,
-            motor_rad=command,
-            reached=reached,
-            tension_N=run.tension_N,
-            torque_N_m=run.motor_torque_N_m,
-            error=reached - sampled.wanted,
+            motor_rad=command[kept],
+            reached=reached[kept],
+            tension_N=run.tension_N[kept],
+            torque_N_m=run.motor_torque_N_m[kept],
+            error=(reached - sampled.wanted)[kept],
         )
         progress(done := done + 1, total)
-    contributions = _contributions(
-        scenario, sampled, profiles["inverse"].motor_rad, lambda k: progress(done + k, total)
-    )
+    contributions = _contributions(scenario, sampled, commands["inverse"], lambda k: progress(done + k, total))
     sheet, sheets, warned = _data_sheet(scenario, sampled, inversion)
     warnings = [*notes, *warned, *_drive_warnings(drive, inversion, step)]
     if inversion.status is not JointStatus.EXACT:
@@ -214,13 +213,29 @@ def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Prog
         scenario=scenario,
         sampled=sampled,
         profiles=profiles,
-        inversion=inversion,
+        inversion=_after(inversion, sampled.lead),
+        homing_rad=commands["inverse"][: sampled.lead],
         sheet=sheet,
         sheets=sheets,
         contributions=contributions,
         masses=plant.masses or 0,
         refinement=REFINEMENT,
         warnings=tuple(warnings),
+    )
+
+
+def _after(found: JointInversion, lead: int) -> JointInversion:
+    """An inversion without the rows of the homing stroke."""
+    rows = slice(lead, None)
+    return replace(
+        found,
+        time_s=found.time_s[rows] - found.time_s[lead],
+        motor_rad=found.motor_rad[rows],
+        motor_torque_N_m=found.motor_torque_N_m[rows],
+        tension_N=found.tension_N[rows],
+        drum_N=found.drum_N[rows],
+        slack_m=found.slack_m[rows],
+        lowest_N=found.lowest_N[rows],
     )
 
 
@@ -282,7 +297,7 @@ def _contributions(
         errors = []
         for factor in (1 - spread, 1 + spread):
             plant = JointPlant(mechanism=_changed(scenario.mechanism, key, factor), scenario=scenario, sampled=sampled)
-            errors.append(plant.reached(plant.respond(command)) - sampled.wanted)
+            errors.append((plant.reached(plant.respond(command)) - sampled.wanted)[sampled.lead :])
         found.append(Contribution(key=key, spread=spread, rms=max(float(np.sqrt(np.mean(e**2))) for e in errors)))
         advance(2 * (k + 1))
     return tuple(sorted(found, key=lambda each: -each.rms))
@@ -331,6 +346,12 @@ def _data_sheet(
     most = max(2 * tension, 2 * sheet.recommended_pretension_N, 1e-3)
     grid = np.linspace(0.1, 1.0, 10) * most
     warned = []
+    home = mechanism.drive.homing_rad
+    if 0 < home < 4 * sheet.lost_motion_rad:
+        warned.append(
+            f"homing_rad = {home:g} hardly slides the tendons through; {5 * sheet.lost_motion_rad:.2g} rad leaves a "
+            "margin"
+        )
     if tension < sheet.least_pretension_N and inversion.status is JointStatus.EXACT:
         warned.append(
             f"pretension_N = {tension:g} is below {sheet.least_pretension_N:.3g} N, at which the largest torque makes "

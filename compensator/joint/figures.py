@@ -23,13 +23,14 @@ def joint_figure(result: JointDesignData) -> Figure:
     """Wanted and reached, and the errors of all compensators."""
     figure, axes = new_figure(2, 1, share_x=True, height_in=4.6)
     sampled = result.sampled
-    rows, time = thinned(len(sampled.time_s)), sampled.time_s
+    time, wanted = sampled.run_time_s, sampled.wanted[sampled.lead :]
+    rows = thinned(len(time))
     scale, unit = (180 / np.pi, "deg") if result.is_angle else (1.0, "N m")
     top, bottom = axes[:, 0]
     for name, profile in result.profiles.items():
         top.plot(time[rows], scale * profile.reached[rows], color=_COLOURS[name], label=LABELS[name])
         bottom.plot(time[rows], scale * profile.error[rows], color=_COLOURS[name])
-    top.plot(time[rows], scale * sampled.wanted[rows], color=INK, linewidth=0.8, linestyle="--", label="reference")
+    top.plot(time[rows], scale * wanted[rows], color=INK, linewidth=0.8, linestyle="--", label="reference")
     top.set(ylabel=f"{'joint angle' if result.is_angle else 'torque of the joint'} [{unit}]")
     bottom.set(xlabel="time [s]", ylabel=f"error [{unit}]")
     legend_below(figure, top, columns=4)
@@ -39,7 +40,7 @@ def joint_figure(result: JointDesignData) -> Figure:
 def tension_figure(result: JointDesignData) -> Figure:
     """Tensions at the joint under the exact inverse, and their sum over the arms."""
     figure, axes = new_figure(1, 1)
-    time = result.sampled.time_s
+    time = result.sampled.run_time_s
     rows, panel = thinned(len(time)), axes[0, 0]
     tension = result.profiles["inverse"].tension_N
     for k, tendon in enumerate(result.scenario.mechanism.tendons):
@@ -52,7 +53,7 @@ def tension_figure(result: JointDesignData) -> Figure:
 def motor_figure(result: JointDesignData) -> Figure:
     """Motor angle beyond that of the ratio alone, and the motors' torque."""
     figure, axes = new_figure(2, 1, share_x=True, height_in=4.6)
-    time = result.sampled.time_s
+    time = result.sampled.run_time_s
     rows, names = thinned(len(time)), motor_names(result)
     top, bottom = axes[:, 0]
     base = result.profiles["linear"].motor_rad

@@ -22,12 +22,16 @@ class JointDesign(JointDesignData):
         figures = joint_figures(self)
         with atomic_directory(folder) as partial:
             write_csv(partial / "profile.csv", profile_columns(self))
+            if self.sampled.lead:
+                write_csv(partial / "homing.csv", homing_columns(self))
             write_pages(partial, summary(self), figures, joint_report(self, figures))
 
 
 def profile_columns(result: JointDesignData) -> dict[str, FloatArray]:
     """Columns of `profile.csv`: a loop's motor by compensator, a pair's by tendon and with the exact inverse."""
-    columns = {"time_s": result.sampled.time_s, f"reference_{result.scenario.reference.unit}": result.sampled.wanted}
+    sampled = result.sampled
+    wanted = sampled.wanted[sampled.lead :]
+    columns = {"time_s": sampled.run_time_s, f"reference_{result.scenario.reference.unit}": wanted}
     inverse, names = result.profiles["inverse"], motor_names(result)
     if result.is_loop:
         columns |= {f"motor_{name}_rad": p.motor_rad[:, 0] for name, p in result.profiles.items()}
@@ -40,6 +44,15 @@ def profile_columns(result: JointDesignData) -> dict[str, FloatArray]:
     if not result.is_angle:
         columns["angle_rad"] = result.sampled.angle_rad
     return columns
+
+
+def homing_columns(result: JointDesignData) -> dict[str, FloatArray]:
+    """Columns of `homing.csv`: time, joint angle, and what the motors are told; the profile goes on from there."""
+    sampled = result.sampled
+    rows = slice(0, sampled.lead)
+    names = ("motor_rad",) if result.is_loop else tuple(f"motor_{name}_rad" for name in motor_names(result))
+    columns = {"time_s": sampled.time_s[rows], "reference_rad": sampled.wanted[rows]}
+    return columns | {name: result.homing_rad[:, k] for k, name in enumerate(names)}
 
 
 def summary(result: JointDesignData) -> dict[str, object]:

@@ -83,6 +83,8 @@ class JointDesignData:
     profiles : dict of str to JointProfile
     inversion : JointInversion
         The exact inverse before the drive.
+    homing_rad : ndarray, shape (rows, motors)
+        Commands of the homing stroke, which the profiles go on from; empty without one.
     sheet : DataSheet or None
         Closed forms of a loop.
     sheets : tuple of (float, DataSheet)
@@ -98,6 +100,7 @@ class JointDesignData:
     sampled: SampledJoint
     profiles: dict[str, JointProfile]
     inversion: JointInversion
+    homing_rad: FloatArray
     sheet: DataSheet | None
     sheets: tuple[tuple[float, DataSheet], ...]
     contributions: tuple[Contribution, ...]

@@ -14,6 +14,7 @@ import numpy as np
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv, read_text, suggestion
 from tendonff.compensator.joint.reference import KINDS, JointQuantity, JointReference
 from tendonff.compensator.scenario.joints import Joint, read_joints
+from tendonff.compensator.scenario.reference import Shape, along_waypoints
 from tendonff.compensator.scenario.sampled.joint_motion import joint_angles
 from tendonff.compensator.scenario.scenario import SCHEMA, path_keys
 from tendonff.compensator.scenario.settings import Run
@@ -101,6 +102,8 @@ class SampledJoint:
         The one of both that is wanted.
     motion : JointMotion
         Of the driven joint and all others.
+    lead : int
+        Rows of the homing stroke, which come first.
     """
 
     time_s: FloatArray
@@ -108,11 +111,17 @@ class SampledJoint:
     contact_N_m: FloatArray
     wanted: FloatArray
     motion: JointMotion
+    lead: int = 0
 
     @property
     def range(self) -> float:
-        """Largest less smallest wanted value."""
-        return float(np.ptp(self.wanted))
+        """Largest less smallest wanted value, after the homing stroke."""
+        return float(np.ptp(self.wanted[self.lead :]))
+
+    @property
+    def run_time_s(self) -> FloatArray:
+        """Time after the homing stroke."""
+        return self.time_s[self.lead :] - self.time_s[self.lead]
 
     def others(self, joint: str) -> dict[str, FloatArray]:
         """Angles of the other joints by name, shape (rows,)."""
@@ -189,14 +198,40 @@ def sample_joint(scenario: JointScenario) -> SampledJoint:
                     f"{file} [reference]: periodic = true, but it ends {off:.3g} from where it starts; give whole "
                     "periods and fade_in_s = 0"
                 )
-    columns = [joint_angles(other, name, time, folder, length) for name, other in scenario.joints.items()]
+    stroke = _homing(scenario, float(angle[0]), torque)
+    lead = len(stroke)
+    if lead:
+        angle = wanted = np.concatenate([stroke, angle])
+        contact = np.zeros_like(angle)
+        length += lead * step
+        time = np.arange(len(angle), dtype=np.float64) * step
+    columns = [
+        joint_angles(other, name, np.maximum(time - lead * step, 0.0), folder, length - lead * step)
+        for name, other in scenario.joints.items()
+    ]
     motion = JointMotion(
         names=(joint, *scenario.joints),
         time_s=time,
         angle_rad=np.column_stack([angle, *columns]),
         period_s=float(time[-1]) if wish.periodic else None,
     )
-    return SampledJoint(time_s=time, angle_rad=angle, contact_N_m=contact, wanted=wanted, motion=motion)
+    return SampledJoint(time_s=time, angle_rad=angle, contact_N_m=contact, wanted=wanted, motion=motion, lead=lead)
+
+
+def _homing(scenario: JointScenario, start_rad: float, torque: bool) -> FloatArray:
+    """Angles of a stroke to both sides and back, up to a row before the reference starts; empty where none is asked."""
+    size, step = scenario.mechanism.drive.homing_rad, scenario.run.step_s
+    if size == 0:
+        return np.empty(0)
+    if scenario.reference.periodic or torque:
+        raise InputError(
+            f"{scenario.source.name} [drive]: homing_rad is for a wanted angle that does not repeat; a cycle forgets "
+            "its start by itself, and where something else moves the joint that must home it"
+        )
+    quarter = max(0.3, 3 * size)  # slow enough for any drive that can follow a reference
+    times = (0.0, quarter, 3 * quarter, 4 * quarter)
+    stroke = along_waypoints(times, (0.0, size, -size, 0.0), Shape.SMOOTH, np.arange(0.0, times[-1] - step / 2, step))
+    return start_rad + stroke
 
 
 def _check_tables(raw: Mapping[str, object], file: str) -> None:

@@ -1,5 +1,6 @@
 """What motor angles of a file do to a joint."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -50,7 +51,8 @@ def simulate_joint_file(
         raise InputError(f"{motors.name}: ends at {table['time_s'][-1]:g} s, before the first step of {step:g} s")
     time = np.arange(rows) * step
     motor = np.column_stack([np.interp(time, table["time_s"], table[name]) for name in names])
-    sampled = sample_joint(scenario)
+    whole = replace(scenario.mechanism, drive=replace(mechanism.drive, homing_rad=0.0))  # the file says what is turned
+    sampled = sample_joint(replace(scenario, mechanism=whole))
     try:
         problem = joint_problem(mechanism, level, sampled.motion)
     except ParameterError as error:

@@ -267,6 +267,8 @@ class JointDrive:
         Step of the command at the motor [rad], >= 0: 2 pi/4096 for 12 bits a turn.
     command_interval_s : float, optional
         Time between two commands [s], > 0; default: one a step.
+    homing_rad : float, optional
+        Size of the stroke to both sides [rad of the joint], >= 0, that wipes out before a run what friction has stored.
     """
 
     kind: DriveKind
@@ -282,13 +284,14 @@ class JointDrive:
     servo_time_s: float = 0.0
     resolution_rad: float = 0.0
     command_interval_s: float | None = None
+    homing_rad: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "kind", DriveKind(self.kind))
         for radius in self.drum_radius_m:
             require("drum_radius_m", radius, above=0, hint="half the drum's diameter plus half the tendon's")
         require("gear_ratio", self.gear_ratio, above=0, hint="turns of the motor for one of the drum")
-        for name in ("inertia_kg_m2", "coulomb_N_m", "servo_time_s", "resolution_rad"):
+        for name in ("inertia_kg_m2", "coulomb_N_m", "servo_time_s", "resolution_rad", "homing_rad"):
             require(name, getattr(self, name), least=0, hint="leave it out for none")
         for name in ("torque_constant_N_m_per_A", "speed_max_rad_per_s", "torque_max_N_m", "command_interval_s"):
             require_given(name, getattr(self, name), above=0, hint="leave it out if it is not known")

@@ -12,6 +12,8 @@ from tendonff.compensator.cli import run
 from tendonff.compensator.joint.design import commanded, design_joint, driven
 from tendonff.compensator.joint.scenario import load_joint_scenario
 from tendonff.models.joint.parameters import DriveKind, JointDrive
+from tendonff.ocp.joint.simulate import simulate_joint
+from tendonff.ocp.joint.start import joint_problem
 
 pytestmark = pytest.mark.compiler
 
@@ -169,3 +171,29 @@ def test_a_servo_hears_rounded_commands_at_its_own_pace() -> None:
     coarse = driven(drive(resolution_rad=0.01, command_interval_s=0.05), wanted, 1e-3)
     assert np.abs(coarse - wanted).max() <= 0.005 + 1e-9
     assert np.abs(coarse[::50] / 0.01 - np.round(coarse[::50] / 0.01)).max() < 1e-9
+
+
+def test_a_homing_stroke_wipes_out_what_was_stored(tmp_path: Path, examples: Path) -> None:
+    """Another start, whose tendons were left as a stroke the other way leaves them."""
+    ideal = [("resolution_rad = 0.00153 ", "homing_rad = 0.2 "), ("command_interval_s = 0.01 ", "gear_ratio = 1.0 ")]
+    ideal += [("gear_ratio = 1.0                      # turns", "# turns")]
+    path = variant(examples, tmp_path, *ideal)
+    scenario = load_joint_scenario(path)
+    result = design_joint(scenario)
+    result.write(tmp_path / "out")
+    home, profile = columns(tmp_path / "out" / "homing.csv"), columns(tmp_path / "out" / "profile.csv")
+    assert list(home) == ["time_s", "reference_rad", "motor_rad"]
+    assert math.degrees(result.profiles["inverse"].rms) < 0.05
+    assert abs(profile["motor_inverse_rad"][0] - home["motor_rad"][-1]) < 1e-3
+    assert abs(profile["motor_inverse_rad"][0]) > 0.01  # friction stores what the stroke leaves
+
+    wanted = profile["reference_rad"]
+    problem = joint_problem(scenario.mechanism, scenario.run.level, result.sampled.motion)
+    swing = 0.1 * np.sin(np.linspace(0, np.pi, 400)) ** 2  # joint turned and let back before anything begins
+    commands = np.concatenate([home["motor_rad"], profile["motor_inverse_rad"]])
+    errors = []
+    for motor in (commands, profile["motor_inverse_rad"] - profile["motor_inverse_rad"][0]):
+        run = simulate_joint(problem, np.concatenate([swing, motor]), 1e-3).require()
+        errors.append(np.rad2deg(np.abs(run.angle_rad[-len(wanted) :] - wanted).max()))
+    assert errors[0] < 0.05
+    assert errors[1] > 10 * errors[0]
