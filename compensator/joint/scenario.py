@@ -35,8 +35,6 @@ _NOT_FOR_A_JOINT = {
     "stiffness": "a joint between linear tendons has no stiffness to choose: the torque and one tension decide all",
 }
 
-TIGHTENED = 'use kind = "pair" and a larger least_tension_N'
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointScenario:
@@ -121,7 +119,8 @@ class SampledJoint:
     @property
     def run_time_s(self) -> FloatArray:
         """Time after the homing stroke."""
-        return self.time_s[self.lead :] - self.time_s[self.lead]
+        later: FloatArray = self.time_s[self.lead :] - self.time_s[self.lead]
+        return later
 
     def others(self, joint: str) -> dict[str, FloatArray]:
         """Angles of the other joints by name, shape (rows,)."""
@@ -340,7 +339,7 @@ def _drive(raw: object, file: str) -> JointDrive:
     if "stiffness_N_m_per_rad" in raw or "wanted_stiffness_N_m_per_rad" in raw:
         raise InputError(
             f"{file} [drive]: a stiffness of the joint cannot be asked for; linear tendons have the same one at every "
-            f"tension. For less play {TIGHTENED}"
+            'tension. For no lost motion use kind = "pair"'
         )
     keys = dict(raw)
     radius = keys.get("drum_radius_m")

@@ -86,7 +86,8 @@ def static_motor_rad(
         stands.
     """
     angle, torque = np.asarray(angle_rad, dtype=np.float64), np.asarray(torque_N_m, dtype=np.float64)
-    ways = directions(angle) if direction is None else direction
+    ways = directions(angle) if direction is None else np.array(direction, dtype=np.float64)
+    ways[:1] = 0.0  # a run starts at rest, where tensions are uniform
     start, others = float(angle[0]), others or {}
     travels = [
         tendon.path_travel_m(angle, others)

@@ -34,6 +34,7 @@ def test_away_from_reversals_the_chains_want_the_same_motor_angle(change, kind: 
     assert settled.mean() > 0.6
     assert np.rad2deg(np.abs(exact - static)[settled].max()) < 0.03
     assert np.rad2deg(np.abs(static - ANGLE[:, None]).max()) > 0.5
+    assert np.abs(static[0]).max() < 1e-12  # at rest the motor stands where it was tensioned
 
 
 def test_a_way_is_kept_while_the_joint_stands() -> None:
