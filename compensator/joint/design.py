@@ -29,6 +29,9 @@ REFINEMENT = 10
 ASSUMED_SPREAD = 0.2
 """Relative half-width of what is unknown where [robust] says nothing: friction, stiffness and pre-tension."""
 
+LEAST_DAMPING_RATIO, LEAST_COMMANDS = 0.02, 20.0
+"""A joint that damps its resonance less is shaken by commands that come less often than so many times a period [-]."""
+
 _SETTLING_CYCLES = 4
 
 
@@ -205,7 +208,7 @@ def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Prog
         progress(done := done + 1, total)
     contributions = _contributions(scenario, sampled, commands["inverse"], lambda k: progress(done + k, total))
     sheet, sheets, warned = _data_sheet(scenario, sampled, inversion)
-    warnings = [*notes, *warned, *_drive_warnings(drive, inversion, step)]
+    warnings = [*notes, *warned, *_drive_warnings(drive, inversion, step), *_ringing(mechanism, sampled)]
     if inversion.status is not JointStatus.EXACT:
         warnings.insert(0, inversion.message)
     progress(total, total)
@@ -363,6 +366,27 @@ def _data_sheet(
             "would make lost motion and friction of the drive that much smaller"
         )
     return sheet, tuple(zip(grid.tolist(), sweep_pretension(law, largest, grid), strict=True)), warned
+
+
+def _ringing(mechanism: Mechanism, sampled: SampledJoint) -> list[str]:
+    """What stepped commands do to a joint that hardly damps its own resonance between the tendons."""
+    interval, joint = mechanism.drive.command_interval_s, mechanism.joint
+    if interval is None:
+        return []
+    arms = mechanism.arms_at(float(sampled.angle_rad[0]))
+    parts = [(t.tendon.stiffness_N_per_m, t.tendon.damping_N_s_per_m) for t in mechanism.tendons]
+    stiffness = joint.stiffness_N_m_per_rad + math.fsum(k * arm**2 for (k, _), arm in zip(parts, arms, strict=True))
+    damping = joint.damping_N_m_s_per_rad + math.fsum(c * arm**2 for (_, c), arm in zip(parts, arms, strict=True))
+    ratio = damping / (2 * math.sqrt(stiffness * joint.inertia_kg_m2))
+    frequency = math.sqrt(stiffness / joint.inertia_kg_m2) / (2 * math.pi)
+    if ratio > LEAST_DAMPING_RATIO or 1 / interval > LEAST_COMMANDS * frequency:
+        return []
+    text = (
+        f"the joint rings at {frequency:.3g} Hz with {100 * ratio:.2g} % of critical damping: commands every "
+        f"{interval:g} s shake it, and what friction stores leaks away while it stands; more commands a second or more "
+        "damping help"
+    )
+    return [text]
 
 
 def _drive_warnings(drive: JointDrive, inversion: JointInversion, step_s: float) -> list[str]:

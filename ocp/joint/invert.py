@@ -12,7 +12,7 @@ from enum import StrEnum
 import numpy as np
 
 from tendonff.models.errors import ParameterError
-from tendonff.ocp.codegen.compiler import why_no_compiler
+from tendonff.ocp.codegen.compiler import find_compiler, why_no_compiler
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.errors import CodeError
 from tendonff.ocp.joint.compiled import CompiledJoint
@@ -90,7 +90,9 @@ def engine_of(problem: JointProblem, step_s: float, engine: Engine) -> JointEngi
     if not 0 < step_s < math.inf:
         raise ParameterError(f"step_s must be a finite number > 0, got {step_s}; 0.001 suits most rigs")
     if resolve_engine(engine) is not Engine.COMPILED:
-        raise CodeError(f"a joint on tendons runs in compiled C only; {why_no_compiler()}")
+        asked = "the engine casadi was asked for, here or by TENDONFF_ENGINE; leave that out"
+        reason = why_no_compiler() if find_compiler() is None else asked
+        raise CodeError(f"a joint on tendons runs in compiled C only; {reason}")
     return CompiledJoint(problem, step_s)
 
 

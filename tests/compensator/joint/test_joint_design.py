@@ -151,6 +151,15 @@ def test_limits_of_the_motor_are_told(tmp_path: Path, examples: Path) -> None:
     assert speed <= 2.0 * (1 + 1e-9)
 
 
+def test_commands_that_shake_a_joint_without_damping_are_told(tmp_path: Path, examples: Path) -> None:
+    calm = design_joint(load_joint_scenario(examples / "hand_joint.toml"))
+    light = ("damping_N_m_s_per_rad = 2.0e-3", "damping_N_m_s_per_rad = 2.0e-4")
+    shaken = design_joint(load_joint_scenario(variant(examples, tmp_path, light)))
+    assert not any("rings at" in text for text in calm.warnings)
+    assert any("the joint rings at 40.3 Hz with 1 %" in text for text in shaken.warnings)
+    assert shaken.profiles["inverse"].rms > 3 * calm.profiles["inverse"].rms
+
+
 def drive(**values: float) -> JointDrive:
     return JointDrive(kind=DriveKind.LOOP, drum_radius_m=(8e-3,), pretension_N=10.0, **values)
 

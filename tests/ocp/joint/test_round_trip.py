@@ -185,5 +185,5 @@ def test_bad_numbers_are_refused_by_place() -> None:
 
 
 def test_without_a_compiler_it_says_so() -> None:
-    with pytest.raises(CodeError, match="compiled C only"):
+    with pytest.raises(CodeError, match="compiled C only; the engine casadi was asked for"):
         invert_joint(problem(mechanism()), ANGLE, STEP, engine=Engine.CASADI)
