@@ -142,11 +142,11 @@ class Expectation:
             compared = "; friction compensation does not reduce it"
         elif without is not None:
             compared = f"; {two_digits(without)} % without friction compensation"
+        percent = two_digits(worst.rmse_percent_of_range)
         return (
-            f"Tracking error up to {two_digits(worst.rmse_N)} N RMS ({two_digits(worst.rmse_percent_of_range)} % of "
-            f"range), peak {two_digits(self.best.worst_peak_N)} N, with the {label}, for {self.doubt} on the {self.level} "
-            f"level{compared}. "
-            f"Largest contribution: {self.contributions[0].key}. Next: {next_command}"
+            f"Tracking error up to {two_digits(worst.rmse_N)} N RMS ({percent} % of range), "
+            f"peak {two_digits(self.best.worst_peak_N)} N, with the {label}, for {self.doubt} on the {self.level} "
+            f"level{compared}. Largest contribution: {self.contributions[0].key}. Next: {next_command}"
         )
 
     @property

@@ -24,6 +24,7 @@ from matplotlib.figure import Figure
 from tendonff._version import __version__
 from tendonff.compensator.files.reading import open_text
 from tendonff.compensator.files.writing import write_json, write_text
+from tendonff.compensator.joint.scenario import JointScenario
 from tendonff.compensator.reporting.plots import UNDATED, figure_style, save_figure
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash, scenario_to_toml
 
@@ -155,7 +156,7 @@ class FileNote:
 class Provenance:
     """What it takes to make the result again."""
 
-    scenario: Scenario  # shown whole, with its hash
+    scenario: Scenario | JointScenario  # shown whole, with its hash
     command: str = ""  # command line, without the folders of this machine: "tendonff design finger.toml --out DIR"
     # further files that went in (force, measured data); named with the first digits of their SHA-256
     inputs: Sequence[Path] = ()
@@ -184,6 +185,14 @@ def provenance_of(scenario: Scenario, command: str, options: str = "") -> Proven
     return Provenance(
         scenario=scenario, command=f"tendonff {command} {scenario.source.name} --out DIR {options}".strip()
     )
+
+
+def _text_of(scenario: Scenario | JointScenario) -> str:
+    return scenario.to_toml() if isinstance(scenario, JointScenario) else scenario_to_toml(scenario)
+
+
+def _hash_of(scenario: Scenario | JointScenario) -> str:
+    return scenario.digest() if isinstance(scenario, JointScenario) else scenario_hash(scenario)
 
 
 def write_report(path: Path, report: Report) -> None:
@@ -215,9 +224,9 @@ def render_report(report: Report) -> str:
             {"title": section.title, "blocks": [_prepared(block, figures) for block in section.blocks]}
             for section in report.sections
         ],
-        scenario_text=scenario_to_toml(provenance.scenario),
+        scenario_text=_text_of(provenance.scenario),
         scenario_file=provenance.scenario.source.name,
-        scenario_hash=scenario_hash(provenance.scenario),
+        scenario_hash=_hash_of(provenance.scenario),
         inputs=[(path.name, file_hash(path)) for path in inputs],
         versions=versions(),
     )
@@ -295,12 +304,12 @@ def versions() -> tuple[tuple[str, str], ...]:
     return tuple(found)
 
 
-def summary_head(scenario: Scenario) -> dict[str, object]:
+def summary_head(scenario: Scenario | JointScenario) -> dict[str, object]:
     """How every `summary.json` begins."""
     return {
         "schema": 1,
         "scenario": scenario.name,
-        "scenario_hash": scenario_hash(scenario),
+        "scenario_hash": _hash_of(scenario),
         "tool": f"tendonff {__version__}",
     }
 

@@ -120,12 +120,17 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
     except ValueError as error:  # TOMLDecodeError, and numbers of thousands of digits
         raise InputError(f"{file}: not valid TOML: {error}{_advice(text, str(error))}") from None
     _check_schema(raw, file)
+    if {"tendons", "drive"} & raw.keys():
+        raise InputError(
+            f"{file} describes a driven joint between tendons, this command works on the tension of one; "
+            '"tendonff design" and "tendonff simulate" take it'
+        )
     _check_names(raw, file)
     _check_removed(raw.get("optimal"), file)
     name = raw.get("name", source.stem)
     if not isinstance(name, str):
         raise InputError(f'{file}: name must be text in quotes ("..."), got {show(name)}')
-    sections, path = _path_keys(raw.get("path", {}), file)
+    sections, path = path_keys(raw.get("path", {}), file)
     raw_tendon = raw.get("tendon")
     spread, robust = _spread_keys(raw.get("robust", {}), file)
     expanded = {"path": path, "load": _load_keys(raw.get("load", {}), file), "robust": robust}
@@ -192,7 +197,7 @@ def _advice(text: str, error: str) -> str:
     return ""
 
 
-def _path_keys(raw: object, file: str) -> tuple[tuple[Section, ...], object]:
+def path_keys(raw: object, file: str) -> tuple[tuple[Section, ...], object]:
     """The sections of [path], and its other keys with the total angle that they add up to."""
     if not isinstance(raw, Mapping) or "sections" not in raw:
         return (), raw

@@ -63,7 +63,7 @@ def sample_joints(scenario: Scenario, end_s: float, *, periodic: bool = False) -
     step = scenario.run.step_s
     time = np.arange(math.ceil(end_s / step - 1e-9) + 1, dtype=np.float64) * step
     folder = scenario.source.parent
-    columns = [_angles(joint, name, time, folder, end_s) for name, joint in scenario.joints.items()]
+    columns = [joint_angles(joint, name, time, folder, end_s) for name, joint in scenario.joints.items()]
     if periodic:
         for (name, joint), column in zip(scenario.joints.items(), columns, strict=True):
             _check_period(name, joint, column, end_s, file)
@@ -90,7 +90,8 @@ def _check_period(name: str, joint: Joint, angle_rad: FloatArray, period_s: floa
         )
 
 
-def _angles(joint: Joint, name: str, time_s: FloatArray, folder: Path, end_s: float) -> FloatArray:
+def joint_angles(joint: Joint, name: str, time_s: FloatArray, folder: Path, end_s: float) -> FloatArray:
+    """Angles of one joint at instants [rad]; InputError where a file of motion ends before `end_s` [s]."""
     if isinstance(joint, ConstantJoint):
         return np.full(time_s.shape, joint.angle_rad)
     if isinstance(joint, SineJoint):
