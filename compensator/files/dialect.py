@@ -14,6 +14,9 @@ from pathlib import Path
 
 from tendonff.compensator.files.text import InputError, user_text
 
+MOST_COLUMNS = 5000
+"""Columns that a table may have."""
+
 _COMMENTS = ("#", "%", "//")
 _LOOKED_AT = 200  # lines that the way of writing is told from
 _LONGEST = 100_000  # characters of a line that are looked at
@@ -74,6 +77,8 @@ def _dialect_of(lines: Sequence[str], expected: Sequence[str], file: str) -> Dia
     written = [k for k, line in enumerate(lines) if line.strip() and not is_comment(line)]
     if not written:
         raise InputError(f"{file} is empty; the first line must name the columns")
+    for k in written:
+        require_columns(max(len(lines[k].split()), *(lines[k].count(mark) for mark in ",;\t|")), file)
     separator = _separator([lines[k] for k in written], expected)
     cells = {k: _split(lines[k], separator) for k in written}
     header = _header(cells, expected)
@@ -81,7 +86,8 @@ def _dialect_of(lines: Sequence[str], expected: Sequence[str], file: str) -> Dia
         remark = _commented_header(lines, written[0], separator, len(cells[header]))
         if remark is None:
             first = cells[header][0]
-            raise InputError(f"{file} row 1: the first line must name the columns, got numbers ({first}, ...)")
+            refused = f"{file} row 1: the first line must name the columns, got numbers"
+            raise InputError(f"{refused} ({first}, ...)", discreet=refused)
         header = remark
         cells[header] = _split(lines[header].lstrip(' "#%/'), separator)
     names = tuple(cells[header])
@@ -110,6 +116,12 @@ def _dialect_of(lines: Sequence[str], expected: Sequence[str], file: str) -> Dia
         first=tuple(rows[0]) if rows else (),
         notes=tuple(notes),
     )
+
+
+def require_columns(count: int, file: str) -> None:
+    """Refuse a table with very many columns."""
+    if count > MOST_COLUMNS:
+        raise InputError(f"{file} has more than {MOST_COLUMNS} columns; give those that are needed")
 
 
 def _separator(lines: Sequence[str], expected: Sequence[str]) -> str:

@@ -1,6 +1,8 @@
 """Tables as loggers write them: text with any usual separator, also packed; spreadsheets, Parquet, MATLAB files."""
 
 import io
+import math
+import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,8 +11,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.compensator.files.dialect import Dialect, find_dialect, is_comment, is_number
-from tendonff.compensator.files.text import READABLE, InputError, user_text
+from tendonff.compensator.files.dialect import (
+    MOST_COLUMNS,
+    Dialect,
+    find_dialect,
+    is_comment,
+    is_number,
+    require_columns,
+)
+from tendonff.compensator.files.text import MOST_BYTES, READABLE, InputError, require_file, too_large, user_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -85,6 +94,7 @@ def read_table(path: Path, expected: Sequence[str] = ()) -> Table:
 
     `expected` are names of columns that the header may have; they tell it from a heading.
     """
+    require_file(path)
     if path.suffix.lower() == ".mat":
         return _matlab(path)
     if path.suffix.lower() in PACKED:
@@ -117,6 +127,9 @@ def _text(path: Path, expected: Sequence[str]) -> Table:
         if not row.strip() or is_comment(row):
             continue
         row = mark.join(row.split()) if dialect.separator == " " else row
+        if row.count(mark) > MOST_COLUMNS:
+            long_rows += 1
+            continue
         while row.endswith(mark) and row.count(mark) >= len(names):
             row = row[:-1].rstrip(" ")
         if row.count(mark) >= len(names) and '"' not in row:
@@ -139,7 +152,7 @@ def _text(path: Path, expected: Sequence[str]) -> Table:
             index_col=False,
         )
     except (ValueError, pd.errors.ParserError) as error:
-        raise InputError(f"{path.name} cannot be read as a table: {error}; what can be read: {READABLE}") from None
+        raise _damaged(path, error) from None
     units = dict(zip(names, dialect.units, strict=False)) if any(dialect.units) else {}
     return Table(
         columns={name: frame[k] for k, name in enumerate(names)},
@@ -155,7 +168,10 @@ def _packed(path: Path) -> Table:
 
     kind = path.suffix.lower()
     try:
+        _require_moderate(path)
         frame = pd.read_parquet(path) if kind == ".parquet" else pd.read_excel(path)
+    except InputError:
+        raise
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except ImportError:
@@ -163,7 +179,7 @@ def _packed(path: Path) -> Table:
             f"{path.name}: {kind} files need the package {PACKED[kind]} (pip install {PACKED[kind]}); or save it as CSV"
         ) from None
     except Exception as error:  # noqa: BLE001 - these readers raise what they like on a damaged file
-        raise InputError(f"{path.name} cannot be read ({error}); what can be read: {READABLE}") from None
+        raise _damaged(path, error) from None
     units = {}
     if len(frame) and all(isinstance(cell, str) and not is_number(cell) for cell in frame.iloc[0]):
         units = {str(name).strip(): str(cell) for name, cell in frame.iloc[0].items()}
@@ -171,18 +187,48 @@ def _packed(path: Path) -> Table:
     return _of_frame(frame, units)
 
 
+def _damaged(path: Path, error: Exception) -> InputError:
+    """What a reader says of a file; some quote its first bytes."""
+    way = f"what can be read: {READABLE}"
+    return InputError(f"{path.name} cannot be read ({error}); {way}", discreet=f"{path.name} cannot be read; {way}")
+
+
+def _require_moderate(path: Path) -> None:
+    """Refuse a file that unpacks to more than can be meant, before it is unpacked."""
+    size = 0
+    match path.suffix.lower():
+        case ".xlsx":
+            with zipfile.ZipFile(path) as packed:
+                size = sum(part.file_size for part in packed.infolist())
+        case ".parquet":
+            from pyarrow.parquet import read_metadata
+
+            found = read_metadata(path)
+            require_columns(found.num_columns, path.name)
+            size = 8 * found.num_rows * found.num_columns
+        case ".mat":
+            from scipy.io import whosmat
+
+            size = sum(8 * math.prod(shape) for _, shape, _ in whosmat(path))
+    if size > MOST_BYTES:
+        raise too_large(path)
+
+
 def _matlab(path: Path) -> Table:
     import pandas as pd
     from scipy.io import loadmat
 
     try:
+        _require_moderate(path)
         content = loadmat(path, squeeze_me=True, struct_as_record=False)
+    except InputError:
+        raise
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except NotImplementedError:
         raise InputError(f"{path.name} is a MATLAB 7.3 file; save it with -v7, or as CSV") from None
     except Exception as error:  # noqa: BLE001 - loadmat raises what it likes on a damaged file
-        raise InputError(f"{path.name} cannot be read ({error}); what can be read: {READABLE}") from None
+        raise _damaged(path, error) from None
     vectors: dict[str, Any] = {}
     for name, value in content.items():
         parts = {f: getattr(value, f) for f in value._fieldnames} if hasattr(value, "_fieldnames") else {name: value}
@@ -197,4 +243,5 @@ def _matlab(path: Path) -> Table:
 
 def _of_frame(frame: "pd.DataFrame", units: Mapping[str, str]) -> Table:
     names: Sequence[str] = [str(name).strip() for name in frame.columns]
+    require_columns(len(names), "the table")
     return Table(columns={name: frame.iloc[:, k] for k, name in enumerate(names)}, units=units)

@@ -113,6 +113,8 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
     """Read a scenario from its text; messages name the source, and a CSV reference is relative to its folder."""
     source = Path(source)
     file = source.name
+    if _DEEP_KEY.search(text):
+        raise InputError(f"{file}: a key has more than {_MOST_PARTS} parts; none of a scenario has more than three")
     try:
         raw = tomllib.loads(text)
     except RecursionError:
@@ -170,6 +172,11 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
         **optional,  # type: ignore[arg-type]
     )
 
+
+_MOST_PARTS = 50
+_PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
+_DEEP_KEY = re.compile(rf"""(?<![\w"'-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{_MOST_PARTS}}}""")
+"""A key in so many parts that tomllib takes a minute for it."""
 
 _NO_TOML = (
     (r"(\w+)\s*=\s*([-+]?\d+),(\d+)", "; a decimal point, not a comma: {0} = {1}.{2}"),

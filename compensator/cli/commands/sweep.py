@@ -25,7 +25,12 @@ def sweep(
         str | None, option("--compensators", "NAME,...", "Compensators to score; default: all but the table.")
     ] = None,
     scheduler: Annotated[
-        str | None, option("--scheduler", "ADDRESS", "Existing Dask cluster to compute on; default: here.")
+        str | None,
+        option(
+            "--scheduler",
+            "ADDRESS",
+            "Dask cluster to compute on, one you trust: jobs are pickled; default: here.",
+        ),
     ] = None,
     parquet: Annotated[bool, typer.Option("--parquet", help="Write the samples as a Parquet file too.")] = False,
 ) -> None:
