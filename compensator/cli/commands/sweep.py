@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument, option
+from tendonff.compensator.cli.options import OutFolderOption, PdfOption, ScenarioArgument, option
 from tendonff.compensator.cli.progress import progress, say
 
 
@@ -28,6 +28,7 @@ def sweep(
         str | None, option("--scheduler", "ADDRESS", "Existing Dask cluster to compute on; default: here.")
     ] = None,
     parquet: Annotated[bool, typer.Option("--parquet", help="Write the samples as a Parquet file too.")] = False,
+    pdf: PdfOption = False,
 ) -> None:
     """Try a design on units that differ, or design over a grid.
 
@@ -54,7 +55,7 @@ def sweep(
             result = run_sweep(
                 loaded, out, over=axes, samples=samples, compensators=names, executor=executor, progress=advance
             )
-            result.write(out, parquet=parquet)
+            result.write(out, parquet=parquet, pdf=pdf)
     except KeyboardInterrupt:
         if not (kept := kept_rows(out)):
             raise

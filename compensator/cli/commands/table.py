@@ -7,6 +7,7 @@ import typer
 from tendonff.compensator.cli.options import (
     LevelOption,
     OutFolderOption,
+    PdfOption,
     PrefixOption,
     ScenarioArgument,
     named_numbers,
@@ -40,6 +41,7 @@ def table(
         list[str] | None, option("--pose", "NAME=ANGLE", "Joint that stands still for the table [rad]; repeatable.")
     ] = None,
     prefix: PrefixOption = "tff",
+    pdf: PdfOption = False,
 ) -> None:
     """Tabulate the feedforward force.
 
@@ -61,7 +63,7 @@ def table(
                 rates_N_per_s=rate_axis,
                 pose_rad=angles_of_joints,
             )
-            result.write(folder, prefix=prefix)
+            result.write(folder, prefix=prefix, pdf=pdf)
     warn(*result.warnings)
     if (nodes := max(made.built.table.nodes for made in result.tables)) > _MANY_NODES:
         warn(f"{nodes} nodes in one table are {8 * nodes} bytes on the controller: raise --bound, or use the inverse")

@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from tendonff.compensator.files.quantities import ANGLE_UNITS, Quantity, read_quantities, time_quantity
 from tendonff.compensator.files.reading import FloatArray, suggestion
@@ -122,5 +121,7 @@ def read_motion(path: Path, name: str, time_s: FloatArray, end_s: float) -> Floa
             f'{path.name}: "{name}" is known from 0 to {time[-1]:g} s, but the run takes from 0 to {end_s:g} s; give a '
             "longer motion or a shorter reference"
         )
+    from scipy.interpolate import PchipInterpolator  # a third of a second to import, for a joint from a file alone
+
     angles: FloatArray = PchipInterpolator(time, angle)(np.minimum(time_s, time[-1]))
     return angles

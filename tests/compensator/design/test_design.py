@@ -140,7 +140,7 @@ def test_the_command_writes_everything_in_the_contract(examples, tmp_path, capsy
     assert {"status", "iterations", "build_s", "solve_s"} <= set(written["ocp"])
     assert isinstance(written["warnings"], list)
     for figure in ("tension", "force", "drive", "loop", "error"):
-        assert (tmp_path / "out" / f"{figure}.png").stat().st_size > 10_000
+        assert (tmp_path / "out" / f"{figure}.svg").stat().st_size > 10_000
     assert "presliding*" in capsys.readouterr().out
 
 
