@@ -156,18 +156,18 @@ def draw_figure(figure: Figure) -> tuple[str, bytes]:
 
 def _drawn(figure: Figure, kind: str) -> bytes:
     buffer = io.BytesIO()
-    with figure_style():
+    # A layout engine, even one that does nothing, has all of it drawn once more to find the places.
+    with figure_style(), mpl.rc_context({"figure.constrained_layout.use": False}):
         _lay_out(figure)
         figure.savefig(buffer, format=kind, metadata=UNDATED[kind])
     return buffer.getvalue()
 
 
 def _lay_out(figure: Figure) -> None:
-    """Find the places of panels and legends once: matplotlib would draw all of it before each file to find them."""
+    """Find the places of panels and legends, once for all files."""
     if (engine := figure.get_layout_engine()) is not None:
         engine.execute(figure)
-        with mpl.rc_context({"figure.constrained_layout.use": False}):
-            figure.set_layout_engine(None)  # "none" would leave one that does nothing, and is drawn for all the same
+        figure.set_layout_engine(None)
 
 
 def save_figure(figure: Figure, path: Path, formats: Sequence[str] = (), *, pdf: bool = False) -> list[Path]:

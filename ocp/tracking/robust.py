@@ -1,10 +1,10 @@
 """One profile for a tendon that is not known exactly, and what uncertainty does to any profile."""
 
+import inspect
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import qmc
 
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
@@ -84,11 +84,11 @@ def draw_transmissions(transmission: Transmission, uncertainty: Uncertainty, cou
     if count == 0:
         return ()
     width = np.array([uncertainty.mu, uncertainty.stiffness, uncertainty.bristle_stiffness])
-    cube = qmc.LatinHypercube(3, rng=uncertainty.seed) if _NEW_SCIPY else qmc.LatinHypercube(3, seed=uncertainty.seed)
+    from scipy.stats import qmc  # two thirds of a second to import, for samples alone
+
+    is_new = "rng" in inspect.signature(qmc.LatinHypercube).parameters
+    cube = qmc.LatinHypercube(3, **{"rng" if is_new else "seed": uncertainty.seed})
     return tuple(transmission_at(transmission, tuple(1 + width * (2 * place - 1))) for place in cube.random(count))
-
-
-_NEW_SCIPY = "rng" in qmc.LatinHypercube.__init__.__code__.co_varnames
 
 
 def transmission_at(transmission: Transmission, factors: tuple[float, ...]) -> Sample:
