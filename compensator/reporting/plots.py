@@ -4,6 +4,7 @@ Colours are Okabe and Ito's, which stay apart for colour-blind readers; curves t
 as well, so that they stay apart in a black-and-white print. Figures carry no date: equal results give equal files.
 """
 
+import io
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -67,6 +68,7 @@ UNDATED: dict[str, dict[str, Any]] = {
     "pdf": {"CreationDate": None, "ModDate": None},
     "svg": {"Date": None},
 }
+_LARGEST_SVG_BYTES = 1_000_000  # a dense curve costs more as a path than as pixels
 _SAME = 0.004  # of the drawn range: about the width of a line
 _MOST_POINTS = 4000  # of a curve: more would not be seen
 
@@ -146,15 +148,42 @@ def draw_joints(panel: Axes, motion: "JointMotion", time_s: "FloatArray") -> Non
     panel.legend(loc="lower right", bbox_to_anchor=(1, 1), borderpad=0, ncols=len(motion.names))
 
 
-def save_figure(figure: Figure, path: Path, formats: Sequence[str] = ("png", "pdf")) -> list[Path]:
-    """Write a figure as `DIR/name.png` and so on, whole or not at all; equal figures give equal files."""
+def draw_figure(figure: Figure) -> tuple[str, bytes]:
+    """Kind and content of a figure as reports show it: "svg", or "png" where its curves are dense."""
+    content = _drawn(figure, "svg")
+    return ("png", _drawn(figure, "png")) if len(content) > _LARGEST_SVG_BYTES else ("svg", content)
+
+
+def _drawn(figure: Figure, kind: str) -> bytes:
+    buffer = io.BytesIO()
+    # A layout engine, even one that does nothing, has all of it drawn once more to find the places.
+    with figure_style(), mpl.rc_context({"figure.constrained_layout.use": False}):
+        _lay_out(figure)
+        figure.savefig(buffer, format=kind, metadata=UNDATED[kind])
+    return buffer.getvalue()
+
+
+def _lay_out(figure: Figure) -> None:
+    """Find the places of panels and legends, once for all files."""
+    if (engine := figure.get_layout_engine()) is not None:
+        engine.execute(figure)
+        figure.set_layout_engine(None)
+
+
+def save_figure(figure: Figure, path: Path, formats: Sequence[str] = (), *, pdf: bool = False) -> list[Path]:
+    """Write a figure as `DIR/name.svg` and so on, whole or not at all; equal figures give equal files.
+
+    Without formats it is written as reports show it, see `draw_figure`, and with `pdf` for a printed page too.
+    """
+    drawn = [(kind, _drawn(figure, kind)) for kind in formats] if formats else [draw_figure(figure)]
+    if pdf:
+        drawn.append(("pdf", _drawn(figure, "pdf")))
     written = []
-    with figure_style():
-        for kind in formats:
-            target = path.with_name(f"{path.name}.{kind}")
-            with atomic_file(target) as partial:
-                figure.savefig(partial, format=kind, metadata=UNDATED[kind])
-            written.append(target)
+    for kind, content in drawn:
+        target = path.with_name(f"{path.name}.{kind}")
+        with atomic_file(target) as partial:
+            partial.write_bytes(content)
+        written.append(target)
     return written
 
 

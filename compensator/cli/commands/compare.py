@@ -1,10 +1,10 @@
 """`tendonff compare`: which model fidelity the task needs."""
 
-from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument, opened
+from tendonff.compensator.cli.options import OutFolderOption, PdfOption, ScenarioArgument, opened
 from tendonff.compensator.cli.progress import progress, say, warn
 
 
-def compare(scenario: ScenarioArgument, out: OutFolderOption) -> None:
+def compare(scenario: ScenarioArgument, out: OutFolderOption, pdf: PdfOption = False) -> None:
     """Compare model levels and compensators.
 
     Every compensator is designed on each level, and simulated on each and on the capstan law.
@@ -14,6 +14,6 @@ def compare(scenario: ScenarioArgument, out: OutFolderOption) -> None:
 
         with progress("comparing") as advance:
             result = compare_levels(loaded, progress=advance)
-        result.write(folder)
+        result.write(folder, pdf=pdf)
     warn(*result.warnings)
     say(result.recommendation, result.headline)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument, opened
+from tendonff.compensator.cli.options import OutFolderOption, PdfOption, ScenarioArgument, opened
 from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.compensator.files.text import InputError
 
@@ -24,6 +24,7 @@ def design(
     interactive: Annotated[
         bool, typer.Option("--interactive", help="Put a view that zooms into the report; needs Bokeh, 1 MB more.")
     ] = False,
+    pdf: PdfOption = False,
 ) -> int:
     """Design and verify the actuator force, or the motor angle of a driven joint.
 
@@ -45,12 +46,12 @@ def design(
         with progress("designing") as advance:
             result = design_profile(loaded, strict=strict, progress=advance)
         with progress("writing"):
-            result.write(folder, interactive=interactive)
+            result.write(folder, interactive=interactive, pdf=pdf)
         if online:
             with progress("filters of a live reference"):
                 optimum = result.on_level("optimal", result.level).score.rmse_percent_of_range
                 study = study_online(loaded, optimum)
-                study.write(folder)
+                study.write(folder, pdf=pdf)
             say(study.sentence)
     warn(*result.warnings)
     print_scores(result, out)

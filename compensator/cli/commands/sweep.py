@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument, looked_at, option
+from tendonff.compensator.cli.options import OutFolderOption, PdfOption, ScenarioArgument, looked_at, option
 from tendonff.compensator.cli.progress import progress, say
 
 
@@ -33,6 +33,7 @@ def sweep(
         ),
     ] = None,
     parquet: Annotated[bool, typer.Option("--parquet", help="Write the samples as a Parquet file too.")] = False,
+    pdf: PdfOption = False,
 ) -> None:
     """Try a design on units that differ, or design over a grid.
 
@@ -57,7 +58,7 @@ def sweep(
             result = run_sweep(
                 loaded, out, over=axes, samples=samples, compensators=names, executor=executor, progress=advance
             )
-            result.write(out, parquet=parquet)
+            result.write(out, parquet=parquet, pdf=pdf)
     except KeyboardInterrupt:
         if not (kept := kept_rows(out)):
             raise

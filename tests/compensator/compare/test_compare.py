@@ -215,7 +215,7 @@ def test_the_simplest_level_that_loses_nothing_is_recommended(errors, sentence):
 
 
 def test_the_files_say_the_same_as_the_result(result, folder):
-    assert {"matrix.csv", "summary.json", "report.html", "matrix.png", "levels.png"} <= {
+    assert {"matrix.csv", "summary.json", "report.html", "matrix.svg", "levels.svg"} <= {
         path.name for path in folder.iterdir()
     }
     text = (folder / "matrix.csv").read_text(encoding="utf-8")

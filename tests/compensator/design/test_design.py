@@ -146,7 +146,7 @@ def test_the_command_writes_everything_in_the_contract(output):
     assert {"status", "iterations", "build_s", "solve_s"} <= set(written["ocp"])
     assert isinstance(written["warnings"], list)
     for figure in ("tension", "force", "drive", "loop", "error"):
-        assert (made.folder / f"{figure}.png").stat().st_size > 10_000
+        assert (made.folder / f"{figure}.svg").stat().st_size > 10_000
     assert "presliding*" in made.messages
 
 
