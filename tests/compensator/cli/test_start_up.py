@@ -90,8 +90,7 @@ def test_an_infeasible_reference_is_refused_before_heavy_packages_are_loaded(
 FOLLOWS = ("design", "compare", "adapt", "sweep", "table", "export-c", "export-fmu", "explore")
 
 
-@pytest.mark.parametrize("kind", ["sine", "csv"])
-@pytest.mark.parametrize("command", FOLLOWS)
+@pytest.mark.parametrize(("command", "kind"), [*((command, "sine") for command in FOLLOWS), ("design", "csv")])
 def test_doubts_are_said_before_heavy_packages_are_loaded(
     tmp_path: Path, examples: Path, command: str, kind: str
 ) -> None:
