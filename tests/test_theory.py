@@ -408,7 +408,8 @@ def test_the_formulas_of_the_parameter_guide_agree_with_the_laws():
 
 # Checked where the packages hold it: the robust objective, and the joint.
 ELSEWHERE = {
-    "6.3": "ocp/tracking/test_robust.py",
+    "6.3": "ocp/tracking/test_calm.py",
+    "6.4": "ocp/tracking/test_robust.py",
     "10.1": "ocp/joint/test_independent_plant.py",
     "10.2": "ocp/joint/test_round_trip.py",
     "10.3": "models/joint/test_closed_form.py",

@@ -46,7 +46,7 @@ def rig(generic: Transmission) -> Transmission:
 def in_sections(rig: Transmission) -> Transmission:
     """The same path, in two sections."""
     half = 0.5 * rig.path.total_angle_rad
-    sections = (Section(angle_rad=half, length_m=0.1), Section(angle_rad=half, length_m=0.1))
+    sections = (Section(name="near", angle_rad=half), Section(name="far", angle_rad=half))
     return replace(rig, path=replace(rig.path, sections=sections))
 
 
