@@ -131,6 +131,7 @@ def _tracking_summary(tracking: Tracking) -> dict[str, object]:
         "reasons": list(tracking.reasons),
         "departures": [asdict(departure) for departure in tracking.departures],
         "iterations": tracking.iterations,
+        "build_s": tracking.build_s,
         "solve_s": tracking.solve_s,
     }
 

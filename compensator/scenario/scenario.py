@@ -369,9 +369,9 @@ def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | Non
     transmission = scenario.transmission
     tables: dict[str, object] = {key: getattr(transmission, key) for key in _TABLES if key != "run"}
     tables["reference"] = reference
-    tables |= {key: getattr(scenario, key) for key in ("run", *_OPTIONAL, *_ON_REQUEST) if key != "stream"}
-    if scenario.stream != Stream():  # what says nothing new is left out, so that older hashes stay
-        tables["stream"] = scenario.stream
+    unwritten = {"stream": Stream(), "optimal": TrackOptions()}  # what says nothing new: so older hashes stay
+    own = {key: getattr(scenario, key) for key in ("run", *_OPTIONAL, *_ON_REQUEST)}
+    tables |= {key: value for key, value in own.items() if key not in unwritten or value != unwritten[key]}
     parts = [f"schema = {SCHEMA}\nname = {toml_value(scenario.name)}\n"]
     for table, value in tables.items():
         if value is None:

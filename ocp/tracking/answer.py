@@ -34,11 +34,12 @@ def answer(
     inversion: Inversion,
     options: TrackOptions,
     *,
+    build_s: float,
     solve_s: float,
 ) -> Tracking:
     """Put what was found into a result that explains itself.
 
-    `inversion` is the exact inverse of the nominal plant; the search took `solve_s`.
+    `inversion` is the exact inverse of the nominal plant; posing the problem took `build_s`, the search `solve_s`.
     """
     h, reference, limits, force = problem.step_s, problem.reference_N, problem.limits, work.force_N
     nominal = problem.plants[0].chain
@@ -104,6 +105,7 @@ def answer(
         iterations=iterations,
         gain=gain,
         windows=max(len(work.results), 1),
+        build_s=build_s,
         solve_s=solve_s,
     )
 

@@ -1,6 +1,7 @@
 """Optimal control of a reference that repeats: the cycle between its neighbours."""
 
 from dataclasses import replace
+from time import perf_counter
 
 import numpy as np
 
@@ -63,6 +64,7 @@ def track_cycle(
     """
     if inversion.states is None:
         raise SolveError("the steady cycle kept no states")
+    began = perf_counter()
     clipped = limits.apply(inversion.force_N, step_s)
     states = [ChainState.from_vector(inversion.states[0], chains[0].layout)]
     others = (steady_response(other, clipped, step_s, initial_tension_N=initial_tension_N) for other in chains[1:])
@@ -86,7 +88,7 @@ def track_cycle(
     force = repeated(inversion.force_N)
     time = np.arange(len(force), dtype=np.float64) * step_s
     long = replace(inversion, time_s=time, force_N=force, least_tension_N=repeated(inversion.least_tension_N))
-    found = solve_tracking(problem, long, options, progress)
+    found = solve_tracking(problem, long, options, progress, build_s=perf_counter() - began)
     middle = slice(len(cycle_N) - 1, 2 * len(cycle_N) - 1)
     kept, output = found.force_N[middle].copy(), found.predicted_output_N[middle]
     if found.status is TrackStatus.EXACT:

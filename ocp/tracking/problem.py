@@ -193,7 +193,8 @@ def _stiffer(plant: PlantModel, inverse_N: Array, step_s: float, weight: float) 
     least = _SAME * float(np.ptp(plant.wanted_N))
     if not len(own) == len(stiff) == len(force) or float(np.sqrt(np.mean((own - stiff) ** 2))) < least:
         return []
-    return [replace(plant, chain=chain, wanted_N=stiff, weight=weight)]
+    # The motion of the actuator is bounded as the design model has it.
+    return [replace(plant, chain=chain, wanted_N=stiff, weight=weight, bounds=())]
 
 
 def travel_N(force_N: Array) -> float:

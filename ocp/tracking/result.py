@@ -71,8 +71,8 @@ class Tracking:
         Relative decrease of the squared error that the last iteration brought [-].
     windows : int
         Pieces the horizon was cut into.
-    solve_s : float
-        Time of the search [s].
+    build_s, solve_s : float
+        Time to pose the problem, and of the search [s].
     """
 
     status: TrackStatus
@@ -91,6 +91,7 @@ class Tracking:
     iterations: int
     gain: float
     windows: int
+    build_s: float
     solve_s: float
 
     def require(self) -> "Tracking":

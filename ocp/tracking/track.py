@@ -118,6 +118,7 @@ def track_robust(
     """
     reference = np.asarray(reference_N, dtype=np.float64)
     start = float(reference[0]) if initial_tension_N is None else initial_tension_N
+    began = time.perf_counter()
     inverse = invert(chains[0], reference, step_s, initial_tension_N=start) if inversion is None else inversion
     problem = TrackingProblem.of(
         chains,
@@ -131,16 +132,21 @@ def track_robust(
         inverse_N=inverse.force_N,
         objective=objective,
     )
-    return solve_tracking(problem, inverse, options, progress)
+    return solve_tracking(problem, inverse, options, progress, build_s=time.perf_counter() - began)
 
 
 def solve_tracking(
-    problem: TrackingProblem, inversion: Inversion, options: TrackOptions, progress: Progress | None = None
+    problem: TrackingProblem,
+    inversion: Inversion,
+    options: TrackOptions,
+    progress: Progress | None = None,
+    *,
+    build_s: float,
 ) -> Tracking:
-    """Solve a tracking problem, and explain the answer; `inversion` is the exact inverse of the nominal plant."""
+    """Solve a tracking problem that took `build_s` to pose; `inversion` is the exact inverse of the nominal plant."""
     began = time.perf_counter()
     found = _solve(problem, inversion, options, progress)
-    return answer(found, problem, inversion, options, solve_s=time.perf_counter() - began)
+    return answer(found, problem, inversion, options, build_s=build_s, solve_s=time.perf_counter() - began)
 
 
 def _solve(problem: TrackingProblem, inversion: Inversion, options: TrackOptions, progress: Progress | None) -> Found:
@@ -169,7 +175,8 @@ def _solve(problem: TrackingProblem, inversion: Inversion, options: TrackOptions
     results: tuple[SqpResult, ...] = ()
     note = ""
     try:
-        force, results = search(problem, inverse, law, options.max_iterations, progress)
+        begun = clipped if limits.motion.binds else inverse  # which breaks no bound of the motion
+        force, results = search(problem, begun, law, options.max_iterations, progress)
         candidates.append((evaluate(problem, force), force))
         if limits.motion.binds:  # the search may end beyond a limit of the motion
             kept = limited(force)

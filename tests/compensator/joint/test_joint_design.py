@@ -74,7 +74,7 @@ def test_the_report_draws_and_prints_the_sheet(hand: Path) -> None:
     for text in ("Data sheet of the loop", "recommended pre-tension", "exact inverse", "Robustness to parameter"):
         assert text in page
     for name in ("joint", "tension", "motor", "pretension"):
-        assert (hand / "out" / f"{name}.png").stat().st_size > 5000
+        assert (hand / "out" / f"{name}.svg").stat().st_size > 5000
 
 
 def test_a_profile_that_is_simulated_gives_the_reference(hand: Path) -> None:
