@@ -1,6 +1,6 @@
 /* tff_stream.h: force for a reference that arrives live, sample by sample.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash a44526584d817846, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 416ccb25f27050fb, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The licence of tendonff does not cover what it writes: this file is yours.
  * The reference is clamped to its range, held where it is not a number, led back smoothly when it arrives again, freed of
