@@ -6,8 +6,8 @@
 
 A plant is a chain of 40 masses at a tenth of the step: the design level, stiffer bristles (the viscoelastic level, or
 ten times as stiff where the design has stiff ones), and friction 10 % off either way. The rigs are the examples, some
-with another rate or largest force, and the first random rigs of `random_rigs` on which a limit binds, the clipped
-inverse leaves less than a fifth of the range, and friction does not weaken with speed, which no feedforward can hold.
+with another rate or largest force, and the first random rigs of `random_rigs` on which the clipped inverse leaves 0.5
+to 20 % of the range and friction does not weaken with speed, which no feedforward can hold.
 Errors are root mean squares in per cent of the reference's range; turns are those of the force by more than 0.6 % of
 it. Times are seconds of CPU; ours includes nothing cached but the compiled stepper.
 """
@@ -34,7 +34,6 @@ from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.ocp.simulate import simulate
-from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.track import track, track_robust
 
 Array = NDArray[np.float64]
@@ -42,6 +41,7 @@ RIVALS = ("inverse", "smoothed", "table")
 _MASSES, _FINER = 40, 10
 _RANDOM = 4
 _STIFFER = 10.0
+_LEAST, _MOST = 0.5, 20.0
 
 
 @dataclass(frozen=True)
@@ -108,9 +108,8 @@ def random_rig(seed: int) -> Rig | None:
     reference = Reference(time_s=time_s, tension_N=tension, step_s=step, initial_tension_N=float(tension[0]))
     found = Rig(f"random rig {seed}", rig, level, reference)
     weakens = rig.friction.mu_static > rig.friction.mu_dynamic
-    binds = not ForceLimits.of(rig.actuator).admits(found.problem.inversion.force_N, step)
-    usable = not weakens and binds
-    return found if usable and found.percent(compensator("inverse").profile(found.problem).force_N)[0] < 20 else None
+    left = np.inf if weakens else found.percent(compensator("inverse").profile(found.problem).force_N)[0]
+    return found if _LEAST < left < _MOST else None
 
 
 def rigs() -> Iterator[Rig]:

@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.ocp.sensitivity import force_sensitivity
-from tendonff.ocp.simulate import Outcome, simulate
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.diagnosis import reversals
 from tendonff.ocp.tracking.motion import INSIDE
@@ -88,18 +87,19 @@ def power_mean(squares: Array, power: float) -> tuple[float, Array]:
 def evaluate(problem: TrackingProblem, force_N: Array) -> Evaluation:
     """Simulate every plant under a force, shape (n,) [N], and evaluate it."""
     tensions, travels, count, n = [], [], len(problem.plants), len(force_N)
-    for plant in problem.plants:
-        run = simulate(plant.chain, force_N, problem.step_s, state=plant.state)
-        if run.outcome is Outcome.FAILED:
+    for run in problem.runs:
+        response = run.respond(force_N)
+        if response is None:
             bad, none = np.full(count, np.inf), np.full(n, np.inf)
             return Evaluation(merit=np.inf, squares=bad, slopes=bad, density=none, beyond_N=np.inf, tensions_N=())
-        tensions.append(run.tension_N)
-        travels.append(run.near_position_m - plant.origin_m)
+        tensions.append(response[0])
+        travels.append(response[1])
     errors = np.array([(t[:, -1] - p.wanted_N) ** 2 for t, p in zip(tensions, problem.plants, strict=True)])
     weights, squares = np.array([p.weight for p in problem.plants]), errors.mean(axis=1)
     mean, slopes = power_mean(weights * squares, problem.power)
     slopes *= weights
-    low, high = min(float(t[1:].min()) for t in tensions), max(float(t[1:].max()) for t in tensions)
+    judged = tensions[: problem.chains]  # stiffer bristles count for the error alone
+    low, high = min(float(t[1:].min()) for t in judged), max(float(t[1:].max()) for t in judged)
     beyond = max(problem.low_N - low, high - problem.high_N, *_motion_beyond_N(problem, force_N, travels), 0.0)
     cost = problem.effort_weight * force_N**2 / n
     cost[1:] += problem.travel_weight * _smooth_travel(problem, force_N)[0]
@@ -109,7 +109,7 @@ def evaluate(problem: TrackingProblem, force_N: Array) -> Evaluation:
         merit=mean + float(cost.sum()) + problem.penalty_N * beyond + slack,
         squares=squares,
         slopes=slopes,
-        density=slopes @ errors / n + cost,
+        density=np.einsum("s,sn", slopes, errors) / n + cost,
         beyond_N=beyond,
         tensions_N=tuple(tensions),
         travels_m=tuple(travels),
@@ -119,7 +119,7 @@ def evaluate(problem: TrackingProblem, force_N: Array) -> Evaluation:
 def _smooth_travel(problem: TrackingProblem, force_N: Array) -> tuple[Array, Array]:
     """Travel of each step, rounded off near 0, and the weight of its quadratic bound; shape (n - 1,) each."""
     steps = np.diff(force_N)
-    size = np.sqrt(steps**2 + problem.least_travel_N**2)
+    size = np.hypot(steps, problem.least_travel_N)
     return size - problem.least_travel_N, 1 / size
 
 
@@ -146,8 +146,8 @@ def gauss_newton_model(
     hessian, gradient, hats = np.zeros((k, k)), np.zeros(k), Hats.of(knots)
     rows, lows, highs = [np.empty((0, k))], [np.empty(0)], [np.empty(0)]
     plants = zip(problem.plants, evaluation.tensions_N, evaluation.travels_m, evaluation.slopes, strict=True)
-    for plant, tension, travel, slope in plants:
-        watched = _watched(tension, problem, reach_N)
+    for number, (plant, tension, travel, slope) in enumerate(plants):
+        watched = _watched(tension, problem, reach_N if number < problem.chains else -np.inf)
         seen, place = np.unique(watched[:, 0], return_inverse=True)
         found = force_sensitivity(
             plant.chain,

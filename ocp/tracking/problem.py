@@ -21,14 +21,15 @@ output under the exact inverse without limits, so where no limit binds nothing i
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from tendonff.models.chain import Chain
-from tendonff.models.layout import ChainState
+from tendonff.models.layout import ChainInputs, ChainState
 from tendonff.models.parameters.uncertainty import Objective
-from tendonff.ocp.simulate import simulate
-from tendonff.ocp.step.protocol import Array
+from tendonff.ocp.simulate import Simulator, simulate, tensions_of
+from tendonff.ocp.step.protocol import Array, StepperMemory
 from tendonff.ocp.tracking.diagnosis import missed_N
 from tendonff.ocp.tracking.limits import ForceLimits, MotionLimits
 from tendonff.ocp.tracking.motion import APPROACH_S
@@ -99,6 +100,25 @@ class PlantModel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PlantRun:
+    """A plant at row 0, made ready once for all the forces that are tried."""
+
+    simulator: Simulator
+    start: StepperMemory
+    tension_N: Array  # shape (1, N + 1)
+    position_m: float  # of the near end, relative to rest
+
+    def respond(self, force_N: Array) -> tuple[Array, Array] | None:
+        """Tensions, shape (n, N + 1), and positions of the near end, shape (n,); None where the simulation fails."""
+        self.simulator.restore(self.start)
+        rows = self.simulator.advance(ChainInputs.of_force(force_N[1:]))
+        if len(rows.tension_N) < len(force_N) - 1:
+            return None
+        moved = rows.ends_m[:, 0] - self.start.x[-2] + self.position_m
+        return np.vstack([self.tension_N, rows.tension_N]), np.append(self.position_m, moved)
+
+
+@dataclass(frozen=True, kw_only=True)  # without slots: what is computed once is kept in the instance
 class TrackingProblem:
     """Goal, dynamics, limits and bounds over a horizon."""
 
@@ -167,6 +187,21 @@ class TrackingProblem:
             start_N=start_N,
             rest_N=initial_tension_N,
         )
+
+    @cached_property
+    def runs(self) -> tuple[PlantRun, ...]:
+        """Every plant at row 0."""
+        found, given = [], ChainInputs.of_force(np.array([self.start_N]))
+        for plant in self.plants:
+            simulator, x = Simulator(plant.chain, self.step_s, plant.state, given), plant.state.vector()
+            run = PlantRun(
+                simulator=simulator,
+                start=simulator.checkpoint(),
+                tension_N=tensions_of(plant.chain, x, plant.state.time_s),
+                position_m=plant.state.near_position_m - plant.origin_m,
+            )
+            found.append(run)
+        return tuple(found)
 
     def clipped(self, force_N: Array) -> Array:
         """What the actuator makes of a force, shape (n,) [N], from the start of this horizon."""

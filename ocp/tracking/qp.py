@@ -1,7 +1,8 @@
 """The quadratic program of one SQP iteration: which change of the profile, within limits, pays most.
 
 The change is piecewise linear between knots. The limits hold on every row, because within an interval the change has
-one slope, which the steepest row of the profile bounds.
+one slope, which the steepest row of the profile bounds. DAQP solves it, a dual active-set method that comes with
+CasADi.
 """
 
 from dataclasses import dataclass
@@ -51,6 +52,10 @@ def step_bounds(problem: TrackingProblem, force_N: Array, knots: Knots) -> StepB
 
 _TINY_N = 1e-9  # room below this is none
 _FAR_N = 1e9  # no bound
+_OPTIONS = {
+    "error_on_fail": False,
+    "daqp": {"primal_tol": 1e-10},  # it counts in directions scaled by the Hessian, which is nearly singular
+}
 
 
 def solve_qp(model: GaussNewtonModel, room: StepBounds, trust_N: Array | float, penalty_N: float) -> Array | None:
@@ -88,7 +93,7 @@ def solve_qp(model: GaussNewtonModel, room: StepBounds, trust_N: Array | float, 
     }
     shapes = {"h": ca.Sparsity.dense(k + 1, k + 1), "a": ca.Sparsity.dense(*rows.shape)}
     for damping in (1e-8, 1e-5):  # where the tendon sticks the Hessian is singular
-        solver = ca.conic("change", "daqp", shapes, {"error_on_fail": False})
+        solver = ca.conic("change", "daqp", shapes, _OPTIONS)
         found = solver(h=hessian + damping * np.eye(k + 1), **bounds)
         x: Array = np.asarray(found["x"].full()).ravel()[:k]
         if solver.stats()["success"] and np.all(np.isfinite(x)):

@@ -102,7 +102,7 @@ def solve_sqp(
     """
     blocks = Blocks.between_reversals(problem.reference_N)
     count, (evaluation, force_N) = len(blocks.starts), profile
-    trust, gain, done, slow = np.full(count, trust_N), np.zeros(count), 0, 0
+    trust, gain, done = np.full(count, trust_N), np.zeros(count), 0
     converged = not np.isfinite(evaluation.merit)  # nothing to linearise about
     # A block cannot gain more than what it has.
     poor = np.where(blocks.sums(evaluation.density) < _TOLERANCE / count * evaluation.merit, _POOR, 0)
@@ -118,9 +118,7 @@ def solve_sqp(
             force_N, evaluation = step.force_N, step.evaluation
         tell()
         poor = np.where(gain < _TOLERANCE / count, poor + 1, np.where(poor < _POOR, 0, poor))
-        slow = slow + 1 if gain.sum() < _TOLERANCE else 0
-        ended = step.evaluation is None or slow >= _POOR or bool(np.all(poor >= _POOR))
-        converged = ended or step.promise <= 0.1 * _TOLERANCE
+        converged = step.evaluation is None or gain.sum() < _TOLERANCE or bool(np.all(poor >= _POOR))
     return SqpResult(
         force_N=force_N, evaluation=evaluation, converged=converged, iterations=done, gain=float(gain.sum())
     )
