@@ -23,7 +23,6 @@ from tendonff.compensator.files.writing import atomic_file
 from tendonff.compensator.reporting.colours import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, VERMILION
 
 if TYPE_CHECKING:
-    import control
     from numpy.typing import NDArray
 
     from tendonff.models.path import JointMotion
@@ -187,15 +186,14 @@ def save_figure(figure: Figure, path: Path, formats: Sequence[str] = (), *, pdf:
     return written
 
 
-def bode_figure(systems: "Mapping[str, control.LTI]", frequencies_Hz: FloatArray, *, ylabel: str) -> Figure:
-    """Gain and phase over frequency [Hz], shape (n,), > 0, rising: one curve for each system, by label.
+def bode_figure(gains: "Mapping[str, NDArray[np.complex128]]", frequencies_Hz: FloatArray, *, ylabel: str) -> Figure:
+    """Size and phase of complex gains over frequency [Hz], shape (n,), > 0, rising: one curve for each, by label.
 
-    Every system has one input and one output; `ylabel` says what the gain is, with its unit.
+    `ylabel` says what the gain is, with its unit.
     """
     with figure_style():
         figure, axes = new_figure(2, 1, share_x=True, height_in=4.4)
-        for k, (label, system) in enumerate(systems.items()):
-            response = np.asarray(system(2j * np.pi * frequencies_Hz)).ravel()
+        for k, (label, response) in enumerate(gains.items()):
             style = LINE_STYLES[k % len(LINE_STYLES)]
             axes[0, 0].loglog(frequencies_Hz, np.abs(response), style, label=label)
             axes[1, 0].semilogx(frequencies_Hz, np.degrees(np.unwrap(np.angle(response))), style)
