@@ -78,6 +78,8 @@ def compare(
             if profile.status is not ProfileStatus.FAILED:
                 usable[name, level] = profile
         warnings += [f"designed on {level}: {note}" for note in problem.unsettled]
+        if _is_bound(profiles) and not any(isinstance(c, Optimal) for c in compensators):
+            warnings.append(_NOT_SEARCHED)
         for plant in PLANTS:
             for name, profile in profiles.items():
                 command = b"" if profile.command_m is None else profile.command_m.tobytes()
@@ -120,6 +122,18 @@ def compare(
             )
         ),
     )
+
+
+_NOT_SEARCHED = (
+    "the actuator's limits change the exact inverse: the optimal profile, which is made for them, is not compared "
+    "here; add --optimal"
+)
+
+
+def _is_bound(profiles: Mapping[str, Profile]) -> bool:
+    """Whether limits, or a push that no tendon gives, keep the exact inverse from what it would do."""
+    inverse = profiles.get("inverse")
+    return inverse is not None and bool(inverse.warnings)
 
 
 def recommend(

@@ -245,3 +245,11 @@ def test_the_lag_is_the_shift_of_the_largest_correlation_over_the_common_rows():
         ]
         assert lag(wanted, got, 1.0) == pytest.approx(shifts[int(np.argmax(alike))], abs=0.5)
     assert lag(wanted, np.full(400, 3.0), 1.0) == 0
+
+
+@pytest.mark.parametrize(("name", "is_said"), [("finger", False), ("finger_fast", True)])
+def test_where_limits_bind_it_is_said_that_the_optimal_profile_is_not_compared(examples, name, is_said):
+    scenario = short(load_scenario(examples / f"{name}.toml"))
+    quick = [compensator(each) for each in ("none", "capstan", "inverse")]
+    said = " ".join(compare(scenario, compensators=quick).warnings)
+    assert ("the optimal profile, which is made for them, is not compared here; add --optimal" in said) == is_said
