@@ -95,7 +95,7 @@ def errors_figure(result: ComparisonData) -> Figure:
             if level in hidden.values():
                 style.update(linewidth=3.4, linestyle="-", alpha=0.55)
             label = f"designed on {level}"
-            label += f" (coincides with {hidden[level]})" if level in hidden else ""
+            label += f" (= {hidden[level]})" if level in hidden else ""
             panel.plot(reference.time_s[rows], error[rows], label=label, **style)
         panel.plot(reference.time_s[rows], static[rows], color="0.55", linewidth=0.9, label="static capstan law")
     limit = 1.15 * max(float(np.max(np.abs(error))) for error in errors.values())
