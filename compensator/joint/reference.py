@@ -6,7 +6,6 @@ from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv
 from tendonff.compensator.scenario.reference import Shape, along_waypoints, require_waypoints
@@ -180,6 +179,8 @@ class JointCsv(_Wish):
     def sample(self, time_s: FloatArray, folder: Path) -> FloatArray:
         """Values at instants, shape (rows,)."""
         time, values = self._read(folder)
+        from scipy.interpolate import PchipInterpolator  # a third of a second to import, for a smooth file alone
+
         found: FloatArray = PchipInterpolator(time, values)(np.minimum(time_s, time[-1]))
         return found
 

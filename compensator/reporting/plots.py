@@ -23,7 +23,6 @@ from tendonff.compensator.files.writing import atomic_file
 from tendonff.compensator.reporting.colours import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, VERMILION
 
 if TYPE_CHECKING:
-    import control
     from numpy.typing import NDArray
 
     from tendonff.models.path import JointMotion
@@ -69,6 +68,8 @@ UNDATED: dict[str, dict[str, Any]] = {
     "svg": {"Date": None},
 }
 _LARGEST_SVG_BYTES = 1_000_000  # a dense curve costs more as a path than as pixels
+_LETTER_IN = 0.066  # width of a letter of a legend
+_HANDLE_IN = 0.55  # its line, and the gap to the next column
 _SAME = 0.004  # of the drawn range: about the width of a line
 _MOST_POINTS = 4000  # of a curve: more would not be seen
 
@@ -134,8 +135,17 @@ def coinciding(curves: "Mapping[str, NDArray[np.float64]]", span: float) -> dict
 
 
 def legend_below(figure: Figure, panel: Axes, columns: int = 5) -> None:
-    """The legend of a panel under the figure."""
-    figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=columns)
+    """The legend of a panel under the figure, in at most so many columns and no more than its width has room for."""
+    handles, labels = panel.get_legend_handles_labels()
+    while columns > 1 and _legend_in(labels, columns) > figure.get_figwidth():
+        columns -= 1
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns)
+
+
+def _legend_in(labels: Sequence[str], columns: int) -> float:
+    """Width of a legend, filled column by column [in]."""
+    lengths = np.array_split([len(label) for label in labels], columns)  # as matplotlib deals them out
+    return sum(_LETTER_IN * max(column, default=0) + _HANDLE_IN for column in lengths)
 
 
 def draw_joints(panel: Axes, motion: "JointMotion", time_s: "FloatArray") -> None:
@@ -187,15 +197,14 @@ def save_figure(figure: Figure, path: Path, formats: Sequence[str] = (), *, pdf:
     return written
 
 
-def bode_figure(systems: "Mapping[str, control.LTI]", frequencies_Hz: FloatArray, *, ylabel: str) -> Figure:
-    """Gain and phase over frequency [Hz], shape (n,), > 0, rising: one curve for each system, by label.
+def bode_figure(gains: "Mapping[str, NDArray[np.complex128]]", frequencies_Hz: FloatArray, *, ylabel: str) -> Figure:
+    """Size and phase of complex gains over frequency [Hz], shape (n,), > 0, rising: one curve for each, by label.
 
-    Every system has one input and one output; `ylabel` says what the gain is, with its unit.
+    `ylabel` says what the gain is, with its unit.
     """
     with figure_style():
         figure, axes = new_figure(2, 1, share_x=True, height_in=4.4)
-        for k, (label, system) in enumerate(systems.items()):
-            response = np.asarray(system(2j * np.pi * frequencies_Hz)).ravel()
+        for k, (label, response) in enumerate(gains.items()):
             style = LINE_STYLES[k % len(LINE_STYLES)]
             axes[0, 0].loglog(frequencies_Hz, np.abs(response), style, label=label)
             axes[1, 0].semilogx(frequencies_Hz, np.degrees(np.unwrap(np.angle(response))), style)

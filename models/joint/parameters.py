@@ -13,9 +13,9 @@ where it has one tendon alone, where it pulls that tendon in.
 import math
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from tendonff.models.assembly import End
 from tendonff.models.chain import Chain
@@ -25,6 +25,9 @@ from tendonff.models.fidelity import Level
 from tendonff.models.layout import Array
 from tendonff.models.parameters import Friction, Path, Tendon
 from tendonff.models.path import JointMotion
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 _LED = End(mass_kg=1.0, damping_N_s_per_m=0.0, stiffness_N_per_m=0.0)
 """An end whose motion is given: its own numbers have no effect."""
@@ -115,21 +118,26 @@ class LengthTable:
     @property
     def travel_pieces(self) -> Array:
         """Cubics of the far end's travel -L(q), rows of c0 + c1 s + c2 s^2 + c3 s^3 with s from the knot [m]."""
-        return np.ascontiguousarray(-CubicSpline(self.angle_rad, self.length_m).c[::-1].T)
+        return np.ascontiguousarray(-self._spline().c[::-1].T)
 
     def length_at(self, angle_rad: Array) -> Array:
         """L(q) [m]."""
         angle = np.asarray(angle_rad, dtype=np.float64)
         within = np.clip(angle, self.angle_rad[0], self.angle_rad[-1])
-        spline = CubicSpline(self.angle_rad, self.length_m)
+        spline = self._spline()
         length: Array = spline(within) + spline(within, 1) * (angle - within)
         return length
 
     def arm_at(self, angle_rad: Array) -> Array:
         """Moment arm -dL/dq [m]."""
         within = np.clip(np.asarray(angle_rad, dtype=np.float64), self.angle_rad[0], self.angle_rad[-1])
-        arm: Array = -CubicSpline(self.angle_rad, self.length_m)(within, 1)
+        arm: Array = -self._spline()(within, 1)
         return arm
+
+    def _spline(self) -> "CubicSpline":
+        from scipy.interpolate import CubicSpline  # a third of a second to import, for a measured length alone
+
+        return CubicSpline(self.angle_rad, self.length_m)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

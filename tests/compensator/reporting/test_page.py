@@ -25,7 +25,7 @@ from tendonff.compensator.reporting.page import (
     write_pages,
     write_report,
 )
-from tendonff.compensator.reporting.plots import draw_figure, new_figure
+from tendonff.compensator.reporting.plots import draw_figure, figure_style, legend_below, new_figure
 from tendonff.compensator.scenario.scenario import load_scenario, scenario_hash, scenario_to_toml
 
 
@@ -225,3 +225,17 @@ def test_panels_stay_where_the_first_drawing_put_them():
     first = draw_figure(figure)
     assert axes[1, 0].get_position().x0 > before
     assert draw_figure(figure) == first
+
+
+@pytest.mark.parametrize("length", [10, 40, 70])
+def test_a_legend_is_never_wider_than_its_figure(length):
+    with figure_style():
+        figure, axes = new_figure(height_in=5.0)
+        for name in "abcdef":
+            axes[0, 0].plot([0, 1], [0, 1], label=length * name)
+        legend_below(figure, axes[0, 0], columns=4)
+    draw_figure(figure)
+    (legend,) = figure.legends
+    box = legend.get_window_extent()
+    assert 0 <= box.x0 < box.x1 <= figure.bbox.width
+    assert box.y1 < axes[0, 0].get_window_extent().y0
