@@ -64,6 +64,11 @@ class Reference:
         return "reference" if self.raised_N == 0 else f"reference raised to {self.raised_N:.3g} N"
 
     @property
+    def share_of(self) -> str:
+        """What percentages refer to: "range", and whose where the reference is not as the user wrote it."""
+        return "range" if self.raised_N == 0 else f"range of the {self.name}"
+
+    @property
     def range_N(self) -> float:
         """Largest minus smallest reference tension [N]: what percentages refer to."""
         return float(np.ptp(self.tension_N))
