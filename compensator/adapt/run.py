@@ -235,8 +235,8 @@ def _headline(cases: list[Case], known: Information, advice: tuple[str, float] |
     return (
         f"Expect an RMS error of up to {tuned:.2g} % of {reference.share_of} after {SETTLED_S:g} s with self-tuning "
         f"from {known.tuning.sensor.words}, for mu ±20 % and all else as in the scenario (without: up to "
-        f"{plain:.2g} %), and of up to {most:.2g} % where other parameters are off too ({widest.variation.name}; without: "
-        f"{most_plain:.2g} %{better}). "
+        f"{plain:.2g} %), and of up to {most:.2g} % where other parameters are off too "
+        f"({widest.variation.name}; without: {most_plain:.2g} %{better}). "
         f"{known.sentences()[0].capitalize()}."
     )
 
