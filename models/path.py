@@ -44,11 +44,13 @@ class Section:
     Parameters
     ----------
     name : str
+        Its name in reports and dotted keys.
     angle_rad : float
         Wrap angle at joint angle zero [rad], >= 0.
     length_m : float, optional
         Length at joint angle zero [m], >= 0; default: in proportion to the angles.
     kind : SectionKind, optional
+        What the tendon touches: a guide on which it slides, or a pulley.
     bearing_exponent : float, optional
         For a pulley: ln(T_in/T_out) at which its bearing turns at joint angle zero [-], instead of coefficients.
     mu_dynamic, mu_static, mu_dynamic_release, mu_static_release : float, optional
