@@ -120,8 +120,9 @@ def study(nominal: Scenario, seed: int) -> str:
     plant = Plant(transmission=log.hidden)
     theta = log.hidden.path.total_angle_rad
     head = (
-        f"{seed:3d} {log.kind:15s} {log.seconds:4.0f} s {log.rate_Hz:5.0f} Hz {'q' if log.positions else '-'} mu theta "
-        f"{theta * log.hidden.friction.mu_dynamic:5.3f} bristle {log.hidden.friction.soft_bristle_stiffness_N_per_m:.1e}"
+        f"{seed:3d} {log.kind:15s} {log.seconds:4.0f} s {log.rate_Hz:5.0f} Hz "
+        f"{'q' if log.positions else '-'} mu "
+        f"theta {theta * log.hidden.friction.mu_dynamic:5.3f} bristle {log.hidden.friction.soft_bristle_stiffness_N_per_m:.1e}"
     )
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "log.csv"

@@ -21,6 +21,7 @@ from tendonff.compensator.identification.fitting.residuals import FitPiece
 from tendonff.compensator.identification.fitting.static import StaticFit, respond
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record, mean_pose
+from tendonff.compensator.identification.parameters import Parameter, ParametricChain, put_into
 from tendonff.compensator.identification.result import CandidateLaw, FileResult, PieceComparison
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
@@ -28,22 +29,11 @@ from tendonff.models.capstan import NO_JOINTS, CapstanLaw, exponent_lines
 from tendonff.models.capstan.spread_bounds import middle_exponent
 from tendonff.models.fidelity import Level
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.fits.chain import ChainModel, DynamicParameter
 from tendonff.ocp.fits.static import NEUTRAL, StaticParameter, in_gross_sliding
 
-P, D = StaticParameter, DynamicParameter
+P, D = StaticParameter, Parameter
 
 REPLAY_STEP_S = 1e-3
-
-FRICTION_KEYS = (
-    "mu_dynamic_release",
-    "mu_static_release",
-    "stribeck_velocity_m_per_s",
-    "viscous_N_s_per_m",
-    "adhesion_N",
-)
-TENDON_KEYS = ("stiffness_N_per_m", "relaxing_stiffness_N_per_m", "relaxation_time_s", "damping_N_s_per_m")
-"""Values that the scenario and the undivided tendon call alike."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -165,16 +155,7 @@ def carried_on(
 
 def scenario_of_chain(scenario: Scenario, fit: DynamicFit, records: Sequence[Record]) -> Fitted:
     """The scenario with all values of a fitted chain: they were fitted together and belong together."""
-    t, number = scenario.transmission, fit.model.whole(fit.values).value
-    friction = replace(
-        t.friction,
-        mu_dynamic=number("mu_dynamic_pull"),
-        mu_static=number("mu_static_pull"),
-        soft_bristle_stiffness_N_per_m=number("bristle_stiffness_N_per_m"),
-        **{name: number(name) for name in FRICTION_KEYS},
-    )
-    tendon = replace(t.tendon, **{name: number(name) for name in TENDON_KEYS})
-    changed = replace(scenario, transmission=replace(t, friction=friction, tendon=tendon))
+    changed = replace(scenario, transmission=put_into(scenario.transmission, fit.model, fit.values))
     return _fitted(changed, fit.model.level, (fit.values[D.INPUT_BIAS], fit.values[D.OUTPUT_BIAS]), records)
 
 
@@ -269,7 +250,7 @@ def _fitted(
 def _chain_of(fitted: Fitted, explain: Explain) -> ChainLaw:
     """The chain that a fitted scenario holds, with its own number of masses."""
     t = fitted.scenario.transmission
-    model = ChainModel(
+    model = ParametricChain(
         transmission=t, level=fitted.scenario.run.level, count=t.path.segments, longest_step_s=REPLAY_STEP_S
     )
     offsets = dict(zip((D.INPUT_BIAS, D.OUTPUT_BIAS), fitted.offsets_N, strict=True))

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.errors import FileError
 from tendonff.compensator.identification.fitting.sliding import SectionFriction, SlidingRatio
 from tendonff.compensator.identification.fitting.uncertainty import ByFile
@@ -14,17 +15,10 @@ from tendonff.compensator.identification.measured.reading import Finding
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 
-POOR_PERCENT = 10.0
-"""A law that leaves more than this share of the range does not describe the device."""
-
-
-POOR_SHARE = 0.35
-"""Standard error over size from which on a value counts as not identified."""
-
 
 def is_known(standard_error: float, size: float) -> bool:
     """Whether a value of a size is known well enough to be told; what is not a number is not."""
-    return standard_error < POOR_SHARE * size
+    return standard_error < TUNED.identifiable_share * size
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,6 +10,7 @@ import numpy as np
 from tendonff.compensator.files.progress import DOUBT
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification import messages
+from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.estimates import estimates_of, summarise_excitation
 from tendonff.compensator.identification.fitting import tendon
 from tendonff.compensator.identification.fitting.delay import Delay, align, earlier
@@ -30,21 +31,18 @@ from tendonff.compensator.identification.measured.plan import (
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.outcome import Fitted, Outcome, carried_on, compared, outcome_of, with_coulomb
 from tendonff.compensator.identification.output import Identification
-from tendonff.compensator.identification.result import POOR_PERCENT, CandidateLaw
+from tendonff.compensator.identification.parameters import Parameter
+from tendonff.compensator.identification.result import CandidateLaw
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import exponent_lines
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.fits.chain import DynamicParameter
 from tendonff.ocp.fits.static import StaticParameter
 
-P, D = StaticParameter, DynamicParameter
+P, D = StaticParameter, Parameter
 
 STILL_RAD = 0.05
 """A joint whose angle has less range than this stands still."""
-
-SMALL_SHARE = 0.03
-"""A file whose error is below this share of the common range is described, however little it moves itself."""
 
 
 def identify(
@@ -237,21 +235,21 @@ def _fit(
     explain, coarse = choose_explain(records, scenario.measurement.explain, transmission, static_only=static_only)
     delay: Delay | None = None
     given = records
-    if coarse is not None and explain is Explain.OUTPUT and coarse.percent < POOR_PERCENT:
+    if coarse is not None and explain is Explain.OUTPUT and coarse.percent < TUNED.poor_percent:
         delay, coarse, records = align(records, coarse, transmission)
         if delay.told:
             given, judges = ([earlier(r, delay.seconds) for r in some] for some in (given, judges))
     say("static stage")
     stage = select_static(records, judges, explain)
     fits = _Fits(records=given, judges=judges, stage=stage, delay=delay)
-    if coarse is None or coarse.percent >= 3 * POOR_PERCENT:
+    if coarse is None or coarse.percent >= 3 * TUNED.poor_percent:
         return fits
     start = _start(scenario, stage, mean_pose(records))
     try:
         if all(r.has_positions for r in records):
             say("tendon stage")
             found, explained = tendon.fit_tendon(records, stage.fit.values, transmission.tendon)
-            if explained >= tendon.EXPLAINED_ENOUGH:
+            if explained >= TUNED.explained_enough:
                 near = start | {D.BRISTLE: coarse.solution.values[D.BRISTLE]}
                 near |= {D(k): v for k, v in found.items()}
                 other = fit_coarse(records, transmission, near, several=False)
@@ -276,7 +274,7 @@ def _foreign(scenario: Scenario, records: Sequence[Record]) -> str:
     return magnitude_warning(largest, scenario.transmission.actuator.force_max_N)
 
 
-def _start(scenario: Scenario, stage: StaticSelection, joint_rad: Mapping[str, float]) -> dict[DynamicParameter, float]:
+def _start(scenario: Scenario, stage: StaticSelection, joint_rad: Mapping[str, float]) -> dict[Parameter, float]:
     """What the static stage hands on."""
     values = stage.fit.values
     pull, release = exponent_lines(scenario.transmission, joint_rad)
@@ -300,14 +298,16 @@ def _biased(stage: StaticSelection, records: Sequence[Record]) -> bool:
 def _failure(outcome: Outcome) -> str:
     """Why the law does not describe the device, by the errors that are printed; empty where it does."""
     for percent, which in ((outcome.fit_percent, "fitted"), (outcome.validation_percent, "validation")):
-        if percent is not None and not percent <= POOR_PERCENT:
-            return f"an RMS error of {percent:.3g} % of range on {which} files (more than {POOR_PERCENT:g} %)"
+        if percent is not None and not percent <= TUNED.poor_percent:
+            return f"an RMS error of {percent:.3g} % of range on {which} files (more than {TUNED.poor_percent:g} %)"
     widest = max(f.error.span for f in outcome.files)
-    poor = [f for f in outcome.files if f.error.percent > POOR_PERCENT and f.error.rms > SMALL_SHARE * widest]
+    poor = [
+        f for f in outcome.files if f.error.percent > TUNED.poor_percent and f.error.rms > TUNED.small_share * widest
+    ]
     if poor:
         worst = max(poor, key=lambda f: f.error.percent)
         return (
             f"an RMS error of {worst.error.percent:.3g} % of its own range on {worst.error.name} (more than "
-            f"{POOR_PERCENT:g} %; {len(poor)} of {len(outcome.files)} files)"
+            f"{TUNED.poor_percent:g} %; {len(poor)} of {len(outcome.files)} files)"
         )
     return ""

@@ -7,16 +7,17 @@ import numpy as np
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.measured import Array
+from tendonff.compensator.identification.parameters import CORE, TENDON, Parameter, ParametricChain
 from tendonff.compensator.scenario.sampled.sampling import initial_tension, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
-from tendonff.ocp.fits.chain import ChainModel, ChainResponse, Drive, DynamicParameter
+from tendonff.ocp.fits.chain import ChainResponse, Drive
 from tendonff.ocp.inverse import invert
 
-D = DynamicParameter
+D = Parameter
 
 ROW_S = 0.005
 RATE_SHARE, FORCE_SHARE = 0.5, 0.9
@@ -31,7 +32,7 @@ MASSES, SEARCH_STEP_S, NOISE_SHARE = 6, ROW_S, 0.005
 PRIOR = 1e-2
 """Information that is there before: everything is known to ten times its size."""
 
-TOLD = (D.MU_PULL, D.MU_RELEASE, D.BRISTLE, D.ADHESION, D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME)
+TOLD = (*CORE, D.ADHESION, *TENDON)
 """What a fit looks for, and a design depends on."""
 
 
@@ -181,7 +182,9 @@ class _Information:
 
     def __init__(self, scenario: Scenario, reference_N: Array, step_s: float) -> None:
         t = scenario.transmission
-        self._model = ChainModel(transmission=t, level=Level.PRESLIDING, count=MASSES, longest_step_s=SEARCH_STEP_S)
+        self._model = ParametricChain(
+            transmission=t, level=Level.PRESLIDING, count=MASSES, longest_step_s=SEARCH_STEP_S
+        )
         self._values = self._model.values()
         self._sizes = np.array([max(abs(self._values[name]), 1.0 if name is D.ADHESION else 1e-9) for name in TOLD])
         self._noise_N = NOISE_SHARE * t.actuator.force_max_N
@@ -195,7 +198,7 @@ class _Information:
 
     def _respond(self, force_N: Array, rest_N: float) -> ChainResponse:
         drive = Drive(input_N=force_N, step_s=SEARCH_STEP_S, first_output_N=rest_N)
-        return self._model.respond(self._values, drive, TOLD)
+        return self._model.predict(self._values, drive, TOLD)
 
     def expected_percent(self, force_N: Array) -> float:
         """RMS error of a design from these parameters' scatter alone [% of the reference's range]."""

@@ -5,19 +5,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.dynamic import CoarseFit, fit_coarse
 from tendonff.compensator.identification.fitting.residuals import gauss_newton_step
 from tendonff.compensator.identification.fitting.uncertainty import slopes_over_all
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Piece, Record
+from tendonff.compensator.identification.parameters import Parameter
 from tendonff.models.parameters import Transmission
-from tendonff.ocp.fits.chain import DynamicParameter
-
-SURE, LEAST_STEPS = 4.0, 1.0
-"""A delay is taken out when it is so many standard errors from nothing, and at least so many sampling steps."""
-
-ROUNDS = 4
-"""Most shifts that are tried one after the other: each is linear in what is left."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,14 +34,14 @@ def align(
     step = max(r.step_s for r in records)
     found, shifted, total = coarse, tuple(records), 0.0
     seconds, error = at_first = _left_in(coarse)
-    for _ in range(ROUNDS):
-        if not abs(seconds) > LEAST_STEPS * step:
+    for _ in range(TUNED.rounds + 1):
+        if not abs(seconds) > step:
             break
         total += seconds
         shifted = tuple(earlier(r, total) for r in records)
         found = fit_coarse(shifted, transmission, found.task.complete(found.solution.values), several=False)
         seconds, error = _left_in(found)
-    if abs(total) > max(SURE * error, LEAST_STEPS * step) and found.percent < coarse.percent:
+    if abs(total) > max(TUNED.very_sure * error, step) and found.percent < coarse.percent:
         return Delay(seconds=total + seconds, error_s=error, told=True), found, shifted
     seconds, error = at_first
     return Delay(seconds=seconds, error_s=error, told=False), coarse, tuple(records)
@@ -75,10 +70,10 @@ def _shifted(piece: Piece, seconds: float) -> Piece:
 def _left_in(fit: CoarseFit) -> tuple[float, float]:
     """Delay that the residuals of a fit still hold, found together with its values and adhesion, and its error."""
     task = replace(fit.task, fixed=fit.task.complete(fit.solution.values))
-    found = slopes_over_all(task, (*task.free, DynamicParameter.ADHESION))
+    found = slopes_over_all(task, (*task.free, Parameter.ADHESION))
     rates: list[Array] = []
     for run in task.pieces:
-        response = task.model.respond(task.fixed, run.drive)
+        response = task.model.predict(task.fixed, run.drive)
         step = run.record.step_s * run.thin
         rates.append(-np.gradient(run.shaped(run.predicted(response)[0]), step)[run.good] / task.output_unit)
         if run.with_elongation:  # the output's position is read by the same clock

@@ -7,34 +7,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.dynamic import CoarseFit, fit_coarse
 from tendonff.compensator.identification.fitting.errors import percent_of
 from tendonff.compensator.identification.fitting.residuals import TRAINING_SHARE
 from tendonff.compensator.identification.fitting.static import (
     CONSTANTS,
-    SIMPLER_WITHIN,
     StaticFit,
     StaticModel,
     candidates,
     fit_static,
 )
 from tendonff.compensator.identification.measured.cleaning import Record
-from tendonff.compensator.identification.result import POOR_PERCENT, CandidateLaw
+from tendonff.compensator.identification.result import CandidateLaw
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.static import StaticParameter, in_gross_sliding
 
 P = StaticParameter
-
-LARGE_ERRORS = 95.0
-"""This percentile of its errors is what a law without presliding leaves in a constant, as a standard error."""
-
-NEARLY_AS_GOOD = 1.5
-"""What a law says whose validation error is within this factor of the least, is doubt of the chosen one's answer."""
-
-BETTER_BY = 0.6
-"""The other channel is explained instead where it leaves less than this share of the error."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +45,7 @@ class StaticSelection:
         least = min(law.validation_percent for law in self.laws)
         pairs = list(zip(self.tried, self.laws, strict=True))
         chosen = next(other for other, law in pairs if law.chosen)
-        rivals = [o for o, law in pairs if law.validation_percent <= NEARLY_AS_GOOD * least and o is not chosen]
+        rivals = [o for o, law in pairs if law.validation_percent <= TUNED.nearly_as_good * least and o is not chosen]
         fit = _doubted(self.fit, chosen, rivals)
         if P.OUTPUT_BIAS.value not in fit.solution.values:
             return fit
@@ -92,11 +83,11 @@ def choose_explain(
             left = chain.percent
         except SolveError:
             left = float("inf")
-    if wanted is Explain.OUTPUT or not positions or (left < POOR_PERCENT and not signed):
+    if wanted is Explain.OUTPUT or not positions or (left < TUNED.poor_percent and not signed):
         return Explain.OUTPUT, chain
     motion = StaticModel(name="motion", constants=True, presliding=True)
     moved = percent_of(fit_static(records, motion, Explain.INPUT, most=15), records)
-    return (Explain.INPUT, None) if moved < BETTER_BY * left else (Explain.OUTPUT, chain)
+    return (Explain.INPUT, None) if moved < TUNED.other_channel_below * left else (Explain.OUTPUT, chain)
 
 
 def select_static(records: Sequence[Record], validation: Sequence[Record], explain: Explain) -> StaticSelection:
@@ -126,7 +117,7 @@ def select_static(records: Sequence[Record], validation: Sequence[Record], expla
         )
         tried.append((fit, law))
     least = min(law.validation_percent for _, law in tried)
-    enough = [pair for pair in tried if pair[1].validation_percent <= SIMPLER_WITHIN * least]
+    enough = [pair for pair in tried if pair[1].validation_percent <= TUNED.simpler_within * least]
     chosen, chosen_law = min(enough, key=lambda pair: pair[1].free_values)
     fit = chosen if train is records else fit_static(records, chosen.model, explain, start=chosen)
     laws = tuple(replace(law, chosen=law is chosen_law) for _, law in tried)
@@ -155,7 +146,9 @@ def _doubted(fit: StaticFit, chosen: StaticFit, rivals: Sequence[StaticFit]) -> 
         if sliding > 0
     }
     # The errors after reversals look like a bias, through the friction for the other cell; adhesion goes with them.
-    as_bias_N = fit.unit_N * float(np.percentile(np.abs(residuals.values), LARGE_ERRORS)) * math.exp(final[0])
+    as_bias_N = (
+        fit.unit_N * float(np.percentile(np.abs(residuals.values), TUNED.large_errors_percentile)) * math.exp(final[0])
+    )
     doubt = np.array([as_bias_N**2 if P(free) in CONSTANTS else 0.0 for free in solution.values])
     for place, free in enumerate(solution.values):
         if P(free) in moved:

@@ -8,28 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import correlate
 
+from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.errors import centred, explained
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import SHORT_GAP_ROWS, Piece, Record
 from tendonff.compensator.identification.measured.smoothing import low_pass_piece
+from tendonff.compensator.identification.parameters import Parameter, ParametricChain
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.fits.chain import ChainModel, ChainResponse, Drive, DynamicParameter
+from tendonff.ocp.fits.chain import ChainResponse, Drive
 from tendonff.ocp.fits.least_squares import Residuals, Solution
 
-D = DynamicParameter
 _T = TypeVar("_T", np.float64, np.int_)
-
-FORGET_SHARE, FORGET_MOST = 0.6, 0.3
-"""Rows before the input has swept this share of its range are not fitted, for what the tendon did before the first row
-is not known and friction remembers it; at most this share of a piece is given up for that."""
-
-FORGET_BRIDGE = 0.85
-"""The same after a bridge, whose extremes are guesses: only a nearly full sweep undoes them."""
-
-SMALL_PIECE = 0.5
-"""The range that counts is the piece's own, which nothing in it leaves, but at least this share of the widest file's:
-small moves may stay where the tendon does not slide."""
 
 FAILED_RESIDUAL = 1e3
 
@@ -97,12 +87,12 @@ def fit_pieces(records: Sequence[Record], explain: Explain = Explain.OUTPUT) -> 
         thin = max(1, int(1 / (6 * record.cutoff_Hz * record.step_s)))
         edge = int(0.5 / (record.cutoff_Hz * record.step_s))
         for piece in record.pieces:
-            good, span = piece.good.copy(), max(float(np.ptp(piece.input_N)), SMALL_PIECE * widest)
-            most = int(FORGET_MOST * len(good))
-            good[: min(max(_rows_to_sweep(piece.input_N, FORGET_SHARE * span), edge), most)] = False
+            good, span = piece.good.copy(), max(float(np.ptp(piece.input_N)), TUNED.small_piece * widest)
+            most = int(TUNED.forget_most * len(good))
+            good[: min(max(_rows_to_sweep(piece.input_N, TUNED.forget_share * span), edge), most)] = False
             good[len(good) - edge :] = False  # the low-pass has one side only
             for end in _gap_ends(piece.good):
-                good[end : end + min(_rows_to_sweep(piece.input_N[end:], FORGET_BRIDGE * span), most)] = False
+                good[end : end + min(_rows_to_sweep(piece.input_N[end:], TUNED.forget_bridge * span), most)] = False
             first = piece.input_N[0] if explain is Explain.POSITION else piece.output_N[0]
             drive = Drive(
                 input_N=piece.input_N,
@@ -128,10 +118,10 @@ class OutputError:
 class ChainResiduals:
     """Residuals of a chain model over pieces, in given units."""
 
-    model: ChainModel
+    model: ParametricChain
     pieces: Sequence[FitPiece]
-    fixed: Mapping[DynamicParameter, float]
-    free: tuple[DynamicParameter, ...]
+    fixed: Mapping[Parameter, float]
+    free: tuple[Parameter, ...]
     output_unit: float
     elongation_unit_m: float
     block_s: float
@@ -143,12 +133,9 @@ class ChainResiduals:
         """Fitted rows of the output."""
         return sum(int(run.good.sum()) for run in self.pieces)
 
-    def complete(self, values: Mapping[str, float]) -> dict[DynamicParameter, float]:
+    def complete(self, values: Mapping[str, float]) -> dict[Parameter, float]:
         """All parameters from the free ones."""
-        full = {**self.fixed, **{D(name): value for name, value in values.items()}}
-        if self.model.symmetric:
-            full[D.MU_RELEASE] = full[D.MU_PULL]
-        return full
+        return self.model.tied({**self.fixed, **{Parameter(name): value for name, value in values.items()}})
 
     def continued(self, solution: Solution) -> "ChainResiduals":
         """The task from a solution on, in units of the size of its residuals, which decides how each channel counts."""
@@ -163,7 +150,7 @@ class ChainResiduals:
         parts: list[tuple[Array, Array, Array]] = []
         try:
             for number, run in enumerate(self.pieces):
-                response = self.model.respond(full, run.drive, self.free)
+                response = self.model.predict(full, run.drive, self.free)
                 good = run.good
                 block = np.floor(run.piece.time_s[:: run.thin][good] / self.block_s) + self.BLOCKS_A_PIECE * number
                 prediction, by = run.predicted(response)
@@ -195,9 +182,9 @@ class ChainResiduals:
             late.append(replace(run, good=run.good & (rows > border)))
         return replace(self, pieces=early), replace(self, pieces=late)
 
-    def rms_of_chain(self, full: Mapping[DynamicParameter, float]) -> "OutputError":
+    def rms_of_chain(self, full: Mapping[Parameter, float]) -> "OutputError":
         """Error of the chain's output."""
-        return self.rms_of(lambda run: run.predicted(self.model.respond(full, run.drive))[0])
+        return self.rms_of(lambda run: run.predicted(self.model.predict(full, run.drive))[0])
 
     def rms_of(self, predict: Callable[[FitPiece], Array]) -> "OutputError":
         """Error of a prediction of the output over the fitted rows: one measure for all laws."""

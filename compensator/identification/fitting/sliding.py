@@ -14,18 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import Piece, Record, clean
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.models.capstan import Branch
-
-FAST_SHARE, TRAVEL_SHARE = 0.5, 0.4
-"""Gross sliding: faster than a share of the usual top speed, further from the reversal than a share of the stroke."""
-
-LEAST_ROWS = 50
-MOST_REFUSED = 0.05
-"""A direction with more than this share of readings at or below zero has no ratio."""
 
 SLIPPED_SHARE = 0.3
 """The path slips once the far tension has moved by so much of its range since its last reversal."""
@@ -60,9 +54,12 @@ def _ratio(branch: Branch, records: Sequence[Record]) -> SlidingRatio:
     near, far = (np.concatenate([getattr(p, name)[rows] for p, rows in pieces]) for name in ("input_N", "output_N"))
     positive = (near > 0) & (far > 0)
     total, refused = len(near), int((~positive).sum())
-    if total < LEAST_ROWS:
-        reason = f"{total} rows slide fast and far enough from a reversal, {LEAST_ROWS} are needed; use longer strokes"
-    elif refused > MOST_REFUSED * total:
+    if total < TUNED.least_sliding_rows:
+        reason = (
+            f"{total} samples slide fast and far enough from a reversal, {TUNED.least_sliding_rows} are needed; "
+            "use longer strokes"
+        )
+    elif refused > TUNED.most_refused * total:
         reason = (
             f"{100 * refused / total:.3g} % of the sliding rows have a reading at or below zero, where ln(T_in/T_out) "
             "is undefined: a biased cell or signed data; zero the cells without tension and measure again"
@@ -80,9 +77,9 @@ def _sliding(piece: Piece, step_s: float, branch: Branch) -> Mask:
     speed = np.gradient(q, step_s)
     top = float(np.percentile(np.abs(speed), 98))
     sign = 1.0 if branch is Branch.PULL else -1.0
-    moving = sign * speed > FAST_SHARE * top
+    moving = sign * speed > TUNED.fast_share * top
     travelled = sign * (q - q[last_reversal(q)])
-    return np.asarray(moving & (travelled > TRAVEL_SHARE * float(np.ptp(q))))
+    return np.asarray(moving & (travelled > TUNED.travel_share * float(np.ptp(q))))
 
 
 def last_reversal(q: Array) -> NDArray[np.int64]:

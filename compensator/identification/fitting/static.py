@@ -5,23 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.errors import Prediction, explained, span_of
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import Piece, Record
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.fits.least_squares import Blocks, Residuals, Solution, Unknown, solve
 from tendonff.ocp.fits.static import NEUTRAL, ORDER, Response, StaticParameter, input_from_output, output_from_input
-
-ROBUST_UNIT = 0.03
-"""Residuals beyond this share of the range count linearly instead of squared."""
-
-SIMPLER_WITHIN = 1.02
-"""The simplest law whose validation error is within this factor of the least is chosen."""
-
-EXPONENT_STARTS = (0.02, 0.1, 0.3, 0.6, 1.2, 2.5, 4.0)
-MOST_EXPONENT = 8.0
-BLOCKS_WANTED = 60
-LEAST_SPREAD = 1e-3
 
 P = StaticParameter
 CONSTANTS = (P.ADHESION, P.INPUT_BIAS, P.OUTPUT_BIAS)
@@ -153,7 +143,7 @@ def _fit(
 ) -> StaticFit:
     runs, middle = list(_runs(records, explain)), middle_of(records)
     span = max(span_of(records, explain), 1e-12)
-    unit = ROBUST_UNIT * span
+    unit = TUNED.robust_share * span
     unknowns = _unknowns(records, free, span, start)
     seconds = sum(float(np.ptp(r.piece.time_s)) for r in runs)
     blocks = block_numbers([r.piece.time_s[:: r.thin][r.good] for r in runs], seconds)
@@ -173,7 +163,7 @@ def _fit(
         return Residuals(values=np.concatenate(differences), slopes=by_free, blocks=blocks)
 
     first = min(
-        (_with_exponent(unknowns, a) for a in (EXPONENT_STARTS if start is None else ())),
+        (_with_exponent(unknowns, a) for a in (TUNED.exponent_starts if start is None else ())),
         key=lambda us: float(np.sum(np.sqrt(1 + evaluate({u.name: u.start for u in us}).values ** 2))),
         default=unknowns,
     )
@@ -184,7 +174,7 @@ def _fit(
 
 def block_numbers(clocks_s: Sequence[Array], seconds: float) -> Blocks:
     """Block of every row, the runs with these clocks one after the other; together they take `seconds`."""
-    block_s = float(np.clip(seconds / BLOCKS_WANTED, 0.1, 5.0))
+    block_s = float(np.clip(seconds / TUNED.static_blocks, TUNED.least_block_s, TUNED.longest_block_s / 2))
     return np.concatenate([np.floor(t / block_s).astype(np.int64) + 10_000_000 * k for k, t in enumerate(clocks_s)])
 
 
@@ -215,14 +205,14 @@ def _unknowns(
         bristle = 20 * span / travel
     adhesion = max(known.get(P.ADHESION, 0.0), least + 0.05 * far_span)
     usual = {
-        P.PULL: (known.get(P.PULL, 0.5), 0, MOST_EXPONENT, 0.2),
-        P.RELEASE: (known.get(P.RELEASE, 0.5), 0, MOST_EXPONENT, 0.2),
+        P.PULL: (known.get(P.PULL, 0.5), 0, TUNED.most_exponent, 0.2),
+        P.RELEASE: (known.get(P.RELEASE, 0.5), 0, TUNED.most_exponent, 0.2),
         P.ADHESION: (adhesion, least, 20 * far_span, 0.1 * far_span),
         P.INPUT_BIAS: (known.get(P.INPUT_BIAS, 0.0), -span, span, 0.05 * span),
         P.OUTPUT_BIAS: (0.0, -span, span, 0.05 * span),
         P.BRISTLE: (bristle, span / travel, 1e5 * span / travel, 1),
         P.BRISTLE_SPREAD: (1.0, 0, 6, 0.5),
-        **dict.fromkeys((P.PULL_SPREAD, P.RELEASE_SPREAD), (LEAST_SPREAD + 0.3, LEAST_SPREAD, 1, 0.2)),
+        **dict.fromkeys((P.PULL_SPREAD, P.RELEASE_SPREAD), (TUNED.least_spread + 0.3, TUNED.least_spread, 1, 0.2)),
         P.GUIDE: (known.get(P.GUIDE, 0.0), -10 * span / travel, 10 * span / travel, 0.1 * span / travel),
     }
     unknowns = []

@@ -71,7 +71,10 @@ def as_stored(found):
         "described": found.described,
         "fit_percent": found.fit_percent,
         "estimates": {
-            e.name: {"value": e.value, "half_width": None if e.interval is None else (e.interval[1] - e.interval[0]) / 2}
+            e.name: {
+                "value": e.value,
+                "half_width": None if e.interval is None else (e.interval[1] - e.interval[0]) / 2,
+            }
             for e in found.estimates
         },
     }

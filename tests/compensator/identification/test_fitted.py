@@ -11,6 +11,7 @@ from tendonff.compensator.identification.fitting.errors import FileError
 from tendonff.compensator.identification.fitting.static import respond
 from tendonff.compensator.identification.measured.smoothing import low_pass_piece
 from tendonff.compensator.identification.messages import moved_inside
+from tendonff.compensator.identification.parameters import Parameter, ParametricChain
 from tendonff.compensator.identification.result import PieceComparison, summary_lines
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.measurement import Explain
@@ -19,7 +20,6 @@ from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.path import Section
-from tendonff.ocp.fits.chain import ChainModel, DynamicParameter
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import simulate
 
@@ -132,10 +132,10 @@ def test_simulating_the_fitted_scenario_again_gives_the_error_that_is_printed(fo
     fitted = load_scenario(tmp_path / "out" / "fitted.toml")
     assert found.replay_percent == pytest.approx(found.fit_percent, rel=1e-3)
     assert any(f"fitted.toml, simulated again: error {found.replay_percent:.2f} %" in s for s in summary_lines(found))
-    model = ChainModel(
+    model = ParametricChain(
         transmission=fitted.transmission, level=fitted.run.level, count=fitted.transmission.path.segments
     )
-    assert model.values()[DynamicParameter.ADHESION] == found.estimate("adhesion_N").value
+    assert model.values()[Parameter.ADHESION] == found.estimate("adhesion_N").value
 
 
 def test_a_design_with_it_works_on_the_hidden_plant(found, truth):
