@@ -120,9 +120,9 @@ def study(nominal: Scenario, seed: int) -> str:
     plant = Plant(transmission=log.hidden)
     theta = log.hidden.path.total_angle_rad
     head = (
-        f"{seed:3d} {log.kind:15s} {log.seconds:4.0f} s {log.rate_Hz:5.0f} Hz "
-        f"{'q' if log.positions else '-'} mu "
-        f"theta {theta * log.hidden.friction.mu_dynamic:5.3f} bristle {log.hidden.friction.soft_bristle_stiffness_N_per_m:.1e}"
+        f"{seed:3d} {log.kind:15s} {log.seconds:4.0f} s {log.rate_Hz:5.0f} Hz {'q' if log.positions else '-'} "
+        f"mu theta {theta * log.hidden.friction.mu_dynamic:5.3f} "
+        f"bristle {log.hidden.friction.soft_bristle_stiffness_N_per_m:.1e}"
     )
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "log.csv"
@@ -140,7 +140,11 @@ def study(nominal: Scenario, seed: int) -> str:
     caught_text = f" WARNED {caught[0].message}" if caught else ""
     if not found.described:
         return f"{head} refused, no law ({seconds:.0f} s): {'; '.join(found.warnings)}{caught_text}"
-    fitted = replace(nominal, transmission=found.scenario.transmission, run=found.scenario.run)
+    strong = replace(nominal.transmission.actuator, force_max_N=1e4)  # friction of the rig is no matter of the actuator
+    nominal = replace(nominal, transmission=replace(nominal.transmission, actuator=strong))
+    fitted = replace(
+        nominal, transmission=replace(found.scenario.transmission, actuator=strong), run=found.scenario.run
+    )
     friction = nominal.transmission.friction
     none = replace(
         friction, mu_dynamic=1e-9, mu_static=1e-9, mu_dynamic_release=1e-9, mu_static_release=1e-9, adhesion_N=0.0

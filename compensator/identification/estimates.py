@@ -150,10 +150,12 @@ class _Rig:
     ) -> Estimate:
         """A value that was fitted; the scenario's own where no law describes the device."""
         own = self.own(name)
+        if not self.described and own is not None:  # an interval of the fit would belong to another value
+            return Estimate(name=name, value=own, why=NOT_DESCRIBED, scenario=own)
         seen = error < TUNED.insensitive_share * max(abs(value), abs(own or 0.0), 1.0)
         return Estimate(
             name=name,
-            value=value if self.described or own is None else own,
+            value=value,
             standard_error=error if seen else None,
             interval=interval if seen else None,
             identifiable=bool(told and self.described and seen),

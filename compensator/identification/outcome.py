@@ -6,6 +6,7 @@ The scenario takes every value of the law that was fitted; what simulating it ag
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from tendonff.compensator.identification.fitting.delay import earlier
 from tendonff.compensator.identification.fitting.dynamic import ChainLaw, DynamicFit
 from tendonff.compensator.identification.fitting.errors import (
     FittedLaw,
@@ -20,9 +21,11 @@ from tendonff.compensator.identification.fitting.model_selection import StaticSe
 from tendonff.compensator.identification.fitting.residuals import FitPiece
 from tendonff.compensator.identification.fitting.static import StaticFit, respond
 from tendonff.compensator.identification.measured import Array
-from tendonff.compensator.identification.measured.cleaning import Record, mean_pose
+from tendonff.compensator.identification.measured.cleaning import Record, clean, mean_pose
+from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.parameters import Parameter, ParametricChain, put_into
 from tendonff.compensator.identification.result import CandidateLaw, FileResult, PieceComparison
+from tendonff.compensator.identification.study import Study
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import NO_JOINTS, CapstanLaw, exponent_lines
@@ -56,23 +59,28 @@ def compared(
     """
     if chain is None:
         return () if stage is None else stage.laws
-    judge, train = chain.law.judge, chain.law.train
+    judge, task = chain.law.judge, chain.law.task
     scale = 100 / max(span_of(records, chain.explain), 1e-300)
     laws = []
+    folds = None if judge is not None else task.folds()
     for law, fit in zip(stage.laws, stage.tried, strict=True) if stage is not None else ():
 
-        def predict(run: FitPiece, fit: StaticFit = fit) -> Array:
+        def predict(run: FitPiece, fold: int, fit: StaticFit = fit) -> Array:
+            return respond(fit.without.get(fold, fit.values), run.piece, Explain.OUTPUT, fit.middle_m).prediction_N
+
+        def at_fit(run: FitPiece, _: int, fit: StaticFit = fit) -> Array:
             return respond(fit.values, run.piece, Explain.OUTPUT, fit.middle_m).prediction_N
 
-        fitted, judged = (scale * task.rms_of(predict).rms_N for task in (train, judge))
-        laws.append(replace(law, fit_percent=fitted, validation_percent=judged, chosen=False))
+        fitted = task.error(at_fit)
+        judged = task.error(predict, folds) if judge is None else judge.error(at_fit)
+        laws.append(replace(law, fit_percent=scale * fitted.rms, validation_percent=scale * judged.rms, chosen=False))
     laws += [
         CandidateLaw(
             name=one.name,
             stage="dynamic",
             free_values=len(one.task.free),
-            fit_percent=scale * one.fit.rms_N,
-            validation_percent=scale * one.validation.rms_N,
+            fit_percent=scale * one.fit.rms,
+            validation_percent=scale * one.validation.rms,
             chosen=one.chosen,
         )
         for one in chain.law.candidates
@@ -142,15 +150,25 @@ class Fitted:
     chain_percent: float | None = None
 
 
-def carried_on(
-    scenario: Scenario, law: DynamicFit | StaticFit, records: Sequence[Record], *, static_only: bool
-) -> Fitted:
-    """The scenario with the values of the law that won, and its own error; with `static_only` nothing is simulated."""
+def carried_on(study: Study, law: DynamicFit | StaticFit) -> Fitted:
+    """The scenario with the values of the law that won, and its own error: that of the file, read back.
+
+    What a cell reads at zero is part of that only where the file has it.
+    """
+    scenario, records = study.scenario, study.records
     if isinstance(law, DynamicFit):
         fitted = scenario_of_chain(scenario, law, records)
-        return replace(fitted, percent=_percent(_chain_of(fitted, law.explain), records))
-    fitted = scenario_of_static(scenario, law, records, static_only=static_only)
-    return replace(fitted, percent=percent_of(static_law_of(fitted, law, mean_pose(records)), records))
+    else:
+        fitted = scenario_of_static(scenario, law, records, static_only=study.static_only)
+    how = fitted.scenario.measurement
+    if how != scenario.measurement:
+        joints, delay = scenario.transmission.joints, study.delay
+        shift_s = delay.seconds if delay is not None and delay.identified else 0.0
+        records = [earlier(clean(read_measurement(file, how, joints), how), shift_s) for file in study.files]
+    bare = replace(fitted, offsets_N=(0.0, 0.0))
+    if isinstance(law, DynamicFit):
+        return replace(fitted, percent=_percent(_chain_of(bare, law.explain), records))
+    return replace(fitted, percent=percent_of(static_law_of(bare, law, mean_pose(records)), records))
 
 
 def scenario_of_chain(scenario: Scenario, fit: DynamicFit, records: Sequence[Record]) -> Fitted:

@@ -1,8 +1,8 @@
 """The report of an identification."""
 
-import shlex
 from dataclasses import fields
 from pathlib import Path
+from shlex import quote
 
 from tendonff.compensator.identification.result import Estimate, IdentificationData
 from tendonff.compensator.reporting.page import Block, FileNote, PictureFile, Provenance, Report, Section, Table, Text
@@ -87,8 +87,9 @@ def identification_report(found: IdentificationData, folder: Path) -> Report:
         )
         after = (Text(text), PictureFile(path=excitation, caption="Suggested excitation."))
         notes.append(FileNote(name="suggested_force.csv", content="a force file for the next measurement"))
-    name = found.scenario.source.name
-    data = "".join(f" --{'data' if f.role == 'fit' else 'validate'} {f.error.name}" for f in found.files)
+    name = quote(found.scenario.source.name)
+    data = "".join(f" --{'data' if f.role == 'fit' else 'validate'} {quote(f.error.name)}" for f in found.files)
+    data += "".join(f" --condition {quote(f'{file}={label}')}" for file, label in found.conditions.items())
     static = "" if any(law.stage == "dynamic" for law in found.laws) else " --static"
     return Report(
         title=f"Identification: {found.scenario.name}",
@@ -108,7 +109,7 @@ def identification_report(found: IdentificationData, folder: Path) -> Report:
         ),
         provenance=Provenance(
             scenario=found.scenario,
-            command=f"tendonff identify {name}{data}{_options(found.scenario.measurement)}{static} --out DIR",
+            command=f"tendonff identify {name}{data}{_options(found.asked)}{static} --out DIR",
             inputs=found.inputs,
         ),
         files=tuple(notes),
@@ -124,15 +125,17 @@ def _options(how: Measurement) -> str:
             continue
         if name == "tension_columns":
             cells = zip(value, how.tension_angles_rad or (), strict=True)
-            words += [f"--tension-column {shlex.quote(f'{column}={angle:g}')}" for column, angle in cells]
+            words += [f"--tension-column {quote(f'{column}={angle:g}')}" for column, angle in cells]
         elif name.endswith("_column"):
-            words.append(f"--{name.replace('_', '-')} {shlex.quote(value)}")
+            words.append(f"--{name.replace('_', '-')} {quote(value)}")
         elif name.endswith("_scale"):
             words.append(f"--scale {name.removesuffix('_scale')}={value:g}")
         elif name.endswith("_offset_N"):
             words.append(f"--offset {name.removesuffix('_offset_N')}={value:g}")
         elif name == "tare_s":
             words.append(f"--tare {value[0]:g}:{value[1]:g}")
+        elif name == "cutoff_Hz":
+            words.append(f"--cutoff {value:g}")
         elif name == "skip_s":
             words.append(f"--skip {value:g}")
         elif name == "explain":

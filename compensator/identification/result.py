@@ -12,7 +12,7 @@ from tendonff.compensator.identification.fitting.sliding import SectionFriction,
 from tendonff.compensator.identification.fitting.uncertainty import ByFile
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.reading import Finding
-from tendonff.compensator.scenario.measurement import Explain
+from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.compensator.scenario.scenario import Scenario
 
 
@@ -108,6 +108,8 @@ class IdentificationData:
     """Everything that a set of measurements told about a scenario."""
 
     scenario: Scenario  # with what was identified put in
+    asked: Measurement  # how the files were to be read
+    conditions: Mapping[str, str]  # labels by file name
     explain: Explain  # channel that the model explains
     described: bool  # the chosen law describes the device
     estimates: tuple[Estimate, ...]

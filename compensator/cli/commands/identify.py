@@ -29,7 +29,8 @@ _OFFSET = (
 _CELLS = "Column of a tension between the ends, and the wrap angle from the actuator to it"
 _TARE = "Seconds of every file in which the tendon is slack; both cells are set to zero there."
 _SKIP = "Leave out the start of every file; default: until the start-up transient has decayed."
-_LABEL = "Label of a measured file, such as wet or worn: estimates are told by label"
+_CUTOFF = "Cut-off of the low-pass over all channels, in Hz; default: found from the noise."
+_LABEL = "Label of a measured file, such as wet or worn: estimates are reported by label"
 
 
 def _column(name: str, what: str) -> Any:
@@ -63,6 +64,7 @@ def identify(
     offset: Annotated[list[str] | None, option("--offset", "[COLUMN=]N", _OFFSET)] = None,
     tare: Annotated[str | None, option("--tare", "FROM:TO", _TARE)] = None,
     skip: Annotated[float | None, option("--skip", "SECONDS", _SKIP)] = None,
+    cutoff: Annotated[float | None, option("--cutoff", "HZ", _CUTOFF)] = None,
     explain: Annotated[
         Explain | None, option("--explain", None, "Tension to predict from the other; default: chosen from the data.")
     ] = None,
@@ -96,6 +98,7 @@ def identify(
         "output_position_column": output_position_column,
         "actuator_force_column": actuator_force_column,
         "skip_s": skip,
+        "cutoff_Hz": cutoff,
         "explain": explain,
     }
     labels = _labels(condition or [], [path.name for path in data])

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.compensator.identification.constants import TUNED
-from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece, OutputError
+from tendonff.compensator.identification.fitting.judging import OutputError
+from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece
 from tendonff.compensator.identification.parameters import CONSTANTS, CORE, SPEED_TERMS, Parameter
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.fits.least_squares import Solution, solve
@@ -42,9 +43,9 @@ class ChosenLaw:
     task: ChainResiduals  # with its free parameters; the others are fixed
     solution: Solution
     candidates: tuple[ChainCandidate, ...]
-    # train, judge: rows that the candidates were fitted to, and rows that decided
-    train: ChainResiduals
-    judge: ChainResiduals
+    judge: (
+        ChainResiduals | None
+    )  # the rows of validation files; None where parts of the fitted ones are held out in turn
 
 
 def fit_free(
@@ -54,6 +55,13 @@ def fit_free(
     return solve(
         task.evaluate, [name.unknown(start[name], span_N) for name in task.free], most=most, tolerance=tolerance
     )
+
+
+def candidate(name: str, task: ChainResiduals, solution: Solution, judge: ChainResiduals | None) -> ChainCandidate:
+    """A fitted law, with its errors."""
+    full = task.complete(solution.values)
+    validation = task.held_out(solution) if judge is None else replace(judge, model=task.model).error_at(full)
+    return ChainCandidate(name=name, task=task, solution=solution, fit=task.error_at(full), validation=validation)
 
 
 class _Search:
@@ -67,16 +75,14 @@ class _Search:
         span_N: float,
         mean_N: float,
     ) -> None:
-        train, self.judge = task.split(validation)
+        self.judge = replace(task, pieces=validation) if validation else None
         self.start, self.span_N, self.mean_N = start, span_N, mean_N
         self.candidates: list[ChainCandidate] = []
-        self.best = self.attempt(train, train.fixed, "asymmetric with presliding")
+        self.best = self.attempt(task, task.fixed, "asymmetric with presliding")
 
     def attempt(self, task: ChainResiduals, at: Mapping[Parameter, float], name: str) -> ChainCandidate:
         solution = fit_free(task, at, self.span_N, 15, 1e-4)
-        full = task.complete(solution.values)
-        fit, validation = task.rms_of_chain(full), replace(self.judge, model=task.model).rms_of_chain(full)
-        found = ChainCandidate(name=name, task=task, solution=solution, fit=fit, validation=validation)
+        found = candidate(name, task, solution, self.judge)
         self.candidates.append(found)
         return found
 
@@ -99,15 +105,14 @@ class _Search:
     def gain(self, found: ChainCandidate) -> float:
         """Information that another law gains, or loses, by Bayes' criterion: the price of its values is taken off.
 
-        The sample size counts rows that are independent of each other, rows that judge included.
+        The sample size counts rows that are independent of each other; fitted and held-out rows count alike.
         """
         task = self.best.task
         rows = task.independent_rows(self.best.solution.residuals)
-        judging = self.judge.rows / max(task.rows, 1)
-        fit = self.best.fit.robust_rms_N / max(found.fit.robust_rms_N, 1e-300)
-        judged = self.best.validation.robust_rms_N / max(found.validation.robust_rms_N, 1e-300)
-        price = (len(found.task.free) - len(task.free)) * np.log(max(rows * (1 + judging), 2.0))
-        return float(2 * (rows * np.log(fit) + rows * judging * np.log(judged)) - price)
+        fit = self.best.fit.robust_rms / max(found.fit.robust_rms, 1e-300)
+        judged = self.best.validation.robust_rms / max(found.validation.robust_rms, 1e-300)
+        price = (len(found.task.free) - len(task.free)) * np.log(max(rows, 2.0))
+        return float(rows * (np.log(fit) + np.log(judged)) - price)
 
 
 def choose_law(
@@ -121,8 +126,8 @@ def choose_law(
 ) -> ChosenLaw:
     """Add to the law of a task on few masses, with a coefficient for each direction, what the data supports.
 
-    The rows of `validation` judge, or without them the last third of each piece; with `biases` the cells' offsets may
-    be free.
+    The rows of `validation` judge, or without them parts of the fitted ones in turn; with `biases` the cells' offsets
+    may be free.
     """
     scenario = task.model.values()
     base = tuple(n for n in (D.ADHESION, D.STATIC_EXCESS) if scenario[n] > 0)
@@ -139,9 +144,9 @@ def choose_law(
             model=replace(task.model, symmetric=True),
             free=tuple(n for n in task.free if n is not D.MU_RELEASE),
         )
-        least = TUNED.simpler_within * search.best.validation.robust_rms_N
+        least = TUNED.simpler_within * search.best.validation.robust_rms
         found = search.attempt(same, search.best.values, "symmetric with presliding")
-        if found.validation.robust_rms_N <= least and search.gain(found) > 0:
+        if found.validation.robust_rms <= least and search.gain(found) > 0:
             search.best = found
     _add_constants(search, CONSTANTS if biases else (D.ADHESION,))
     for extra in SPEED_TERMS:
@@ -150,7 +155,7 @@ def choose_law(
     best = search.best
     chosen = replace(task, model=best.task.model, free=best.task.free, fixed=best.values)
     candidates = tuple(replace(law, chosen=law.name == best.name) for law in search.candidates)
-    solution = fit_free(chosen, chosen.fixed, span_N, 20, 1e-4)
+    solution = best.solution
     for _ in range(2):
         poor: list[Parameter] = [
             n
@@ -166,8 +171,8 @@ def choose_law(
         known.update({n: scenario[n] for n in poor})
         chosen = replace(chosen, fixed=known, free=tuple(n for n in chosen.free if n not in poor))
         solution = fit_free(chosen, known, span_N, 20, 1e-4)
-    judge = replace(search.judge, model=chosen.model)
-    return ChosenLaw(task=chosen, solution=solution, candidates=candidates, train=best.task, judge=judge)
+    judge = search.judge and replace(search.judge, model=chosen.model)
+    return ChosenLaw(task=chosen, solution=solution, candidates=candidates, judge=judge)
 
 
 def _add_constants(search: _Search, offered: Sequence[Parameter]) -> None:
@@ -182,8 +187,8 @@ def _add_constants(search: _Search, offered: Sequence[Parameter]) -> None:
 
 def _try_speed_term(search: _Search, extra: Parameter) -> None:
     best, found = search.best, search.attempt_with(extra)
-    before, after = best.validation.robust_rms_N, found.validation.robust_rms_N
-    fits_better = TUNED.worth_a_speed_term * found.fit.robust_rms_N < best.fit.robust_rms_N
+    before, after = best.validation.robust_rms, found.validation.robust_rms
+    fits_better = TUNED.worth_a_speed_term * found.fit.robust_rms < best.fit.robust_rms
     better = TUNED.worth_a_speed_term * after < before or (fits_better and TUNED.slightly * after < before)
     if better and _is_plausible(found, extra):
         search.best = found

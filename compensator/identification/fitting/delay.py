@@ -7,21 +7,36 @@ import numpy as np
 
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.dynamic import CoarseFit, fit_coarse
-from tendonff.compensator.identification.fitting.residuals import gauss_newton_step
 from tendonff.compensator.identification.fitting.uncertainty import slopes_over_all
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Piece, Record
 from tendonff.compensator.identification.parameters import Parameter
 from tendonff.models.parameters import Transmission
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.fits.least_squares import gauss_newton_step
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Delay:
-    """How much later the output is read than the input."""
+    """How much later the output is read than the input.
+
+    Parameters
+    ----------
+    seconds, error_s : float
+        Delay and its standard error.
+    identified : bool
+        Beyond doubt, and more than a sampling step: it was taken out.
+    """
 
     seconds: float
     error_s: float
-    told: bool  # beyond doubt, and more than a sampling step: it was taken out
+    identified: bool
+
+
+def most_delay_s(records: Sequence[Record]) -> float:
+    """Longest delay that a logger is believed [s]."""
+    longest = max(float(np.ptp(p.time_s)) for r in records for p in r.pieces)
+    return min(TUNED.most_delay_s, TUNED.most_delay_share * longest)
 
 
 def align(
@@ -31,20 +46,24 @@ def align(
 
     A delay looks like viscous friction and hides adhesion, so it is found before the law is chosen.
     """
-    step = max(r.step_s for r in records)
+    step, most = max(r.step_s for r in records), most_delay_s(records)
     found, shifted, total = coarse, tuple(records), 0.0
     seconds, error = at_first = _left_in(coarse)
     for _ in range(TUNED.rounds + 1):
-        if not abs(seconds) > step:
+        if not step < abs(seconds) or not abs(total + seconds) <= most:
             break
         total += seconds
         shifted = tuple(earlier(r, total) for r in records)
         found = fit_coarse(shifted, transmission, found.task.complete(found.solution.values), several=False)
         seconds, error = _left_in(found)
-    if abs(total) > max(TUNED.very_sure * error, step) and found.percent < coarse.percent:
-        return Delay(seconds=total + seconds, error_s=error, told=True), found, shifted
+    if (
+        abs(total) > max(TUNED.very_sure * error, step)
+        and abs(total + seconds) <= most
+        and found.percent < coarse.percent
+    ):
+        return Delay(seconds=total + seconds, error_s=error, identified=True), found, shifted
     seconds, error = at_first
-    return Delay(seconds=seconds, error_s=error, told=False), coarse, tuple(records)
+    return Delay(seconds=seconds, error_s=error, identified=False), coarse, tuple(records)
 
 
 def earlier(record: Record, seconds: float) -> Record:
@@ -81,6 +100,8 @@ def _left_in(fit: CoarseFit) -> tuple[float, float]:
             rate = np.gradient(far, step)[run.good] / task.elongation_unit_m
             rates.append(rate - rate.mean())
     slopes = np.column_stack([found.slopes, np.concatenate(rates)])
+    if not np.isfinite(slopes).all() or not np.ptp(slopes[:, -1]) > 0:
+        raise SolveError("the delay of the output cannot be identified: the first fit does not move")
     seconds = float(gauss_newton_step(found.values, slopes)[-1])
     weight = 1 / np.sqrt(1 + found.values**2)
     scale = np.maximum(np.sqrt((slopes**2).sum(axis=0)), 1e-300)

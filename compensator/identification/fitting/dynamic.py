@@ -135,7 +135,7 @@ def fit_coarse(
     ]
     first = min((fit_free(task, at, span_N, 5, 1e-3) for at in starts), key=lambda s: s.cost)
     solution = fit_free(task, task.complete(first.values), span_N, 10, 1e-3)
-    percent = 100 * task.rms_of_chain(task.complete(solution.values)).robust_rms_N / span
+    percent = 100 * task.error_at(task.complete(solution.values)).robust_rms / span
     return CoarseFit(task=task, solution=solution, percent=percent)
 
 
@@ -150,7 +150,7 @@ def fit_dynamic(
 ) -> DynamicFit:
     """Choose the law, then fit the chain at its presliding level, from coarse to fine.
 
-    The files of `validation` judge the laws, or without them the last third of the fitted ones. With `biases` the input
+    The files of `validation` judge the laws, or without them parts of the fitted ones in turn. With `biases` the input
     cell's bias may be free, with `offsets` the output cell may have an offset that the files tell.
     """
     task = coarse.task.continued(coarse.solution)

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.compensator.identification.constants import TUNED
-from tendonff.compensator.identification.fitting.chain_law import ChainCandidate, ChosenLaw
+from tendonff.compensator.identification.fitting.chain_law import ChosenLaw, candidate
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.smoothing import low_pass_piece
@@ -310,17 +310,11 @@ def _renamed(law: ChosenLaw, task: ChainResiduals, solution: Solution) -> Chosen
         return law
     name = "symmetric with presliding" if task.model.symmetric else "asymmetric with presliding"
     name += "".join(f", {extra.spec.effect}" for extra in PARAMETERS if extra.spec.effect and extra in task.free)
-    full = task.complete(solution.values)
-    train, judge = (
-        replace(part, model=replace(part.model, symmetric=task.model.symmetric)) for part in (law.train, law.judge)
-    )
-    own = ChainCandidate(
-        name=name,
-        task=task,
-        solution=solution,
-        fit=train.rms_of_chain(full),
-        validation=judge.rms_of_chain(full),
-        chosen=True,
-    )
+    judge = law.judge and replace(law.judge, model=replace(law.judge.model, symmetric=task.model.symmetric))
+    quick = replace(law.task, model=replace(law.task.model, symmetric=task.model.symmetric), free=task.free)
+    values = task.complete(solution.values)
+    quick = replace(quick, fixed=values)
+    found = quick.evaluate({name: values[D(name)] for name in solution.values})
+    own = replace(candidate(name, quick, replace(solution, residuals=found), judge), chosen=True)
     others = [replace(one, chosen=False) for one in law.candidates if one.name != name]
     return replace(law, candidates=(*others, own), judge=judge)

@@ -10,6 +10,14 @@ from scipy.signal import correlate
 
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.errors import centred, explained
+from tendonff.compensator.identification.fitting.judging import (
+    FAILED,
+    Folds,
+    OutputError,
+    error_of,
+    folds_of,
+    values_without,
+)
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import SHORT_GAP_ROWS, Piece, Record
 from tendonff.compensator.identification.measured.smoothing import low_pass_piece
@@ -22,9 +30,6 @@ from tendonff.ocp.fits.least_squares import Residuals, Solution
 _T = TypeVar("_T", np.float64, np.int_)
 
 FAILED_RESIDUAL = 1e3
-
-TRAINING_SHARE = 0.65
-"""Without validation files the law is fitted to this share of each piece and judged on the rest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,14 +112,6 @@ def fit_pieces(records: Sequence[Record], explain: Explain = Explain.OUTPUT) -> 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OutputError:
-    """Error of a predicted output over some rows."""
-
-    rms_N: float
-    robust_rms_N: float  # with large deviations counted linearly
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ChainResiduals:
     """Residuals of a chain model over pieces, in given units."""
 
@@ -169,37 +166,39 @@ class ChainResiduals:
         differences, slopes, blocks = (np.concatenate(column) for column in zip(*parts, strict=True))
         return Residuals(values=differences, slopes=slopes, blocks=blocks.astype(np.int64))
 
-    def split(self, validation: Sequence[FitPiece]) -> tuple["ChainResiduals", "ChainResiduals"]:
-        """A task to fit and one to judge: on `validation`, or on the last part of each piece."""
-        if validation:
-            return self, replace(self, pieces=validation)
-        early, late = [], []
-        for run in self.pieces:
-            usable = np.flatnonzero(run.good)
-            border = usable[int(TRAINING_SHARE * (len(usable) - 1))] if usable.size else 0
-            rows = np.arange(len(run.good))
-            early.append(replace(run, good=run.good & (rows <= border)))
-            late.append(replace(run, good=run.good & (rows > border)))
-        return replace(self, pieces=early), replace(self, pieces=late)
+    def folds(self) -> list[Folds]:
+        """Held-out part of every fitted row of the explained channel, piece by piece."""
+        return folds_of([(run.record.name, run.piece.time_s[:: run.thin][run.good]) for run in self.pieces])
 
-    def rms_of_chain(self, full: Mapping[Parameter, float]) -> "OutputError":
-        """Error of the chain's output."""
-        return self.rms_of(lambda run: run.predicted(self.model.predict(full, run.drive))[0])
+    def held_out(self, solution: Solution) -> OutputError:
+        """Error of the chain on parts that it was not fitted to, in turn."""
+        folds = self.folds()
+        rows = [
+            np.concatenate([f, f] if run.with_elongation else [f]) for run, f in zip(self.pieces, folds, strict=True)
+        ]
+        without = {
+            fold: self.complete(values) for fold, values in values_without(solution, np.concatenate(rows)).items()
+        }
+        return self.error(lambda run, fold: self.predicted(without[fold], run), folds)
 
-    def rms_of(self, predict: Callable[[FitPiece], Array]) -> "OutputError":
-        """Error of a prediction of the output over the fitted rows: one measure for all laws."""
-        total, squares, rows = 0.0, 0.0, 0
-        for run in self.pieces:
+    def predicted(self, full: Mapping[Parameter, float], run: FitPiece) -> Array:
+        """The explained channel by the chain."""
+        return run.predicted(self.model.predict(full, run.drive))[0]
+
+    def error_at(self, full: Mapping[Parameter, float]) -> OutputError:
+        """Error of the chain at given values."""
+        return self.error(lambda run, _: self.predicted(full, run))
+
+    def error(self, predict: Callable[[FitPiece, int], Array], folds: Sequence[Folds] | None = None) -> OutputError:
+        """Error of a prediction over the fitted rows, which may differ from part to part: one measure for all laws."""
+        parts = []
+        for number, run in enumerate(self.pieces):
+            own = np.zeros(int(run.good.sum()), dtype=np.int64) if folds is None else folds[number]
             try:
-                found = predict(run)
+                parts += [run.off(predict(run, fold))[own == fold] for fold in np.unique(own).tolist()]
             except SolveError:
-                return OutputError(rms_N=float("inf"), robust_rms_N=float("inf"))
-            off = run.off(found) / self.output_unit
-            total += float(np.sum(2 * (np.sqrt(1 + off**2) - 1)))
-            squares += float(np.sum(off**2))
-            rows += len(off)
-        robust, plain = (self.output_unit * float(np.sqrt(x / max(rows, 1))) for x in (total, squares))
-        return OutputError(rms_N=plain, robust_rms_N=robust)
+                return FAILED
+        return error_of(parts, self.output_unit)
 
     def independent_rows(self, residuals: Residuals) -> float:
         """Rows of the output that are independent of each other, by the residuals' autocorrelation."""
@@ -242,11 +241,3 @@ def spans_of(pieces: Sequence[FitPiece]) -> tuple[float, float]:
     output = max(r.measured.max() for r in pieces) - min(r.measured.min() for r in pieces)
     travel = max((float(np.ptp(r.piece.elongation_m())) for r in pieces if r.with_elongation), default=1.0)
     return max(float(output), 1e-15), max(travel, 1e-15)
-
-
-def gauss_newton_step(residuals: Array, slopes: Array) -> Array:
-    """Change of the values that the residuals ask for, large ones counted linearly, shape (k,)."""
-    weight = 1 / np.sqrt(1 + residuals**2)
-    scale = np.maximum(np.sqrt((slopes**2).sum(axis=0)), 1e-300)
-    scaled = slopes / scale
-    return np.asarray(-np.linalg.lstsq(np.sqrt(weight)[:, None] * scaled, np.sqrt(weight) * residuals)[0] / scale)

@@ -1,12 +1,19 @@
 """Stage (a): static friction, adhesion and the cells' bias, and which of the laws the data supports."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.errors import Prediction, explained, span_of
+from tendonff.compensator.identification.fitting.judging import (
+    Folds,
+    OutputError,
+    error_of,
+    folds_of,
+    values_without,
+)
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import Piece, Record
 from tendonff.compensator.scenario.measurement import Explain
@@ -53,6 +60,18 @@ class StaticFit:
     solution: Solution
     unit_N: float  # of the solution's residuals
     middle_m: float  # middle of the input end's travel in the fitted records, where the guide's force is zero
+    # all values by a fit without each of the held-out parts
+    without: Mapping[int, dict[StaticParameter, float]] = field(default_factory=dict)
+
+    def held_out(self, records: Sequence[Record]) -> OutputError:
+        """Error on parts of the fitted records that each was not fitted to, in turn."""
+        runs = list(_runs(records, self.explain))
+        parts = []
+        for run, folds in zip(runs, _folds(runs), strict=True):
+            for fold in np.unique(folds).tolist():
+                found = respond(self.without[fold], run.piece, self.explain, self.middle_m, run.thin).prediction_N
+                parts.append((found - run.wanted)[run.good][folds == fold])
+        return error_of(parts, self.unit_N)
 
     def stands_out(self, bias: StaticParameter) -> bool:
         """A bias that was fitted differs from zero beyond its doubt; with presliding there is no more to doubt."""
@@ -69,6 +88,7 @@ class StaticFit:
 class _Run:
     """A piece, thinned to what the low-pass leaves, with its explained channel."""
 
+    name: str  # of the file
     piece: Piece
     thin: int
     wanted: Array
@@ -116,7 +136,13 @@ def _runs(records: Sequence[Record], explain: Explain) -> Iterator[_Run]:
         # Ten samples in the cut-off's period: a low-passed channel holds no more.
         thin = max(1, int(1 / (10 * record.cutoff_Hz * record.step_s)))
         for piece in record.pieces:
-            yield _Run(piece=piece, thin=thin, wanted=explained(piece, explain)[::thin], good=piece.good[::thin])
+            yield _Run(
+                name=record.name,
+                piece=piece,
+                thin=thin,
+                wanted=explained(piece, explain)[::thin],
+                good=piece.good[::thin],
+            )
 
 
 def fit_static(
@@ -169,7 +195,21 @@ def _fit(
     )
     solution = solve(evaluate, first, most=most)
     values = complete(solution.values, model)
-    return StaticFit(model=model, explain=explain, values=values, solution=solution, unit_N=unit, middle_m=middle)
+    without = values_without(solution, np.concatenate(_folds(runs)))
+    return StaticFit(
+        model=model,
+        explain=explain,
+        values=values,
+        solution=solution,
+        unit_N=unit,
+        middle_m=middle,
+        without={fold: complete(some, model) for fold, some in without.items()},
+    )
+
+
+def _folds(runs: Sequence[_Run]) -> list[Folds]:
+    """Held-out part of every fitted row, run by run."""
+    return folds_of([(run.name, run.piece.time_s[:: run.thin][run.good]) for run in runs])
 
 
 def block_numbers(clocks_s: Sequence[Array], seconds: float) -> Blocks:

@@ -9,12 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.compensator.identification.constants import TUNED
-from tendonff.compensator.identification.fitting.residuals import ChainResiduals, gauss_newton_step
+from tendonff.compensator.identification.fitting.residuals import ChainResiduals
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record
 from tendonff.compensator.identification.parameters import Parameter
 from tendonff.models.path import Section
-from tendonff.ocp.fits.least_squares import Residuals, Solution, block_covariance
+from tendonff.ocp.fits.least_squares import Residuals, Solution, block_covariance, gauss_newton_step
 
 D = Parameter
 

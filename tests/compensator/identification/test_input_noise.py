@@ -13,8 +13,8 @@ from tendonff.compensator.identification.fitting.residuals import ChainResiduals
 from tendonff.compensator.identification.fitting.uncertainty import slopes_over_all, with_other_laws
 from tendonff.compensator.identification.measured.cleaning import clean
 from tendonff.compensator.identification.measured.reading import read_measurement
-from tendonff.compensator.identification.parameters import Parameter as D
 from tendonff.compensator.identification.parameters import CORE, ParametricChain
+from tendonff.compensator.identification.parameters import Parameter as D
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
