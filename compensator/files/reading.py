@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tendonff.compensator.files.dialect import Dialect, is_comment
 from tendonff.compensator.files.tables import is_packed, read_table, table_dialect
-from tendonff.compensator.files.text import InputError, open_text, read_text, suggestion, user_text
+from tendonff.compensator.files.text import InputError, encoding_of, open_text, read_text, suggestion, user_text
 
 __all__ = ["FloatArray", "InputError", "nearest_column", "open_text", "read_csv", "read_text", "suggestion"]
 
@@ -127,7 +127,7 @@ def _parse(path: Path, dialect: Dialect, wanted: Sequence[str]) -> dict[str, Flo
                 skip_blank_lines=False,
                 keep_default_na=False,
                 na_values=[],
-                encoding="utf-8-sig",
+                encoding=encoding_of(path),
                 engine="c",
             )
     except (ValueError, OverflowError, EOFError, zlib.error, pd.errors.ParserWarning, pd.errors.EmptyDataError):

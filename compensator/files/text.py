@@ -1,5 +1,6 @@
 """Text files of the user, and the error that every bad input becomes."""
 
+import codecs
 import gzip
 import zlib
 from collections.abc import Iterator, Sequence
@@ -9,6 +10,8 @@ from pathlib import Path
 from typing import IO, cast
 
 from tendonff.models.errors import TendonffError
+
+_BLOCK = 1 << 20
 
 
 class InputError(TendonffError, ValueError):
@@ -23,38 +26,62 @@ def suggestion(name: str, valid: Sequence[str]) -> str:
     return f"; known: {', '.join(valid)}"
 
 
-def open_text(path: Path) -> IO[str]:
+def encoding_of(path: Path) -> str:
+    """Encoding of a text: UTF-16 by its first bytes, UTF-8, or else Windows' western one (cp1252)."""
+    decoder = codecs.getincrementaldecoder("utf-8")()
+    with _opened(path) as stream:
+        block = stream.read(_BLOCK)
+        if block.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            return "utf-16"
+        try:
+            while block:
+                decoder.decode(block)
+                block = stream.read(_BLOCK)
+            decoder.decode(b"", final=True)
+        except UnicodeDecodeError:
+            return "cp1252"
+    return "utf-8-sig"
+
+
+def _opened(path: Path) -> IO[bytes]:
+    return cast("IO[bytes]", gzip.open(path, "rb")) if path.suffix.lower() == ".gz" else path.open("rb")
+
+
+def open_text(path: Path, encoding: str = "utf-8-sig") -> IO[str]:
     """Open a user's text file, packed or not, turning what can go wrong into an InputError."""
     if path.is_dir():
         raise InputError(f"{path} is a folder, not a file")
     try:
         if path.suffix.lower() == ".gz":
-            return cast("IO[str]", gzip.open(path, "rt", encoding="utf-8-sig", newline=""))
-        return path.open(encoding="utf-8-sig", newline="")
+            return cast("IO[str]", gzip.open(path, "rt", encoding=encoding, newline=""))
+        return path.open(encoding=encoding, newline="")
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         raise InputError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from None
 
 
-READABLE = "text with a header (separated by commas, semicolons, tabs; also .gz), .xlsx, .parquet, .mat"
-
-
 @contextmanager
-def user_text(path: Path, way_out: str = f"save it as UTF-8; what can be read: {READABLE}") -> Iterator[IO[str]]:
-    """A user's text file while it is read; what goes wrong on the way becomes an InputError too."""
-    with open_text(path) as stream:
-        try:
+def user_text(path: Path, encoding: str = "") -> Iterator[IO[str]]:
+    """A user's text file while it is read, in the encoding that it is found to have unless one is given.
+
+    What goes wrong on the way becomes an InputError too.
+    """
+    way_out = "save it as UTF-8; what can be read: text with a header, and what the manual lists under formats"
+    try:
+        if not encoding and path.is_file():
+            encoding = encoding_of(path)
+        with open_text(path, encoding or "utf-8-sig") as stream:
             yield stream
-        except UnicodeDecodeError:
-            raise InputError(f"{path.name} is not UTF-8 text; {way_out}") from None
-        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-            raise InputError(f"{path.name} cannot be unpacked ({error}); {way_out}") from None
-        except OSError as error:
-            raise InputError(f"{path.name} cannot be read: {error.strerror or error}") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path.name} is not UTF-8 text; {way_out}") from None
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise InputError(f"{path.name} cannot be unpacked ({error}); {way_out}") from None
+    except OSError as error:
+        raise InputError(f"{path.name} cannot be read: {error.strerror or error}") from None
 
 
 def read_text(path: Path) -> str:
     """Whole text of a user's UTF-8 file."""
-    with user_text(path, "save it as UTF-8") as stream:
+    with user_text(path, "utf-8-sig") as stream:
         return stream.read()
