@@ -28,6 +28,8 @@ class Tuned:
         Held-out parts of the record, in turn (rule).
     bristle_starts, mu_starts : tuple of float
         Starts of the first fit, as factors of the scenario's values (rigs).
+    bristle_factor, bristle_factors : float
+        Stiffnesses that are tried for a lower bound: so many, each smaller by the factor (method).
     exponent_starts : tuple of float
         Starts of the static laws' mu theta (rigs).
     most_exponent : float
@@ -114,6 +116,8 @@ class Tuned:
     folds: int = 5
     bristle_starts: tuple[float, ...] = (0.1, 1.0, 10.0)
     mu_starts: tuple[float, ...] = (0.4, 1.0, 2.0)
+    bristle_factor: float = 2.0
+    bristle_factors: int = 14
     exponent_starts: tuple[float, ...] = (0.02, 0.1, 0.3, 0.6, 1.2, 2.5, 4.0)
     most_exponent: float = 8.0
     least_spread: float = 1e-3

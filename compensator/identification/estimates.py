@@ -14,7 +14,7 @@ from tendonff.compensator.identification.fitting.tendon import longest_hold_s
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record, mean_pose
 from tendonff.compensator.identification.parameters import BIASES, PARAMETERS, TENDON, Parameter
-from tendonff.compensator.identification.result import Estimate, is_known
+from tendonff.compensator.identification.result import EXPONENTS, Estimate, is_known
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import ExponentLine, exponent_lines
@@ -26,7 +26,6 @@ LOAD_TERMS = (P.PULL, P.RELEASE, P.ADHESION)
 BY_STATIC = {p.spec.static: p for p in PARAMETERS if p.spec.static is not None}
 """What the static laws call these values."""
 
-EXPONENTS = {"mu_dynamic": "mu_theta", "mu_dynamic_release": "mu_theta_release"}
 
 NOT_FITTED = "not fitted: --static"
 
@@ -277,6 +276,8 @@ def _dynamic(rig: _Rig, fit: DynamicFit) -> list[Estimate]:
             size = abs(fit.values[parameter])
             expected = fit.expected.get(parameter, float("inf"))
             why = rig.reason(parameter, expected / size if size > 0 else None)
+            if parameter in fit.bounded:
+                why = f"lower bound: everything above explains these files as well; {parameter.spec.advice}"
             if parameter is not D.STATIC_EXCESS:
                 estimates.append(rig.kept(parameter, fit.values[parameter], why))
             else:

@@ -4,7 +4,7 @@ from dataclasses import fields
 from pathlib import Path
 from shlex import quote
 
-from tendonff.compensator.identification.result import Estimate, IdentificationData
+from tendonff.compensator.identification.result import RULE, Estimate, IdentificationData, headline, missing
 from tendonff.compensator.reporting.page import Block, FileNote, PictureFile, Provenance, Report, Section, Table, Text
 from tendonff.compensator.scenario.measurement import Measurement
 
@@ -16,15 +16,18 @@ _CAPTIONS = {
 }
 
 
+_PLAIN = {
+    "torque_constant_N_m_per_A": "--torque-constant",
+    "drum_radius_m": "--drum-radius",
+    "gear_ratio": "--gear-ratio",
+    "cutoff_Hz": "--cutoff",
+    "skip_s": "--skip",
+}
+"""Options that are a number."""
+
+
 def identification_report(found: IdentificationData, folder: Path) -> Report:
     """The page of an identification whose figures lie in `folder`."""
-    validated = found.validation_percent
-    judged = "" if validated is None else f", and {validated:.2g} % on validation files"
-    verdict = (
-        f"The device is described by the law “{found.law}”: RMS error {found.fit_percent:.2g} % of range{judged}."
-        if found.described
-        else f"No law describes the device. The best, “{found.law}”, leaves {found.fit_percent:.2g} % of range{judged}."
-    )
     estimates = Table(
         caption=(
             "Estimates; not identifiable: the scenario's value, or what the law takes for it; doubtful: fitted with "
@@ -37,8 +40,8 @@ def identification_report(found: IdentificationData, folder: Path) -> Report:
         digits=4,
     )
     laws = Table(
-        caption="Laws that were compared, RMS error in % of range",
-        columns=("law", "stage", "free values", "fitted files", "validation files", "chosen"),
+        caption=f"Laws that were compared, RMS error in % of range; chosen: {RULE}",
+        columns=("law", "stage", "free values", "fitted files", "held-out data", "chosen"),
         rows=[(w.name, w.stage, w.free_values, w.fit_percent, w.validation_percent, w.chosen) for w in found.laws],
     )
     files = Table(
@@ -93,7 +96,7 @@ def identification_report(found: IdentificationData, folder: Path) -> Report:
     static = "" if any(law.stage == "dynamic" for law in found.laws) else " --static"
     return Report(
         title=f"Identification: {found.scenario.name}",
-        summary=verdict,
+        summary=". ".join(filter(None, (headline(found), missing(found)))),
         warnings=found.warnings,
         sections=tuple(
             section
@@ -134,10 +137,10 @@ def _options(how: Measurement) -> str:
             words.append(f"--offset {name.removesuffix('_offset_N')}={value:g}")
         elif name == "tare_s":
             words.append(f"--tare {value[0]:g}:{value[1]:g}")
-        elif name == "cutoff_Hz":
-            words.append(f"--cutoff {value:g}")
-        elif name == "skip_s":
-            words.append(f"--skip {value:g}")
+        elif name == "columns":
+            words.append(f"--columns {quote(','.join(value))}")
+        elif name in _PLAIN:
+            words.append(f"{_PLAIN[name]} {value:g}")
         elif name == "explain":
             words.append(f"--explain {value}")
     return "".join(f" {word}" for word in words)

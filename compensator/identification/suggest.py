@@ -44,19 +44,17 @@ class Excitation:
     time_s: Array
     force_N: Array
     parts: tuple[str, ...]  # what each part is for, with its start
-    # expected_percent, before_percent: error of a design that the noise of the cells would leave, with this excitation
-    # and with that of version 0.1.0 [% of the reference's range]; None where no reference was there to tell
+    # error of a design that the noise of the cells would leave [% of the reference's range]; None without a reference
     expected_percent: float | None = None
-    before_percent: float | None = None
 
     @property
     def gain(self) -> str:
         """What it is worth, in a sentence; empty where nothing tells."""
-        if self.expected_percent is None or self.before_percent is None:
+        if self.expected_percent is None:
             return ""
         return (
             f"noise of {100 * NOISE_SHARE:g} % of range on the cells would leave an error of "
-            f"{self.expected_percent:.2g} % in a design, {self.before_percent:.2g} % with the excitation of 0.1.0"
+            f"{self.expected_percent:.2g} % in a design"
         )
 
 
@@ -116,7 +114,7 @@ PLANS = (
         for sweep_s in (6.0, 14.0)
     ),
 )
-"""Those that are tried; the first is the one of version 0.1.0, which the others must not outlast."""
+"""Those that are tried; the first is the longest that is suggested."""
 
 
 def suggest(scenario: Scenario) -> Excitation:
@@ -137,7 +135,7 @@ def suggest(scenario: Scenario) -> Excitation:
         return first
     information = _Information(scenario, *wanted)
     best, least = first, information.expected_percent(first.force_N)
-    before, lowest = least, _lowest_N(scenario, wanted[0])
+    lowest = _lowest_N(scenario, wanted[0])
     for plan in PLANS[1:]:
         tried = draw_plan(scenario, plan, lowest, start)
         if tried.time_s[-1] > first.time_s[-1]:
@@ -145,7 +143,7 @@ def suggest(scenario: Scenario) -> Excitation:
         expected = information.expected_percent(tried.force_N)
         if expected < least:
             best, least = tried, expected
-    return replace(best, expected_percent=least, before_percent=before)
+    return replace(best, expected_percent=least)
 
 
 def _start_N(scenario: Scenario) -> float | None:

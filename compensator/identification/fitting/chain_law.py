@@ -155,7 +155,7 @@ def choose_law(
     best = search.best
     chosen = replace(task, model=best.task.model, free=best.task.free, fixed=best.values)
     candidates = tuple(replace(law, chosen=law.name == best.name) for law in search.candidates)
-    solution = best.solution
+    solution = fit_free(chosen, chosen.fixed, span_N, 20, 1e-4)
     for _ in range(2):
         poor: list[Parameter] = [
             n

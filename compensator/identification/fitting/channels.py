@@ -17,8 +17,8 @@ PLAY = StaticModel(name="play", asymmetric=True)
 SHIFTS_S = (-0.08, -0.04, -0.02, -0.01, 0.01, 0.02)
 """Delays of the output that could look like exchanged columns."""
 
-OPPOSED, HALF = -0.5, 0.5
-"""Correlation of channels of opposite sign; share of the error from which on another reading is the better one."""
+ALIKE, HALF = 0.5, 0.5
+"""Correlation of the two ends of a tendon; share of the error from which on another reading is the better one."""
 
 GAIN_OFF, PROPORTIONAL_PERCENT = 0.02, 3.0
 """A gain that differs by so much from 1, and error of a proportional channel in % of its range."""
@@ -29,12 +29,12 @@ def check_channels(records: Sequence[Record], how: Measurement) -> None:
     near, far = (np.concatenate([r.joined(name) for r in records]) for name in ("input_N", "output_N"))
     correlation = float(np.corrcoef(near, far)[0, 1])
     files = ", ".join(r.name for r in records)
-    if correlation < OPPOSED:
+    if correlation < -ALIKE and float(near.mean() * far.mean()) < 0:
         raise InputError(
             f"{files}: {how.output_column} falls where {how.input_column} rises (correlation {correlation:.2f}): the "
             "sign of one is reversed; --scale output=-1 or --scale input=-1"
         )
-    if how.explain is Explain.INPUT or any(r.signed for r in records):
+    if correlation < ALIKE or how.explain is Explain.INPUT or any(r.signed for r in records):
         return
     own = percent_of(fit_static(records, PLAY, Explain.OUTPUT, most=15), records)
     _check_proportional(files, near, far, how, own)

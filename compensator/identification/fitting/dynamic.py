@@ -75,6 +75,7 @@ class DynamicFit(ChainLaw):
     # by how much more of the wrap angle the nearer half of the path seems to carry than half [-]; 0: even
     concentration: float = 0.0
     caution: str = ""  # what could not be done about the input's noise, and what that means; empty where it was
+    bounded: frozenset[Parameter] = frozenset()  # at the least value that the data allow, without an upper limit
 
 
 def _tension_N(pieces: Sequence[FitPiece]) -> Array:
@@ -164,6 +165,7 @@ def fit_dynamic(
     )
     task = replace(law.task.continued(law.solution), model=fine)
     solution = fit_free(task, task.fixed, span_N, 8, 1e-5)
+    task, solution, bounded = with_lower_bound(task, solution, span_N)
     say("dynamic stage: noise on the input")
     law, task, solution, caution = look_again(law, task, solution, offsets=offsets)
     say("dynamic stage: uncertainty")
@@ -185,4 +187,31 @@ def fit_dynamic(
         files=files,
         concentration=concentration,
         caution=caution,
+        bounded=bounded,
     )
+
+
+def with_lower_bound(
+    task: ChainResiduals, solution: Solution, span_N: float
+) -> tuple[ChainResiduals, Solution, frozenset[Parameter]]:
+    """The bristle at the least stiffness that the data allow, where they set no upper limit; and whether it is there.
+
+    The more compliant of two bristles that explain the data alike is the one whose inverse asks for less.
+    """
+    size = solution.values.get(D.BRISTLE, 0.0)
+    if D.BRISTLE not in task.free or (
+        solution.standard_error(D.BRISTLE) < TUNED.identifiable_share * size and D.BRISTLE not in solution.at_bound
+    ):
+        return task, solution, frozenset()
+    model = replace(task.model, count=TUNED.coarse_masses, longest_step_s=TUNED.coarse_step_s)
+    quick, at = replace(task, model=model), task.complete(solution.values)
+    rows = task.independent_rows(solution.residuals)
+    tried = [size * TUNED.bristle_factor**k for k in (2, *range(0, -TUNED.bristle_factors, -1))]
+    errors = [quick.error_at({**at, D.BRISTLE: stiffness}).robust_rms for stiffness in tried]
+    allowed = [2 * rows * np.log(max(error / min(errors), 1.0)) < TUNED.very_sure for error in errors]
+    if not allowed[0]:
+        return task, solution, frozenset()
+    insensitive = all(allowed)
+    least = task.model.values()[D.BRISTLE] if insensitive else tried[max(allowed.index(False) - 1, 1)]
+    held = replace(task, free=tuple(n for n in task.free if n is not D.BRISTLE), fixed={**at, D.BRISTLE: least})
+    return held, fit_free(held, held.fixed, span_N, 5, 1e-5), frozenset(() if insensitive else (D.BRISTLE,))

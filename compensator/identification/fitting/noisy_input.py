@@ -96,6 +96,8 @@ def _step(task: ChainResiduals, solution: Solution, *, signed: bool) -> tuple[Ar
         wanted -= rows.by_values.T @ (weight * rows.residuals) + told[:, :-1].T @ solved[:, -1]
         eliminated.append((rows, weight, solved))
     scale = np.sqrt(np.diag(normal))
+    if not np.all(scale > 0):
+        raise SolveError("the residuals are insensitive to one of the values")
     inverse = np.linalg.inv(normal / np.outer(scale, scale)) / np.outer(scale, scale)
     step = _feasible(normal, wanted, inverse @ wanted, _least(solution, signed=signed))
     for rows, weight, solved in eliminated:

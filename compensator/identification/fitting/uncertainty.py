@@ -51,6 +51,8 @@ def with_other_laws(
     independent = task.independent_rows(found)
     own_step, own_size = _newton(found, free)
     own, _ = block_covariance(replace(found, slopes=found.slopes[:, free]), robust=True)
+    if not np.isfinite(own).all():  # nothing to add to what is not known
+        return solution, 0.0
     moves, spreads, evidence = [np.zeros(len(free))], [own], [0.0]
     others: list[tuple[Parameter | None, Residuals, int]] = [
         (extra, found, names.index(extra)) for extra in ALTERNATIVES if names.index(extra) not in free

@@ -131,7 +131,7 @@ def test_simulating_the_fitted_scenario_again_gives_the_error_that_is_printed(fo
     found.write(tmp_path / "out")
     fitted = load_scenario(tmp_path / "out" / "fitted.toml")
     assert found.replay_percent == pytest.approx(found.fit_percent, rel=1e-3)
-    assert any(f"fitted.toml, simulated again: error {found.replay_percent:.2f} %" in s for s in summary_lines(found))
+    assert any(f"fitted.toml, read back: RMS error {found.replay_percent:.2f} %" in s for s in summary_lines(found))
     model = ParametricChain(
         transmission=fitted.transmission, level=fitted.run.level, count=fitted.transmission.path.segments
     )
@@ -171,17 +171,16 @@ def test_laws_are_compared_on_the_same_rows_and_range(laws_compared):
     """Each error again, by hand: the same rows of the same low-passed output, in percent of its range in all files."""
     (stage, chain, records), laws = laws_compared
     output = np.concatenate([r.joined("output_N") for r in records])
-    train = chain.law.train
     for law, fit in zip(laws, stage.tried, strict=False):
         off = []
-        for run in train.pieces:
+        for run in chain.law.task.pieces:
             play = respond(fit.values, run.piece, Explain.OUTPUT, fit.middle_m).prediction_N
             smooth = low_pass_piece(play, run.record.step_s, run.record.cutoff_Hz)
             off.append((smooth - run.piece.output_N)[:: run.thin][run.good])
         assert law.fit_percent == pytest.approx(100 * rms(np.concatenate(off)) / np.ptp(output))
     assert len(laws) == len(stage.tried) + len(chain.law.candidates)
     for law, candidate in zip(laws[len(stage.tried) :], chain.law.candidates, strict=True):
-        assert law.fit_percent == pytest.approx(100 * candidate.fit.rms_N / np.ptp(output))
+        assert law.fit_percent == pytest.approx(100 * candidate.fit.rms / np.ptp(output))
 
 
 def test_a_path_that_is_not_even_widens_the_stiffness_and_is_named(nominal, truth, tmp_path):
