@@ -3,9 +3,11 @@
 The scenario takes every value of the law that was fitted; what simulating it again leaves is told as well.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.delay import earlier
 from tendonff.compensator.identification.fitting.dynamic import ChainLaw, DynamicFit
 from tendonff.compensator.identification.fitting.errors import (
@@ -24,7 +26,7 @@ from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record, clean, mean_pose
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.parameters import Parameter, ParametricChain, put_into
-from tendonff.compensator.identification.result import CandidateLaw, FileResult, PieceComparison
+from tendonff.compensator.identification.result import CandidateLaw, FileResult, PieceComparison, is_known
 from tendonff.compensator.identification.study import Study
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
@@ -89,10 +91,19 @@ def compared(
         return tuple(laws)
     static_best = next(k for k, law in enumerate(stage.laws) if law.chosen)
     chain_best = next(k for k, law in enumerate(laws) if law.chosen)
-    if laws[static_best].validation_percent < laws[chain_best].validation_percent:
+    # Tensions alone show the bristle in the shape of the loops only, which other things shape as well.
+    error, stiffness = _bristle_error(chain), chain.values[D.BRISTLE]
+    sure = is_known(error, stiffness) or all(r.has_positions for r in records)
+    least = laws[chain_best].validation_percent * (1.0 if sure else TUNED.slightly)
+    if laws[static_best].validation_percent < least:
         laws[chain_best] = replace(laws[chain_best], chosen=False)
         laws[static_best] = replace(laws[static_best], chosen=True)
     return tuple(laws)
+
+
+def _bristle_error(chain: DynamicFit) -> float:
+    """Standard error of the bristle; infinite where it is not free."""
+    return chain.solution.standard_error(D.BRISTLE) if D.BRISTLE in chain.solution.values else math.inf
 
 
 def outcome_of(law: FittedLaw, records: Sequence[Record], judges: Sequence[Record]) -> Outcome:

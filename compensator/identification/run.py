@@ -33,6 +33,7 @@ from tendonff.compensator.identification.measured.reading import read_measuremen
 from tendonff.compensator.identification.outcome import Fitted, Outcome, carried_on, compared, outcome_of, with_coulomb
 from tendonff.compensator.identification.output import Identification
 from tendonff.compensator.identification.parameters import Parameter
+from tendonff.compensator.identification.spread import with_spread
 from tendonff.compensator.identification.study import Stage, Study, attempted
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
@@ -226,6 +227,7 @@ def _answer(study: Study) -> Identification:
         study.say("simulation of the fitted scenario")
         fitted = carried_on(study, law)
         uneven = messages.about_uneven_path(chain, scenario.transmission.path.total_angle_rad)
+        fitted = replace(fitted, scenario=with_spread(fitted.scenario, estimates, names, correlation))
         study = study.noted(*messages.about_fitted(fitted, records), uneven, "" if chain is None else chain.caution)
     of_drive = drive_estimate(scenario, study.raw)
     if of_drive is not None:
