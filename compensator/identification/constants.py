@@ -17,8 +17,9 @@ class Tuned:
         Masses of the chain while laws are compared, and at the end (method: discretisation error below 0.1 %).
     coarse_step_s, fine_step_s : float
         Longest steps of the same (method).
-    robust_share : float
-        Residuals beyond this share of the range count linearly (recordings: outliers).
+    robust_share, static_robust_share : float
+        Residuals of the chain, and of the static laws, beyond this share of the range count linearly (recordings:
+        outliers; the static laws leave presliding out).
     blocks, least_block_s, longest_block_s : float
         Rows are taken as independent by so many blocks, of such lengths (rigs: coverage; friction carries an error on
         until the next sweep).
@@ -28,8 +29,8 @@ class Tuned:
         Held-out parts of the record, in turn (rule).
     bristle_starts, mu_starts : tuple of float
         Starts of the first fit, as factors of the scenario's values (rigs).
-    bristle_factor, bristle_factors : float
-        Stiffnesses that are tried for a lower bound: so many, each smaller by the factor (method).
+    bristle_factor : float
+        Stiffnesses that are tried for a lower bound are smaller by this factor each (method).
     exponent_starts : tuple of float
         Starts of the static laws' mu theta (rigs).
     most_exponent : float
@@ -109,6 +110,7 @@ class Tuned:
     coarse_step_s: float = 2e-3
     fine_step_s: float = 1e-3
     robust_share: float = 0.02
+    static_robust_share: float = 0.03
     blocks: int = 20
     least_block_s: float = 0.1
     longest_block_s: float = 10.0
@@ -117,7 +119,6 @@ class Tuned:
     bristle_starts: tuple[float, ...] = (0.1, 1.0, 10.0)
     mu_starts: tuple[float, ...] = (0.4, 1.0, 2.0)
     bristle_factor: float = 2.0
-    bristle_factors: int = 14
     exponent_starts: tuple[float, ...] = (0.02, 0.1, 0.3, 0.6, 1.2, 2.5, 4.0)
     most_exponent: float = 8.0
     least_spread: float = 1e-3

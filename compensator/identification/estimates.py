@@ -113,7 +113,7 @@ class _Rig:
         if name in (D.STATIC_EXCESS, D.STRIBECK_VELOCITY):
             omega = transmission.friction.stribeck_velocity_m_per_s
             speed = f" (the input end moved at up to {now.speed_m_per_s:.2g} m/s)" if now.speed_m_per_s else ""
-            useless = "adding a Stribeck term does not reduce the validation error"
+            useless = "adding a Stribeck term does not significantly reduce the validation error"
             return (
                 f"{doubt.removesuffix('; ') if fitted else useless}{speed}; "
                 f"add strokes at speeds from {0.2 * omega:.2g} to {5 * omega:.2g} m/s, around the Stribeck velocity"
@@ -254,7 +254,7 @@ def _why_no_constant(chosen: bool, parameter: StaticParameter) -> str:
             "value given; read both cells with a slack tendon to tell"
         )
     what = "adhesion" if parameter is P.ADHESION else "a bias"
-    return f"{what} does not lower the validation error; add strokes at low tension"
+    return f"{what} does not significantly reduce the validation error; add strokes at low tension"
 
 
 def _partner(correlation: Array, names: list[str], name: str) -> str:
@@ -281,7 +281,7 @@ def _dynamic(rig: _Rig, fit: DynamicFit) -> list[Estimate]:
             if parameter is not D.STATIC_EXCESS:
                 estimates.append(rig.kept(parameter, fit.values[parameter], why))
             else:
-                why, ratio = f"{why}; its ratio to the dynamic one is kept", 1 + fit.values[parameter]
+                why, ratio = f"its ratio to the dynamic one is kept; {why}", 1 + fit.values[parameter]
                 estimates += [rig.kept(static, ratio * mu, why) for static, mu in statics.items()]
             continue
         value, error = solution.values[source], solution.standard_error(source)

@@ -267,8 +267,10 @@ class Parameter(_Specified, Enum):
             return Unknown(
                 name=self, start=safe, low=safe / spec.high, high=safe * spec.high, scale=spec.step, logarithmic=True
             )
-        unit = span_N if spec.scale is Scale.TENSION else 1.0
-        return Unknown(name=self, start=start, low=spec.low * unit, high=spec.high * unit, scale=spec.step * unit)
+        if spec.scale is Scale.ABSOLUTE:
+            return Unknown(name=self, start=start, low=spec.low, high=spec.high, scale=max(start, spec.step))
+        low, high, step = (span_N * x for x in (spec.low, spec.high, spec.step))
+        return Unknown(name=self, start=start, low=low, high=high, scale=step)
 
     def size(self, value: float, mean_N: float) -> float:
         """What its standard error is judged against, the mean output tension being `mean_N`."""

@@ -146,9 +146,11 @@ def delay_of_the_output(study: Study) -> Study:
     coarse = study.coarse
     if coarse is None or study.explain is not Explain.OUTPUT or not coarse.percent < TUNED.poor_percent:
         return study
-    delay, coarse, records = align(study.records, coarse, study.scenario.transmission)
-    judges = [earlier(r, delay.seconds) for r in study.judges] if delay.identified else study.judges
-    found = replace(study, delay=delay, coarse=coarse, records=records, judges=judges)
+    delay, coarse, _ = align(study.records, coarse, study.scenario.transmission)
+    found = replace(study, delay=delay, coarse=coarse)
+    if delay.identified:
+        records, judges = ([earlier(r, delay.seconds) for r in some] for some in (study.records, study.judges))
+        found = replace(found, records=records, judges=judges)
     return found.noted(messages.about_delay(delay))
 
 

@@ -206,7 +206,7 @@ def with_lower_bound(
     model = replace(task.model, count=TUNED.coarse_masses, longest_step_s=TUNED.coarse_step_s)
     quick, at = replace(task, model=model), task.complete(solution.values)
     rows = task.independent_rows(solution.residuals)
-    tried = [size * TUNED.bristle_factor**k for k in (2, *range(0, -TUNED.bristle_factors, -1))]
+    tried = [size * TUNED.bristle_factor**k for k in (2, *range(0, -14, -1))]
     errors = [quick.error_at({**at, D.BRISTLE: stiffness}).robust_rms for stiffness in tried]
     allowed = [2 * rows * np.log(max(error / min(errors), 1.0)) < TUNED.very_sure for error in errors]
     if not allowed[0]:

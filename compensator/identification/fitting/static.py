@@ -169,7 +169,7 @@ def _fit(
 ) -> StaticFit:
     runs, middle = list(_runs(records, explain)), middle_of(records)
     span = max(span_of(records, explain), 1e-12)
-    unit = TUNED.robust_share * span
+    unit = TUNED.static_robust_share * span
     unknowns = _unknowns(records, free, span, start)
     seconds = sum(float(np.ptp(r.piece.time_s)) for r in runs)
     blocks = block_numbers([r.piece.time_s[:: r.thin][r.good] for r in runs], seconds)
