@@ -148,10 +148,14 @@ def choose_law(
         found = search.attempt(same, search.best.values, "symmetric with presliding")
         if found.validation.robust_rms <= least and search.gain(found) > 0:
             search.best = found
-    _add_constants(search, CONSTANTS if biases else (D.ADHESION,))
+    constants = CONSTANTS if biases else (D.ADHESION,)
+    _add_constants(search, constants)
+    before = search.best
     for extra in SPEED_TERMS:
         if extra not in search.best.task.free:
             _try_speed_term(search, extra)
+    if search.best is not before:  # friction that depends on speed may have hidden that which does not
+        _add_constants(search, constants)
     best = search.best
     chosen = replace(task, model=best.task.model, free=best.task.free, fixed=best.values)
     candidates = tuple(replace(law, chosen=law.name == best.name) for law in search.candidates)
