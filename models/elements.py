@@ -5,7 +5,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
@@ -15,7 +15,7 @@ from tendonff.models.fidelity import Level
 from tendonff.models.friction import FrictionLaw, LuGreBristle
 from tendonff.models.layout import Array, fields_of
 from tendonff.models.link import LinkLaw, TwoTimesLink, ZenerLink
-from tendonff.models.parameters import Friction, Tendon, Transmission
+from tendonff.models.parameters import Friction, Path, Tendon
 from tendonff.models.path import CutPath, JointMotion, Section, cut_path
 
 
@@ -112,12 +112,28 @@ def _column(values: list[Any]) -> Any:
     return np.array(values)
 
 
-def whole_of(transmission: Transmission, level: Level) -> Whole:
+class Sliding(Protocol):
+    """What slides where: a transmission, or one of several tendons."""
+
+    @property
+    def path(self) -> Path:
+        """Where it slides."""
+
+    @property
+    def tendon(self) -> Tendon:
+        """What slides."""
+
+    @property
+    def friction(self) -> Friction:
+        """What holds it."""
+
+
+def whole_of(sliding: Sliding, level: Level) -> Whole:
     """The numbers of the undivided tendon at a level, defaults resolved."""
-    tendon, friction = transmission.tendon, transmission.friction
+    tendon, friction, path = sliding.tendon, sliding.friction, sliding.path
     return Whole(
-        sections=transmission.path.parts,
-        radius_m=transmission.path.radius_m,
+        sections=path.parts,
+        radius_m=path.radius_m,
         piece=Piece(mass_kg=tendon.mass_kg, adhesion_N=friction.adhesion_N),
         friction=LuGreBristle(
             bristle_stiffness_N_per_m=bristle_stiffness_N_per_m(friction, level),

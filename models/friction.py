@@ -129,6 +129,16 @@ def _affine(rate: Callable[[ca.SX], ca.SX], base: ca.SX, step_s: ca.SX) -> tuple
     return drive, -step_s * ca.jacobian(of_state, f_s)
 
 
+def implicit_dry_friction(stiffness: ca.SX, most: ca.SX, v: ca.SX, base: ca.SX, step_s: ca.SX) -> ca.SX:
+    """Bristle force of dry friction whose slip value `most` > 0 does not change, at the end of a step of weight H.
+
+    Forces and metres, or torques and radians.
+    """
+    unit = ca.SX(1)
+    drive, resistance = _affine(lambda f: bristle_rate(stiffness, v, f, unit), base, step_s)
+    return drive * most / (most + resistance)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RubbingEnd(End):
     """An end with dry friction of its own: an element without wrap, whose normal force does not change."""
@@ -144,9 +154,7 @@ class RubbingEnd(End):
 
     def implicit(self, v: ca.SX, base: States, step_s: ca.SX) -> States:
         """f_d [N] at the end of a step of weight H."""
-        unit = ca.SX(1)
-        drive, resistance = _affine(lambda f: bristle_rate(self.bristle_stiffness_N_per_m, v, f, unit), base[0], step_s)
-        return (drive * self.coulomb_N / (self.coulomb_N + resistance),)
+        return (implicit_dry_friction(self.bristle_stiffness_N_per_m, self.coulomb_N, v, base[0], step_s),)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

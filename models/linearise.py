@@ -1,6 +1,7 @@
 """The chain linearised at a state, in numpy: small changes of the force to small changes of tensions and positions."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -25,6 +26,12 @@ class LinearChain:
     def poles(self) -> NDArray[np.complex128]:
         """Eigenvalues of A [1/s]."""
         return np.linalg.eigvals(self.a).astype(np.complex128)
+
+    def response(self, s_per_s: NDArray[np.complexfloating[Any]]) -> NDArray[np.complex128]:
+        """C (s I - A)^-1 B + D at complex frequencies s, shape (n,) [1/s]: outputs over the force, shape (n, N + 3)."""
+        inner = np.asarray(s_per_s)[:, None, None] * np.eye(len(self.a)) - self.a
+        inside = np.linalg.solve(inner, np.broadcast_to(self.b, (len(inner), *self.b.shape)))
+        return np.asarray(self.c @ inside + self.d, dtype=np.complex128)[..., 0]
 
 
 class Lineariser:

@@ -31,6 +31,9 @@ if TYPE_CHECKING:  # what editors and type checkers read; `_HOMES` says the same
     from tendonff.compensator.identification.output import Identification
     from tendonff.compensator.identification.run import identify
     from tendonff.compensator.identification.suggest import suggest
+    from tendonff.compensator.joint.design import design_joint
+    from tendonff.compensator.joint.output import JointDesign
+    from tendonff.compensator.joint.scenario import JointScenario, load_joint_scenario
     from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
     from tendonff.compensator.scenario.scenario import Scenario, load_scenario
     from tendonff.compensator.tables.output import Tables
@@ -41,15 +44,18 @@ if TYPE_CHECKING:  # what editors and type checkers read; `_HOMES` says the same
     from tendonff.models.errors import ParameterError, TendonffError
     from tendonff.models.fidelity import Level
     from tendonff.models.interop import as_iosystem, linear_system
+    from tendonff.models.joint.parameters import Mechanism
     from tendonff.models.parameters import Actuator, Friction, Load, Path, Tendon, Transmission
     from tendonff.ocp.batch import SimulationJob, simulate_batch
     from tendonff.ocp.codegen.precision import Precision
     from tendonff.ocp.errors import SolveError
     from tendonff.ocp.inverse import invert
+    from tendonff.ocp.joint.invert import invert_joint
+    from tendonff.ocp.joint.simulate import simulate_joint
+    from tendonff.ocp.joint.start import joint_problem
     from tendonff.ocp.simulate import simulate
-    from tendonff.ocp.tracking.goals.several import track_batch
     from tendonff.ocp.tracking.limits import ForceLimits
-    from tendonff.ocp.tracking.problem import TrackOptions
+    from tendonff.ocp.tracking.options import TrackOptions
     from tendonff.ocp.tracking.track import track
 
 __all__ = [
@@ -69,8 +75,11 @@ __all__ = [
     "Friction",
     "Identification",
     "InputError",
+    "JointDesign",
+    "JointScenario",
     "Level",
     "Load",
+    "Mechanism",
     "ParameterError",
     "Path",
     "Plant",
@@ -93,21 +102,25 @@ __all__ = [
     "as_iosystem",
     "compare",
     "design",
+    "design_joint",
     "experiment",
     "export_c",
     "export_fmu",
     "identify",
     "invert",
+    "invert_joint",
+    "joint_problem",
     "linear_system",
+    "load_joint_scenario",
     "load_scenario",
     "make_table",
     "read_centreline",
     "sample_reference",
     "simulate",
     "simulate_batch",
+    "simulate_joint",
     "suggest",
     "track",
-    "track_batch",
 ]
 
 _HOMES = {
@@ -131,6 +144,9 @@ _HOMES = {
     "compensator.identification.output": ("Identification",),
     "compensator.identification.run": ("identify",),
     "compensator.identification.suggest": ("suggest",),
+    "compensator.joint.design": ("design_joint",),
+    "compensator.joint.output": ("JointDesign",),
+    "compensator.joint.scenario": ("JointScenario", "load_joint_scenario"),
     "compensator.scenario.sampled.sampling": ("Reference", "sample_reference"),
     "compensator.scenario.scenario": ("Scenario", "load_scenario"),
     "compensator.tables.output": ("Tables",),
@@ -140,16 +156,19 @@ _HOMES = {
     "models.errors": ("ParameterError", "TendonffError"),
     "models.fidelity": ("Level",),
     "models.interop": ("as_iosystem", "linear_system"),
+    "models.joint.parameters": ("Mechanism",),
     "models.parameters": ("Actuator", "Friction", "Load", "Path", "Tendon", "Transmission"),
     "models.capstan.two_ended": ("TwoEndedLaw",),
     "ocp.batch": ("SimulationJob", "simulate_batch"),
     "ocp.codegen.precision": ("Precision",),
     "ocp.errors": ("SolveError",),
     "ocp.inverse": ("invert",),
+    "ocp.joint.invert": ("invert_joint",),
+    "ocp.joint.simulate": ("simulate_joint",),
+    "ocp.joint.start": ("joint_problem",),
     "ocp.simulate": ("simulate",),
-    "ocp.tracking.goals.several": ("track_batch",),
     "ocp.tracking.limits": ("ForceLimits",),
-    "ocp.tracking.problem": ("TrackOptions",),
+    "ocp.tracking.options": ("TrackOptions",),
     "ocp.tracking.track": ("track",),
 }
 _HOME_OF = {

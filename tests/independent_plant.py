@@ -11,6 +11,9 @@ from scipy.integrate import solve_ivp
 
 from tendonff.models.parameters import Transmission
 
+BAND = 9
+"""States of two neighbouring lumps: no further does one state act on another."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Response:
@@ -67,16 +70,29 @@ def respond(
         return np.concatenate([v, dv, (e - z) / t.relaxation_time_s, slip, own])
 
     start = np.concatenate([q0, np.zeros(n + 2), stretch, np.zeros(n), np.zeros(int(rubs))])
-    band = None
+    # States that act on one another side by side, from the actuator to the load: the Jacobian is a band.
+    places = [np.arange(n + 2), np.arange(n + 2), np.arange(n + 1) + 0.5, np.arange(1, n + 1), np.zeros(int(rubs))]
+    order = np.argsort(np.concatenate(places), kind="stable")
+    back = np.argsort(order)
     found = solve_ivp(
-        rate, (0, time_s[-1]), start, method="LSODA", t_eval=time_s, rtol=1e-6, atol=1e-9, max_step=5e-3, lband=band
+        lambda now, x: rate(now, x[back])[order],
+        (0, time_s[-1]),
+        start[order],
+        method="LSODA",
+        t_eval=time_s,
+        rtol=1e-6,
+        atol=1e-9,
+        max_step=5e-3,
+        lband=BAND,
+        uband=BAND,
     )
     assert found.success, found.message
-    rows = [split(x) for x in found.y.T]
+    states = found.y[back]
+    rows = [split(x) for x in states.T]
     ends = np.array([tensions(q, v, z)[0][[0, -1]] for q, v, z, _ in rows])
     return Response(
         output_N=ends[:, 1],
         input_N=ends[:, 0],
-        actuator_m=found.y[0] - q0[0],
-        load_m=found.y[n + 1] - q0[-1],
+        actuator_m=states[0] - q0[0],
+        load_m=states[n + 1] - q0[-1],
     )

@@ -406,8 +406,16 @@ def test_the_formulas_of_the_parameter_guide_agree_with_the_laws():
     assert gear**2 * inertia / drum**2 * tendon_speed**2 == pytest.approx(inertia * speed**2)  # the same energy
 
 
-# Checked where the packages hold it: the robust objective.
-ELSEWHERE = {"6.3": "ocp/tracking/test_robust.py"}
+# Checked where the packages hold it: the robust objective, and the joint.
+ELSEWHERE = {
+    "6.3": "ocp/tracking/test_calm.py",
+    "6.4": "ocp/tracking/test_robust.py",
+    "10.1": "ocp/joint/test_independent_plant.py",
+    "10.2": "ocp/joint/test_round_trip.py",
+    "10.3": "models/joint/test_closed_form.py",
+    "10.4": "models/joint/test_closed_form.py",
+    "10.5": "models/joint/test_closed_form.py",
+}
 
 
 def test_every_numbered_formula_has_its_check():

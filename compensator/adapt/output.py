@@ -18,12 +18,12 @@ _MOST_ROWS = 2000
 class AdaptationStudy(AdaptationData):
     """A study that can be written."""
 
-    def write(self, folder: str | os.PathLike[str]) -> None:
+    def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `estimate.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
         figures = adaptation_figures(self)
         with atomic_directory(folder) as partial:
             write_estimates(self, partial / "estimate.csv")
-            write_pages(partial, summary(self), figures, adaptation_report(self, figures))
+            write_pages(partial, summary(self), figures, adaptation_report(self, figures), pdf=pdf)
 
 
 def write_estimates(result: AdaptationData, path: Path) -> None:

@@ -19,7 +19,7 @@ from tendonff.compensator.reporting.plots import (
 )
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
-from tendonff.models.interop import linear_system
+from tendonff.models.linearise import Lineariser
 
 LEVEL_COLOURS = {"elastic": BLUE, "viscoelastic": VERMILION, "presliding": GREEN, CAPSTAN_PLANT: INK}
 LEVEL_STYLES = {"elastic": "-", "viscoelastic": "--", "presliding": "-.", CAPSTAN_PLANT: ":"}
@@ -95,7 +95,7 @@ def errors_figure(result: ComparisonData) -> Figure:
             if level in hidden.values():
                 style.update(linewidth=3.4, linestyle="-", alpha=0.55)
             label = f"designed on {level}"
-            label += f" (coincides with {hidden[level]})" if level in hidden else ""
+            label += f" (= {hidden[level]})" if level in hidden else ""
             panel.plot(reference.time_s[rows], error[rows], label=label, **style)
         panel.plot(reference.time_s[rows], static[rows], color="0.55", linewidth=0.9, label="static capstan law")
     limit = 1.15 * max(float(np.max(np.abs(error))) for error in errors.values())
@@ -128,10 +128,11 @@ def levels_figure(result: ComparisonData) -> Figure:
 def small_signal_figure(result: ComparisonData) -> Figure:
     """Small changes of the force around rest, where the tendon sticks: Bode plot from force to output tension."""
     transmission, start = result.scenario.transmission, result.reference.initial_tension_N
-    systems = {}
+    frequencies, gains = np.geomspace(0.1, 1000, 400), {}
     for level in Level:
         chain = Chain.of(transmission, level)
-        systems[level.value] = linear_system(chain, chain.rest_state(start))[chain.count, 0]
-    figure = bode_figure(systems, np.geomspace(0.1, 1000, 400), ylabel="output tension / force [-]")
+        linear = Lineariser(chain).at(chain.rest_state(start))
+        gains[level.value] = linear.response(2j * np.pi * frequencies)[:, chain.count]
+    figure = bode_figure(gains, frequencies, ylabel="output tension / force [-]")
     figure.axes[0].set_title("Small changes around rest: the tendon sticks")
     return figure

@@ -15,13 +15,13 @@ from tendonff.compensator.reporting.page import summary_head, write_pages
 class Comparison(ComparisonData):
     """A comparison that can be written."""
 
-    def write(self, folder: str | os.PathLike[str]) -> None:
+    def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `matrix.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
         figures = compare_figures(self)
         with atomic_directory(folder) as partial:
             names, rows = [field.name for field in fields(Entry)], map(astuple, self.entries)
             write_text(partial / "matrix.csv", csv_text(names, rows))
-            write_pages(partial, summary(self), figures, compare_report(self, figures))
+            write_pages(partial, summary(self), figures, compare_report(self, figures), pdf=pdf)
 
 
 def summary(result: ComparisonData) -> dict[str, object]:

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonff.compensator.compare.levels import level_cost, level_traits
 from tendonff.compensator.compare.output import Comparison
@@ -17,6 +18,7 @@ from tendonff.compensator.compensators.expectation import (
     expectation_of,
     two_digits,
 )
+from tendonff.compensator.compensators.optimal import Optimal
 from tendonff.compensator.compensators.plant import Plant, Slack
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.registry import COMPENSATORS
@@ -29,7 +31,10 @@ from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.crosscheck import NUDGE
-from tendonff.ocp.tracking.problem import TrackOptions
+from tendonff.ocp.tracking.options import TrackOptions
+
+FEEDFORWARDS = tuple(c for c in COMPENSATORS if not isinstance(c, Optimal))
+"""What is compared unless more is asked for: a search on each level takes longer than all the rest."""
 
 REFINEMENTS = (4, 2, 1)  # steps to a row of the profile; the first gives the figures, the others the spread
 
@@ -42,15 +47,15 @@ _LAG_SHARE = 0.25  # of the duration: a lag is sought within this, either way
 def compare(
     scenario: Scenario,
     *,
-    compensators: Sequence[Compensator] = COMPENSATORS,
+    compensators: Sequence[Compensator] = FEEDFORWARDS,
     options: TrackOptions | None = None,
     progress: Progress = silent,
 ) -> Comparison:
     """Compare the fidelity levels with each other and with the static law on one scenario.
 
-    Of the compensators, by default all, "none", "capstan" and one beside "smoothed" that knows the level must be among
-    them; the options say what the optimal profile is optimised for. InputError if the reference cannot be delivered,
-    SolveError if a simulation fails.
+    Of the compensators, by default all but the optimal profile, "none", "capstan" and one beside "smoothed" that knows
+    the level must be among them; the options say what the optimal profile is optimised for. InputError if the reference
+    cannot be delivered, SolveError if a simulation fails.
     """
     reference = sample_reference(scenario)
     transmission = moved(scenario, float(reference.time_s[-1]), periodic=scenario.reference.periodic)
@@ -73,6 +78,8 @@ def compare(
             if profile.status is not ProfileStatus.FAILED:
                 usable[name, level] = profile
         warnings += [f"designed on {level}: {note}" for note in problem.unsettled]
+        if _is_bound(profiles) and not any(isinstance(c, Optimal) for c in compensators):
+            warnings.append(_NOT_SEARCHED)
         for plant in PLANTS:
             for name, profile in profiles.items():
                 command = b"" if profile.command_m is None else profile.command_m.tobytes()
@@ -105,7 +112,7 @@ def compare(
         traits=traits,
         costs=costs,
         bands=bands,
-        expectation=expectation_of(problem.doubt, on_level),
+        expectation=expectation_of(problem.doubt, Level.PRESLIDING, on_level),
         recommended_level=best,
         recommendation=text,
         ignored=ignored_motion(Problem.of(scenario, reference=reference, options=options)),
@@ -115,6 +122,18 @@ def compare(
             )
         ),
     )
+
+
+_NOT_SEARCHED = (
+    "the actuator's limits change the exact inverse: the optimal profile, which is made for them, is not compared "
+    "here; add --optimal"
+)
+
+
+def _is_bound(profiles: Mapping[str, Profile]) -> bool:
+    """Whether limits, or a push that no tendon gives, keep the exact inverse from what it would do."""
+    inverse = profiles.get("inverse")
+    return inverse is not None and bool(inverse.warnings)
 
 
 def recommend(
@@ -224,7 +243,7 @@ def lag(reference_N: FloatArray, output_N: FloatArray, step_s: float) -> float:
     most = int(_LAG_SHARE * len(wanted))
     if most < 1 or np.ptp(wanted) == 0 or np.ptp(got) == 0:
         return 0.0
-    likeness = np.array([_likeness(wanted, got, shift) for shift in range(-most, most + 1)])
+    likeness = _likeness(wanted, got, most)
     best = int(np.argmax(likeness))
     offset = 0.0
     if 0 < best < len(likeness) - 1:  # the top of the parabola through three points
@@ -234,12 +253,30 @@ def lag(reference_N: FloatArray, output_N: FloatArray, step_s: float) -> float:
     return (best - most + offset) * stride * step_s
 
 
-def _likeness(wanted: FloatArray, got: FloatArray, shift: int) -> float:
-    """Correlation of the output, moved forward by `shift` rows, with the reference."""
-    a, b = (wanted[: len(wanted) - shift], got[shift:]) if shift >= 0 else (wanted[-shift:], got[:shift])
-    a, b = a - a.mean(), b - b.mean()
-    scale = math.sqrt(float(a @ a) * float(b @ b))
-    return float(a @ b) / scale if scale > 0 else 0.0
+def _likeness(wanted: FloatArray, got: FloatArray, most: int) -> FloatArray:
+    """Correlation of the output, moved forward by -most .. most rows, with the reference, over the rows both have."""
+    n, shift = len(wanted), np.arange(-most, most + 1)
+    a, b = wanted - wanted.mean(), got - got.mean()
+    size = 2 * n
+    products = np.fft.irfft(np.conj(np.fft.rfft(a, size)) * np.fft.rfft(b, size), size)[
+        shift
+    ]  # sums of a[k] b[k + shift]
+    count = n - np.abs(shift)
+
+    def over_common(values: FloatArray, first: NDArray[np.int_]) -> FloatArray:
+        sums = np.concatenate([[0.0], np.cumsum(values)])
+        total: FloatArray = sums[first + count] - sums[first]
+        return total
+
+    of_a, of_b = np.maximum(-shift, 0), np.maximum(shift, 0)
+    mean_a, mean_b = over_common(a, of_a) / count, over_common(b, of_b) / count
+    spread_a = np.maximum(over_common(a**2, of_a) - count * mean_a**2, 0)
+    spread_b = np.maximum(over_common(b**2, of_b) - count * mean_b**2, 0)
+    scale = np.sqrt(spread_a * spread_b)
+    likeness: FloatArray = np.divide(
+        products - count * mean_a * mean_b, scale, out=np.zeros(len(shift)), where=scale > 0
+    )
+    return likeness
 
 
 def _noise(entries: list[Entry]) -> list[str]:

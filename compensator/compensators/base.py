@@ -20,7 +20,6 @@ from tendonff.compensator.scenario.reference import Hold
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.compensator.scenario.settings import OptimalSettings
 from tendonff.models.chain import Chain
 from tendonff.models.errors import TendonffError
 from tendonff.models.fidelity import Level
@@ -33,7 +32,7 @@ from tendonff.ocp.reference.hold import KeptForce, find_holds, keep_force_to_end
 from tendonff.ocp.simulate import Outcome
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.motion import limit_motion
-from tendonff.ocp.tracking.problem import TrackOptions
+from tendonff.ocp.tracking.options import TrackOptions
 
 
 @dataclass(frozen=True, kw_only=True)  # without slots: what is computed once is kept in the instance
@@ -46,8 +45,8 @@ class Problem:
         Of the design model.
     uncertainty : Uncertainty, optional
         What is not known of the transmission, and which error over what is possible counts; default: all is certain.
-    options, asked : TrackOptions, OptimalSettings, optional
-        What the optimal profile is optimised for, and whether it is to follow the reference, or what else.
+    options : TrackOptions, optional
+        What the optimal profile is optimised for.
     live : bool, optional
         The reference comes sample by sample, as on a controller: nothing is known ahead, no force is kept, and the
         limits are those of the force.
@@ -60,7 +59,6 @@ class Problem:
     reference: Reference
     uncertainty: Uncertainty = Uncertainty()  # noqa: RUF009 - frozen
     options: TrackOptions = TrackOptions()  # noqa: RUF009 - frozen
-    asked: OptimalSettings = OptimalSettings()  # noqa: RUF009 - frozen
     live: bool = False
     model: Chain | None = None
 
@@ -81,8 +79,7 @@ class Problem:
             level=level or scenario.run.level,
             reference=reference,
             uncertainty=scenario.robust,
-            options=options or TrackOptions(**scenario.optimal.given),  # type: ignore[arg-type]
-            asked=scenario.optimal,
+            options=options or scenario.optimal,
         )
 
     @cached_property

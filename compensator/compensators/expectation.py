@@ -97,6 +97,8 @@ class Expectation:
     ----------
     doubt : Doubt
         What may be the real transmission.
+    level : Level
+        Of the plants.
     bands : mapping of str to ErrorBand
         By name of the compensator.
     recommended : str
@@ -105,6 +107,7 @@ class Expectation:
     """
 
     doubt: Doubt
+    level: Level
     bands: Mapping[str, ErrorBand]
     recommended: str
 
@@ -139,10 +142,11 @@ class Expectation:
             compared = "; friction compensation does not reduce it"
         elif without is not None:
             compared = f"; {two_digits(without)} % without friction compensation"
+        percent = two_digits(worst.rmse_percent_of_range)
         return (
-            f"Tracking error up to {two_digits(worst.rmse_N)} N RMS ({two_digits(worst.rmse_percent_of_range)} % of "
-            f"range), peak {two_digits(self.best.worst_peak_N)} N, with the {label}, for {self.doubt}{compared}. "
-            f"Largest contribution: {self.contributions[0].key}. Next: {next_command}"
+            f"Tracking error up to {two_digits(worst.rmse_N)} N RMS ({percent} % of range), "
+            f"peak {two_digits(self.best.worst_peak_N)} N, with the {label}, for {self.doubt} on the {self.level} "
+            f"level{compared}. Largest contribution: {self.contributions[0].key}. Next: {next_command}"
         )
 
     @property
@@ -177,17 +181,19 @@ def two_digits(value: float) -> str:
 
 def expect(doubt: Doubt, level: Level, profiles: Mapping[str, Profile], reference: Reference) -> Expectation:
     """Try profiles, by name of the compensator, on all transmissions that may be the real one, at a fidelity level."""
-    return expectation_of(doubt, error_bands(doubt, level, profiles, reference))
+    return expectation_of(doubt, level, error_bands(doubt, level, profiles, reference))
 
 
-def expectation_of(doubt: Doubt, bands: Mapping[str, ErrorBand], recommended: str | None = None) -> Expectation:
+def expectation_of(
+    doubt: Doubt, level: Level, bands: Mapping[str, ErrorBand], recommended: str | None = None
+) -> Expectation:
     """The expectation of known error bands; by default the compensator with the smallest worst error is recommended."""
     if recommended is None:
         shown = {name: float(f"{band.worst.rmse_percent_of_range:.2g}") for name, band in bands.items()}
         least = min(shown.values())
         equal = [name for name in bands if shown[name] <= least]
         recommended = min(equal, key=lambda name: bands[name].nominal.rmse_N)
-    return Expectation(doubt=doubt, bands=bands, recommended=recommended)
+    return Expectation(doubt=doubt, level=level, bands=bands, recommended=recommended)
 
 
 def error_bands(doubt: Doubt, level: Level, profiles: Mapping[K, Profile], reference: Reference) -> dict[K, ErrorBand]:

@@ -15,13 +15,9 @@ from tendonff.compensator.reporting.colours import VERMILION, Style
 from tendonff.models.chain import Chain
 from tendonff.models.parameters.drive import Drive
 from tendonff.models.parameters.uncertainty import Objective
-from tendonff.ocp.tracking.goals.cycle import track_cycle
-from tendonff.ocp.tracking.goals.preview import track_preview
-from tendonff.ocp.tracking.goals.tolerance import track_band
-from tendonff.ocp.tracking.goals.transition import track_transition
+from tendonff.ocp.tracking.cycle import track_cycle
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
-from tendonff.ocp.tracking.robust import POWER, track_robust
-from tendonff.ocp.tracking.track import track
+from tendonff.ocp.tracking.track import track_robust
 
 _STATUS = {
     TrackStatus.EXACT: ProfileStatus.GOOD,
@@ -54,45 +50,18 @@ class Optimal(Compensator):
 
 
 def solve(problem: Problem, *, progress: Progress = silent) -> Tracking:
-    """Solve the optimal-control problem, for the nominal transmission or for all samples."""
-    reference, asked = problem.reference, problem.asked
-    wanted, step, start = problem.followed_N, reference.step_s, reference.initial_tension_N
-    chain, limits, options = problem.chain, problem.limits, problem.options
-    if asked.least_time:
-        goal, rows = float(wanted[-1]), len(wanted)
-        return track_transition(
-            chain, start, goal, rows, step, limits, options, tolerance_N=asked.tolerance_N, progress=progress
-        )
-    if asked.tolerance_N is not None:
-        given = asked.tolerance_N
-        return track_band(chain, wanted, step, limits, given, options, initial_tension_N=start, progress=progress)
-    if asked.preview_s is not None:
-        given = asked.preview_s
-        return track_preview(chain, wanted, step, limits, given, options, initial_tension_N=start, progress=progress)
-    exact, objective, chains = problem.inversion, problem.uncertainty.objective, counted(problem)
-    if reference.periodic:
-        return track_cycle(
-            chains,
-            wanted,
-            step,
-            limits,
-            options,
-            initial_tension_N=start,
-            inversion=exact,
-            power=POWER[objective],
-            progress=progress,
-        )
-    if len(chains) == 1:
-        return track(chain, wanted, step, limits, options, initial_tension_N=start, inversion=exact, progress=progress)
-    return track_robust(
+    """Solve the optimal-control problem, for the nominal transmission or for what the uncertainty admits."""
+    reference, chains = problem.reference, counted(problem)
+    method = track_cycle if reference.periodic else track_robust
+    return method(
         chains,
-        wanted,
-        step,
-        limits,
-        objective,
-        options,
-        initial_tension_N=start,
-        inversion=exact,
+        problem.followed_N,
+        reference.step_s,
+        problem.limits,
+        problem.uncertainty.objective,
+        problem.options,
+        initial_tension_N=reference.initial_tension_N,
+        inversion=problem.inversion,
         progress=progress,
     )
 
@@ -105,7 +74,7 @@ def counted(problem: Problem) -> tuple[Chain, ...]:
     gives every chain another.
     """
     position = problem.transmission.actuator.drive is Drive.POSITION
-    if not problem.is_robust or position or problem.asked.goal:
+    if not problem.is_robust or position:
         return (problem.chain,)
     doubt, reference = problem.doubt, problem.reference
     if problem.uncertainty.objective is Objective.MEAN:
@@ -120,16 +89,10 @@ def counted(problem: Problem) -> tuple[Chain, ...]:
 
 
 def _purpose(problem: Problem) -> tuple[str, ...]:
-    """What a profile was not made for: the least error against the reference, or an uncertain position drive."""
-    if problem.asked.is_followed:
-        if problem.is_robust and problem.transmission.actuator.drive is Drive.POSITION:
-            text = "optimal: made for the nominal parameters: over [robust] the search compares forces, not commands"
-            return (text,)
-        return ()
-    asked = problem.asked.goal
-    return (
-        f"optimal: made for {asked}: its errors against the reference are what it was allowed, not what it aims at",
-    )
+    """What a profile was not made for: an uncertain position drive."""
+    if problem.is_robust and problem.transmission.actuator.drive is Drive.POSITION:
+        return ("optimal: made for the nominal parameters: over [robust] the search compares forces, not commands",)
+    return ()
 
 
 def tracking_warnings(tracking: Tracking) -> tuple[str, ...]:
@@ -137,7 +100,6 @@ def tracking_warnings(tracking: Tracking) -> tuple[str, ...]:
     if tracking.status is TrackStatus.EXACT:
         return ()
     found = [] if tracking.status is TrackStatus.OPTIMAL else [f"optimal: {tracking.message}"]
-    found += [f"optimal: {caution}" for caution in tracking.cautions]
     found += tracking.reasons
     if tracking.departures:
         worst = max(tracking.departures, key=lambda departure: abs(departure.peak_error_N))

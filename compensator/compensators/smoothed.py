@@ -7,8 +7,8 @@ not; smoothed, the same law does much better.
 from collections.abc import Callable
 
 import numpy as np
+from scipy.linalg.lapack import dtbtrs  # scipy.signal takes as long to import as all the rest
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import lfilter
 
 from tendonff.compensator.compensators.base import Compensator, Problem
 from tendonff.compensator.compensators.plant import Plant
@@ -26,8 +26,9 @@ _TIMES = 12  # tried between a step and a quarter of the duration, in equal rati
 def lagged(exponent: FloatArray, steps: float) -> FloatArray:
     """First-order lag of ln(force/tension), shape (n,), over `steps`, which a controller can compute as it goes."""
     share = 1 / (1 + steps)
-    smooth: FloatArray = lfilter([share], [1, share - 1], exponent)
-    return smooth
+    recursion = np.vstack([np.ones(len(exponent)), np.full(len(exponent), share - 1)])  # y_k - (1 - share) y_{k-1}
+    smooth, _ = dtbtrs(recursion, share * exponent, uplo="L")
+    return np.asarray(smooth).ravel()
 
 
 def centred(exponent: FloatArray, steps: float) -> FloatArray:

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.base import Compensator
+from tendonff.compensator.compensators.expectation import FRICTIONLESS
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.design.drive_use import drive_use
 from tendonff.compensator.design.result import DesignData
@@ -23,6 +24,7 @@ from tendonff.compensator.reporting.plots import (
 )
 from tendonff.models.fidelity import Level
 
+_BARE = ("none", FRICTIONLESS)  # friction is not compensated: what is enlarged leaves them out
 _LOOPS = ("none", "inverse")  # whose loop of output over force is drawn
 _BOUND: dict[str, Any] = {"color": INK, "linewidth": 0.8, "linestyle": (0, (6, 3))}
 _MOST_BARS = 12
@@ -59,7 +61,7 @@ def expectation_figure(result: DesignData) -> Figure:
             color=best.style.color,
             alpha=0.35,
             linewidth=0.6,
-            label=f"{best.label}, {found.doubt.widths}",
+            label=f"{best.label}, all sampled parameters",
         )
         if none is not None:
             label = "reference applied directly, nominal parameters"
@@ -100,7 +102,7 @@ def tension_figure(result: DesignData) -> Figure:
     _draw(axes[0, 0], result, outputs, label)
     axes[0, 0].plot(reference.time_s[rows], reference.tension_N[rows], color=INK, linewidth=0.8, label="reference")
     axes[0, 0].set(ylabel="output tension [N]", title=f"RMS error in % of range, same parameters, {result.level} level")
-    errors = {name: output - reference.tension_N for name, output in outputs.items() if name != "none"}
+    errors = {name: output - reference.tension_N for name, output in outputs.items() if name not in _BARE}
     _draw(axes[1, 0], result, errors)
     _zoom(axes[1, 0], errors)
     axes[1, 0].set(ylabel="error [N]", title="Compensated, enlarged")
@@ -120,7 +122,7 @@ def force_figure(result: DesignData) -> Figure:
     _mark(force, actuator.force_min_N, actuator.force_max_N)
     rates = {name: np.gradient(profile, step) for name, profile in result.forces_N.items()}
     _draw(rate, result, rates)
-    _zoom(rate, {name: values for name, values in rates.items() if name != "none"})
+    _zoom(rate, {name: values for name, values in rates.items() if name not in _BARE})
     _mark(rate, -actuator.force_rate_max_N_per_s, actuator.force_rate_max_N_per_s)
     travels = {c.name: 1e3 * result.on_level(c.name, result.level).travel_m for c in result.compensators}
     _draw(travel, result, travels)
@@ -196,11 +198,11 @@ def error_figure(result: DesignData) -> Figure:
         for level in Level
     }
     largest = max(float(np.max(np.abs(e))) for errors in by_level.values() for e in errors.values())
-    zoomed = max(_zoom_limit({k: e for k, e in errors.items() if k != "none"}) for errors in by_level.values())
+    zoomed = max(_zoom_limit({k: e for k, e in errors.items() if k not in _BARE}) for errors in by_level.values())
     for (whole, zoom), (level, errors) in zip(axes, by_level.items(), strict=True):
         here = " (design level)" if level is result.level else ""
         _draw(whole, result, errors, lambda c: c.label)
-        _draw(zoom, result, {name: error for name, error in errors.items() if name != "none"})
+        _draw(zoom, result, {name: error for name, error in errors.items() if name not in _BARE})
         whole.set(ylabel="error [N]", title=f"{level}{here}")
         zoom.set(title="enlarged")
         for panel, limit in ((whole, 1.05 * largest), (zoom, zoomed)):
@@ -232,7 +234,7 @@ def _looks(
         if name in hidden.values():
             looks[name].update(linewidth=_WIDE, linestyle="-", alpha=0.55)
         text = names[name].label if label is None else label(names[name])
-        looks[name]["label"] = text + (f" (coincides with {names[hidden[name]].label})" if name in hidden else "")
+        looks[name]["label"] = text + (f" (= {names[hidden[name]].label})" if name in hidden else "")
     return looks
 
 

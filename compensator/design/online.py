@@ -63,7 +63,7 @@ class Online:
             f"{last.score.percent} %{optimum}"
         )
 
-    def write(self, folder: str | os.PathLike[str]) -> None:
+    def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `online.csv` and the figure `online` into an existing folder."""
         rows = (*self.choice.candidates, *self.longer, *self.over_preview)
         write_csv(
@@ -79,7 +79,7 @@ class Online:
                 "picked": [int(c is self.choice.picked) for c in rows],
             },
         )
-        save_figure(online_figure(self), Path(folder) / "online")
+        save_figure(online_figure(self), Path(folder) / "online", pdf=pdf)
 
 
 def require_path_at_rest(scenario: Scenario) -> None:

@@ -27,7 +27,7 @@ from tendonff.ocp.tracking.result import Tracking
 class Design(DesignData):
     """A design that can be written."""
 
-    def write(self, folder: str | os.PathLike[str], *, interactive: bool = False) -> None:
+    def write(self, folder: str | os.PathLike[str], *, interactive: bool = False, pdf: bool = False) -> None:
         """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder.
 
         An interactive report has a view with zoom, hover and a legend that hides curves, and needs Bokeh.
@@ -36,7 +36,7 @@ class Design(DesignData):
         view = interactive_panels(self) if interactive else None
         with atomic_directory(folder) as partial:
             write_csv(partial / "profile.csv", profile_columns(self))
-            write_pages(partial, summary(self), figures, design_report(self, figures, view))
+            write_pages(partial, summary(self), figures, design_report(self, figures, view), pdf=pdf)
 
 
 def profile_columns(result: DesignData) -> dict[str, FloatArray]:

@@ -1,8 +1,11 @@
 """The report of a design: what to expect of each profile, in one page."""
 
+import math
+
 import numpy as np
 from matplotlib.figure import Figure
 
+from tendonff.compensator.compensators.expectation import two_digits
 from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.design.drive_use import drive_use
 from tendonff.compensator.design.result import DesignData
@@ -48,10 +51,8 @@ def headline(result: DesignData) -> str:
     """What to expect on a rig, and what to do next."""
     found, best = result.expectation, result.recommended
     label = best.label
-    if best.name == "optimal" and result.tracking is not None and result.tracking.cautions:
-        label += " (bristles as soft as stated; stiffer ones: see the warning)"
     file = result.scenario.source.name
-    measure = f"tendonff identify {file} --suggest suggested"
+    measure = f"tendonff identify {file} --suggest --out excite"
     return found.headline(label, measure if found.doubt.is_assumed else f"tendonff export-c {file} --out c")
 
 
@@ -103,7 +104,11 @@ def design_report(result: DesignData, figures: dict[str, Figure], view: Interact
             f"{FINE_SEGMENTS} masses, step/{FINE_REFINEMENT}",
         ),
         rows=[
-            (c.label, worst.get(c.name), *(score.rmse_percent_of_range for score in result.scores(c.name)))
+            (
+                c.label,
+                two_digits(worst.get(c.name, math.inf)),
+                *(score.rmse_percent_of_range for score in result.scores(c.name)),
+            )
             for c in result.compensators
         ],
         least=1e-3,
@@ -242,8 +247,8 @@ def _solver(result: DesignData) -> tuple[Block, ...]:
         return ()
     table = Table(
         caption="Optimal control",
-        columns=("status", "iterations", "build [s]", "solve [s]"),
-        rows=((tracking.status.value, tracking.iterations, tracking.build_s, tracking.solve_s),),
+        columns=("status", "iterations", "solve [s]"),
+        rows=((tracking.status.value, tracking.iterations, tracking.solve_s),),
     )
     return Text(f"{tracking.message[:1].upper()}{tracking.message[1:]}."), table
 

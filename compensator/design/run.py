@@ -25,7 +25,7 @@ from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.stability import predict_stick_slip
-from tendonff.ocp.tracking.problem import TrackOptions
+from tendonff.ocp.tracking.options import TrackOptions
 
 
 def design(
@@ -80,9 +80,8 @@ def design(
             found.append(verify(plant, name, profile, reference))
             parts.done()
     judged = [v for v in verified if v.plant.level is level]
-    followed = [v for v in judged if problem.asked.is_followed or v.compensator != "optimal"]
-    warnings += harm_warnings({v.compensator: v.score for v in followed}, reference.tension_N)
-    warnings += _promises(judged, proof, is_compared=not problem.is_robust and problem.asked.is_followed)
+    warnings += harm_warnings({v.compensator: v.score for v in judged}, reference.tension_N)
+    warnings += _promises(judged, proof, is_compared=not problem.is_robust)
     warnings += slack_warnings({(v.compensator, v.plant.level.value): v.slack for v in verified if v.slack})
     result = Design(
         scenario=scenario,
@@ -107,7 +106,7 @@ _SMALL = 0.5  # % of range: errors below this are not worth a word
 def _promises(designed: Sequence[Verified], proof: Sequence[Verified], *, is_compared: bool) -> list[str]:
     """Profiles that leave far more on the finer chain than where they were designed, and what beats the optimal one.
 
-    A robust profile, and one with another goal, is not meant to be best with the nominal parameters.
+    A robust profile is not meant to be best with the nominal parameters.
     """
     found = []
     for here, fine in zip(designed, proof, strict=True):

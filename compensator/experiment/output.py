@@ -19,7 +19,7 @@ from tendonff.compensator.reporting.page import write_pages
 class ExperimentResult(ExperimentData):
     """A test that can be written."""
 
-    def write(self, folder: str | os.PathLike[str]) -> None:
+    def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `experiment_<level>.csv`, `summary.json`, figures and `report.html`, all or nothing; makes
         the folder.
         """
@@ -27,7 +27,7 @@ class ExperimentResult(ExperimentData):
         with atomic_directory(folder) as partial:
             for level, run in self.runs.items():
                 write_run(run, partial / f"experiment_{level}.csv")
-            write_pages(partial, summary(self), figures, experiment_report(self, figures))
+            write_pages(partial, summary(self), figures, experiment_report(self, figures), pdf=pdf)
 
 
 def write_run(run: ExperimentRun, path: Path) -> None:

@@ -77,6 +77,7 @@ class ExplorerPage:
         }
         self._knows = Checkbox(label="Redesign for these values (unticked: keep the scenario's design)", active=False)
         self._slow = {curve.name: Checkbox(label=f"Show: {curve.label}", active=False) for curve in SLOW}
+        self._worst = Checkbox(label="State the worst case over [robust]", active=False)
         self._scores = Div(text="", sizing_mode="stretch_width")
         self._sources = {curve.name: ColumnDataSource(data=_EMPTY) for curve in (*FAST, *SLOW)}
         self._wanted = ColumnDataSource(data={"time": [], "tension": []})
@@ -93,7 +94,7 @@ class ExplorerPage:
         sliders = [*self._sliders.values(), *self._logarithmic.values(), *self._poses.values()]
         for slider in sliders:
             slider.on_change("value", self._changed)
-        for box in (self._knows, *self._slow.values()):
+        for box in (self._knows, self._worst, *self._slow.values()):
             box.on_change("active", self._changed)
         fit = Button(label="Fit the scales to the curves")
         fit.on_click(self.fit_scales)
@@ -102,7 +103,7 @@ class ExplorerPage:
             CustomJS(args={"source": self._toml, "name": f"explored_{self._scenario.source.name}"}, code=_DOWNLOAD)
         )
         heading = Div(text=f"<h1 style='font-size:1.2rem;margin:0'>{escape(self._scenario.name)}</h1>")
-        boxes = (self._knows, *self._slow.values(), fit, save)
+        boxes = (self._knows, self._worst, *self._slow.values(), fit, save)
         wide = {"flex": "1 1 300px", "min-width": "280px", "max-width": "420px"}
         controls = column(heading, *sliders, *boxes, self._scores, styles=wide, sizing_mode="stretch_width")
         panels = row(
@@ -149,7 +150,7 @@ class ExplorerPage:
             self._fade(curve.name, stale=True)
             if curve not in wanted:
                 self._sources[curve.name].data = _EMPTY
-        if not wanted:
+        if not wanted and not self._worst.active:
             return
         if self._document is None:
             self._add_slow(shown, wanted)
@@ -161,7 +162,11 @@ class ExplorerPage:
         parameters = self.parameters()
         if asked is not None and (asked != parameters or self._waiting):
             return
-        self._show(self._explorer.at(parameters, design_knows=bool(self._knows.active), curves=wanted), fast.courses)
+        knows = bool(self._knows.active)
+        self._show(self._explorer.at(parameters, design_knows=knows, curves=wanted), fast.courses)
+        if self._worst.active:
+            stated = self._explorer.worst_case(parameters, design_knows=knows)
+            self._scores.text += f"<p role='status'>{escape(stated)}</p>"
 
     def _show(self, shown: Exploration, before: Mapping[str, Any]) -> None:
         """Curves and scores of what was computed, beside those that were before."""

@@ -7,11 +7,14 @@ from typing import Any
 import numpy as np
 
 from tendonff.compensator.adapt.setup import tuned_chain, tuning_of
-from tendonff.compensator.compensators.base import Compensator, Problem, with_motion
+from tendonff.compensator.compensators.base import Compensator, Problem, answers_of, with_motion
+from tendonff.compensator.compensators.expectation import expect
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import Score, score, verify
+from tendonff.compensator.compensators.uncertain import Doubt
+from tendonff.compensator.files.progress import Parts, silent
 from tendonff.compensator.reporting.colours import PURPLE, Style
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, Joint, SineJoint, WaypointJoint
 from tendonff.compensator.scenario.sampled.joint_motion import moved
@@ -25,6 +28,7 @@ from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.models.path import COEFFICIENTS, Section
 from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig
 from tendonff.ocp.adaptation.tuning import Sensor
+from tendonff.ocp.errors import SolveError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -177,15 +181,7 @@ class Explorer:
         The design is made for the changed transmission; else for the scenario's own, and tried on the changed one, with
         the changed actuator. TendonffError when the reference cannot be delivered, or a value is out of bounds.
         """
-        changed = parameters.apply(self._scenario)
-        known = self._scenario.transmission
-        model = (
-            changed
-            if design_knows
-            else replace(self._scenario, transmission=replace(known, actuator=changed.transmission.actuator))
-        )
-        problem = replace(Problem.of(model, reference=sample_reference(model, strict=True)), uncertainty=Uncertainty())
-        plant = moved(changed, float(problem.reference.time_s[-1]))
+        problem, plant = self._posed(parameters, design_knows=design_knows)
         notes: list[str] = []
         courses = {}
         for curve in curves:
@@ -197,6 +193,29 @@ class Explorer:
                 notes.append(f"{curve.label}: {error}")
         return Exploration(reference=problem.reference, courses=courses, notes=tuple(notes))
 
+    def worst_case(self, parameters: ExploreParameters, *, design_knows: bool = True) -> str:
+        """What to expect of the fast curves over the scenario's uncertainty about the changed transmission."""
+        problem, plant = self._posed(parameters, design_knows=design_knows)
+        doubt = Doubt.of(plant, self._scenario.robust)
+        labels = {curve.name: curve.label for curve in FAST}
+        fast = [curve.compensator for curve in FAST if curve.compensator is not None]
+        profiles = answers_of(problem, fast, Parts(silent, len(fast))).profiles
+        found = expect(doubt, problem.level, profiles, problem.reference)
+        file = self._scenario.source.name
+        return found.headline(labels[found.recommended], f"tendonff design {file} --out out")
+
+    def _posed(self, parameters: ExploreParameters, *, design_knows: bool) -> tuple[Problem, Transmission]:
+        """The problem of the nominal design, and the plant that it is tried on."""
+        changed = parameters.apply(self._scenario)
+        known = self._scenario.transmission
+        model = (
+            changed
+            if design_knows
+            else replace(self._scenario, transmission=replace(known, actuator=changed.transmission.actuator))
+        )
+        problem = replace(Problem.of(model, reference=sample_reference(model, strict=True)), uncertainty=Uncertainty())
+        return problem, moved(changed, float(problem.reference.time_s[-1]), periodic=problem.reference.periodic)
+
 
 def _course(
     problem: Problem, plant: Transmission, curve: Curve, settings: Adaptation | None, notes: list[str]
@@ -206,6 +225,8 @@ def _course(
     if curve.compensator is None:
         force, output = _tuned(problem, plant, settings or Adaptation(sensor=Sensor.ACTUATOR_POSITION))
         return _thinned(problem, force, output)
+    if reason := curve.compensator.refusal(problem):
+        raise SolveError(reason)
     profile: Profile = with_motion(problem, curve.name, curve.compensator.profile(problem))
     if profile.status is not ProfileStatus.GOOD:
         notes.append(f"{curve.label}: {profile.message}")

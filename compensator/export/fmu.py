@@ -19,7 +19,7 @@ from tendonff.compensator.compensators.table import BuiltTable, table_of
 from tendonff.compensator.export.judgement import Judged, chosen, judge, profiles_of
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.export.modules import ADAPTIVE, PLANT, c_modules, check_prefix
-from tendonff.compensator.export.text.c_text import c_sources, table_context
+from tendonff.compensator.export.text.c_text import c_sources, harmless, table_context
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_file
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
@@ -200,7 +200,7 @@ def _context(
             _Variable(name="load_position", text="positive towards the actuator", unit="m", start=far),
         ]
     joints = [] if problem.chain.motion is None else _joint_inputs(problem.chain)
-    name = " ".join(scenario.name.replace("*/", "* /").split())
+    name = harmless(scenario.name)
     return {
         "prefix": prefix,
         "guard": prefix.upper(),

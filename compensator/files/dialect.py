@@ -14,6 +14,9 @@ from pathlib import Path
 
 from tendonff.compensator.files.text import InputError, user_text
 
+MOST_COLUMNS = 5000
+"""Columns that a table may have."""
+
 _COMMENTS = ("#", "%", "//")
 _LOOKED_AT = 200  # lines that the way of writing is told from
 _LONGEST = 100_000  # characters of a line that are looked at
@@ -76,6 +79,8 @@ def _dialect_of(lines: Sequence[str], expected: Sequence[str], given: Sequence[s
     written = [k for k, line in enumerate(lines) if line.strip() and not is_comment(line)]
     if not written:
         raise InputError(f"{file} is empty; the first line must name the columns")
+    for k in written:
+        require_columns(max(len(lines[k].split()), *(lines[k].count(mark) for mark in ",;\t|")), file)
     separator = _separator([lines[k] for k in written], expected)
     cells = {k: _split(lines[k], separator) for k in written}
     if given:
@@ -85,10 +90,9 @@ def _dialect_of(lines: Sequence[str], expected: Sequence[str], given: Sequence[s
         remark = _commented_header(lines, written[0], separator, len(cells[header]))
         if remark is None:
             first = cells[header][0]
-            raise InputError(
-                f"{file} row 1: the first line must name the columns, got numbers ({first}, ...); "
-                f"name the {len(cells[header])} columns with --columns"
-            )
+            refused = f"{file} row 1: the first line must name the columns, got numbers"
+            way = f"name the {len(cells[header])} columns with --columns"
+            raise InputError(f"{refused} ({first}, ...); {way}", discreet=f"{refused}; {way}")
         header = remark
         cells[header] = _split(lines[header].lstrip(' "#%/'), separator)
     names = tuple(cells[header])
@@ -130,6 +134,12 @@ def _without_header(cells: dict[int, list[str]], separator: str, given: Sequence
         first=tuple(first),
         notes=tuple(_notes(separator, comma=comma)),
     )
+
+
+def require_columns(count: int, file: str) -> None:
+    """Refuse a table with very many columns."""
+    if count > MOST_COLUMNS:
+        raise InputError(f"{file} has more than {MOST_COLUMNS} columns; give those that are needed")
 
 
 def _has_decimal_commas(rows: Sequence[Sequence[str]], separator: str) -> bool:

@@ -129,7 +129,8 @@ def _resolve(path: Path, dialect: Dialect, quantity: Quantity) -> tuple[str, flo
     """Column of a quantity, what its unit is in SI, and what to say about it."""
     names = dialect.names
     if quantity.column is not None and quantity.column not in names:
-        raise InputError(f'{path.name}: column "{quantity.column}" is missing{nearest_column(quantity.column, names)}')
+        missing = f'{path.name}: column "{quantity.column}" is missing'
+        raise InputError(f"{missing}{nearest_column(quantity.column, names)}", discreet=missing)
     if quantity.column is not None or quantity.name in names:
         return _named(path, dialect, quantity)
     if (found := guess(dialect, quantity)) is not None:
@@ -138,7 +139,10 @@ def _resolve(path: Path, dialect: Dialect, quantity: Quantity) -> tuple[str, flo
     head = f'{path.name}: column "{quantity.name}" is missing'
     if len(meant) > 1:
         listed = ", ".join(f'"{name}"' for name, _ in meant)
-        raise InputError(f"{head}; {listed} could be meant: choose with {quantity.option.format(meant[0][0])}")
+        raise InputError(
+            f"{head}; {listed} could be meant: choose with {quantity.option.format(meant[0][0])}",
+            discreet=f"{head}; {len(meant)} could be meant: choose with {quantity.option.format('...')}",
+        )
     if meant:
         name, unit = meant[0]
         if unit:
@@ -147,7 +151,8 @@ def _resolve(path: Path, dialect: Dialect, quantity: Quantity) -> tuple[str, flo
             f'{head}; is it "{name}"? If it is in {quantity.si}, say so with {quantity.option.format(name)}, '
             f'else put the unit into its name: "{name} [{next(u for u in quantity.units if u != quantity.si)}]"'
         )
-    raise InputError(f"{head}{nearest_column(quantity.name, names)} (say which by {quantity.option.format('...')})")
+    way = f"(say which by {quantity.option.format('...')})"
+    raise InputError(f"{head}{nearest_column(quantity.name, names)} {way}", discreet=f"{head} {way}")
 
 
 def _named(path: Path, dialect: Dialect, quantity: Quantity) -> tuple[str, float, str]:
@@ -156,8 +161,10 @@ def _named(path: Path, dialect: Dialect, quantity: Quantity) -> tuple[str, float
     _, unit, is_stated = unit_of(dialect, column)
     if quantity.column is None:
         if is_stated and unit != quantity.si:
+            refused = f'{path.name}: column "{column}" has'
             raise InputError(
-                f'{path.name}: column "{column}" has the unit {unit} below its name; rename it, or correct the unit'
+                f"{refused} the unit {unit} below its name; rename it, or correct the unit",
+                discreet=f"{refused} another unit below its name; rename it, or correct the unit",
             )
         return column, 1.0, ""
     if unit in quantity.units:
@@ -168,9 +175,10 @@ def _named(path: Path, dialect: Dialect, quantity: Quantity) -> tuple[str, float
 
 
 def _unknown_unit(path: Path, quantity: Quantity, column: str, unit: str) -> InputError:
+    known = f"which is none of {', '.join(quantity.units)}; convert it, or correct the unit"
     return InputError(
-        f'{path.name}: column "{column}" has the unit {unit}, which is none of {", ".join(quantity.units)}; '
-        "convert it, or correct the unit"
+        f'{path.name}: column "{column}" has the unit {unit}, {known}',
+        discreet=f"{path.name}: the column of {quantity.words[0]} has a unit {known}",
     )
 
 

@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 
 from tendonff.compensator.files.dialect import Dialect, is_comment
 from tendonff.compensator.files.tables import is_packed, read_table, table_dialect
-from tendonff.compensator.files.text import InputError, encoding_of, open_text, read_text, suggestion, user_text
+from tendonff.compensator.files.text import (
+    InputError,
+    encoding_of,
+    open_bytes,
+    open_text,
+    read_text,
+    suggestion,
+    user_text,
+)
 
 __all__ = ["FloatArray", "InputError", "nearest_column", "open_text", "read_csv", "read_text", "suggestion"]
 
@@ -45,7 +53,8 @@ def read_csv(
     names = dialect.names
     for name in required:
         if name not in names:
-            raise InputError(f'{path.name}: column "{name}" is missing{nearest_column(name, names)}')
+            missing = f'{path.name}: column "{name}" is missing'
+            raise InputError(f"{missing}{nearest_column(name, names)}", discreet=missing)
     wanted = [name for name in dict.fromkeys((*required, *optional)) if name in names]
     for name in wanted:
         if names.count(name) > 1:
@@ -112,10 +121,10 @@ def _parse(path: Path, dialect: Dialect, wanted: Sequence[str]) -> dict[str, Flo
 
     names = dialect.names
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), open_bytes(path) as stream:
             warnings.simplefilter("error", pd.errors.ParserWarning)  # a row with too many cells
             frame = pd.read_csv(
-                path,
+                stream,
                 sep=r"\s+" if dialect.separator == " " else dialect.separator,
                 decimal=dialect.decimal,
                 names=list(range(len(names))),
@@ -130,6 +139,8 @@ def _parse(path: Path, dialect: Dialect, wanted: Sequence[str]) -> dict[str, Flo
                 encoding=encoding_of(path),
                 engine="c",
             )
+    except InputError:
+        raise
     except (ValueError, OverflowError, EOFError, zlib.error, pd.errors.ParserWarning, pd.errors.EmptyDataError):
         return _parse_slowly(path, dialect, wanted)
     columns = {name: frame[names.index(name)].to_numpy(np.float64) for name in wanted}
@@ -191,7 +202,8 @@ def _cell(path: Path, row: int, name: str, text: str, dialect: Dialect) -> float
     except ValueError:
         shown = text if len(text) <= 40 else f"{text[:37]}..."
         hint = "; is it the header again? Remove the row" if text.strip() in dialect.names else ""
-        raise InputError(f'{path.name} row {row}: {name} must be a number, got "{shown}"{hint}') from None
+        refused = f"{path.name} row {row}: {name} must be a number"
+        raise InputError(f'{refused}, got "{shown}"{hint}', discreet=f"{refused}{hint}") from None
     if not np.isfinite(value):
         raise InputError(f"{path.name} row {row}: {name} must be a finite number, got {text.strip()}")
     return value

@@ -4,8 +4,8 @@ import io
 from collections.abc import Sequence
 from pathlib import Path
 
-from tendonff.compensator.files.dialect import Dialect, find_dialect, is_comment
-from tendonff.compensator.files.formats.registry import READABLE, read_packed, reader_of
+from tendonff.compensator.files.dialect import MOST_COLUMNS, Dialect, find_dialect, is_comment
+from tendonff.compensator.files.formats.registry import READABLE, damaged, read_packed, reader_of
 from tendonff.compensator.files.formats.table import Table
 from tendonff.compensator.files.text import InputError, user_text
 
@@ -50,6 +50,9 @@ def _text(path: Path, expected: Sequence[str], header: Sequence[str]) -> Table:
         if not row.strip() or is_comment(row):
             continue
         row = mark.join(row.split()) if dialect.separator == " " else row
+        if row.count(mark) > MOST_COLUMNS:
+            long_rows += 1
+            continue
         while row.endswith(mark) and row.count(mark) >= len(names):
             row = row[:-1].rstrip(" ")
         if row.count(mark) >= len(names) and '"' not in row:
@@ -72,7 +75,7 @@ def _text(path: Path, expected: Sequence[str], header: Sequence[str]) -> Table:
             index_col=False,
         )
     except (ValueError, pd.errors.ParserError) as error:
-        raise InputError(f"{path.name} cannot be read as a table: {error}; what can be read: {READABLE}") from None
+        raise damaged(path, error) from None
     units = dict(zip(names, dialect.units, strict=False)) if any(dialect.units) else {}
     return Table(
         columns={name: frame[k] for k, name in enumerate(names)},

@@ -2,6 +2,8 @@
 
 import codecs
 import gzip
+import io
+import stat
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -15,7 +17,71 @@ _BLOCK = 1 << 20
 
 
 class InputError(TendonffError, ValueError):
-    """A file or an argument given by the user cannot be used; the text names it and says what to do."""
+    """A file or an argument given by the user cannot be used; the text names it and says what to do.
+
+    Parameters
+    ----------
+    text : str
+        The message.
+    discreet : str, optional
+        The message without anything that stands in a file; default: the text has nothing of the kind.
+    """
+
+    def __init__(self, text: str = "", *, discreet: str | None = None) -> None:
+        super().__init__(text)
+        self.discreet = text if discreet is None else discreet
+
+
+@contextmanager
+def discreetly() -> Iterator[None]:
+    """Refuse files without quoting them: those that a scenario names, which may come from somebody else."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(error.discreet) from None
+
+
+MOST_BYTES = 200_000_000
+"""Bytes that a packed file may unpack to."""
+
+
+def require_moderate(path: Path, size: int) -> None:
+    """Refuse a packed file that unpacks to more bytes than can be meant, before it is unpacked."""
+    if size > MOST_BYTES:
+        most = f"{MOST_BYTES / 1e6:.0f} MB"
+        raise InputError(f"{path.name} unpacks to more than {most}; give the part that is needed, or unpack it first")
+
+
+class _Bounded(gzip.GzipFile):
+    """A packed file that is read up to a bound, whatever it unpacks to."""
+
+    def read(self, size: int | None = -1) -> bytes:
+        return self._within(super().read(MOST_BYTES + 1 if size is None or size < 0 else size))
+
+    def read1(self, size: int = -1) -> bytes:
+        return self._within(super().read1(size))
+
+    def _within(self, data: bytes) -> bytes:
+        require_moderate(Path(str(self.name)), self.tell())
+        return data
+
+
+def require_file(path: Path) -> None:
+    """Refuse folders, and pipes and devices, which may wait or go on for ever; a missing file is for `open` to name."""
+    try:
+        mode = path.stat().st_mode
+    except (OSError, ValueError):
+        return
+    if stat.S_ISDIR(mode):
+        raise InputError(f"{path} is a folder, not a file")
+    if not stat.S_ISREG(mode):
+        raise InputError(f"{path} is a pipe or a device, not a file; write what it gives into a file first")
+
+
+def open_bytes(path: Path) -> IO[bytes]:
+    """Open a user's file, unpacked on the way where it is packed; OSError or ValueError where it cannot be."""
+    require_file(path)
+    return cast("IO[bytes]", _Bounded(path)) if path.suffix.lower() == ".gz" else path.open("rb")
 
 
 def suggestion(name: str, valid: Sequence[str]) -> str:
@@ -29,7 +95,7 @@ def suggestion(name: str, valid: Sequence[str]) -> str:
 def encoding_of(path: Path) -> str:
     """Encoding of a text: UTF-16 by its first bytes, UTF-8, or else Windows' western one (cp1252)."""
     decoder = codecs.getincrementaldecoder("utf-8")()
-    with _opened(path) as stream:
+    with open_bytes(path) as stream:
         block = stream.read(_BLOCK)
         if block.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
             return "utf-16"
@@ -43,18 +109,12 @@ def encoding_of(path: Path) -> str:
     return "utf-8-sig"
 
 
-def _opened(path: Path) -> IO[bytes]:
-    return cast("IO[bytes]", gzip.open(path, "rb")) if path.suffix.lower() == ".gz" else path.open("rb")
-
-
 def open_text(path: Path, encoding: str = "utf-8-sig") -> IO[str]:
     """Open a user's text file, packed or not, turning what can go wrong into an InputError."""
-    if path.is_dir():
-        raise InputError(f"{path} is a folder, not a file")
     try:
-        if path.suffix.lower() == ".gz":
-            return cast("IO[str]", gzip.open(path, "rt", encoding=encoding, newline=""))
-        return path.open(encoding=encoding, newline="")
+        return io.TextIOWrapper(open_bytes(path), encoding=encoding, newline="")
+    except InputError:
+        raise
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.result import IdentificationData, PieceComparison
@@ -15,15 +16,14 @@ from tendonff.compensator.scenario.measurement import Explain
 MOST_PANELS = 4
 
 
-def draw(found: IdentificationData, folder: Path) -> None:
-    """Write every figure that the data has material for."""
+def draw(found: IdentificationData, folder: Path, *, pdf: bool = False) -> dict[str, Path]:
+    """Write every figure that the data has material for; the files that a report shows, by name."""
     shown = _chosen(found.comparisons)
     with figure_style():
-        _over_time(found, shown, folder)
-        _loops(found, shown, folder)
-        _residuals(shown, folder)
+        figures = {"time": _over_time(found, shown), "loop": _loops(found, shown), "residuals": _residuals(shown)}
         if any(c.elongation_m is not None for c in shown):
-            _relaxation(shown, folder)
+            figures["relaxation"] = _relaxation(shown)
+    return {name: save_figure(figure, folder / name, pdf=pdf)[0] for name, figure in figures.items()}
 
 
 def _chosen(comparisons: Sequence[PieceComparison]) -> list[PieceComparison]:
@@ -53,7 +53,7 @@ def _title(piece: PieceComparison) -> str:
     return f"{piece.name} ({'validation' if piece.role == 'validate' else 'fitted'})"
 
 
-def _over_time(found: IdentificationData, comparisons: Sequence[PieceComparison], folder: Path) -> None:
+def _over_time(found: IdentificationData, comparisons: Sequence[PieceComparison]) -> Figure:
     figure, axes = new_figure(len(comparisons), 1)
     name, other, scale, unit = CHANNELS[found.explain]
     for ax, piece in zip(axes[:, 0], comparisons, strict=True):
@@ -67,10 +67,10 @@ def _over_time(found: IdentificationData, comparisons: Sequence[PieceComparison]
         ax.margins(x=0.01)
     axes[-1, 0].set_xlabel("time [s]")
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
-    save_figure(figure, folder / "time")
+    return figure
 
 
-def _loops(found: IdentificationData, comparisons: Sequence[PieceComparison], folder: Path) -> None:
+def _loops(found: IdentificationData, comparisons: Sequence[PieceComparison]) -> Figure:
     columns = min(2, len(comparisons))
     rows = -(-len(comparisons) // columns)
     figure, axes = new_figure(rows, columns, height_in=2.8 * rows + 0.5)
@@ -86,10 +86,10 @@ def _loops(found: IdentificationData, comparisons: Sequence[PieceComparison], fo
     for ax in axes.ravel()[len(comparisons) :]:
         ax.set_axis_off()
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
-    save_figure(figure, folder / "loop")
+    return figure
 
 
-def _residuals(comparisons: Sequence[PieceComparison], folder: Path) -> None:
+def _residuals(comparisons: Sequence[PieceComparison]) -> Figure:
     figure, axes = new_figure(len(comparisons), 1, height_in=1.7 * len(comparisons) + 0.5)
     for ax, piece in zip(axes[:, 0], comparisons, strict=True):
         span = max(float(np.ptp(piece.measured)), 1e-300)
@@ -101,10 +101,10 @@ def _residuals(comparisons: Sequence[PieceComparison], folder: Path) -> None:
         ax.set_ylabel("model less\nmeasured [%]")
         ax.margins(x=0.01)
     axes[-1, 0].set_xlabel("time [s]")
-    save_figure(figure, folder / "residuals")
+    return figure
 
 
-def _relaxation(comparisons: Sequence[PieceComparison], folder: Path) -> None:
+def _relaxation(comparisons: Sequence[PieceComparison]) -> Figure:
     shown = [c for c in comparisons if c.elongation_m is not None][:2]
     figure, axes = new_figure(len(shown), 2, height_in=2.6 * len(shown) + 0.5)
     for (over, loop), piece in zip(axes, shown, strict=True):
@@ -121,11 +121,11 @@ def _relaxation(comparisons: Sequence[PieceComparison], folder: Path) -> None:
         loop.set_xlabel("elongation [mm]")
         loop.set_ylabel("input tension [N]")
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
-    save_figure(figure, folder / "relaxation")
+    return figure
 
 
-def draw_suggestion(excitation: Excitation, folder: Path) -> None:
-    """Figure of a suggested excitation, its parts marked."""
+def draw_suggestion(excitation: Excitation, folder: Path, *, pdf: bool = False) -> Path:
+    """Figure of a suggested excitation, its parts marked; the file that a report shows."""
     with figure_style():
         figure, axes = new_figure(1, 1, height_in=2.8)
         ax = axes[0, 0]
@@ -144,4 +144,4 @@ def draw_suggestion(excitation: Excitation, folder: Path) -> None:
         ax.set_title("; ".join(f"{k + 1} {name}" for k, name in enumerate(names)), fontsize=7)
         ax.set_xlabel("time [s]")
         ax.set_ylabel("actuator force [N]")
-        save_figure(figure, folder / "suggested_force")
+    return save_figure(figure, folder / "suggested_force", pdf=pdf)[0]

@@ -17,27 +17,27 @@ from tendonff.compensator.scenario.scenario import Scenario, scenario_to_toml
 class Identification(IdentificationData):
     """An identification that can be written."""
 
-    def write(self, folder: str | os.PathLike[str]) -> None:
+    def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `fitted.toml`, `fit.json`, figures, the suggested excitation and `report.html`, all or nothing; makes
         the folder.
         """
         with atomic_directory(folder) as partial:
             write_text(partial / "fitted.toml", scenario_to_toml(self.scenario, folder=folder))
             write_json(partial / "fit.json", self.as_json())
-            draw(self, partial)
+            pictures = draw(self, partial, pdf=pdf)
             if self.comparable:
-                _write_excitation(suggest(self.scenario), partial)
-            write_report(partial / "report.html", identification_report(self, partial))
+                pictures["suggested_force"] = _write_excitation(suggest(self.scenario), partial, pdf=pdf)
+            write_report(partial / "report.html", identification_report(self, pictures))
 
 
-def write_suggestion(scenario: Scenario, folder: Path) -> Excitation:
+def write_suggestion(scenario: Scenario, folder: Path, *, pdf: bool = False) -> Excitation:
     """Write a suggested excitation for a scenario's rig."""
     excitation = suggest(scenario)
     with atomic_directory(folder) as partial:
-        _write_excitation(excitation, partial)
+        _write_excitation(excitation, partial, pdf=pdf)
     return excitation
 
 
-def _write_excitation(excitation: Excitation, folder: Path) -> None:
+def _write_excitation(excitation: Excitation, folder: Path, *, pdf: bool) -> Path:
     write_csv(folder / "suggested_force.csv", {"time_s": excitation.time_s, "force_N": excitation.force_N})
-    draw_suggestion(excitation, folder)
+    return draw_suggestion(excitation, folder, pdf=pdf)

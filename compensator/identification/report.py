@@ -1,5 +1,6 @@
 """The report of an identification."""
 
+from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 from shlex import quote
@@ -26,8 +27,8 @@ _PLAIN = {
 """Options that are a number."""
 
 
-def identification_report(found: IdentificationData, folder: Path) -> Report:
-    """The page of an identification whose figures lie in `folder`."""
+def identification_report(found: IdentificationData, pictures: Mapping[str, Path]) -> Report:
+    """The page of an identification whose figures lie in files, by name."""
     estimates = Table(
         caption=(
             "Estimates; not identifiable: the scenario's value, or what the law takes for it; doubtful: fitted with "
@@ -72,18 +73,16 @@ def identification_report(found: IdentificationData, folder: Path) -> Report:
             for s in found.sections
         ],
     )
-    pictures: list[Block] = [
-        PictureFile(path=folder / f"{name}.png", caption=caption)
-        for name, caption in _CAPTIONS.items()
-        if (folder / f"{name}.png").is_file()
+    shown: list[Block] = [
+        PictureFile(path=pictures[name], caption=caption) for name, caption in _CAPTIONS.items() if name in pictures
     ]
-    excitation = folder / "suggested_force.png"
+    excitation = pictures.get("suggested_force")
     after: tuple[Block, ...] = ()
     notes = [
         FileNote(name="fitted.toml", content="the scenario with the estimates put in; the one printed below"),
         FileNote(name="fit.json", content="estimates, intervals, correlations and errors for other programs"),
     ]
-    if excitation.is_file():
+    if excitation is not None:
         text = (
             "suggested_force.csv is a force for the next measurement on this rig; it excites what was not identifiable "
             "so far."
@@ -103,7 +102,7 @@ def identification_report(found: IdentificationData, folder: Path) -> Report:
             for section in (
                 Section(title="Estimates", blocks=(estimates,)),
                 Section(title="Friction by section", blocks=(by_section,) if found.sections else ()),
-                Section(title="Model and measurement", blocks=pictures),
+                Section(title="Model and measurement", blocks=shown),
                 Section(title="Choice of the law", blocks=(laws, sliding)),
                 Section(title="Measured files", blocks=(files,)),
                 Section(title="Next measurement", blocks=after),

@@ -8,7 +8,6 @@ name holds is shown as text. The page carries no date: equal results give equal 
 
 import base64
 import hashlib
-import io
 import math
 import platform
 import re
@@ -18,13 +17,15 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from itertools import count
 from pathlib import Path
+from types import MappingProxyType
 
 from matplotlib.figure import Figure
 
 from tendonff._version import __version__
 from tendonff.compensator.files.reading import open_text
 from tendonff.compensator.files.writing import write_json, write_text
-from tendonff.compensator.reporting.plots import UNDATED, figure_style, save_figure
+from tendonff.compensator.joint.scenario import JointScenario
+from tendonff.compensator.reporting.plots import draw_figure, save_figure
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash, scenario_to_toml
 
 Cell = str | float | int | bool | None  # what a table holds; None shows as a dash
@@ -80,7 +81,6 @@ def format_cell(cell: Cell, digits: int = 3, decimals: int | None = None) -> str
     return f"{cell:.{digits}g}".replace("-", "−")
 
 
-_LARGEST_SVG_BYTES = 1_000_000  # a dense curve costs more as a path than as pixels
 _PACKAGES = ("casadi", "numpy", "scipy", "matplotlib", "control", "pandas", "pydantic")
 
 
@@ -120,7 +120,7 @@ class Picture:
 class PictureFile:
     """A figure that was written already; its content is taken into the page."""
 
-    path: Path  # PNG file
+    path: Path  # SVG or PNG file
     caption: str  # what to see in it, in words
 
 
@@ -155,7 +155,7 @@ class FileNote:
 class Provenance:
     """What it takes to make the result again."""
 
-    scenario: Scenario  # shown whole, with its hash
+    scenario: Scenario | JointScenario  # shown whole, with its hash
     command: str = ""  # command line, without the folders of this machine: "tendonff design finger.toml --out DIR"
     # further files that went in (force, measured data); named with the first digits of their SHA-256
     inputs: Sequence[Path] = ()
@@ -186,13 +186,21 @@ def provenance_of(scenario: Scenario, command: str, options: str = "") -> Proven
     )
 
 
-def write_report(path: Path, report: Report) -> None:
-    """Write the page, whole or not at all."""
-    write_text(path, render_report(report))
+def _text_of(scenario: Scenario | JointScenario) -> str:
+    return scenario.to_toml() if isinstance(scenario, JointScenario) else scenario_to_toml(scenario)
 
 
-def render_report(report: Report) -> str:
-    """The page as HTML text."""
+def _hash_of(scenario: Scenario | JointScenario) -> str:
+    return scenario.digest() if isinstance(scenario, JointScenario) else scenario_hash(scenario)
+
+
+def write_report(path: Path, report: Report, files: Mapping[Figure, Path] = MappingProxyType({})) -> None:
+    """Write the page, whole or not at all; figures that are in files already are taken from there."""
+    write_text(path, render_report(report, files))
+
+
+def render_report(report: Report, files: Mapping[Figure, Path] = MappingProxyType({})) -> str:
+    """The page as HTML text; figures that are in files already are taken from there."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     # The name of the loader's package is the one this module was imported under.
@@ -212,18 +220,18 @@ def render_report(report: Report) -> str:
         report=report,
         interactive=any(isinstance(block, Interactive) for block in blocks),
         sections=[
-            {"title": section.title, "blocks": [_prepared(block, figures) for block in section.blocks]}
+            {"title": section.title, "blocks": [_prepared(block, figures, files) for block in section.blocks]}
             for section in report.sections
         ],
-        scenario_text=scenario_to_toml(provenance.scenario),
+        scenario_text=_text_of(provenance.scenario),
         scenario_file=provenance.scenario.source.name,
-        scenario_hash=scenario_hash(provenance.scenario),
+        scenario_hash=_hash_of(provenance.scenario),
         inputs=[(path.name, file_hash(path)) for path in inputs],
         versions=versions(),
     )
 
 
-def _prepared(block: Block, numbers: Iterator[int]) -> dict[str, object]:
+def _prepared(block: Block, numbers: Iterator[int], files: Mapping[Figure, Path]) -> dict[str, object]:
     """What the template prints of a block; figures take the next number."""
     match block:
         case Text():
@@ -246,32 +254,28 @@ def _prepared(block: Block, numbers: Iterator[int]) -> dict[str, object]:
                 "rows": rows,
             }
         case Picture():
-            source = figure_uri(block.figure)
+            written = files.get(block.figure)
+            source = figure_uri(block.figure) if written is None else _file_uri(written)
             return {"kind": "picture", "caption": block.caption, "source": source, "number": next(numbers)}
         case Interactive():
             return {"kind": "interactive", "caption": block.caption, "html": block.html}
         case PictureFile():
-            source = _uri("image/png", block.path.read_bytes())
+            source = _file_uri(block.path)
             return {"kind": "picture", "caption": block.caption, "source": source, "number": next(numbers)}
 
 
 def figure_uri(figure: Figure) -> str:
-    """A figure as an address that carries its content: SVG, or PNG where the curves are dense."""
-    content = _drawn(figure, "svg")
-    if len(content) > _LARGEST_SVG_BYTES:
-        return _uri("image/png", _drawn(figure, "png"))
-    return _uri("image/svg+xml", content)
+    """A figure as an address that carries its content."""
+    return _uri(*draw_figure(figure))
 
 
-def _uri(media: str, content: bytes) -> str:
+def _file_uri(path: Path) -> str:
+    return _uri(path.suffix.removeprefix("."), path.read_bytes())
+
+
+def _uri(kind: str, content: bytes) -> str:
+    media = {"svg": "image/svg+xml", "png": "image/png"}[kind]
     return f"data:{media};base64,{base64.b64encode(content).decode('ascii')}"
-
-
-def _drawn(figure: Figure, kind: str) -> bytes:
-    buffer = io.BytesIO()
-    with figure_style():
-        figure.savefig(buffer, format=kind, metadata=UNDATED[kind])
-    return buffer.getvalue()
 
 
 def file_hash(path: Path) -> str:
@@ -295,19 +299,20 @@ def versions() -> tuple[tuple[str, str], ...]:
     return tuple(found)
 
 
-def summary_head(scenario: Scenario) -> dict[str, object]:
+def summary_head(scenario: Scenario | JointScenario) -> dict[str, object]:
     """How every `summary.json` begins."""
     return {
         "schema": 1,
         "scenario": scenario.name,
-        "scenario_hash": scenario_hash(scenario),
+        "scenario_hash": _hash_of(scenario),
         "tool": f"tendonff {__version__}",
     }
 
 
-def write_pages(folder: Path, summary: Mapping[str, object], figures: Mapping[str, Figure], report: Report) -> None:
+def write_pages(
+    folder: Path, summary: Mapping[str, object], figures: Mapping[str, Figure], report: Report, *, pdf: bool = False
+) -> None:
     """Write `summary.json`, every figure, by file name without a suffix, and `report.html` into an existing folder."""
     write_json(folder / "summary.json", summary)
-    for name, figure in figures.items():
-        save_figure(figure, folder / name)
-    write_report(folder / "report.html", report)
+    files = {figure: save_figure(figure, folder / name, pdf=pdf)[0] for name, figure in figures.items()}
+    write_report(folder / "report.html", report, files)

@@ -4,6 +4,7 @@ Colours are Okabe and Ito's, which stay apart for colour-blind readers; curves t
 as well, so that they stay apart in a black-and-white print. Figures carry no date: equal results give equal files.
 """
 
+import io
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,7 +23,6 @@ from tendonff.compensator.files.writing import atomic_file
 from tendonff.compensator.reporting.colours import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, VERMILION
 
 if TYPE_CHECKING:
-    import control
     from numpy.typing import NDArray
 
     from tendonff.models.path import JointMotion
@@ -67,6 +67,9 @@ UNDATED: dict[str, dict[str, Any]] = {
     "pdf": {"CreationDate": None, "ModDate": None},
     "svg": {"Date": None},
 }
+_LARGEST_SVG_BYTES = 1_000_000  # a dense curve costs more as a path than as pixels
+_LETTER_IN = 0.066  # width of a letter of a legend
+_HANDLE_IN = 0.55  # its line, and the gap to the next column
 _SAME = 0.004  # of the drawn range: about the width of a line
 _MOST_POINTS = 4000  # of a curve: more would not be seen
 
@@ -132,8 +135,17 @@ def coinciding(curves: "Mapping[str, NDArray[np.float64]]", span: float) -> dict
 
 
 def legend_below(figure: Figure, panel: Axes, columns: int = 5) -> None:
-    """The legend of a panel under the figure."""
-    figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=columns)
+    """The legend of a panel under the figure, in at most so many columns and no more than its width has room for."""
+    handles, labels = panel.get_legend_handles_labels()
+    while columns > 1 and _legend_in(labels, columns) > figure.get_figwidth():
+        columns -= 1
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns)
+
+
+def _legend_in(labels: Sequence[str], columns: int) -> float:
+    """Width of a legend, filled column by column [in]."""
+    lengths = np.array_split([len(label) for label in labels], columns)  # as matplotlib deals them out
+    return sum(_LETTER_IN * max(column, default=0) + _HANDLE_IN for column in lengths)
 
 
 def draw_joints(panel: Axes, motion: "JointMotion", time_s: "FloatArray") -> None:
@@ -146,27 +158,53 @@ def draw_joints(panel: Axes, motion: "JointMotion", time_s: "FloatArray") -> Non
     panel.legend(loc="lower right", bbox_to_anchor=(1, 1), borderpad=0, ncols=len(motion.names))
 
 
-def save_figure(figure: Figure, path: Path, formats: Sequence[str] = ("png", "pdf")) -> list[Path]:
-    """Write a figure as `DIR/name.png` and so on, whole or not at all; equal figures give equal files."""
+def draw_figure(figure: Figure) -> tuple[str, bytes]:
+    """Kind and content of a figure as reports show it: "svg", or "png" where its curves are dense."""
+    content = _drawn(figure, "svg")
+    return ("png", _drawn(figure, "png")) if len(content) > _LARGEST_SVG_BYTES else ("svg", content)
+
+
+def _drawn(figure: Figure, kind: str) -> bytes:
+    buffer = io.BytesIO()
+    # A layout engine, even one that does nothing, has all of it drawn once more to find the places.
+    with figure_style(), mpl.rc_context({"figure.constrained_layout.use": False}):
+        _lay_out(figure)
+        figure.savefig(buffer, format=kind, metadata=UNDATED[kind])
+    return buffer.getvalue()
+
+
+def _lay_out(figure: Figure) -> None:
+    """Find the places of panels and legends, once for all files."""
+    if (engine := figure.get_layout_engine()) is not None:
+        engine.execute(figure)
+        figure.set_layout_engine(None)
+
+
+def save_figure(figure: Figure, path: Path, formats: Sequence[str] = (), *, pdf: bool = False) -> list[Path]:
+    """Write a figure as `DIR/name.svg` and so on, whole or not at all; equal figures give equal files.
+
+    Without formats it is written as reports show it, see `draw_figure`, and with `pdf` for a printed page too.
+    """
+    drawn = [(kind, _drawn(figure, kind)) for kind in formats] if formats else [draw_figure(figure)]
+    if pdf:
+        drawn.append(("pdf", _drawn(figure, "pdf")))
     written = []
-    with figure_style():
-        for kind in formats:
-            target = path.with_name(f"{path.name}.{kind}")
-            with atomic_file(target) as partial:
-                figure.savefig(partial, format=kind, metadata=UNDATED[kind])
-            written.append(target)
+    for kind, content in drawn:
+        target = path.with_name(f"{path.name}.{kind}")
+        with atomic_file(target) as partial:
+            partial.write_bytes(content)
+        written.append(target)
     return written
 
 
-def bode_figure(systems: "Mapping[str, control.LTI]", frequencies_Hz: FloatArray, *, ylabel: str) -> Figure:
-    """Gain and phase over frequency [Hz], shape (n,), > 0, rising: one curve for each system, by label.
+def bode_figure(gains: "Mapping[str, NDArray[np.complex128]]", frequencies_Hz: FloatArray, *, ylabel: str) -> Figure:
+    """Size and phase of complex gains over frequency [Hz], shape (n,), > 0, rising: one curve for each, by label.
 
-    Every system has one input and one output; `ylabel` says what the gain is, with its unit.
+    `ylabel` says what the gain is, with its unit.
     """
     with figure_style():
         figure, axes = new_figure(2, 1, share_x=True, height_in=4.4)
-        for k, (label, system) in enumerate(systems.items()):
-            response = np.asarray(system(2j * np.pi * frequencies_Hz)).ravel()
+        for k, (label, response) in enumerate(gains.items()):
             style = LINE_STYLES[k % len(LINE_STYLES)]
             axes[0, 0].loglog(frequencies_Hz, np.abs(response), style, label=label)
             axes[1, 0].semilogx(frequencies_Hz, np.degrees(np.unwrap(np.angle(response))), style)

@@ -19,7 +19,7 @@ from tendonff.compensator.scenario.joints import KINDS as JOINT_KINDS
 from tendonff.compensator.scenario.joints import Joint, read_joints
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec, SineReference, WaypointReference
-from tendonff.compensator.scenario.settings import Adaptation, OptimalSettings, Run, Stream
+from tendonff.compensator.scenario.settings import REMOVED_OPTIMAL, Adaptation, Run, Stream
 from tendonff.compensator.scenario.tables import (
     ROPE_KEYS,
     check_names,
@@ -37,6 +37,7 @@ from tendonff.models.parameters import Path as TendonPath
 from tendonff.models.parameters.numbers import keys_of, with_numbers
 from tendonff.models.parameters.uncertainty import Spread, Uncertainty
 from tendonff.models.path import Section
+from tendonff.ocp.tracking.options import TrackOptions
 
 SCHEMA = 1
 
@@ -51,7 +52,7 @@ _TABLES: dict[str, type] = {
 }
 _OPTIONAL: dict[str, type] = {
     "robust": Uncertainty,
-    "optimal": OptimalSettings,
+    "optimal": TrackOptions,
     "experiment": Experiment,
     "measurement": Measurement,
     "stream": Stream,
@@ -87,7 +88,7 @@ class Scenario:
     reference: ReferenceSpec
     run: Run
     robust: Uncertainty = field(default_factory=Uncertainty)
-    optimal: OptimalSettings = field(default_factory=OptimalSettings)
+    optimal: TrackOptions = field(default_factory=TrackOptions)
     experiment: Experiment = field(default_factory=Experiment)
     measurement: Measurement = field(default_factory=Measurement)
     stream: Stream = field(default_factory=Stream)
@@ -112,6 +113,8 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
     """Read a scenario from its text; messages name the source, and a CSV reference is relative to its folder."""
     source = Path(source)
     file = source.name
+    if _DEEP_KEY.search(text):
+        raise InputError(f"{file}: a key has more than {_MOST_PARTS} parts; none of a scenario has more than three")
     try:
         raw = tomllib.loads(text)
     except RecursionError:
@@ -119,11 +122,17 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
     except ValueError as error:  # TOMLDecodeError, and numbers of thousands of digits
         raise InputError(f"{file}: not valid TOML: {error}{_advice(text, str(error))}") from None
     _check_schema(raw, file)
+    if {"tendons", "drive"} & raw.keys():
+        raise InputError(
+            f"{file} describes a driven joint between tendons, this command works on the tension of one; "
+            '"tendonff design" and "tendonff simulate" take it'
+        )
     _check_names(raw, file)
+    _check_removed(raw.get("optimal"), file)
     name = raw.get("name", source.stem)
     if not isinstance(name, str):
         raise InputError(f'{file}: name must be text in quotes ("..."), got {show(name)}')
-    sections, path = _path_keys(raw.get("path", {}), file)
+    sections, path = path_keys(raw.get("path", {}), file)
     raw_tendon = raw.get("tendon")
     spread, robust = _spread_keys(raw.get("robust", {}), file)
     expanded = {"path": path, "load": _load_keys(raw.get("load", {}), file), "robust": robust}
@@ -153,7 +162,7 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
             raise InputError(
                 f'{file}: the joint "{joint}" is named but not given (given: {given}); add [joints.{joint}]'
             )
-    scenario = Scenario(
+    return Scenario(
         name=name,
         transmission=transmission,
         reference=read_kind(_KINDS, raw["reference"], file=file, table="reference"),
@@ -162,16 +171,12 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
         joints=joints,
         **optional,  # type: ignore[arg-type]
     )
-    others = {
-        "[reference] periodic": scenario.reference.periodic,
-        "[robust]": not scenario.robust.is_certain,
-        "[joints]": bool(joints),
-    }
-    present = [name for name, is_present in others.items() if is_present]
-    if (goal := scenario.optimal.goal) and present:
-        raise InputError(f"{file}: [optimal] {goal} does not go with {present[0]}; leave one of them out")
-    return scenario
 
+
+_MOST_PARTS = 50
+_PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
+_DEEP_KEY = re.compile(rf"""(?<![\w"'-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{_MOST_PARTS}}}""")
+"""A key in so many parts that tomllib takes a minute for it."""
 
 _NO_TOML = (
     (r"(\w+)\s*=\s*([-+]?\d+),(\d+)", "; a decimal point, not a comma: {0} = {1}.{2}"),
@@ -199,7 +204,7 @@ def _advice(text: str, error: str) -> str:
     return ""
 
 
-def _path_keys(raw: object, file: str) -> tuple[tuple[Section, ...], object]:
+def path_keys(raw: object, file: str) -> tuple[tuple[Section, ...], object]:
     """The sections of [path], and its other keys with the total angle that they add up to."""
     if not isinstance(raw, Mapping) or "sections" not in raw:
         return (), raw
@@ -299,6 +304,13 @@ def _load_keys(raw: object, file: str) -> object:
     return {**_HELD_BY_JOINT, **keys} if kind == "joint" else keys
 
 
+def _check_removed(optimal: object, file: str) -> None:
+    """Refuse keys of [optimal] that are no more, with what to do instead."""
+    for key in optimal if isinstance(optimal, Mapping) else ():
+        if key in REMOVED_OPTIMAL:
+            raise InputError(f'{file} [optimal]: key "{key}" was removed in 0.3.0: {REMOVED_OPTIMAL[key]}')
+
+
 def _check_schema(raw: Mapping[str, object], file: str) -> None:
     schema = raw.get("schema")
     if schema is None:
@@ -357,9 +369,9 @@ def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | Non
     transmission = scenario.transmission
     tables: dict[str, object] = {key: getattr(transmission, key) for key in _TABLES if key != "run"}
     tables["reference"] = reference
-    tables |= {key: getattr(scenario, key) for key in ("run", *_OPTIONAL, *_ON_REQUEST) if key != "stream"}
-    if scenario.stream != Stream():  # what says nothing new is left out, so that older hashes stay
-        tables["stream"] = scenario.stream
+    unwritten = {"stream": Stream(), "optimal": TrackOptions()}  # what says nothing new: so older hashes stay
+    own = {key: getattr(scenario, key) for key in ("run", *_OPTIONAL, *_ON_REQUEST)}
+    tables |= {key: value for key, value in own.items() if key not in unwritten or value != unwritten[key]}
     parts = [f"schema = {SCHEMA}\nname = {toml_value(scenario.name)}\n"]
     for table, value in tables.items():
         if value is None:

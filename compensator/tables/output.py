@@ -19,7 +19,7 @@ from tendonff.models.capstan import Branch
 class Tables(TablesData):
     """Tables that can be written."""
 
-    def write(self, folder: str | os.PathLike[str], *, prefix: str = "tff") -> None:
+    def write(self, folder: str | os.PathLike[str], *, prefix: str = "tff", pdf: bool = False) -> None:
         """Write `table.csv`, `table.json`, `table.h`, a figure and `report.html`, all or nothing; makes the folder.
 
         The names in `table.h` begin with `prefix`.
@@ -28,8 +28,8 @@ class Tables(TablesData):
             write_text(partial / "table.csv", table_csv(self))
             write_json(partial / "table.json", summary(self))
             write_text(partial / "table.h", table_header(self.scenario, self.tables[0].built, self.level, prefix))
-            save_figure(table_figure(self), partial / "table")
-            write_report(partial / "report.html", table_report(self, partial / "table.png"))
+            picture, *_ = save_figure(table_figure(self), partial / "table", pdf=pdf)
+            write_report(partial / "report.html", table_report(self, picture))
 
 
 def table_csv(result: TablesData) -> str:

@@ -119,11 +119,11 @@ def _cache_folder() -> Path:
 
 
 def _is_private(folder: Path) -> bool:
-    """Whether it is the user's, and not for everybody to write to."""
+    """Whether it is the user's, and for nobody else to write to."""
     if os.name != "posix":
         return True
     found = folder.stat()
-    return found.st_uid == os.getuid() and not found.st_mode & stat.S_IWOTH
+    return found.st_uid == os.getuid() and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
 @functools.cache

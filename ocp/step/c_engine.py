@@ -78,7 +78,14 @@ def places_of(chain: Chain, time_s: float, step_s: float, rows: int) -> list[Arr
     return [table]
 
 
-def host_source(chain: Chain, laws: tuple[Law, ...], templates: tuple[str, ...], *, ways_differ: bool = False) -> str:
+def host_source(
+    chain: Chain,
+    laws: tuple[Law, ...],
+    templates: tuple[str, ...],
+    *,
+    ways_differ: bool = False,
+    joint_numbers: tuple[str, ...] = (),
+) -> str:
     """C for chains of any size with the laws of this one; friction of the two directions may be set apart."""
     printer = PartialEvaluator(prefix=PREFIX, precision=Precision.DOUBLE, parameters={})
     elements = ElementLaws.of(chain, folded=True)
@@ -96,6 +103,7 @@ def host_source(chain: Chain, laws: tuple[Law, ...], templates: tuple[str, ...],
         host=True,
         moving=chain.moving,
         of_masses=tuple(chain.of_masses()),
+        joint_numbers=joint_numbers,
     )
     parts = ["#include <math.h>\n#include <stddef.h>\n", *(code.render(name) for name in ("types.h.j2", "host.h.j2"))]
     return "\n".join([*parts, *(law.code for law in printed.values()), *(code.render(name) for name in templates)])

@@ -109,6 +109,7 @@ class StepCode:
     compliances: Compliances | None = None
     on_joints: OnJoints | None = None  # for a controller, where the path moves or has sections
     held: bool = False  # a servo's stiffness holds the near end, whose rounding counts too
+    joint_numbers: tuple[str, ...] = ()  # of a driven joint between two chains
 
     def call(
         self,
@@ -245,6 +246,7 @@ class StepCode:
             friction_states=states.friction_states,
             input_names=INPUT_NAMES,
             held=self.held,
+            joint_numbers=self.joint_numbers,
             shifted=self.compliances is not None,
             compliances=self.compliances,
             zero=number(0.0),

@@ -9,9 +9,10 @@ from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.cost import Evaluation, evaluate
 from tendonff.ocp.tracking.diagnosis import departures, law_of, reasons
 from tendonff.ocp.tracking.limits import ForceLimits, Violation
-from tendonff.ocp.tracking.problem import TrackingProblem, TrackOptions, travel_N
+from tendonff.ocp.tracking.options import TrackOptions
+from tendonff.ocp.tracking.problem import TrackingProblem
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
-from tendonff.ocp.tracking.search.grids import GridRefinement
+from tendonff.ocp.tracking.sqp import SqpResult
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,7 +25,7 @@ class Found:
     evaluation: Evaluation
     at_clipped: Evaluation
     note: str = ""  # how the search stopped, where it was cut short
-    refinements: tuple[GridRefinement, ...] = ()  # of each window; empty where nothing was searched
+    results: tuple[SqpResult, ...] = ()  # of each piece of the horizon; empty where nothing better was found
 
 
 def answer(
@@ -33,15 +34,14 @@ def answer(
     inversion: Inversion,
     options: TrackOptions,
     *,
-    cautions: tuple[str, ...],
+    build_s: float,
     solve_s: float,
 ) -> Tracking:
     """Put what was found into a result that explains itself.
 
-    `inversion` is the exact inverse of the nominal plant; the cautions say why the profile may deliver less than
-    predicted; the search took `solve_s`.
+    `inversion` is the exact inverse of the nominal plant; posing the problem took `build_s`, the search `solve_s`.
     """
-    h, reference, limits, force = problem.step_s, problem.goal.reference_N, problem.limits, work.force_N
+    h, reference, limits, force = problem.step_s, problem.reference_N, problem.limits, work.force_N
     nominal = problem.plants[0].chain
     seen = evaluate(replace(problem, plants=problem.plants[:1]), force).tensions_N
     tension = seen[0] if seen else np.full((len(reference), nominal.count + 1), np.nan)
@@ -52,33 +52,21 @@ def answer(
         status = TrackStatus.INFEASIBLE
     error = output - reference
     rms, span = float(np.sqrt(np.mean(error**2))), max(float(np.ptp(reference)), 1e-300)
-    plants = len(work.evaluation.squares)
-    clipped_rms, worst_rms = (float(np.sqrt(e.squares.max())) for e in (work.at_clipped, work.evaluation))
-    iterations = sum(r.iterations for r in work.refinements)
-    gain = max((r.gain for r in work.refinements), default=0.0)
+    squares = work.evaluation.squares
+    clipped_rms = float(np.sqrt(work.at_clipped.squares[: problem.chains].max()))
+    iterations = sum(result.iterations for result in work.results)
+    gain = max((result.gain for result in work.results), default=0.0)
     told: tuple[str, ...] = ()
     if status is not TrackStatus.EXACT:
         bounds = options.minimum_tension_N, options.maximum_tension_N
         told = reasons(law_of(nominal), reference, inversion.force_N, h, limits, *bounds)
     left = f"RMS error {rms:.3g} N ({100 * rms / span:.2g} % of range)"
-    if plants > 1:
-        given = len(problem.plants)
-        of = (
-            f"{plants} plants"
-            if plants == given
-            else "the model and its twin with stiff bristles"
-            if given == 1
-            else f"{given} plants and as many with stiff bristles"
-        )
-        left = (
-            f"RMS error {worst_rms:.3g} N on the worst of {of}, {rms:.3g} N "
-            f"({100 * rms / span:.2g} % of range) on the nominal one"
-        )
+    if problem.chains > 1:
+        worst_rms = float(np.sqrt(squares[: problem.chains].max()))
+        left = f"RMS error {worst_rms:.3g} N on the worst of {problem.chains} plants, {left[10:]} on the nominal one"
     if work.at_clipped.beyond_N == 0:  # what breaks a bound is no yardstick
         left += f", that of the clipped inverse {clipped_rms:.3g} N"
-    if plants > 1:
-        needed = max(travel_N(problem.clipped(inversion.force_N)), 1e-300)
-        left += f"; the force travels {travel_N(force):.0f} N, {travel_N(force) / needed:.2g} times as far as that"
+    left += _floor(problem)
     effort = f"{iterations} iterations, {solve_s:.1f} s"
     message = {
         TrackStatus.EXACT: "no limit binds: the exact inverse is the optimum; no iterations",
@@ -104,7 +92,6 @@ def answer(
         status=status,
         message=message + work.note,
         reasons=told,
-        cautions=cautions,
         departures=departures(output, reference, h),
         time_s=inversion.time_s,
         force_N=force,
@@ -117,10 +104,29 @@ def answer(
         worst=worst,
         iterations=iterations,
         gain=gain,
-        windows=max(len(work.refinements), 1),
-        build_s=0.0,
+        windows=max(len(work.results), 1),
+        build_s=build_s,
         solve_s=solve_s,
     )
+
+
+def _floor(problem: TrackingProblem) -> str:
+    """What no force can do better while plants with different friction all slip; empty where friction is the same.
+
+    One force leaves a relative error of T + p of tanh(d) on one of two plants whose mu theta are 2 d apart.
+    """
+    exponents = [law_of(plant.chain).pull_exponent for plant in problem.plants[: problem.chains]]
+    apart = 0.5 * (max(exponents) - min(exponents))
+    if apart <= _ALIKE * max(exponents):
+        return ""
+    floor = 100 * np.tanh(apart)
+    return (
+        f"; while all slip, no force does better than {floor:.3g} % of the tension on both extremes of friction "
+        f"(tanh d, mu theta known to +-{apart:.3g} = d)"
+    )
+
+
+_ALIKE = 1e-6
 
 
 def _keeps_tension(tension_N: Array, options: TrackOptions) -> bool:

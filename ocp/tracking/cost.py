@@ -7,12 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.ocp.sensitivity import force_sensitivity
-from tendonff.ocp.simulate import Outcome, simulate
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.diagnosis import reversals
 from tendonff.ocp.tracking.motion import INSIDE
-from tendonff.ocp.tracking.problem import Goal, MotionBound, TensionBounds, TrackingProblem
-from tendonff.ocp.tracking.ratcheting import StaticGoal
+from tendonff.ocp.tracking.problem import MotionBound, TrackingProblem
 
 Knots = NDArray[np.int_]
 
@@ -88,48 +86,41 @@ def power_mean(squares: Array, power: float) -> tuple[float, Array]:
 
 def evaluate(problem: TrackingProblem, force_N: Array) -> Evaluation:
     """Simulate every plant under a force, shape (n,) [N], and evaluate it."""
-    goal, bounds, tensions, travels = problem.goal, problem.bounds, [], []
-    for plant in problem.plants:
-        run = simulate(plant.chain, force_N, problem.step_s, state=plant.state)
-        if run.outcome is Outcome.FAILED:
-            bad = np.full(len(problem.plants), np.inf)
-            return Evaluation(
-                merit=np.inf, squares=bad, slopes=bad, density=np.empty(0), beyond_N=np.inf, tensions_N=()
-            )
-        tensions.append(run.tension_N)
-        travels.append(run.near_position_m - plant.origin_m)
-    errors = np.array([(t[:, -1] - goal.reference_N) ** 2 for t in tensions])
-    squares = errors.mean(axis=1)
-    for k, static in enumerate(p.static for p in problem.plants):
-        if static.weight > 0:
-            errors[k] += static.weight * (static.output_N(force_N) - static.wanted_N) ** 2
-    if goal.band is not None:
-        errors += goal.band.weight * np.array([goal.band.outside_N(t[:, -1]) ** 2 for t in tensions])
-    weights = np.array([p.weight for p in problem.plants])
-    mean, slopes = power_mean(weights * errors.mean(axis=1), goal.power)
+    tensions, travels, count, n = [], [], len(problem.plants), len(force_N)
+    for run in problem.runs:
+        response = run.respond(force_N)
+        if response is None:
+            bad, none = np.full(count, np.inf), np.full(n, np.inf)
+            return Evaluation(merit=np.inf, squares=bad, slopes=bad, density=none, beyond_N=np.inf, tensions_N=())
+        tensions.append(response[0])
+        travels.append(response[1])
+    errors = np.array([(t[:, -1] - p.wanted_N) ** 2 for t, p in zip(tensions, problem.plants, strict=True)])
+    weights, squares = np.array([p.weight for p in problem.plants]), errors.mean(axis=1)
+    mean, slopes = power_mean(weights * squares, problem.power)
     slopes *= weights
-    low, high = min(float(t[1:].min()) for t in tensions), max(float(t[1:].max()) for t in tensions)
-    beyond = max(bounds.low_N - low, high - bounds.high_N, *_motion_beyond_N(problem, force_N, travels), 0.0)
-    cost = goal.effort_weight * force_N**2 / len(force_N)
-    cost[1:] += goal.travel_weight * _smooth_travel(goal, force_N)[0]
+    judged = tensions[: problem.chains]  # stiffer bristles count for the error alone
+    low, high = min(float(t[1:].min()) for t in judged), max(float(t[1:].max()) for t in judged)
+    beyond = max(problem.low_N - low, high - problem.high_N, *_motion_beyond_N(problem, force_N, travels), 0.0)
+    cost = problem.effort_weight * force_N**2 / n
+    cost[1:] += problem.travel_weight * _smooth_travel(problem, force_N)[0]
     # A slack link carries no force however slack it is, so its depth says nothing: the cost of slack is its own.
-    slack = goal.penalty_N * float(np.ptp(goal.reference_N)) if low <= 0 else 0.0
+    slack = problem.penalty_N * float(np.ptp(problem.reference_N)) if low <= 0 else 0.0
     return Evaluation(
-        merit=mean + float(cost.sum()) + goal.penalty_N * beyond + slack,
+        merit=mean + float(cost.sum()) + problem.penalty_N * beyond + slack,
         squares=squares,
         slopes=slopes,
-        density=slopes @ errors / len(force_N) + cost,
+        density=np.einsum("s,sn", slopes, errors) / n + cost,
         beyond_N=beyond,
         tensions_N=tuple(tensions),
         travels_m=tuple(travels),
     )
 
 
-def _smooth_travel(goal: Goal, force_N: Array) -> tuple[Array, Array]:
+def _smooth_travel(problem: TrackingProblem, force_N: Array) -> tuple[Array, Array]:
     """Travel of each step, rounded off near 0, and the weight of its quadratic bound; shape (n - 1,) each."""
     steps = np.diff(force_N)
-    size = np.sqrt(steps**2 + goal.least_travel_N**2)
-    return size - goal.least_travel_N, 1 / size
+    size = np.hypot(steps, problem.least_travel_N)
+    return size - problem.least_travel_N, 1 / size
 
 
 def _motion_beyond_N(problem: TrackingProblem, force_N: Array, travels_m: list[Array]) -> Iterator[float]:
@@ -148,15 +139,15 @@ def gauss_newton_model(
     The change of the force has its corners in the rows `knots`, shape (k,); tensions that come within `reach_N` of a
     bound are watched.
     """
-    goal, bounds, n, k = problem.goal, problem.bounds, len(force_N), len(knots)
+    n, k = len(force_N), len(knots)
     # A position remembers for ever: cut off, its slopes would jump and tell of speeds that are not there.
     moves = any(plant.bounds for plant in problem.plants)
-    wiped = np.full(k, n) if moves else _wiped_rows(goal.reference_N, knots)
+    wiped = np.full(k, n) if moves else _wiped_rows(problem.reference_N, knots)
     hessian, gradient, hats = np.zeros((k, k)), np.zeros(k), Hats.of(knots)
     rows, lows, highs = [np.empty((0, k))], [np.empty(0)], [np.empty(0)]
     plants = zip(problem.plants, evaluation.tensions_N, evaluation.travels_m, evaluation.slopes, strict=True)
-    for plant, tension, travel, slope in plants:
-        watched = _watched(tension, bounds, reach_N)
+    for number, (plant, tension, travel, slope) in enumerate(plants):
+        watched = _watched(tension, problem, reach_N if number < problem.chains else -np.inf)
         seen, place = np.unique(watched[:, 0], return_inverse=True)
         found = force_sensitivity(
             plant.chain,
@@ -168,30 +159,25 @@ def gauss_newton_model(
             ends=bool(plant.bounds),
             wiped_rows=wiped,
         )
-        output = found.tension_slopes[:, -1, :]
-        weight = 2 * slope / n
-        error = tension[:, -1] - goal.reference_N
-        _add_squares(hessian, gradient, output, weight, error, knots, wiped)
-        if goal.band is not None:
-            outside = goal.band.outside_N(tension[:, -1])
-            apart = output * (outside != 0)[:, None]
-            _add_squares(hessian, gradient, apart, goal.band.weight * weight, outside, knots, wiped)
-        if plant.static.weight > 0:
-            _add_static(hessian, gradient, plant.static, weight, force_N, hats)
+        error = tension[:, -1] - plant.wanted_N
+        _add_squares(hessian, gradient, found.tension_slopes[:, -1, :], 2 * slope / n, error, knots, wiped)
         if watched.size:
             at, link = watched.T
             rows.append(found.watched_slopes[place, link, :])
-            lows.append(bounds.low_N - tension[at, link])
-            highs.append(bounds.high_N - tension[at, link])
+            lows.append(problem.low_N - tension[at, link])
+            highs.append(problem.high_N - tension[at, link])
         if found.ends_slopes is not None:
-            for row, low, high in _motion_rows(
-                plant.bounds, force_N, travel, found.ends_slopes[:, 0, :], knots, problem.step_s
-            ):
+            slopes = found.ends_slopes[:, 0, :]
+            for row, low, high in _motion_rows(plant.bounds, force_N, travel, slopes, knots, problem.step_s):
                 rows.append(row)
                 lows.append(low)
                 highs.append(high)
-    if goal.effort_weight > 0 or goal.travel_weight > 0:
-        _add_force_cost(hessian, gradient, goal, force_N, hats)
+    if problem.effort_weight > 0:
+        weights = np.full(n, 2 * problem.effort_weight / n)
+        add_pairs(hessian, gradient, hats.left, 1 - hats.share, hats.share, weights, force_N)
+    if problem.travel_weight > 0:  # the quadratic function that touches the travel here and lies above it everywhere
+        weights, slope_of = problem.travel_weight * _smooth_travel(problem, force_N)[1], 1 / hats.gap[hats.left[:-1]]
+        add_pairs(hessian, gradient, hats.left[:-1], -slope_of, slope_of, weights, np.diff(force_N))
     return GaussNewtonModel(
         hessian=hessian,
         gradient=gradient,
@@ -199,26 +185,6 @@ def gauss_newton_model(
         low=np.concatenate(lows),
         high=np.concatenate(highs),
     )
-
-
-def _add_static(hessian: Array, gradient: Array, static: StaticGoal, weight: float, force_N: Array, hats: Hats) -> None:
-    """Add the error by the static law."""
-    output = static.output_N(force_N)
-    at, rise = static.slopes(force_N, output)
-    share = hats.share[at]
-    weights = np.full(len(at), weight * static.weight)
-    add_pairs(hessian, gradient, hats.left[at], rise * (1 - share), rise * share, weights, output - static.wanted_N)
-
-
-def _add_force_cost(hessian: Array, gradient: Array, goal: Goal, force_N: Array, hats: Hats) -> None:
-    """Add the costs of effort and travel."""
-    n = len(force_N)
-    if goal.effort_weight > 0:
-        weights = np.full(n, 2 * goal.effort_weight / n)
-        add_pairs(hessian, gradient, hats.left, 1 - hats.share, hats.share, weights, force_N)
-    # Of the travel, the quadratic function that touches it here and lies above it everywhere.
-    weights, slope = goal.travel_weight * _smooth_travel(goal, force_N)[1], 1 / hats.gap[hats.left[:-1]]
-    add_pairs(hessian, gradient, hats.left[:-1], -slope, slope, weights, np.diff(force_N))
 
 
 _REVERSALS = 2  # a change of the force is followed over so many later ones: they wipe it out
@@ -287,9 +253,9 @@ _FAR_N = 1e9
 _NEAR = 0.5  # of a limit of the motion: what is this close to it is watched
 
 
-def _watched(tension_N: Array, bounds: TensionBounds, reach_N: float) -> Knots:
+def _watched(tension_N: Array, problem: TrackingProblem, reach_N: float) -> Knots:
     """Pairs (row, link) near a bound, the worst of each piece; shape (c, 2)."""
-    room = np.minimum(tension_N - bounds.low_N, bounds.high_N - tension_N)
+    room = np.minimum(tension_N - problem.low_N, problem.high_N - tension_N)
     pairs: list[tuple[int, int]] = []
     for start in range(1, len(room), _PIECE_ROWS):
         piece = room[start : start + _PIECE_ROWS]

@@ -75,6 +75,13 @@ def _exponent(coefficient: float | Array, count: int) -> float:
     return float(np.sum(np.broadcast_to(equivalent_exponent(np.asarray(coefficient)), (count,))))
 
 
+def missed_N(chain: Chain, reference_N: Array, limits: ForceLimits) -> Array:
+    """What the largest force cannot hold against friction in full slip, whatever the bristles promise, shape (n,)."""
+    most = law_of(chain).largest_output_N(limits.maximum_N - chain.coulomb_N)
+    missed: Array = np.maximum(reference_N - most, 0.0)
+    return missed
+
+
 def reversals(reference_N: Array) -> NDArray[np.int_]:
     """Rows where the reference, shape (n,) [N], turns; ripple below 1 % of its range is left out."""
     least = _DEPARTED * float(np.ptp(reference_N))

@@ -2,124 +2,45 @@
 
 ::
 
-    minimise    M_p[mean (T_s - r)^2 + c (S_s - s)^2] + w mean f^2 + v (travel of f)    over the force f(t)
-    subject to  the chain of every plant s, from its state: T_s is its output     dynamics
-                minimum_N <= f <= maximum_N, abs(df/dt) <= rate_N_per_s           limits of the actuator
-                low_N <= tension anywhere along the tendon <= high_N              bounds of the tendon
-                abs(dq_a/dt) <= speed, low_m <= q_a - q_a(0) <= high_m            limits of the actuator's motion
-                abs(f + stall_N/no_load dq_a/dt) <= stall_N                       torque-speed line of its motor
+    minimise    M_p[w_s mean (T_s - r_s)^2] + w mean f^2 + v (travel of f)           over the force f(t)
+    subject to  the chain of every plant s, from its state: T_s is its output        dynamics
+                minimum_N <= f <= maximum_N, abs(df/dt) <= rate_N_per_s              limits of the actuator
+                low_N <= tension anywhere along the tendon <= high_N                 bounds of the tendon
+                abs(dq_a/dt) <= speed, low_m <= q_a - q_a(0) <= high_m               limits of the actuator's motion
+                abs(f + stall_N/no_load dq_a/dt) <= stall_N                          torque-speed line of its motor
 
-r is the reference and M_p the mean of order p over the plants: one plant and p = 1 for a nominal design. S is the
-output by the static law and s what the exact inverse gives there: no force pumps it (`ratcheting`). The dynamics
-are simulated (single shooting), so every iterate is a profile that could be used; the tension bounds carry an exact
-penalty. `cost` evaluates and linearises the problem, `sqp` solves it on one grid of knots, `grids` from coarse to
-fine, `receding_horizon` cuts long ones into pieces, `track` puts the answer into words.
+The plants are the design model and the same with stiffer bristles, or what an uncertain one may be; M_p is the mean of
+order p over them. The dynamics are simulated (single shooting), so every iterate is a profile that could be used; the
+bounds of tension and motion carry an exact penalty. `cost` evaluates and linearises the problem, `sqp` solves it on one
+grid of knots (`qp`), `search` finds the start and cuts long horizons, `track` asks and `answer` explains.
+
+The stiffer bristles keep the profile calm. A force that shakes makes the output of soft bristles creep beyond what
+static friction admits: a model rewards that, no measurement supports it. What is wanted of the stiffer plant is its
+output under the exact inverse without limits, so where no limit binds nothing is better than the exact inverse.
 """
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from tendonff.models.chain import Chain
-from tendonff.models.errors import ParameterError
-from tendonff.models.layout import ChainState
-from tendonff.ocp.step.protocol import Array
-from tendonff.ocp.tracking.band import Band
+from tendonff.models.layout import ChainInputs, ChainState
+from tendonff.models.parameters.uncertainty import Objective
+from tendonff.ocp.simulate import Simulator, simulate, tensions_of
+from tendonff.ocp.step.protocol import Array, StepperMemory
+from tendonff.ocp.tracking.diagnosis import missed_N
 from tendonff.ocp.tracking.limits import ForceLimits, MotionLimits
 from tendonff.ocp.tracking.motion import APPROACH_S
-from tendonff.ocp.tracking.ratcheting import StaticGoal
+from tendonff.ocp.tracking.options import TrackOptions
 
-WORST_POWER = 8.0
-"""Order of a mean that is close to the largest value."""
+_POWER = {Objective.WORST: 8.0, Objective.MEAN: 1.0}
+"""Order of the mean over the plants; 8 is close to the largest."""
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrackOptions:
-    """What the profile is optimised for, and how hard.
-
-    Parameters
-    ----------
-    effort_weight : float
-        Weight of the mean squared force beside the mean squared tension error [-]; 0 for tracking alone.
-    travel_weight : float
-        What doubling the travel of the clipped inverse's force costs, as a mean square error relative to the squared
-        range of the reference [-]: force that shakes to no purpose is not worth its while. 0 for none.
-    static_weight : float
-        Weight of the error by the static law beside that of the model, where that law speaks for stiff bristles [-]:
-        soft bristles can be pumped by a force that shakes, which no rig was measured to do. 0 trusts the model; a
-        robust design does not use it.
-    minimum_tension_N : float
-        Least tension anywhere along the tendon [N]; 0 means no link may go slack.
-    maximum_tension_N : float
-        Largest tension anywhere along the tendon [N]; infinite for none.
-    max_iterations : int
-        Quadratic programs per window.
-    tolerance : float
-        Relative decrease of the mean squared error that is not worth another iteration [-].
-    restarts : int or None
-        Turns in which the profile between two reversals is moved or changed at random and searched again, that may
-        bring next to nothing in a row before it is left as it is; 0 for a single search, which takes a quarter of the
-        time. None: 6 on a short horizon of one plant, fewer for several plants, none where the horizon is cut in
-        windows.
-    window_s : float or None
-        Length of the pieces a long horizon is cut into [s]; None: chosen from the reference.
-    """
-
-    effort_weight: float = 0.0
-    travel_weight: float = 1e-6
-    static_weight: float = 0.003
-    minimum_tension_N: float = 0.0
-    maximum_tension_N: float = math.inf
-    max_iterations: int = 400
-    tolerance: float = 3e-3
-    restarts: int | None = None
-    window_s: float | None = None
-
-    def __post_init__(self) -> None:
-        for name in ("effort_weight", "travel_weight", "static_weight"):
-            if not 0 <= (value := getattr(self, name)) < math.inf:
-                raise ParameterError(f"{name} must be a finite number >= 0, got {value}; 0 for none")
-        if not 0 <= self.minimum_tension_N < self.maximum_tension_N:
-            raise ParameterError(
-                f"minimum_tension_N must be >= 0 and below maximum_tension_N = {self.maximum_tension_N:g}, "
-                f"got {self.minimum_tension_N}; 0 means no slack"
-            )
-        if self.max_iterations < 3:
-            raise ParameterError(f"max_iterations must be >= 3, got {self.max_iterations}; 400 is a good start")
-        if not 0 < self.tolerance < 1:
-            raise ParameterError(f"tolerance must lie between 0 and 1, got {self.tolerance}; 0.003 is a good start")
-        if self.restarts is not None and not 0 <= self.restarts <= 100:
-            raise ParameterError(f"restarts must lie between 0 and 100, got {self.restarts}; 0 for a single search")
-        if self.window_s is not None and not self.window_s > 0:
-            raise ParameterError(f"window_s must be > 0, got {self.window_s}; leave it out to have it chosen")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TensionBounds:
-    """Bounds on the tension anywhere along the tendon."""
-
-    # low_N, high_N: [N]; infinite for none
-    low_N: float
-    high_N: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Goal:
-    """What is made small."""
-
-    reference_N: Array  # shape (n,); desired output tension at 0, h, 2 h ... [N]
-    effort_weight: float  # weight of the mean squared force beside the mean squared tension error [-]
-    travel_weight: float  # cost of a newton of travel of the force, up and down [N]
-    least_travel_N: float  # travel in one step below this costs less [N]
-    power: float  # mean of order `power` of the plants' mean squared errors: 1 is the mean, large is the worst
-    penalty_N: float  # cost of a newton outside the tension bounds [N]
-    band: Band | None = None  # where the output shall be kept
-
-    def rows(self, taken: "slice | np.typing.NDArray[np.int_]") -> "Goal":
-        """The same goal on some rows."""
-        band = None if self.band is None else self.band.rows(taken)
-        return replace(self, reference_N=self.reference_N[taken], band=band)
+_STIFFER = 30.0  # times the bristle stiffness: about that of the levels with stiff bristles
+_SAME = 0.01  # of the reference's range: a stiffer plant whose output is this near says nothing more
+_SHAKEN = 0.25  # of the mean square that the largest force misses: cost of doubling the travel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,25 +89,52 @@ def motion_bounds(motion: MotionLimits, span_N: float, stiffness_N_per_m: float)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlantModel:
-    """A chain, its start, its near end at rest [m], the bounds of that end, its goal by the static law, its weight."""
+    """A chain that the force drives, and what is asked of it."""
 
     chain: Chain
-    state: ChainState
-    origin_m: float
-    static: StaticGoal
+    state: ChainState  # at row 0
+    origin_m: float  # near end at rest
+    wanted_N: Array  # shape (n,); output that is right for this plant
     bounds: tuple[MotionBound, ...] = ()
-    weight: float = 1.0
+    weight: float = 1.0  # of its mean squared error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PlantRun:
+    """A plant at row 0, made ready once for all the forces that are tried."""
+
+    simulator: Simulator
+    start: StepperMemory
+    tension_N: Array  # shape (1, N + 1)
+    position_m: float  # of the near end, relative to rest
+
+    def respond(self, force_N: Array) -> tuple[Array, Array] | None:
+        """Tensions, shape (n, N + 1), and positions of the near end, shape (n,); None where the simulation fails."""
+        self.simulator.restore(self.start)
+        rows = self.simulator.advance(ChainInputs.of_force(force_N[1:]))
+        if len(rows.tension_N) < len(force_N) - 1:
+            return None
+        moved = rows.ends_m[:, 0] - self.start.x[-2] + self.position_m
+        return np.vstack([self.tension_N, rows.tension_N]), np.append(self.position_m, moved)
+
+
+@dataclass(frozen=True, kw_only=True)  # without slots: what is computed once is kept in the instance
 class TrackingProblem:
     """Goal, dynamics, limits and bounds over a horizon."""
 
     step_s: float  # grid h [s]
-    goal: Goal
-    plants: tuple[PlantModel, ...]  # every one is driven by the same force
+    reference_N: Array  # shape (n,); desired output tension at 0, h, 2 h ... [N]
+    plants: tuple[PlantModel, ...]  # driven by the same force; the nominal one first
+    chains: int  # the first so many plants are what is designed for; one after them has stiffer bristles
+    power: float  # order of the mean over the plants: 1 is the mean, large is the worst
+    effort_weight: float  # of the mean squared force beside the mean squared tension error [-]
+    travel_weight: float  # cost of a newton of travel of the force, up and down [N]
+    least_travel_N: float  # travel in one step below this costs less [N]
+    penalty_N: float  # cost of a newton outside the bounds [N]
     limits: ForceLimits
-    bounds: TensionBounds
+    # low_N, high_N: bounds of the tension anywhere along the tendon [N]
+    low_N: float
+    high_N: float
     start_N: float  # force of row 0, which is given [N]
     rest_N: float  # tension of the rest that travel counts from [N]
 
@@ -194,98 +142,94 @@ class TrackingProblem:
     def of(
         cls,
         chains: tuple[Chain, ...],
+        states: tuple[ChainState, ...],
         reference_N: Array,
         step_s: float,
         limits: ForceLimits,
         options: TrackOptions,
         *,
         initial_tension_N: float,
+        start_N: float,
         inverse_N: Array,
-        power: float = 1.0,
+        objective: Objective = Objective.WORST,
     ) -> "TrackingProblem":
-        """The problem of chains that start at rest at a tension T0 [N].
+        """The problem of chains in these states, the nominal one first; `inverse_N` is its exact inverse, shape (n,).
 
-        The travel of the exact inverse, shape (n,) [N], within the limits is what the task needs.
+        The travel of that within the limits is what the task needs.
         """
         span = max(float(np.ptp(reference_N)), 1e-3 * float(reference_N.max()))
         margin = 1e-4 * span  # the search aims a little inside, so that what it finds is inside
-        travel = max(travel_N(limits.apply(inverse_N, step_s, limits.start(initial_tension_N))), 1e-3 * span)
+        travel = max(travel_N(limits.apply(inverse_N, step_s, start_N)), 1e-3 * span)
         slack = 1e-3 * min(float(reference_N.min()), initial_tension_N)
-        weight = options.static_weight if len(chains) == 1 else 0.0  # of others the inverse is not known
+        plants = []
+        for chain, state in zip(chains, states, strict=True):
+            rest_m = chain.rest_state(initial_tension_N).near_position_m
+            bounds = motion_bounds(limits.motion, span, initial_tension_N / rest_m)
+            plants.append(PlantModel(chain=chain, state=state, origin_m=rest_m, wanted_N=reference_N, bounds=bounds))
+        if len(chains) == 1 and options.stiffer_weight > 0:
+            plants += _stiffer(plants[0], inverse_N, step_s, options.stiffer_weight)
+        # What the largest force cannot hold, only shaking gains: there travel has to pay off more.
+        shaken = _SHAKEN * float(np.mean(missed_N(chains[0], reference_N, limits) ** 2))
+        doubled = options.travel_weight * span**2 + (shaken if options.travel_weight > 0 else 0.0)
         return cls(
             step_s=step_s,
-            goal=Goal(
-                reference_N=reference_N,
-                effort_weight=options.effort_weight,
-                travel_weight=options.travel_weight * span**2 / travel,
-                least_travel_N=0.05 * travel / len(reference_N),
-                power=power,
-                penalty_N=4 * span + options.effort_weight * float(reference_N.max()),
-            ),
-            plants=tuple(
-                PlantModel(
-                    chain=c,
-                    state=x,
-                    origin_m=x.near_position_m,
-                    static=StaticGoal.of(c, inverse_N, step_s, initial_tension_N, weight),
-                    bounds=motion_bounds(limits.motion, span, initial_tension_N / x.near_position_m),
-                )
-                for c, x in ((c, c.rest_state(initial_tension_N)) for c in chains)
-            ),
+            reference_N=reference_N,
+            plants=tuple(plants),
+            chains=len(chains),
+            power=_POWER[objective] if len(chains) > 1 else 1.0,
+            effort_weight=options.effort_weight,
+            travel_weight=doubled / travel,
+            least_travel_N=0.05 * travel / len(reference_N),
+            penalty_N=4 * span + options.effort_weight * float(reference_N.max()),
             limits=limits,
-            bounds=TensionBounds(
-                low_N=options.minimum_tension_N + margin if options.minimum_tension_N > 0 else slack,
-                high_N=options.maximum_tension_N - margin,
-            ),
-            start_N=limits.start(initial_tension_N),
+            low_N=options.minimum_tension_N + margin if options.minimum_tension_N > 0 else slack,
+            high_N=options.maximum_tension_N - margin,
+            start_N=start_N,
             rest_N=initial_tension_N,
         )
+
+    @cached_property
+    def runs(self) -> tuple[PlantRun, ...]:
+        """Every plant at row 0."""
+        found, given = [], ChainInputs.of_force(np.array([self.start_N]))
+        for plant in self.plants:
+            simulator, x = Simulator(plant.chain, self.step_s, plant.state, given), plant.state.vector()
+            run = PlantRun(
+                simulator=simulator,
+                start=simulator.checkpoint(),
+                tension_N=tensions_of(plant.chain, x, plant.state.time_s),
+                position_m=plant.state.near_position_m - plant.origin_m,
+            )
+            found.append(run)
+        return tuple(found)
 
     def clipped(self, force_N: Array) -> Array:
         """What the actuator makes of a force, shape (n,) [N], from the start of this horizon."""
         return self.limits.apply(force_N, self.step_s, self.start_N)
 
-    def piece(
-        self, rows: slice, states: tuple[ChainState, ...], static_N: tuple[float, ...], start_N: float
-    ) -> "TrackingProblem":
-        """The same problem on some of its rows, entered in these states of the plants and with this force [N].
-
-        `static_N` are the plants' outputs there by the static law [N].
-        """
-        goal = self.goal.rows(rows)
-        weight = goal.travel_weight * len(self.goal.reference_N) / len(goal.reference_N)  # beside a mean of fewer rows
+    def piece(self, rows: slice, states: tuple[ChainState, ...], start_N: float) -> "TrackingProblem":
+        """The same problem on some of its rows, entered in these states of the plants and with this force [N]."""
+        reference = self.reference_N[rows]
         return replace(
             self,
-            goal=replace(goal, travel_weight=weight),
+            reference_N=reference,
+            travel_weight=self.travel_weight * len(self.reference_N) / len(reference),  # beside a mean of fewer rows
             plants=tuple(
-                replace(p, state=x, static=replace(p.static, start_N=output, wanted_N=p.static.wanted_N[rows]))
-                for p, x, output in zip(self.plants, states, static_N, strict=True)
+                replace(p, state=x, wanted_N=p.wanted_N[rows]) for p, x in zip(self.plants, states, strict=True)
             ),
             start_N=start_N,
         )
 
-    def coarsened(self, factor: int) -> "TrackingProblem":
-        """The same problem with one row for each `factor` rows; the last reference is held to its end."""
-        return replace(
-            self,
-            step_s=factor * self.step_s,
-            goal=replace(
-                self.goal.rows(_rows(len(self.goal.reference_N), factor)),
-                least_travel_N=factor * self.goal.least_travel_N,
-            ),
-            plants=tuple(
-                replace(p, static=replace(p.static, wanted_N=every(p.static.wanted_N, factor))) for p in self.plants
-            ),
-        )
 
-
-def every(values: Array, factor: int) -> Array:
-    """Every so many-th row, and beyond the last one its value."""
-    return values[_rows(len(values), factor)]
-
-
-def _rows(count: int, factor: int) -> np.typing.NDArray[np.int_]:
-    return np.minimum(np.arange(0, count + factor - 1, factor), count - 1)
+def _stiffer(plant: PlantModel, inverse_N: Array, step_s: float, weight: float) -> list[PlantModel]:
+    """The plant with stiffer bristles; none where they make no difference."""
+    chain, force = plant.chain.stiffened(_STIFFER), np.maximum(inverse_N, 0.0)
+    own, stiff = (simulate(each, force, step_s, state=plant.state).output_tension_N for each in (plant.chain, chain))
+    least = _SAME * float(np.ptp(plant.wanted_N))
+    if not len(own) == len(stiff) == len(force) or float(np.sqrt(np.mean((own - stiff) ** 2))) < least:
+        return []
+    # The motion of the actuator is bounded as the design model has it.
+    return [replace(plant, chain=chain, wanted_N=stiff, weight=weight, bounds=())]
 
 
 def travel_N(force_N: Array) -> float:

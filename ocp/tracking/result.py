@@ -53,8 +53,6 @@ class Tracking:
         One sentence for the user.
     reasons : tuple of str
         Which wishes the actuator cannot fulfil, in the user's terms; empty where no limit binds.
-    cautions : tuple of str
-        Why the profile may deliver less than predicted.
     departures : tuple of Departure
         Where the predicted output leaves the reference.
     time_s, force_N, predicted_output_N : ndarray, shape (n,)
@@ -74,13 +72,12 @@ class Tracking:
     windows : int
         Pieces the horizon was cut into.
     build_s, solve_s : float
-        Time for the inverse and the set-up, and for the search [s].
+        Time to pose the problem, and of the search [s].
     """
 
     status: TrackStatus
     message: str
     reasons: tuple[str, ...]
-    cautions: tuple[str, ...]
     departures: tuple[Departure, ...]
     time_s: Array
     force_N: Array

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.adapt.result import Scheme, Variation
-from tendonff.compensator.adapt.run import _case, adapt
+from tendonff.compensator.adapt.run import _case, _extended, adapt
 from tendonff.compensator.adapt.setup import tuning_of
 from tendonff.compensator.compare.run import compare
 from tendonff.compensator.compensators.base import Problem, with_motion
@@ -221,6 +221,10 @@ def test_adapt_judges_the_plain_inverse_as_its_plant_does_or_refuses(scenario: S
             adapt(asked)
         return
     problem = Problem.of(asked)
+    if problem.reference.periodic:  # a longer run repeats the cycle
+        rows = len(problem.reference.tension_N) - 1
+        _, longer = _extended(problem, 2.5 * rows * STEP)
+        assert np.array_equal(longer[rows : 2 * rows], problem.reference.tension_N[:-1])
     tuning = tuning_of(problem, settings)
     case = _case(problem, tuning, None, Variation(name="own", mu=1.2, duration_s=0.1), (Scheme.FEEDFORWARD,))
     plain = case.traces[Scheme.FEEDFORWARD].rmse_percent

@@ -76,7 +76,7 @@ def write_strokes(file):
 
 
 @pytest.mark.compiler
-@pytest.mark.parametrize("example", (*EXAMPLES, MOVING))
+@pytest.mark.parametrize("example", [*EXAMPLES, MOVING])
 def test_design_gives_what_is_stored(example, output, golden):
     stored = golden(f"{example}/design")
     made = output("design", example)

@@ -7,6 +7,8 @@ import pytest
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.interop import as_iosystem, linear_system, output_names
+from tendonff.models.linearise import Lineariser
+from tendonff.models.parameters import Transmission
 from tendonff.ocp.simulate import simulate
 
 START_N = 30.0
@@ -85,3 +87,14 @@ def test_the_linear_system_is_stable_and_small_steps_agree_with_the_simulator(ch
     played = simulate(chain, START_N + small, 1e-4).output_tension_N - START_N
     expected = np.asarray(control.forced_response(linear, time, small).outputs[chain.count])
     assert played == pytest.approx(expected, abs=0.01 * np.abs(expected).max())
+
+
+def test_the_response_over_frequency_is_that_of_the_linear_system(generic: Transmission) -> None:
+    """Against python-control's own evaluation, tension and positions of all outputs."""
+    chain = Chain.of(generic, Level.PRESLIDING)
+    state = chain.rest_state(30.0)
+    s = 2j * np.pi * np.geomspace(0.1, 1000, 30)
+    expected = np.stack([np.asarray(linear_system(chain, state)(each)).ravel() for each in s])
+    found = Lineariser(chain).at(state).response(s)
+    assert found.shape == (30, chain.count + 3)
+    assert np.abs(found / expected - 1).max() < 1e-6

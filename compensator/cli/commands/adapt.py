@@ -1,10 +1,10 @@
 """`tendonff adapt`: feedforward that tunes itself, on rigs that differ from the scenario."""
 
-from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument, opened
+from tendonff.compensator.cli.options import OutFolderOption, PdfOption, ScenarioArgument, opened
 from tendonff.compensator.cli.progress import progress, say, warn
 
 
-def adapt(scenario: ScenarioArgument, out: OutFolderOption) -> None:
+def adapt(scenario: ScenarioArgument, out: OutFolderOption, pdf: PdfOption = False) -> None:
     """Try self-tuning on rigs that differ from the scenario.
 
     Feedforward and feedback alone stand beside it.
@@ -14,7 +14,7 @@ def adapt(scenario: ScenarioArgument, out: OutFolderOption) -> None:
 
         with progress("self-tuning") as advance:
             result = study(loaded, progress=advance)
-        result.write(folder)
+        result.write(folder, pdf=pdf)
     warn(*result.warnings)
     if result.certificate is not None:
         say(result.certificate.sentence())

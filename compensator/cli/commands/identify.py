@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument, named_numbers, opened, option
+from tendonff.compensator.cli.options import OutFolderOption, PdfOption, ScenarioArgument, named_numbers, opened, option
 from tendonff.compensator.cli.progress import interruptible, progress, say, warn
 from tendonff.compensator.files.progress import DOUBT
 from tendonff.compensator.files.text import InputError, suggestion
@@ -79,6 +79,7 @@ def identify(
     static_only: Annotated[bool, typer.Option("--static", help="Stop after the static stage.")] = False,
     condition: Annotated[list[str] | None, _several("--condition", "FILE=LABEL", _LABEL)] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Fit very long files without asking.")] = False,
+    pdf: PdfOption = False,
 ) -> None:
     """Fit the parameters to measured data.
 
@@ -88,7 +89,7 @@ def identify(
         with opened(scenario, out, follows_reference=False) as (loaded, folder):
             from tendonff.compensator.identification.output import write_suggestion
 
-            excitation = write_suggestion(loaded, folder)
+            excitation = write_suggestion(loaded, folder, pdf=pdf)
         say(f"{out / 'suggested_force.csv'}: {excitation.time_s[-1]:.4g} s, up to {excitation.force_N.max():.4g} N")
         say(*(f"  {part}" for part in excitation.parts))
         if excitation.gain:
@@ -143,7 +144,7 @@ def identify(
         with progress("identifying"):
             found = interruptible(work)
         with progress("writing"):
-            found.write(folder)
+            found.write(folder, pdf=pdf)
     warn(*found.warnings)
     say(*summary_lines(found, str(out)))
 

@@ -17,6 +17,8 @@ class Rig(StrEnum):
     BOWDEN = "bowden"
     SURGICAL = "surgical"
     EXOSUIT = "exosuit"
+    HAND = "hand"
+    INSTRUMENT = "instrument"
 
 
 def new(

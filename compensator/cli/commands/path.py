@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.options import OutFolderOption
+from tendonff.compensator.cli.options import OutFolderOption, PdfOption
 from tendonff.compensator.cli.progress import say, warn
 
 
@@ -21,6 +21,7 @@ def path(
         float,
         typer.Option("--tolerance", metavar="RAD", help="Largest error of the angle up to any place by the sections."),
     ] = 0.05,
+    pdf: PdfOption = False,
 ) -> None:
     """Find the wrap angles of a measured path.
 
@@ -32,7 +33,7 @@ def path(
         from tendonff.compensator.identification.measured.centreline.run import read_centreline
 
         result = read_centreline(points, tolerance_rad=tolerance)
-        result.write(folder)
+        result.write(folder, pdf=pdf)
     say(*result.notes)
     warn(*result.warnings)
     typer.echo(result.toml(), nl=False)

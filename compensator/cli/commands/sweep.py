@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.options import OutFolderOption, ScenarioArgument, looked_at, option
+from tendonff.compensator.cli.options import OutFolderOption, PdfOption, ScenarioArgument, looked_at, option
 from tendonff.compensator.cli.progress import progress, say
 
 
@@ -25,9 +25,15 @@ def sweep(
         str | None, option("--compensators", "NAME,...", "Compensators to score; default: all but the table.")
     ] = None,
     scheduler: Annotated[
-        str | None, option("--scheduler", "ADDRESS", "Existing Dask cluster to compute on; default: here.")
+        str | None,
+        option(
+            "--scheduler",
+            "ADDRESS",
+            "Dask cluster to compute on, one you trust: jobs are pickled; default: here.",
+        ),
     ] = None,
     parquet: Annotated[bool, typer.Option("--parquet", help="Write the samples as a Parquet file too.")] = False,
+    pdf: PdfOption = False,
 ) -> None:
     """Try a design on units that differ, or design over a grid.
 
@@ -52,7 +58,7 @@ def sweep(
             result = run_sweep(
                 loaded, out, over=axes, samples=samples, compensators=names, executor=executor, progress=advance
             )
-            result.write(out, parquet=parquet)
+            result.write(out, parquet=parquet, pdf=pdf)
     except KeyboardInterrupt:
         if not (kept := kept_rows(out)):
             raise

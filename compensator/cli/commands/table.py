@@ -7,6 +7,7 @@ import typer
 from tendonff.compensator.cli.options import (
     LevelOption,
     OutFolderOption,
+    PdfOption,
     PrefixOption,
     ScenarioArgument,
     named_numbers,
@@ -43,6 +44,7 @@ def table(
     prefix: PrefixOption = "tff",
     *,
     force: Annotated[bool, typer.Option("--force", help="Write a table all the same that does harm.")] = False,
+    pdf: PdfOption = False,
 ) -> None:
     """Tabulate the feedforward force.
 
@@ -68,7 +70,7 @@ def table(
             if result.harm and not force:
                 warn(*(warning for warning in result.warnings if warning not in result.harm))
                 raise SolveError(f"{result.harm[0]}; nothing was written, --force writes it all the same")
-            result.write(folder, prefix=prefix)
+            result.write(folder, prefix=prefix, pdf=pdf)
     warn(*result.warnings)
     if (nodes := max(made.built.table.nodes for made in result.tables)) > _MANY_NODES:
         warn(f"{nodes} nodes in one table are {8 * nodes} bytes on the controller: raise --bound, or use the inverse")

@@ -15,7 +15,7 @@ from tendonff.compensator.reporting.page import summary_head, write_pages
 class Sweep(SweepData):
     """A sweep that can be written."""
 
-    def write(self, folder: str | os.PathLike[str], *, parquet: bool = False) -> None:
+    def write(self, folder: str | os.PathLike[str], *, parquet: bool = False, pdf: bool = False) -> None:
         """Write `samples.csv` (and `samples.parquet`), `summary.json`, figures and `report.html`, all or nothing; makes
         the folder.
         """
@@ -27,7 +27,7 @@ class Sweep(SweepData):
             if parquet:
                 numbers = dict(zip(names[1:], zip(*rows, strict=True), strict=True))
                 write_parquet(partial / "samples.parquet", {names[0]: [r.index for r in self.rows], **numbers})
-            write_pages(partial, summary(self), figures, sweep_report(self, figures))
+            write_pages(partial, summary(self), figures, sweep_report(self, figures), pdf=pdf)
 
 
 def sample_columns(result: SweepData) -> list[str]:

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from importlib.resources import files
@@ -128,7 +129,7 @@ def _naming(scenario: Scenario, level: Level, precision: Precision, prefix: str)
             return literal(float(value), precision)
         return f"({prefix}_real)NAN" if math.isnan(value) else f"{'-' if value < 0 else ''}({prefix}_real)INFINITY"
 
-    name = " ".join(scenario.name.replace("*/", "* /").split())
+    name = harmless(scenario.name)
     lines = (
         f'Scenario "{name}", hash {scenario_hash(scenario)}, level {level}.',
         f"Written by tendonff {__version__} export-c --precision {precision} --prefix {prefix}.",
@@ -151,6 +152,13 @@ def _naming(scenario: Scenario, level: Level, precision: Precision, prefix: str)
         "scenario_name": name,
         "scenario_hash": scenario_hash(scenario),
     }
+
+
+def harmless(name: str) -> str:
+    """A name in one line that neither opens nor ends a comment of C or of Structured Text, nor hides characters."""
+    shown = "".join(character if character.isprintable() else " " for character in name)
+    apart = re.sub(r"(?<=[/(])(?=\*)|(?<=\*)(?=[/)])|(?<=\?)(?=\?)", " ", shown)
+    return " ".join(apart.split())
 
 
 def _wrapped(items: list[str]) -> str:

@@ -6,13 +6,19 @@ from typing import Any
 
 from tendonff.compensator.files.formats.reader import Reader
 from tendonff.compensator.files.formats.table import Table, of_vectors, resolved
+from tendonff.compensator.files.text import MOST_BYTES, require_moderate
+
+_MATRIX = 2
 
 
 def read_hdf5(path: Path, expected: Sequence[str]) -> Table:
-    """The datasets of numbers of a file, those that are looked for under the names that were asked for."""
+    """The datasets of numbers of a file, those that are looked for under the names that were asked for.
+
+    Of a large file only these.
+    """
     import h5py
 
-    vectors: dict[str, Any] = {}
+    found: dict[str, Any] = {}
     with h5py.File(path) as file:
 
         def note(name: str, item: object) -> None:
@@ -20,13 +26,17 @@ def read_hdf5(path: Path, expected: Sequence[str]) -> Table:
             if not isinstance(item, h5py.Dataset) or name.startswith("#") or item.attrs.get("MATLAB_class") == b"char":
                 return
             if item.dtype.names:
-                vectors.update({f"{name}.{field}": item[field] for field in item.dtype.names})
-            elif item.dtype.kind in "fiub" and item.size > 1:
-                vectors[name] = item[()]
+                found.update({f"{name}.{field}": (item, field) for field in item.dtype.names})
+            elif item.dtype.kind in "fiub" and item.size > 1 and sum(n > 1 for n in item.shape) <= _MATRIX:
+                found[name] = (item, ())
 
         file.visititems(note)
+        names = {long: wanted for wanted, long in resolved(expected, list(found)).items()}
+        if sum(item.nbytes for item, _ in found.values()) > MOST_BYTES:
+            found = {name: place for name, place in found.items() if name in names}
+        require_moderate(path, sum(item.nbytes for item, _ in found.values()))
+        vectors = {name: item[part] for name, (item, part) in found.items()}
         units = {name: _unit(file[name]) for name in vectors if name in file}
-    names = {long: wanted for wanted, long in resolved(expected, list(vectors)).items()}
     return of_vectors(
         {names.get(name, name): array for name, array in vectors.items()},
         {names.get(name, name): unit for name, unit in units.items()},

@@ -1,5 +1,6 @@
 """MATLAB files before version 7.3; the fields of a struct are columns. Those of 7.3 are HDF5."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -9,12 +10,14 @@ import numpy as np
 from tendonff.compensator.files.formats.hdf5 import read_hdf5
 from tendonff.compensator.files.formats.reader import Reader
 from tendonff.compensator.files.formats.table import Table, of_vectors
+from tendonff.compensator.files.text import require_moderate
 
 
 def _read(path: Path, expected: Sequence[str]) -> Table:
-    from scipy.io import loadmat
+    from scipy.io import loadmat, whosmat
 
     try:
+        require_moderate(path, sum(8 * math.prod(shape) for _, shape, _ in whosmat(path)))
         content = loadmat(path, squeeze_me=True, struct_as_record=False)
     except NotImplementedError:
         return read_hdf5(path, expected)

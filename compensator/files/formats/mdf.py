@@ -7,6 +7,7 @@ import numpy as np
 
 from tendonff.compensator.files.formats.reader import Reader
 from tendonff.compensator.files.formats.table import Table, joined
+from tendonff.compensator.files.text import require_moderate
 
 
 def _read(path: Path, expected: Sequence[str]) -> Table:
@@ -18,7 +19,9 @@ def _read(path: Path, expected: Sequence[str]) -> Table:
             name for name, places in file.channels_db.items() if not all(place in masters for place in places)
         )
         wanted = [name for name in expected if name in offered]
-        signals = {name: file.get(name, *file.channels_db[name][0]) for name in wanted}
+        places = {name: file.channels_db[name][0] for name in wanted}
+        require_moderate(path, 16 * sum(file.groups[group].channel_group.cycles_nr for group, _ in places.values()))
+        signals = {name: file.get(name, *place) for name, place in places.items()}
         channels = {name: (s.timestamps, np.asarray(s.samples, dtype=np.float64)) for name, s in signals.items()}
         units = {name: s.unit for name, s in signals.items() if s.unit}
     return Table(columns=joined(channels) if channels else {}, units=units, offered=offered)

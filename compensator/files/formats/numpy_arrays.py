@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 
 from tendonff.compensator.files.formats.reader import Reader
-from tendonff.compensator.files.formats.table import Table, of_vectors
+from tendonff.compensator.files.formats.table import Table, of_vectors, unpacked_size
+from tendonff.compensator.files.text import require_moderate
 
 
 def _read(path: Path, _: Sequence[str]) -> Table:
+    require_moderate(path, unpacked_size(path))
     vectors: dict[str, Any] = {}
     with np.load(path, allow_pickle=False) as content:
         for name in content.files:

@@ -6,15 +6,22 @@ from pathlib import Path
 
 import numpy as np
 
+from tendonff.compensator.files.dialect import require_columns
 from tendonff.compensator.files.formats.reader import Reader
 from tendonff.compensator.files.formats.table import Table, of_frame
+from tendonff.compensator.files.text import require_moderate
 
 _ELEMENT = re.compile(r"(.+)\[(\d+)\]")
 
 
 def _read(path: Path, expected: Sequence[str]) -> Table:
     import pandas as pd
+    from pyarrow.parquet import read_metadata
 
+    size = read_metadata(path)
+    require_columns(size.num_columns, path.name)
+    groups = (size.row_group(k) for k in range(size.num_row_groups))
+    require_moderate(path, 8 * sum(g.column(k).num_values for g in groups for k in range(g.num_columns)))
     frame = pd.read_parquet(path)
     lists = [name for name in frame.columns if len(frame) and isinstance(frame[name].iloc[0], (list, np.ndarray))]
     offered = tuple(f"{name}[{k}]" for name in lists for k in range(len(frame[name].iloc[0])))

@@ -12,7 +12,7 @@ from tendonff.compensator.files.formats.reader import Reader
 from tendonff.compensator.files.formats.rosbag import ROSBAG
 from tendonff.compensator.files.formats.spreadsheet import XLS, XLSX
 from tendonff.compensator.files.formats.table import Table
-from tendonff.compensator.files.text import InputError
+from tendonff.compensator.files.text import InputError, require_file
 
 READERS: tuple[Reader, ...] = (XLSX, XLS, PARQUET, MATLAB, HDF5, NPZ, MDF4, ROSBAG)
 
@@ -34,6 +34,7 @@ def reader_of(path: Path) -> Reader | None:
         if found is None:
             raise InputError(f"{path} is a folder, and no measured file; what can be read: {READABLE}")
         return found
+    require_file(path)
     suffix = path.suffix.lower()
     if (found := next((r for r in READERS if suffix in r.suffixes), None)) is not None or suffix == ".gz":
         return found
@@ -49,10 +50,18 @@ def reader_of(path: Path) -> Reader | None:
     return None
 
 
+def damaged(path: Path, error: Exception) -> InputError:
+    """Why a file cannot be read: what its reader says, which may quote the file."""
+    way = f"what can be read: {READABLE}"
+    return InputError(f"{path.name} cannot be read ({error}); {way}", discreet=f"{path.name} cannot be read; {way}")
+
+
 def read_packed(reader: Reader, path: Path, expected: Sequence[str]) -> Table:
     """The table of a file that is no text; InputError where it cannot be read."""
     try:
         found = reader.read(path, expected)
+    except InputError:
+        raise
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except ImportError:
@@ -61,8 +70,7 @@ def read_packed(reader: Reader, path: Path, expected: Sequence[str]) -> Table:
             f'{path.name}: {reader.name} needs the package {reader.package} (pip install "{wanted}"); or save it as CSV'
         ) from None
     except Exception as error:  # noqa: BLE001 - these readers raise what they like on a damaged file
-        text = f"{path.name} cannot be read as {reader.name} ({error}); what can be read: {READABLE}"
-        raise InputError(text) from None
+        raise damaged(path, error) from None
     if not found.columns and not found.offered:
         raise InputError(f"{path.name} holds no vectors; save time and tensions as vectors of one length")
     return found

@@ -14,10 +14,12 @@ import numpy as np
 
 from tendonff.compensator.files.formats.reader import Reader
 from tendonff.compensator.files.formats.table import Table, joined, resolved
+from tendonff.compensator.files.text import require_moderate
 
 _PART = re.compile(r"([^.\[\]]+)(?:\[([^\]]+)\])?")
 _ELEMENT = re.compile(r"\[[^\]]+\]")
 _NUMBERS = frozenset(("float64", "float32", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))))
+_BYTES = 8  # of a number
 
 
 def _getter(path: str) -> Callable[[Any], float]:
@@ -73,6 +75,7 @@ def _read(path: Path, expected: Sequence[str]) -> Table:
         clocks: dict[str, array[int]] = {topic: array("q") for topic in topics}
         values: dict[str, array[float]] = {name: array("d") for name in wanted}
         of_topic = {topic: [name for name in wanted if wanted[name][0] == topic] for topic in topics}
+        held = 0
         for connection, stamp_ns, raw in bag.messages([by_topic[topic] for topic in topics]) if topics else ():
             message = bag.deserialize(raw, connection.msgtype)
             header = getattr(message, "header", None)
@@ -80,6 +83,8 @@ def _read(path: Path, expected: Sequence[str]) -> Table:
             clocks[connection.topic].append(own or stamp_ns)
             for name in of_topic[connection.topic]:
                 values[name].append(getters[name](message))
+                held += _BYTES
+            require_moderate(path, held)
     if not values:
         return Table(columns={}, units={}, offered=offered)
     begin = min(clock[0] for clock in clocks.values() if len(clock))

@@ -1,14 +1,15 @@
 """Columns of a measured file, as every reader returns them."""
 
+import zipfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.compensator.files.dialect import Dialect, is_number
+from tendonff.compensator.files.dialect import Dialect, is_number, require_columns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -88,12 +89,19 @@ class Table:
         return np.asarray((dates - first).dt.total_seconds().to_numpy(dtype=np.float64)), float(first.timestamp())
 
 
+def unpacked_size(path: Path) -> int:
+    """Bytes that a zipped file unpacks to."""
+    with zipfile.ZipFile(path) as packed:
+        return sum(part.file_size for part in packed.infolist())
+
+
 def of_frame(frame: "pd.DataFrame") -> Table:
     """A table of a data frame; a first row of words states units."""
     units = {}
     if len(frame) and len(frame.columns) and all(isinstance(c, str) and not is_number(c) for c in frame.iloc[0]):
         units = {str(name).strip(): str(cell) for name, cell in frame.iloc[0].items()}
         frame = frame.iloc[1:]
+    require_columns(len(frame.columns), "the table")
     names: Sequence[str] = [str(name).strip() for name in frame.columns]
     return Table(columns={name: frame.iloc[:, k] for k, name in enumerate(names)}, units=units)
 
@@ -109,6 +117,7 @@ def of_vectors(vectors: Mapping[str, Array], units: Mapping[str, str] | None = N
             flat[name] = array
         elif array.ndim == 2:
             tall = array if array.shape[0] >= array.shape[1] else array.T
+            require_columns(tall.shape[1], name)
             flat |= {f"{name}[{k}]": tall[:, k] for k in range(tall.shape[1])}
     sizes = sorted({v.size for v in flat.values()})
     rows = max(sizes, key=lambda n: sum(v.size == n for v in flat.values()), default=0)

@@ -9,7 +9,7 @@ import numpy as np
 
 from tendonff.compensator.files.quantities import FORCE_UNITS, LENGTH_UNITS, Quantity, read_quantities, time_quantity
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.files.text import InputError
+from tendonff.compensator.files.text import InputError, discreetly
 from tendonff.compensator.scenario.reference import CsvReference, Interpolation
 
 _GAP_ROWS, _LOGGED_ROWS = 10, 100  # a logged trace, not one written by hand, whose interval is so many usual ones
@@ -57,7 +57,8 @@ def read_samples(spec: CsvReference, path: Path, step_s: float) -> Samples:
             column=spec.tension_column,
         ),
     )
-    read = read_quantities(path, wanted, starts_at_zero=True)
+    with discreetly():
+        read = read_quantities(path, wanted, starts_at_zero=True)
     time, value = (read.values[quantity.name] for quantity in wanted)
     if len(time) < 2:
         raise InputError(f"{path.name} has {len(time)} row; a reference needs at least two")

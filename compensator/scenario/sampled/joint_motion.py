@@ -9,7 +9,7 @@ import numpy as np
 
 from tendonff.compensator.files.quantities import ANGLE_UNITS, Quantity, read_quantities, time_quantity
 from tendonff.compensator.files.reading import FloatArray, suggestion
-from tendonff.compensator.files.text import InputError
+from tendonff.compensator.files.text import InputError, discreetly
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, Joint, SineJoint, WaypointJoint
 from tendonff.compensator.scenario.reference import along_sines, along_waypoints
 from tendonff.compensator.scenario.scenario import Scenario
@@ -63,7 +63,7 @@ def sample_joints(scenario: Scenario, end_s: float, *, periodic: bool = False) -
     step = scenario.run.step_s
     time = np.arange(math.ceil(end_s / step - 1e-9) + 1, dtype=np.float64) * step
     folder = scenario.source.parent
-    columns = [_angles(joint, name, time, folder, end_s) for name, joint in scenario.joints.items()]
+    columns = [joint_angles(joint, name, time, folder, end_s) for name, joint in scenario.joints.items()]
     if periodic:
         for (name, joint), column in zip(scenario.joints.items(), columns, strict=True):
             _check_period(name, joint, column, end_s, file)
@@ -90,7 +90,8 @@ def _check_period(name: str, joint: Joint, angle_rad: FloatArray, period_s: floa
         )
 
 
-def _angles(joint: Joint, name: str, time_s: FloatArray, folder: Path, end_s: float) -> FloatArray:
+def joint_angles(joint: Joint, name: str, time_s: FloatArray, folder: Path, end_s: float) -> FloatArray:
+    """Angles of one joint at instants [rad]; InputError where a file of motion ends before `end_s` [s]."""
     if isinstance(joint, ConstantJoint):
         return np.full(time_s.shape, joint.angle_rad)
     if isinstance(joint, SineJoint):
@@ -128,5 +129,6 @@ def read_angles(path: Path, name: str) -> tuple[FloatArray, FloatArray]:
             option=f'a column "{name}_rad" instead of "{{}}"',
         ),
     )
-    values = read_quantities(path, wanted, starts_at_zero=True).values
+    with discreetly():
+        values = read_quantities(path, wanted, starts_at_zero=True).values
     return values["time_s"], values[f"{name}_rad"]

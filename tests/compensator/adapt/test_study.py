@@ -36,7 +36,7 @@ def test_every_plant_is_in_the_summary_and_in_the_table(out, summary):
         *("plant", "time_s", "reference_N", "tension_feedforward_N", "tension_self_tuning_N"),
         *("true_mu_factor", "mu_factor"),
     }
-    assert {"report.html", "overview.png", "drift.png"} <= {path.name for path in out.iterdir()}
+    assert {"report.html", "overview.svg", "drift.svg"} <= {path.name for path in out.iterdir()}
 
 
 @pytest.mark.parametrize("percent", ["\N{MINUS SIGN}40", "\N{MINUS SIGN}20", "+20", "+40"])

@@ -90,8 +90,7 @@ def test_an_infeasible_reference_is_refused_before_heavy_packages_are_loaded(
 FOLLOWS = ("design", "compare", "adapt", "sweep", "table", "export-c", "export-fmu", "explore")
 
 
-@pytest.mark.parametrize("kind", ["sine", "csv"])
-@pytest.mark.parametrize("command", FOLLOWS)
+@pytest.mark.parametrize(("command", "kind"), [*((command, "sine") for command in FOLLOWS), ("design", "csv")])
 def test_doubts_are_said_before_heavy_packages_are_loaded(
     tmp_path: Path, examples: Path, command: str, kind: str
 ) -> None:
@@ -119,3 +118,12 @@ def test_doubts_are_said_before_heavy_packages_are_loaded(
     assert "the peak of 47" in done.stderr
     assert "force_max_N = 60 delivers at most" in done.stderr
     assert "ModuleNotFoundError" in done.stderr
+
+
+@pytest.mark.parametrize("module", ["design.run", "design.output", "compare.run", "compare.output", "explore.run"])
+def test_what_computes_and_draws_loads_no_package_that_few_scenarios_need(module: str) -> None:
+    """Each of them takes as long to import as a design takes to compute."""
+    code = f"import sys, tendonff.compensator.{module}; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    rare = {"scipy.stats", "scipy.signal", "scipy.interpolate", "scipy.optimize", "pandas", "control"}
+    assert not rare & set(done.stdout.split())

@@ -13,7 +13,7 @@ import pytest
 from tendonff.compensator.cli import run
 from tendonff.compensator.compare.levels import level_traits, parameters_of
 from tendonff.compensator.compare.result import CAPSTAN_PLANT, PLANTS, Entry
-from tendonff.compensator.compare.run import compare, lag, recommend
+from tendonff.compensator.compare.run import FEEDFORWARDS, compare, lag, recommend
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.expectation import ErrorBand
 from tendonff.compensator.compensators.plant import Plant
@@ -59,7 +59,7 @@ def folder(finger, tmp_path_factory):
 
 def test_every_design_meets_every_plant(result):
     cells = [(e.compensator, e.design_level, e.plant_level) for e in result.entries]
-    assert cells == [(c.name, level, plant) for c in COMPENSATORS for level in Level for plant in PLANTS]
+    assert cells == [(c.name, level, plant) for c in FEEDFORWARDS for level in Level for plant in PLANTS]
 
 
 def test_each_inverse_is_best_on_its_own_level(result):
@@ -215,13 +215,13 @@ def test_the_simplest_level_that_loses_nothing_is_recommended(errors, sentence):
 
 
 def test_the_files_say_the_same_as_the_result(result, folder):
-    assert {"matrix.csv", "summary.json", "report.html", "matrix.png", "levels.png"} <= {
+    assert {"matrix.csv", "summary.json", "report.html", "matrix.svg", "levels.svg"} <= {
         path.name for path in folder.iterdir()
     }
     text = (folder / "matrix.csv").read_text(encoding="utf-8")
     assert text.splitlines()[0] == COLUMNS
     rows = list(csv.DictReader(text.splitlines()))
-    assert len(rows) == len(result.entries) == 84
+    assert len(rows) == len(result.entries) == 72
     assert float(rows[5]["lag_s"]) == result.entries[5].lag_s
     assert all(value != "" for row in rows for value in row.values())
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
@@ -231,3 +231,25 @@ def test_the_files_say_the_same_as_the_result(result, folder):
     assert summary["levels"]["elastic"]["time_per_simulated_second_s"] > 0
     assert result.recommendation in (folder / "report.html").read_text(encoding="utf-8")
     assert result.recommendation in (folder / "said.txt").read_text(encoding="utf-8")
+
+
+def test_the_lag_is_the_shift_of_the_largest_correlation_over_the_common_rows():
+    """Against the correlation of each shift by itself."""
+    rng = np.random.default_rng(1)
+    wanted = np.cumsum(rng.normal(size=400)) + 30
+    for moved, unlike in ((np.roll(wanted, 7), 0.1), (np.roll(wanted, -11), 0.1), (wanted, 0.0)):
+        got = moved + unlike * rng.normal(size=400)
+        shifts = range(-100, 101)
+        alike = [
+            np.corrcoef(wanted[max(-k, 0) : 400 - max(k, 0)], got[max(k, 0) : 400 - max(-k, 0)])[0, 1] for k in shifts
+        ]
+        assert lag(wanted, got, 1.0) == pytest.approx(shifts[int(np.argmax(alike))], abs=0.5)
+    assert lag(wanted, np.full(400, 3.0), 1.0) == 0
+
+
+@pytest.mark.parametrize(("name", "is_said"), [("finger", False), ("finger_fast", True)])
+def test_where_limits_bind_it_is_said_that_the_optimal_profile_is_not_compared(examples, name, is_said):
+    scenario = short(load_scenario(examples / f"{name}.toml"))
+    quick = [compensator(each) for each in ("none", "capstan", "inverse")]
+    said = " ".join(compare(scenario, compensators=quick).warnings)
+    assert ("the optimal profile, which is made for them, is not compared here; add --optimal" in said) == is_said

@@ -31,7 +31,7 @@ from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.ocp import stability
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.tracking import track as tracking
-from tendonff.ocp.tracking.problem import TrackOptions
+from tendonff.ocp.tracking.options import TrackOptions
 from tendonff.ocp.tracking.result import TrackStatus
 
 
@@ -210,8 +210,10 @@ def test_options_of_the_search_reach_it(quick):
 
 def test_options_of_the_search_are_those_of_the_scenario_file(quick, tmp_path):
     file = tmp_path / "s.toml"
-    file.write_text(f"{scenario_to_toml(quick)}\n[optimal]\nminimum_tension_N = 3.5\nrestarts = 2\n", encoding="utf-8")
-    assert Problem.of(load_scenario(file)).options == TrackOptions(minimum_tension_N=3.5, restarts=2)
+    options = TrackOptions(minimum_tension_N=3.5, stiffer_weight=0.5)
+    file.write_text(scenario_to_toml(replace(quick, optimal=options)), encoding="utf-8")
+    assert "stiffer_weight = 0.5" in file.read_text(encoding="utf-8")
+    assert Problem.of(load_scenario(file)).options == options
 
 
 @pytest.fixture(scope="module")

@@ -146,7 +146,7 @@ def test_the_command_writes_everything_in_the_contract(output):
     assert {"status", "iterations", "build_s", "solve_s"} <= set(written["ocp"])
     assert isinstance(written["warnings"], list)
     for figure in ("tension", "force", "drive", "loop", "error"):
-        assert (made.folder / f"{figure}.png").stat().st_size > 10_000
+        assert (made.folder / f"{figure}.svg").stat().st_size > 10_000
     assert "presliding*" in made.messages
 
 
@@ -258,3 +258,14 @@ def test_sliding_that_weakens_with_speed_is_foreseen_with_the_error_to_expect(ex
     assert result.stick_slip.stretches
     assert any("unstable" in w or "stick" in w for w in result.warnings)
     assert result.stick_slip.expected_error_N > 0.01 * result.reference.range_N
+
+
+def test_what_is_enlarged_leaves_out_profiles_that_do_not_compensate_friction(examples):
+    """They would set the scale, and nothing would be enlarged."""
+    scenario = load_scenario(examples / "finger.toml")
+    scenario = replace(scenario, run=replace(scenario.run, step_s=4e-3))
+    chosen = [c for c in COMPENSATORS if c.name in ("none", "frictionless", "capstan", "inverse")]
+    figure = error_figure(design(scenario, compensators=chosen))
+    whole, zoom = figure.axes[:2]
+    assert (len(whole.lines), len(zoom.lines)) == (4, 2)
+    assert np.ptp(zoom.get_ylim()) < 0.6 * np.ptp(whole.get_ylim())

@@ -29,7 +29,7 @@ def test_the_pick_is_what_lag_and_noise_admit_and_longer_filters_need_preview(fi
     assert table[table.lag_s < 0].filter_s.max() == pytest.approx(0.05)
     plain = table[table.keeps_parabolas == 0].sort_values("filter_s")
     assert np.all(np.diff(plain.force_noise_dB[plain.lag_s < 0]) < 0)  # longer: quieter
-    assert (tmp_path / "online.png").stat().st_size > 10_000
+    assert (tmp_path / "online.svg").stat().st_size > 10_000
 
 
 def test_the_figure_rings_the_pick(finger):

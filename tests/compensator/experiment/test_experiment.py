@@ -250,7 +250,7 @@ def test_the_command_writes_everything_for_the_finger(output: Callable[..., Outp
     pictures = {f"experiment_{what}" for what in ("distribution", "tensions", "details", "hysteresis")}
     assert names == (
         {f"experiment_{level}.csv" for level in Level}
-        | {f"{name}.{kind}" for name in pictures for kind in ("png", "pdf")}
+        | {f"{name}.svg" for name in pictures}
         | {"summary.json", "report.html"}
     )
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))

@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
-from tendonff.compensator.explore.run import SLOW, ExploreParameters, Explorer
+from tendonff.compensator.compensators.expectation import two_digits
+from tendonff.compensator.design.run import design
+from tendonff.compensator.explore.run import FAST, SLOW, ExploreParameters, Explorer
 from tendonff.compensator.scenario.sampled.joint_motion import sample_joints
 from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_to_toml
 from tendonff.models.errors import TendonffError
 from tendonff.models.fidelity import Level
+from tendonff.models.parameters.uncertainty import Uncertainty
 
 
 @pytest.fixture(scope="module")
@@ -133,3 +136,13 @@ def test_without_bokeh_the_command_says_what_to_install(examples, capsys, monkey
     monkeypatch.setattr("sys.meta_path", [Missing, *sys.meta_path])
     assert run(["explore", str(examples / "finger.toml"), "--no-browser"]) == 2
     assert "pip install bokeh" in capsys.readouterr().err
+
+
+def test_the_worst_case_is_that_of_a_design_of_the_same_profiles(scenario):
+    unsure = replace(scenario, robust=Uncertainty(mu=0.15, samples=3))
+    explorer = Explorer(unsure)
+    fast = [curve.compensator for curve in FAST]
+    found = design(unsure, compensators=fast).expectation
+    stated = explorer.worst_case(explorer.start)
+    assert f"({two_digits(found.best.worst.rmse_percent_of_range)} % of range)" in stated
+    assert "mu ±15 % (as [robust] states)" in stated

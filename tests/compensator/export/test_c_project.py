@@ -16,6 +16,7 @@ from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.golden import answers
 from tendonff.compensator.export.modules import check_prefix
+from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
@@ -188,9 +189,27 @@ def test_float_code_holds_no_double(examples):
 
 
 def test_a_name_that_would_end_a_comment_does_not(examples):
-    scenario = replace(load_scenario(examples / "finger.toml"), name="evil */ #error \n line")
+    evil = "evil */ #error \n line /* (* *) #error ??/ \u202e \x1b /*/ (*)"
+    scenario = replace(load_scenario(examples / "finger.toml"), name=evil)
     exported = export_project(scenario, profile_N=np.ones(3))
-    assert all("*/ #error" not in text for name, text in exported.files.items() if name.endswith((".c", ".h")))
+    for name, text in exported.files.items():
+        if name.endswith((".c", ".h", ".cpp")):
+            code = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
+            assert text.count("/*") == text.count("*/"), name
+            assert "evil" not in code
+            assert "??" not in text
+        if name.endswith(".st"):
+            assert text.count("(*") == text.count("*)"), name
+            assert "evil" not in re.sub(r"\(\*.*?\*\)", "", text, flags=re.DOTALL)
+        if not name.endswith(".json"):  # which has the name as it is
+            assert not {"\u202e", "\x1b"} & set(text), name
+
+
+@pytest.mark.parametrize("name", ["a /* b", "a */ b", "(* *)", "/*/", "(*)", "???/", "a\nb"])
+def test_a_harmless_name_keeps_its_letters_and_has_no_mark(name):
+    safe = harmless(name)
+    assert safe.replace(" ", "") == "".join(name.split())
+    assert not any(mark in safe for mark in ("/*", "*/", "(*", "*)", "??", "\n"))
 
 
 @pytest.mark.parametrize("bad", ["9x", "int", "a b", "", "_x", "x_", "a__b", "ä", "x" * 25, "a-b"])

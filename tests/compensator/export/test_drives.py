@@ -118,7 +118,7 @@ def test_the_cycle_of_a_servo_is_exported_as_commands_that_loop(finger):
     assert made.profile_N == pytest.approx(optimal.command_m[:-1], abs=1e-12)
     assert "Command [m] of the next sample of the cycle" in made.files["tff_profile.h"]
     worst = max(each.score.rmse_percent_of_range for each in made.judged if each.module in ("inverse", "profile"))
-    assert worst < 0.01
+    assert worst < 0.05  # on 40 masses
 
 
 def test_self_tuning_behind_a_servo_is_refused(finger, examples):

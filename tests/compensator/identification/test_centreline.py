@@ -108,8 +108,7 @@ def test_the_command_prints_a_table_that_a_scenario_takes(
     assert {f.name for f in (tmp_path / "out").iterdir()} == {
         "sections.toml",
         "summary.json",
-        "centreline.png",
-        "centreline.pdf",
+        "centreline.svg",
     }
     finger = (examples / "finger.toml").read_text()
     head, _, rest = finger.partition("[path]")

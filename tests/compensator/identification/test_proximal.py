@@ -66,7 +66,7 @@ def test_its_errors_are_those_of_the_position(found, file, tmp_path):
     [one] = found.as_json()["files"]
     assert one["rms_m"] == pytest.approx(found.fit_percent / 100 * one["range_m"], rel=0.01)
     found.write(tmp_path / "out")
-    assert (tmp_path / "out" / "loop.png").stat().st_size > 5000
+    assert (tmp_path / "out" / "loop.svg").stat().st_size > 5000
 
 
 def test_a_file_without_output_among_others_is_refused(nominal, file, tmp_path):

@@ -126,7 +126,7 @@ def test_a_profile_designed_with_the_fit_works_on_the_hidden_plant(answer, truth
 
 def test_figures_and_a_force_file_come_with_the_answer(answer):
     for name in ("time", "loop", "residuals", "relaxation", "suggested_force"):
-        assert (answer / f"{name}.png").stat().st_size > 5000
+        assert (answer / f"{name}.svg").stat().st_size > 5000
     read_csv(answer / "suggested_force.csv", ["time_s", "force_N"], starts_at_zero=True)
 
 
@@ -236,8 +236,7 @@ def test_suggest_alone_writes_a_force_file(examples, tmp_path):
     assert run(["identify", str(examples / "bowden.toml"), "--suggest", "--out", str(tmp_path / "s")]) == 0
     assert {p.name for p in (tmp_path / "s").iterdir()} == {
         "suggested_force.csv",
-        "suggested_force.png",
-        "suggested_force.pdf",
+        "suggested_force.svg",
     }
 
 

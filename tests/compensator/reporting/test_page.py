@@ -8,6 +8,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
 
 from tendonff.compensator.reporting.page import (
     FileNote,
@@ -21,9 +22,10 @@ from tendonff.compensator.reporting.page import (
     figure_uri,
     format_cell,
     render_report,
+    write_pages,
     write_report,
 )
-from tendonff.compensator.reporting.plots import new_figure
+from tendonff.compensator.reporting.plots import draw_figure, figure_style, legend_below, new_figure
 from tendonff.compensator.scenario.scenario import load_scenario, scenario_hash, scenario_to_toml
 
 
@@ -192,3 +194,48 @@ def test_a_report_appears_whole(report, tmp_path):
     write_report(path, report)
     assert path.read_text(encoding="utf-8").endswith("</html>\n")
     assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
+
+
+def test_a_figure_is_drawn_once_for_its_file_and_the_page(report, tmp_path, monkeypatch):
+    """Also once laid out: nothing is drawn to find the places of its panels."""
+    drawn = []
+    draw = Axes.draw
+    monkeypatch.setattr(Axes, "draw", lambda axes, renderer: drawn.append(axes) or draw(axes, renderer))
+    (picture,) = (block for section in report.sections for block in section.blocks if isinstance(block, Picture))
+    write_pages(tmp_path, {}, {"what": picture.figure}, report)
+    assert len(drawn) == len(picture.figure.axes)
+    content = (tmp_path / "what.svg").read_bytes()
+    assert base64.b64encode(content).decode("ascii") in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert {path.name for path in tmp_path.iterdir()} == {"summary.json", "report.html", "what.svg"}
+
+
+def test_for_a_printed_page_there_is_a_pdf_beside_each_figure(report, tmp_path):
+    figure, axes = new_figure()
+    axes[0, 0].plot([0, 1], [0, 1])
+    write_pages(tmp_path, {}, {"line": figure}, report, pdf=True)
+    assert (tmp_path / "line.pdf").read_bytes().startswith(b"%PDF")
+    assert (tmp_path / "line.svg").is_file()
+
+
+def test_panels_stay_where_the_first_drawing_put_them():
+    """Labels find room beside them, whatever was drawn before."""
+    figure, axes = new_figure(2, 1)
+    axes[1, 0].set(ylabel="a label that\ntakes two lines", ylim=(-123456, 1))
+    before = axes[1, 0].get_position().x0
+    first = draw_figure(figure)
+    assert axes[1, 0].get_position().x0 > before
+    assert draw_figure(figure) == first
+
+
+@pytest.mark.parametrize("length", [10, 40, 70])
+def test_a_legend_is_never_wider_than_its_figure(length):
+    with figure_style():
+        figure, axes = new_figure(height_in=5.0)
+        for name in "abcdef":
+            axes[0, 0].plot([0, 1], [0, 1], label=length * name)
+        legend_below(figure, axes[0, 0], columns=4)
+    draw_figure(figure)
+    (legend,) = figure.legends
+    box = legend.get_window_extent()
+    assert 0 <= box.x0 < box.x1 <= figure.bbox.width
+    assert box.y1 < axes[0, 0].get_window_extent().y0

@@ -11,6 +11,7 @@ import pytest
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import InputError, read_csv
 from tendonff.compensator.files.writing import write_text
+from tendonff.compensator.joint.detect import is_joint_file
 from tendonff.compensator.scenario.doubts import force_doubts, out_of_reach, scenario_doubts
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, SineJoint, WaypointJoint
 from tendonff.compensator.scenario.sampled.first_look import first_look
@@ -18,8 +19,8 @@ from tendonff.compensator.scenario.scenario import Scenario, load_scenario, pars
 from tendonff.models.parameters.drive import Motor
 
 ROOT = Path(__file__).resolve().parents[3]
-EXAMPLES = sorted((ROOT / "examples").glob("*.toml"))
-TEMPLATES = sorted((ROOT / "compensator" / "scenario").rglob("*.toml"))
+FILES = (*(ROOT / "examples").glob("*.toml"), *(ROOT / "compensator" / "scenario").rglob("*.toml"))
+OF_A_TENDON = sorted(path for path in FILES if not is_joint_file(path))
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +28,7 @@ def finger() -> Scenario:
     return load_scenario(ROOT / "examples" / "finger.toml")
 
 
-@pytest.mark.parametrize("path", [*EXAMPLES, *TEMPLATES], ids=lambda path: f"{path.parent.name}/{path.stem}")
+@pytest.mark.parametrize("path", OF_A_TENDON, ids=lambda path: f"{path.parent.name}/{path.stem}")
 def test_nothing_is_asked_about_a_sound_scenario(path: Path) -> None:
     found = first_look(load_scenario(path))
     assert [doubt for doubt in found if "?" in doubt or "needs" in doubt] == []

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_text
+from tendonff.compensator.joint.detect import is_joint_file
 from tendonff.compensator.scenario.doubts import largest_tension, scenario_doubts
 from tendonff.compensator.scenario.reference import CsvReference, SineReference
 from tendonff.compensator.scenario.scenario import (
@@ -27,7 +28,7 @@ from tendonff.models.parameters.uncertainty import Objective, Uncertainty
 from tendonff.ocp.tracking.limits import ForceLimits
 
 ROOT = Path(__file__).resolve().parents[3]
-EXAMPLES = sorted((ROOT / "examples").glob("*.toml"))
+EXAMPLES = sorted(path for path in (ROOT / "examples").glob("*.toml") if not is_joint_file(path))
 TEXT = (ROOT / "examples" / "finger.toml").read_text(encoding="utf-8")
 FILE = Path("finger.toml")
 

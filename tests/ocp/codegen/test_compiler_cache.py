@@ -46,9 +46,10 @@ def test_a_torn_library_is_built_anew(cache):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="permissions of POSIX")
-def test_a_folder_that_everybody_may_write_to_is_not_used(cache):
+@pytest.mark.parametrize("mode", [0o777, 0o770, 0o720])
+def test_a_folder_that_others_may_write_to_is_not_used(cache, mode):
     cache.mkdir()
-    cache.chmod(0o777)
+    cache.chmod(mode)
     assert compiler.load_library(SOURCE).answer() == 42
     assert not libraries(cache)
     cache.chmod(0o700)

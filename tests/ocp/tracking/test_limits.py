@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from tendonff.models.errors import ParameterError
 from tendonff.ocp.tracking.limits import ForceLimits
-from tendonff.ocp.tracking.search.knots import limited_rows
+from tendonff.ocp.tracking.search import limited_rows
 
 LIMITS = ForceLimits(minimum_N=2.0, maximum_N=50.0, rate_N_per_s=100.0)
 STEP = 0.01

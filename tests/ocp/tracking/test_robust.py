@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 import pytest
 
@@ -8,8 +10,9 @@ from tendonff.models.parameters.numbers import with_numbers
 from tendonff.models.parameters.uncertainty import Objective
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import simulate
+from tendonff.ocp.tracking.diagnosis import law_of
 from tendonff.ocp.tracking.limits import ForceLimits
-from tendonff.ocp.tracking.robust import track_robust
+from tendonff.ocp.tracking.track import track_robust
 
 STEP = 2e-3
 TIME = np.arange(0, 1 + STEP / 2, STEP)
@@ -37,3 +40,10 @@ def test_the_robust_profile_is_better_in_the_case_it_is_made_for(chains: tuple[C
     clipped = LIMITS.apply(invert(chains[0], REFERENCE, STEP).force_N, STEP)
     assert worst[Objective.WORST] < 0.97 * worst_N(clipped)
     assert worst[Objective.WORST] <= worst[Objective.MEAN]
+
+
+def test_the_floor_that_no_force_can_pass_is_said_beside_the_error(chains: tuple[Chain, ...]) -> None:
+    """mu theta differs by 0.2 a either way, a the nominal exponent: tanh(0.2 a) of the tension."""
+    exponent = math.log(law_of(chains[0]).largest_output_N(1e6) / 1e6) / -1.0
+    found = track_robust(chains, REFERENCE[:60], STEP, LIMITS)
+    assert f"no force does better than {100 * math.tanh(0.2 * exponent):.3g} % of the tension" in found.message

@@ -68,12 +68,12 @@ class Centreline:
             )
         return tuple(notes)
 
-    def write(self, folder: str | os.PathLike[str]) -> None:
+    def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `sections.toml`, `summary.json` and a figure, all or nothing."""
         with atomic_directory(folder) as partial:
             write_text(partial / "sections.toml", self.toml())
             write_json(partial / "summary.json", self.summary())
-            save_figure(centreline_figure(self), partial / "centreline")
+            save_figure(centreline_figure(self), partial / "centreline", pdf=pdf)
 
     def toml(self) -> str:
         """The table [path] of a scenario."""

@@ -1,0 +1,1 @@
+"""Driven joints: scenario, design, report and command line of a joint between tendons."""

@@ -1,0 +1,97 @@
+"""Figures of a joint's design."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from tendonff.compensator.joint.result import LABELS, JointDesignData
+from tendonff.compensator.reporting.colours import BLUE, GREY, INK, ORANGE
+from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure, thinned
+
+_COLOURS = {"linear": GREY, "static": ORANGE, "inverse": BLUE}
+
+
+def joint_figures(result: JointDesignData) -> dict[str, Figure]:
+    """All figures of a design by file name."""
+    with figure_style():
+        figures = {"joint": joint_figure(result), "tension": tension_figure(result), "motor": motor_figure(result)}
+        if result.sheets:
+            figures["pretension"] = pretension_figure(result)
+        return figures
+
+
+def joint_figure(result: JointDesignData) -> Figure:
+    """Wanted and reached, and the errors of all compensators."""
+    figure, axes = new_figure(2, 1, share_x=True, height_in=4.6)
+    sampled = result.sampled
+    time, wanted = sampled.run_time_s, sampled.wanted[sampled.lead :]
+    rows = thinned(len(time))
+    scale, unit = (180 / np.pi, "deg") if result.is_angle else (1.0, "N m")
+    top, bottom = axes[:, 0]
+    for name, profile in result.profiles.items():
+        top.plot(time[rows], scale * profile.reached[rows], color=_COLOURS[name], label=LABELS[name])
+        bottom.plot(time[rows], scale * profile.error[rows], color=_COLOURS[name])
+    top.plot(time[rows], scale * wanted[rows], color=INK, linewidth=0.8, linestyle="--", label="reference")
+    top.set(ylabel=f"{'joint angle' if result.is_angle else 'torque of the joint'} [{unit}]")
+    bottom.set(xlabel="time [s]", ylabel=f"error [{unit}]")
+    legend_below(figure, top, columns=4)
+    return figure
+
+
+def tension_figure(result: JointDesignData) -> Figure:
+    """Tensions at the joint under the exact inverse, and their sum over the arms."""
+    figure, axes = new_figure(1, 1)
+    time = result.sampled.run_time_s
+    rows, panel = thinned(len(time)), axes[0, 0]
+    tension = result.profiles["inverse"].tension_N
+    for k, tendon in enumerate(result.scenario.mechanism.tendons):
+        panel.plot(time[rows], tension[rows, k], color=(INK, GREY)[k % 2], label=tendon.name)
+    panel.set(xlabel="time [s]", ylabel="tension at the joint [N]", ylim=(0, None))
+    legend_below(figure, panel)
+    return figure
+
+
+def motor_figure(result: JointDesignData) -> Figure:
+    """Motor angle beyond that of the ratio alone, and the motors' torque."""
+    figure, axes = new_figure(2, 1, share_x=True, height_in=4.6)
+    time = result.sampled.run_time_s
+    rows, names = thinned(len(time)), motor_names(result)
+    top, bottom = axes[:, 0]
+    base = result.profiles["linear"].motor_rad
+    for name in ("static", "inverse"):
+        profile = result.profiles[name]
+        for k, motor in enumerate(names):
+            label = LABELS[name] + (f", {motor}" if len(names) > 1 else "")
+            style = ("-", "--")[k % 2]
+            top.plot(time[rows], (profile.motor_rad - base)[rows, k], style, color=_COLOURS[name], label=label)
+    for k, motor in enumerate(names):
+        torque = result.profiles["inverse"].torque_N_m[rows, k]
+        bottom.plot(time[rows], torque, ("-", "--")[k % 2], color=_COLOURS["inverse"], label=motor)
+    top.set(ylabel="motor angle less ratio [rad]")
+    bottom.set(xlabel="time [s]", ylabel="motor torque [N m]")
+    legend_below(figure, top, columns=4)
+    return figure
+
+
+def pretension_figure(result: JointDesignData) -> Figure:
+    """What a pre-tension costs in lost motion and in friction of the drive, and the torque that it holds."""
+    figure, axes = new_figure(1, 2, height_in=2.8)
+    tension = np.array([at for at, _ in result.sheets])
+    lost = np.rad2deg([sheet.lost_motion_rad for _, sheet in result.sheets])
+    friction = [sheet.drive_torque_N_m for _, sheet in result.sheets]
+    slack = [sheet.slack_torque_N_m for _, sheet in result.sheets]
+    left, right = axes[0]
+    left.plot(friction, lost, color=INK)
+    left.set(xlabel="friction at the drum, +- [N m]", ylabel="lost motion, +- [deg]")
+    right.plot(tension, slack, color=INK)
+    right.set(xlabel="pre-tension [N]", ylabel="torque that makes slack [N m]")
+    sheet = result.sheet
+    if sheet is not None:
+        right.axhline(sheet.largest_torque_N_m, color=GREY, linestyle=":")
+        left.plot(sheet.drive_torque_N_m, np.rad2deg(sheet.lost_motion_rad), "o", color=INK)
+        right.plot(result.scenario.mechanism.drive.pretension_N, sheet.slack_torque_N_m, "o", color=INK)
+    return figure
+
+
+def motor_names(result: JointDesignData) -> tuple[str, ...]:
+    """Names of the motors: one of a loop, else by tendon."""
+    return ("motor",) if result.is_loop else tuple(tendon.name for tendon in result.scenario.mechanism.tendons)

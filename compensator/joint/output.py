@@ -1,0 +1,88 @@
+"""The files of a joint's design: profile, summary, figures and report."""
+
+import os
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.files.writing import atomic_directory, write_csv
+from tendonff.compensator.joint.figures import joint_figures, motor_names
+from tendonff.compensator.joint.report import joint_report
+from tendonff.compensator.joint.result import JointDesignData
+from tendonff.compensator.reporting.page import summary_head, write_pages
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class JointDesign(JointDesignData):
+    """A design of a joint that can be written."""
+
+    def write(self, folder: str | os.PathLike[str]) -> None:
+        """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
+        figures = joint_figures(self)
+        with atomic_directory(folder) as partial:
+            write_csv(partial / "profile.csv", profile_columns(self))
+            if self.sampled.lead:
+                write_csv(partial / "homing.csv", homing_columns(self))
+            write_pages(partial, summary(self), figures, joint_report(self, figures))
+
+
+def profile_columns(result: JointDesignData) -> dict[str, FloatArray]:
+    """Columns of `profile.csv`: a loop's motor by compensator, a pair's by tendon and with the exact inverse."""
+    sampled = result.sampled
+    wanted = sampled.wanted[sampled.lead :]
+    columns = {"time_s": sampled.run_time_s, f"reference_{result.scenario.reference.unit}": wanted}
+    inverse, names = result.profiles["inverse"], motor_names(result)
+    if result.is_loop:
+        columns |= {f"motor_{name}_rad": p.motor_rad[:, 0] for name, p in result.profiles.items()}
+        columns["motor_torque_inverse_N_m"] = result.inversion.motor_torque_N_m[:, 0]
+    else:
+        columns |= {f"motor_{name}_rad": inverse.motor_rad[:, k] for k, name in enumerate(names)}
+        columns |= {f"motor_torque_{name}_N_m": result.inversion.motor_torque_N_m[:, k] for k, name in enumerate(names)}
+    for k, tendon in enumerate(result.scenario.mechanism.tendons):
+        columns[f"tension_{tendon.name}_N"] = result.inversion.tension_N[:, k]
+    if not result.is_angle:
+        columns["angle_rad"] = result.sampled.angle_rad
+    return columns
+
+
+def homing_columns(result: JointDesignData) -> dict[str, FloatArray]:
+    """Columns of `homing.csv`: time, joint angle, and what the motors are told; the profile goes on from there."""
+    sampled = result.sampled
+    rows = slice(0, sampled.lead)
+    names = ("motor_rad",) if result.is_loop else tuple(f"motor_{name}_rad" for name in motor_names(result))
+    columns = {"time_s": sampled.time_s[rows], "reference_rad": sampled.wanted[rows]}
+    return columns | {name: result.homing_rad[:, k] for k, name in enumerate(names)}
+
+
+def summary(result: JointDesignData) -> dict[str, object]:
+    """The contents of `summary.json`."""
+    unit, level = result.scenario.reference.unit, result.scenario.run.level.value
+    found: dict[str, object] = {
+        **summary_head(result.scenario),
+        "quantity": result.scenario.reference.quantity.value,
+        f"reference_range_{unit}": result.sampled.range,
+        "compensators": {
+            name: {
+                level: {
+                    f"rmse_{unit}": profile.rms,
+                    "rmse_percent_of_range": result.percent(profile.rms),
+                    f"peak_error_{unit}": profile.peak,
+                }
+            }
+            for name, profile in result.profiles.items()
+        },
+        "recommended": result.best.name,
+        "inverse": {
+            "status": result.inversion.status.value,
+            "evaluations_per_step": result.inversion.evaluations / max(len(result.sampled.time_s) - 1, 1),
+            "lowest_tension_N": float(np.min(result.inversion.lowest_N)),
+        },
+        "contributions": [
+            {"key": c.key, "relative_half_width": c.spread, f"rmse_{unit}": c.rms} for c in result.contributions
+        ],
+        "warnings": list(result.warnings),
+    }
+    if result.sheet is not None:
+        found["loop"] = asdict(result.sheet)
+    return found

@@ -1,0 +1,148 @@
+"""What a design of a joint gives."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.joint.reference import JointQuantity
+from tendonff.compensator.joint.scenario import JointScenario, SampledJoint
+from tendonff.models.joint.closed_form import DataSheet
+from tendonff.models.joint.parameters import DriveKind
+from tendonff.ocp.joint.invert import JointInversion
+
+LABELS = {"linear": "ratio alone", "static": "quasi-static law", "inverse": "exact inverse"}
+"""Compensators of a joint by name, in the order of a report."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class JointProfile:
+    """A command of the motors, and what it did on the verifying mechanism.
+
+    Attributes
+    ----------
+    name : str
+    motor_rad : ndarray, shape (rows, motors)
+        Commanded angle.
+    reached : ndarray, shape (rows,)
+        Angle of the joint [rad], or its torque on what it touches [N m].
+    tension_N : ndarray, shape (rows, tendons)
+        At the joint.
+    torque_N_m : ndarray, shape (rows, motors)
+        Of the motors.
+    error : ndarray, shape (rows,)
+        Reached less wanted.
+    """
+
+    name: str
+    motor_rad: FloatArray
+    reached: FloatArray
+    tension_N: FloatArray
+    torque_N_m: FloatArray
+    error: FloatArray
+
+    @property
+    def rms(self) -> float:
+        """RMS error [rad or N m]."""
+        return float(np.sqrt(np.mean(self.error**2)))
+
+    @property
+    def peak(self) -> float:
+        """Largest error [rad or N m]."""
+        return float(np.abs(self.error).max())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contribution:
+    """What one parameter that is off costs the exact inverse.
+
+    Attributes
+    ----------
+    key : str
+        Dotted key of the scenario.
+    spread : float
+        Relative half-width.
+    rms : float
+        RMS error, the worse of both ends [rad or N m].
+    """
+
+    key: str
+    spread: float
+    rms: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class JointDesignData:
+    """A design of a joint.
+
+    Attributes
+    ----------
+    scenario : JointScenario
+    sampled : SampledJoint
+    profiles : dict of str to JointProfile
+    inversion : JointInversion
+        The exact inverse before the drive.
+    homing_rad : ndarray, shape (rows, motors)
+        Commands of the homing stroke, which the profiles go on from; empty without one.
+    sheet : DataSheet or None
+        Closed forms of a loop.
+    sheets : tuple of (float, DataSheet)
+        Of a loop: the same over pre-tensions.
+    contributions : tuple of Contribution
+        Largest first.
+    masses, refinement : int
+        Of the verifying mechanism: masses a tendon, and its steps in one of the design.
+    warnings : tuple of str
+    """
+
+    scenario: JointScenario
+    sampled: SampledJoint
+    profiles: dict[str, JointProfile]
+    inversion: JointInversion
+    homing_rad: FloatArray
+    sheet: DataSheet | None
+    sheets: tuple[tuple[float, DataSheet], ...]
+    contributions: tuple[Contribution, ...]
+    masses: int
+    refinement: int
+    warnings: tuple[str, ...]
+
+    @property
+    def is_angle(self) -> bool:
+        """An angle is wanted, not a torque."""
+        return self.scenario.reference.quantity is JointQuantity.ANGLE
+
+    @property
+    def is_loop(self) -> bool:
+        """One motor holds both tendons."""
+        return self.scenario.mechanism.drive.kind is DriveKind.LOOP
+
+    def percent(self, value: float) -> float:
+        """A value as a share of the wanted range [%]."""
+        return 100 * value / self.sampled.range
+
+    def text(self, value: float) -> str:
+        """An error in degrees or N m and as a share of the range."""
+        shown = f"{math.degrees(value):.2g} deg" if self.is_angle else f"{value:.2g} N m"
+        return f"{shown} ({self.percent(value):.2g} % of range)"
+
+    @property
+    def best(self) -> JointProfile:
+        """The profile with the least RMS error."""
+        return min(self.profiles.values(), key=lambda profile: profile.rms)
+
+    @property
+    def headline(self) -> str:
+        """The answer in two sentences."""
+        best = self.best
+        whole = f"{math.degrees(self.sampled.range):.3g} deg" if self.is_angle else f"{self.sampled.range:.3g} N m"
+        said = (
+            f"By the ratio alone the RMS error is {self.text(self.profiles['linear'].rms)}, the range being {whole}. "
+        )
+        said += f"Best profile: {LABELS[best.name]}, RMS error {self.text(best.rms)} (same parameters, {self.masses} "
+        said += f"masses a tendon, step/{self.refinement})."
+        if self.contributions:
+            first = self.contributions[0]
+            said += f" {first.key} off by {100 * first.spread:.0f} % makes that {self.text(first.rms)}."
+        return said

@@ -1,0 +1,143 @@
+"""The quasi-static law of a joint between tendons: Coulomb friction, no inertia of the tendons, no relaxation.
+
+Wherever the joint turns, both tendons slide in full, so what the motor does is known from the place, the torque and
+the way it turns alone; at a reversal the motor has to cross the lost motion at once. A tendon whose drum acts and whose
+joint only follows remembers its history as plays of ln(T + p), and its elongation is that memory summed along the path:
+the elongation operator.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tendonff.models.capstan import CapstanLaw, held_within
+from tendonff.models.joint.closed_form import GrossSliding
+from tendonff.models.joint.parameters import Mechanism
+from tendonff.models.layout import Array
+
+_PLACES = 40
+_FLOOR = 1e-12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopSensor:
+    """Joint angle of a loop from what its drum feels: angle and signed torque, friction's memory included.
+
+    q = gain theta + compliance T + elongation mean(T along the path) + zero, with the profile of T along the path the
+    play memory of ln(T + p): the elongation operator.
+
+    Parameters
+    ----------
+    law : CapstanLaw
+        Exponents pulling and releasing, and p, for a loop its pre-tension, in the unit of the torque.
+    gain : float
+        Joint angle over drum angle [-].
+    compliance : float
+        What the torque at the drum alone does [rad per unit of torque].
+    elongation : float
+        What the mean along the path does [rad per unit of torque].
+    zero_rad : float
+    """
+
+    law: CapstanLaw
+    gain: float
+    compliance: float
+    elongation: float
+    zero_rad: float = 0.0
+
+    def angle_rad(self, drum_rad: Array, drum_torque: Array) -> Array:
+        """Joint angle for a history of the drum, shape (rows,) [rad]."""
+        mean = mean_tension(self.law, drum_torque)
+        angle: Array = self.gain * drum_rad + self.compliance * drum_torque + self.elongation * mean + self.zero_rad
+        return angle
+
+
+def mean_tension(law: CapstanLaw, drum: Array) -> Array:
+    """Mean of the tension along a path for a history at its drum: elongation times stiffness, the elongation operator.
+
+    Signed values of a pre-tensioned loop are allowed, with p its pre-tension.
+    """
+    lifted, total = np.maximum(drum + law.adhesion_N, _FLOOR), np.zeros(len(drum))
+    for share in (np.arange(_PLACES) + 0.5) / _PLACES:
+        low, high = math.exp(-law.pull_exponent * share), math.exp(law.release_exponent * share)
+        total += held_within(float(lifted[0]), lifted * low, lifted * high)
+    return total / _PLACES - law.adhesion_N
+
+
+def static_motor_rad(
+    mechanism: Mechanism,
+    angle_rad: Array,
+    torque_N_m: Array,
+    others: dict[str, Array] | None = None,
+    direction: Array | None = None,
+) -> Array:
+    """Motor angles, shape (rows, motors), under which a joint turns as wanted if every tendon slides in full [rad].
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    angle_rad, torque_N_m : ndarray, shape (rows,)
+        Wanted angle, and the torque that the tendons give there.
+    others : dict of ndarray, optional
+        Angles of the other joints that sections name, shape (rows,) each.
+    direction : ndarray, shape (rows,), optional
+        Way the joint turns in each row, +1 or -1; 0 before it has moved. Default: that of the angle, kept while it
+        stands.
+    """
+    angle, torque = np.asarray(angle_rad, dtype=np.float64), np.asarray(torque_N_m, dtype=np.float64)
+    ways = directions(angle) if direction is None else np.array(direction, dtype=np.float64)
+    ways[:1] = 0.0  # a run starts at rest, where tensions are uniform
+    start, others = float(angle[0]), others or {}
+    travels = [
+        tendon.path_travel_m(angle, others)
+        - tendon.path_travel_m(angle[:1], {name: values[:1] for name, values in others.items()})
+        for tendon in mechanism.tendons
+    ]
+    radii = mechanism.drum_radius_m
+    longer: Array = -radii[0] * np.sum([travel / radius for travel, radius in zip(travels, radii, strict=True)], axis=0)
+    fixed = all(section.joint is None for tendon in mechanism.tendons for section in tendon.path.sections)
+    fixed = fixed and all(tendon.arm.lengths is None for tendon in mechanism.tendons)
+    law = GrossSliding.of(mechanism, start, {name: float(values[0]) for name, values in others.items()})
+    rest = _rest_elongations(law, float(torque[0]))
+    out = np.empty((len(angle), len(travels)))
+    for row, (q, tau, way) in enumerate(zip(angle, torque, ways, strict=True)):
+        if not fixed:
+            law = GrossSliding.of(mechanism, float(q), {name: float(values[row]) for name, values in others.items()})
+        now = law if way else _frictionless(law)
+        found = now.slide(float(tau), int(way) or 1, float(longer[row]) if law.loop else 0.0)
+        for k, (travel, stretch) in enumerate(zip(travels, found.elongation_m, strict=True)):
+            out[row, k] = travel[row] + stretch - rest[k]
+        if law.loop:  # a tendon that hangs says nothing about the drum
+            tight = law.tight(float(tau))
+            turn = out[row, tight] / radii[tight] * math.copysign(1.0, law.tendons[tight].arm_m)
+            out[row] = [turn * math.copysign(radius, t.arm_m) for radius, t in zip(radii, law.tendons, strict=True)]
+    motor = mechanism.motor_rad(out, start)
+    return motor[:, :1] if law.loop else motor
+
+
+def directions(angle_rad: Array) -> Array:
+    """Way an angle turns in each row, +1 or -1: kept while it stands, 0 before it has moved."""
+    change = np.sign(np.gradient(angle_rad)) if len(angle_rad) > 1 else np.zeros(len(angle_rad))
+    known = np.where(change != 0, np.arange(len(change)), -1)
+    last = np.maximum.accumulate(known)
+    ways: Array = np.where(last >= 0, change[np.maximum(last, 0)], 0.0)
+    return ways
+
+
+def _frictionless(law: GrossSliding) -> GrossSliding:
+    """The same tendons without friction: how they stand at rest at the start."""
+    smooth = tuple(
+        replace(
+            t,
+            adhesion_N=0.0,
+            sections=tuple(replace(s, pull_exponent=0.0, release_exponent=0.0) for s in t.sections),
+        )
+        for t in law.tendons
+    )
+    return replace(law, tendons=smooth)
+
+
+def _rest_elongations(law: GrossSliding, torque_N_m: float) -> tuple[float, ...]:
+    """Elongations that travels count from: the start's, with tensions that are uniform along each tendon."""
+    return _frictionless(law).slide(torque_N_m, 1).elongation_m

@@ -1,0 +1,261 @@
+"""The exact inverse of a joint between tendons: the motor angle whose response is a joint angle.
+
+The wanted angle gives the torque, the torque the tensions (a pair), or one equation for them and the drum the other (a
+loop); from tension and far end the recursion of each chain gives the drum. Simulated forwards with the same chains and
+step, the motor angle gives the joint angle back to rounding.
+"""
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from tendonff.models.errors import ParameterError
+from tendonff.ocp.codegen.compiler import find_compiler, why_no_compiler
+from tendonff.ocp.codegen.engine import Engine, resolve_engine
+from tendonff.ocp.errors import CodeError
+from tendonff.ocp.joint.compiled import CompiledJoint
+from tendonff.ocp.joint.protocol import Array, JointEngine, JointMemory, JointProblem
+from tendonff.ocp.joint.start import start_memory
+
+MOST_CYCLES = 40
+STEADY = 1e-7
+"""Two cycles are the same whose motor angles differ by less than this share of their range."""
+
+
+class JointStatus(StrEnum):
+    """Whether the motor angle that was found exists.
+
+    Attributes
+    ----------
+    EXACT
+        Every tendon stays taut: the joint follows the reference.
+    SLACK
+        A tendon of a loop hangs loose on the way, as it would: the other one carries the torque.
+    WOULD_PUSH
+        Somewhere a tendon would have to push.
+    FAILED
+        A step has no answer; the rows before it are good.
+    """
+
+    EXACT = "exact"
+    SLACK = "slack"
+    WOULD_PUSH = "would_push"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointInversion:
+    """Motor angle whose response is a joint angle, before limits of the drive.
+
+    Attributes
+    ----------
+    status : JointStatus
+    message : str
+        Why, for the user.
+    time_s : ndarray, shape (n,)
+        Rows at 0, h, 2 h ...
+    motor_rad : ndarray, shape (n, motors)
+        Angle of each motor since the start.
+    motor_torque_N_m : ndarray, shape (n, motors)
+        Torque that each gives, inertia and dry friction of the drive included.
+    tension_N, drum_N : ndarray, shape (n, tendons)
+        Tension at the joint, and at the drum.
+    slack_m : ndarray, shape (n,)
+        Length of tendon that hangs loose in a loop.
+    lowest_N : ndarray, shape (n,)
+        Smallest tension along any tendon.
+    evaluations : int
+        Of the recursions, all steps together.
+    final : JointMemory
+        State after the last row.
+    """
+
+    status: JointStatus
+    message: str
+    time_s: Array
+    motor_rad: Array
+    motor_torque_N_m: Array
+    tension_N: Array
+    drum_N: Array
+    slack_m: Array
+    lowest_N: Array
+    evaluations: int
+    final: JointMemory
+
+
+def engine_of(problem: JointProblem, step_s: float, engine: Engine) -> JointEngine:
+    """Engine of a problem; ParameterError for a step that is no time, CodeError where no C compiler works."""
+    if not 0 < step_s < math.inf:
+        raise ParameterError(f"step_s must be a finite number > 0, got {step_s}; 0.001 suits most rigs")
+    if resolve_engine(engine) is not Engine.COMPILED:
+        asked = "the engine casadi was asked for, here or by TENDONFF_ENGINE; leave that out"
+        reason = why_no_compiler() if find_compiler() is None else asked
+        raise CodeError(f"a joint on tendons runs in compiled C only; {reason}")
+    return CompiledJoint(problem, step_s)
+
+
+def as_rows(name: str, values: Array | float, rows: int | None, step_s: float) -> Array:
+    """A vector of finite numbers, or one number for all rows."""
+    given = np.asarray(values, dtype=np.float64)
+    if rows is not None and given.ndim == 0:
+        given = np.full(rows, float(given))
+    if given.ndim != 1 or given.size < 1 or (rows is not None and len(given) != rows):
+        wanted = "a vector with at least one row" if rows is None else f"one number or a vector of {rows} rows"
+        raise ParameterError(f"{name} must be {wanted}, got shape {given.shape}")
+    bad = np.flatnonzero(~np.isfinite(given))
+    if bad.size:
+        raise ParameterError(f"{name} must be finite, got {given[bad[0]]} at t = {bad[0] * step_s:g} s; repair it")
+    return given
+
+
+def invert_joint(
+    problem: JointProblem,
+    angle_rad: Array,
+    step_s: float,
+    *,
+    contact_N_m: Array | float = 0.0,
+    memory: JointMemory | None = None,
+    engine: Engine = Engine.AUTO,
+) -> JointInversion:
+    """Find the motor angle whose response is a joint angle.
+
+    Parameters
+    ----------
+    problem : JointProblem
+    angle_rad : ndarray, shape (n,)
+        Wanted angle at 0, h, 2 h ... [rad]; the first where the problem starts.
+    step_s : float
+        h [s], > 0.
+    contact_N_m : ndarray, shape (n,), or float, optional
+        Torque that the joint gives to what it touches [N m], positive towards positive angles.
+    memory : JointMemory, optional
+        Start from here instead; the first angle is then not used.
+    engine : Engine, optional
+
+    Raises
+    ------
+    ParameterError
+        If angle, contact or step are not usable numbers, or the angle starts elsewhere.
+    """
+    runner = engine_of(problem, step_s, engine)
+    angle = as_rows("angle_rad", angle_rad, None, step_s)
+    contact = as_rows("contact_N_m", contact_N_m, len(angle), step_s)
+    if memory is None:
+        memory = start_memory(problem, float(contact[0]))
+        if abs(float(angle[0]) - problem.start_rad) > 1e-9:
+            raise ParameterError(
+                f"angle_rad starts at {angle[0]:g}, the problem at {problem.start_rad:g} rad; a run starts at "
+                "rest there"
+            )
+    memory = memory.copy()
+    first = memory.copy()
+    angle = np.concatenate([first.z[1:2], angle[1:]])
+    rows = runner.invert(memory, angle, contact, problem.mechanism.drive.least_tension_N or 0.0)
+    travel = np.vstack([_travel(first), rows.travel_m])
+    drum = np.vstack([_drum(first), rows.drum_N])
+    tension = np.vstack([first.tension_N, rows.tension_N])
+    # A drum that holds a loose end holds nothing.
+    slack = np.concatenate([[first.closure_rad * min(map(abs, problem.windings_m))], rows.slack_m])
+    held = np.maximum(drum, 0.0)
+    lowest = np.concatenate([[float(first.tension_N.min())], rows.lowest_N])
+    motor = motor_angles(problem, travel)
+    status, message = _status(problem, len(angle), lowest, slack, step_s)
+    return JointInversion(
+        status=status,
+        message=message,
+        time_s=np.arange(len(travel), dtype=np.float64) * step_s,
+        motor_rad=motor,
+        motor_torque_N_m=motor_torques(problem, motor, held, step_s),
+        tension_N=tension,
+        drum_N=held,
+        slack_m=slack,
+        lowest_N=lowest,
+        evaluations=rows.evaluations,
+        final=memory,
+    )
+
+
+def steady_joint_inverse(
+    problem: JointProblem,
+    cycle_rad: Array,
+    step_s: float,
+    *,
+    contact_N_m: Array | float = 0.0,
+    engine: Engine = Engine.AUTO,
+) -> tuple[JointInversion, int, bool]:
+    """Inverse of an angle that repeats, in its steady state; also the cycles that were run, and whether they repeat.
+
+    The cycle, shape (n,) [rad], is one period, its last row the first of the next. So is what is returned; the motor's
+    angle counts from the rest before the first cycle.
+    """
+    angle = as_rows("cycle_rad", cycle_rad, None, step_s)
+    contact = as_rows("contact_N_m", contact_N_m, len(angle), step_s)
+    found = invert_joint(problem, angle, step_s, contact_N_m=contact, engine=engine)
+    for cycle in range(2, MOST_CYCLES + 1):
+        before, memory = found, replace_time(found.final)
+        found = invert_joint(problem, angle, step_s, contact_N_m=contact, memory=memory, engine=engine)
+        if found.status is JointStatus.FAILED:
+            return found, cycle, False
+        change = float(np.abs(found.motor_rad[1:] - before.motor_rad[1:]).max())
+        if change <= STEADY * max(float(np.ptp(found.motor_rad)), 1e-9):
+            return found, cycle, True
+    return found, MOST_CYCLES, False
+
+
+def replace_time(memory: JointMemory) -> JointMemory:
+    """The same state at time zero: the other joints of a cycle repeat."""
+    again = memory.copy()
+    again.time_s = 0.0
+    return again
+
+
+def motor_angles(problem: JointProblem, travel_m: Array) -> Array:
+    """Angles of the motors for travels at the drums, shape (rows, tendons): one column for a loop [rad]."""
+    each = problem.mechanism.motor_rad(travel_m, problem.start_rad)
+    return each[:, :1] if problem.loop else each
+
+
+def motor_torques(problem: JointProblem, motor_rad: Array, drum_N: Array, step_s: float) -> Array:
+    """Torque of each motor, shape (rows, motors) [N m]: tendons, inertia and dry friction of the drive."""
+    drive = problem.mechanism.drive
+    each: Array = drum_N * np.array(problem.windings_m) / drive.gear_ratio
+    held: Array = each.sum(axis=1, keepdims=True) if problem.loop else each
+    if len(motor_rad) < 3:
+        return held
+    speed = np.gradient(motor_rad, step_s, axis=0)
+    torque: Array = held + drive.inertia_kg_m2 * np.gradient(speed, step_s, axis=0) + drive.coulomb_N_m * np.sign(speed)
+    return torque
+
+
+def _travel(memory: JointMemory) -> Array:
+    return np.array([x[-2] for x in memory.x]) - memory.start_m
+
+
+def _drum(memory: JointMemory) -> Array:
+    """At rest the tension is the same along a tendon."""
+    return memory.tension_N
+
+
+def _status(problem: JointProblem, rows: int, lowest: Array, slack: Array, step_s: float) -> tuple[JointStatus, str]:
+    if len(lowest) < rows:
+        return JointStatus.FAILED, (
+            f"the inverse stopped at t = {len(lowest) * step_s:.6g} s: no tension closes the loop there; check the "
+            "reference for jumps, and moment arms that change their sign"
+        )
+    hanging = slack > 0
+    if hanging.any():
+        share = 100 * float(hanging.mean())
+        return JointStatus.SLACK, (
+            f"a tendon hangs loose from t = {int(np.argmax(hanging)) * step_s:.6g} s, in {share:.2g} % of the rows; "
+            "the other one carries the torque, and the joint can be pushed by hand; more pretension_N keeps both taut"
+        )
+    floor = -1e-6 if problem.loop else 0.0
+    pushed = np.flatnonzero(lowest < floor)
+    if pushed.size:
+        return JointStatus.WOULD_PUSH, (
+            f"a tendon would have to push at t = {int(pushed[0]) * step_s:.6g} s ({pushed.size} of {rows} rows); keep "
+            "more tension, or let the reference change more slowly"
+        )
+    return JointStatus.EXACT, f"{rows} rows, least tension {lowest.min():.4g} N"

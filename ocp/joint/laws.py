@@ -1,0 +1,66 @@
+"""Laws of a joint between two chains under an implicit step, beside those of the chains' own elements."""
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+
+from tendonff.models.chain import Chain
+from tendonff.models.joint.balance import JointLaw
+from tendonff.models.layout import fields_of
+from tendonff.ocp.codegen.printer import Law
+from tendonff.ocp.step.laws import ElementLaws, symbolic, symbols, twins_of, way_of
+
+_NO_JOINT = JointLaw(**dict.fromkeys(JointLaw.__dataclass_fields__, 0.0))
+"""Numbers that do not matter: only the names of the fields are used."""
+
+JOINT_NUMBERS = tuple(fields_of(_NO_JOINT, "joint_"))
+"""Names of a joint's numbers in C."""
+
+
+def joint_torque() -> Law:
+    """Torque that the tendons give a joint, its slope over the joint's speed, and the joint's dry friction."""
+    w, w_base, q_base, dry_base, step = inputs = symbols("w w_base q_base dry_base H")
+    joint = symbolic(_NO_JOINT, "joint_")
+    dry = joint.dry_friction(w, dry_base, step)
+    torque = joint.torque(q_base + step * w, w, (w - w_base) / step, dry)
+    return Law(
+        name="joint_torque",
+        comment="Torque of the tendons on a joint that touches nothing [N m], its slope over w, and its dry friction.",
+        inputs=(*inputs, *fields_of(joint).values()),
+        outputs={"torque": torque, "by_w": ca.jacobian(torque, w), "dry": dry},
+    )
+
+
+def link_back(laws: ElementLaws) -> Law:
+    """Rate of elongation of a taut link that carries a force, and its slope over the force."""
+    law = laws.link_rate()
+    force, rate = law.inputs[0], law.outputs["rate"]
+    comment = "Rate of elongation [m/s] of a taut link that carries a force, and its slope over the force."
+    return replace(law, name="link_back", comment=comment, outputs={"rate": rate, "by_force": ca.jacobian(rate, force)})
+
+
+def path_mass_back(laws: ElementLaws) -> Law:
+    """Friction and inertia that a mass adds to the tension, with slopes over its speed and the load side's tension."""
+    law = laws.path_mass_inverse(drop=True)
+    known = {s.name(): s for s in law.inputs}
+    drop = law.outputs["drop"]
+    slopes = {"by_v": ca.jacobian(drop, known["v"]), "by_far": ca.jacobian(drop, known["f_far"]) + 1}
+    comment = "Friction and inertia of a mass [N], slopes of the tension behind it, and the states of its friction."
+    states = {name: value for name, value in law.outputs.items() if name != "drop"}
+    return replace(law, name="path_mass_back", comment=comment, outputs={"drop": drop, **slopes, **states})
+
+
+def representative(chains: tuple[Chain, ...]) -> Chain:
+    """A chain whose code serves all of them: what is equal by chance in one only counts as different."""
+    first = chains[0]
+    alike = all(
+        chain.friction.aliases() == first.friction.aliases() and twins_of(chain) == twins_of(first) for chain in chains
+    )
+    if alike:
+        return first
+    elements, n = first.elements, first.count
+    apart = {name: float(k + 1) for k, name in enumerate(fields_of(elements.contact)) if way_of(name)}
+    columns = {name: np.full(n, value) for name, value in apart.items()}
+    contact = replace(elements.contact, **columns)  # type: ignore[type-var]
+    return replace(first, elements=replace(elements, contact=contact, friction=replace(elements.friction, **apart)))  # type: ignore[type-var]

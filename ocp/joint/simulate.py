@@ -1,0 +1,162 @@
+"""Forward simulation of the whole mechanism: motors led, the joint free, or led where a torque is what matters."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from tendonff.models.errors import ParameterError
+from tendonff.ocp.codegen.engine import Engine
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.joint.invert import as_rows, engine_of, motor_torques
+from tendonff.ocp.joint.protocol import Array, JointMemory, JointProblem
+from tendonff.ocp.joint.start import start_memory
+
+
+class JointOutcome(StrEnum):
+    """How a simulation ended.
+
+    Attributes
+    ----------
+    DONE
+        All rows computed, every link in tension.
+    SLACK
+        All rows computed; some link went slack on the way.
+    FAILED
+        A step could not be solved; the rows before it are good.
+    """
+
+    DONE = "done"
+    SLACK = "slack"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointSimulation:
+    """Response of a mechanism, rows at 0, h, 2 h ...
+
+    Attributes
+    ----------
+    outcome : JointOutcome
+    message : str
+        What happened, for the user.
+    time_s : ndarray, shape (n,)
+    motor_rad, motor_torque_N_m : ndarray, shape (n, motors)
+    angle_rad : ndarray, shape (n,)
+        Of the joint.
+    torque_N_m : ndarray, shape (n,)
+        Sum of the tendons' torques on the joint.
+    tension_N, drum_N : ndarray, shape (n, tendons)
+        Tension at the joint, and at the drum.
+    lowest_N : ndarray, shape (n,)
+        Smallest tension along any tendon.
+    iterations, splits : int
+        Linear solves, and steps that had to be split.
+    final : JointMemory
+        State after the last good row.
+    """
+
+    outcome: JointOutcome
+    message: str
+    time_s: Array
+    motor_rad: Array
+    motor_torque_N_m: Array
+    angle_rad: Array
+    torque_N_m: Array
+    tension_N: Array
+    drum_N: Array
+    lowest_N: Array
+    iterations: int
+    splits: int
+    final: JointMemory
+
+    def require(self) -> "JointSimulation":
+        """Return itself, or raise `SolveError` with the message if it failed."""
+        if self.outcome is JointOutcome.FAILED:
+            raise SolveError(self.message)
+        return self
+
+
+def simulate_joint(
+    problem: JointProblem,
+    motor_rad: Array,
+    step_s: float,
+    *,
+    contact_N_m: Array | float = 0.0,
+    led_rad: Array | None = None,
+    memory: JointMemory | None = None,
+    engine: Engine = Engine.AUTO,
+) -> JointSimulation:
+    """Turn the motors, and see what the joint does.
+
+    Parameters
+    ----------
+    problem : JointProblem
+    motor_rad : ndarray, shape (n,) or (n, motors)
+        Angle of each motor since the start, at 0, h, 2 h ... [rad].
+    step_s : float
+        h [s], > 0.
+    contact_N_m : ndarray, shape (n,), or float, optional
+        Torque that the joint gives to what it touches [N m].
+    led_rad : ndarray, shape (n,), optional
+        The joint's motion where something else decides it; then the torque of the tendons is what is found.
+    memory : JointMemory, optional
+        Start from here instead of from rest.
+    engine : Engine, optional
+
+    Raises
+    ------
+    ParameterError
+        If an argument is not usable.
+    """
+    runner = engine_of(problem, step_s, engine)
+    motor = np.asarray(motor_rad, dtype=np.float64)
+    motor = motor[:, None] if motor.ndim == 1 else motor
+    motors = 1 if problem.loop else len(problem.chains)
+    if motor.ndim != 2 or motor.shape[1] != motors or not len(motor):
+        raise ParameterError(f"motor_rad must have a column for each of {motors} motors, got shape {motor.shape}")
+    if not np.isfinite(motor).all():
+        row = int(np.argmax(~np.isfinite(motor).all(axis=1)))
+        raise ParameterError(
+            f"motor_rad must be finite, got {motor[row]} at t = {row * step_s:g} s; repair the profile"
+        )
+    contact = as_rows("contact_N_m", contact_N_m, len(motor), step_s)
+    led = None if led_rad is None else as_rows("led_rad", led_rad, len(motor), step_s)
+    memory = start_memory(problem, float(contact[0]), hanging=True) if memory is None else memory.copy()
+    first = memory.copy()
+    travel = motor * np.array(problem.windings_m) / problem.mechanism.drive.gear_ratio
+    rows = runner.run(memory, travel, contact, led)
+    good = len(rows.angle_rad) + 1
+    drum = np.vstack([first.tension_N, rows.drum_N])
+    torque = float(problem.mechanism.joint.static_torque_N_m(first.z[1])) + float(contact[0])
+    lowest = np.concatenate([[float(first.tension_N.min())], rows.lowest_N])
+    outcome, message = _outcome(len(motor), lowest, rows.residual_N, step_s)
+    return JointSimulation(
+        outcome=outcome,
+        message=message,
+        time_s=np.arange(good, dtype=np.float64) * step_s,
+        motor_rad=motor[:good],
+        motor_torque_N_m=motor_torques(problem, motor[:good], drum, step_s),
+        angle_rad=np.concatenate([first.z[1:2], rows.angle_rad]),
+        torque_N_m=np.concatenate([[torque], rows.torque_N_m]),
+        tension_N=np.vstack([first.tension_N, rows.tension_N]),
+        drum_N=drum,
+        lowest_N=lowest,
+        iterations=rows.iterations,
+        splits=rows.splits,
+        final=memory,
+    )
+
+
+def _outcome(rows: int, lowest: Array, residual: float, step_s: float) -> tuple[JointOutcome, str]:
+    if len(lowest) < rows:
+        return JointOutcome.FAILED, (
+            f"simulation stopped at t = {len(lowest) * step_s:.6g} s: the step did not converge although it was split; "
+            f"worst balance {residual:.3g} N; check the motor angle there for jumps, or use a step below {step_s:g} s"
+        )
+    slack = lowest <= 0
+    if slack.any():
+        share = 100 * float(slack.mean())
+        at = int(np.argmax(slack)) * step_s
+        return JointOutcome.SLACK, f"a tendon went slack at t = {at:.6g} s; one is in {share:.2g} % of the rows"
+    return JointOutcome.DONE, f"{rows} rows"

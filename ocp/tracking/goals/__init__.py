@@ -1,1 +1,0 @@
-"""Other things to ask for than the smallest error over a known reference."""

@@ -1,1 +1,0 @@
-"""How a profile is searched: quadratic programs, grids of knots, windows."""

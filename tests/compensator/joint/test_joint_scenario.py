@@ -1,0 +1,108 @@
+"""Scenario files of a driven joint."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.cli import run
+from tendonff.compensator.files.text import InputError
+from tendonff.compensator.joint.scenario import load_joint_scenario, parse_joint_scenario, sample_joint
+from tendonff.models.joint.parameters import DriveKind
+
+
+@pytest.fixture(scope="module")
+def hand() -> str:
+    return (Path(__file__).parents[3] / "examples" / "hand_joint.toml").read_text("utf-8")
+
+
+@pytest.mark.parametrize(("rig", "example"), [("hand", "hand_joint"), ("instrument", "instrument_pair")])
+def test_new_writes_the_example(tmp_path: Path, examples: Path, rig: str, example: str) -> None:
+    assert run(["new", str(tmp_path / "mine.toml"), "--for", rig]) == 0
+    assert (tmp_path / "mine.toml").read_text("utf-8") == (examples / f"{example}.toml").read_text("utf-8")
+    scenario = load_joint_scenario(tmp_path / "mine.toml")
+    assert scenario.mechanism.drive.kind is (DriveKind.LOOP if rig == "hand" else DriveKind.PAIR)
+    assert sample_joint(scenario).range > 0.5
+
+
+def test_a_tendon_may_state_its_own_parts(hand: str) -> None:
+    own = hand.replace(
+        "moment_arm_m = -0.008 ",
+        "moment_arm_m = -0.006\n[tendons.friction]\nmu_dynamic = 0.1\nmu_static = 0.1\nviscous_N_s_per_m = 0.0\n"
+        "bristle_stiffness_N_per_m = 1e6\nsoft_bristle_stiffness_N_per_m = 1e5\n",
+    )
+    first, second = parse_joint_scenario(own).mechanism.tendons
+    assert (first.friction.mu_dynamic, second.friction.mu_dynamic) == (0.2, 0.1)
+    assert first.tendon == second.tendon
+
+
+def test_lengths_of_a_file_are_moment_arms(hand: str, tmp_path: Path) -> None:
+    (tmp_path / "flexor.csv").write_text("angle_rad,length_m\n-1,0.208\n0,0.2\n1,0.192\n2,0.184\n", "utf-8")
+    (tmp_path / "s.toml").write_text(hand.replace("moment_arm_m = 0.008", 'lengths = "flexor.csv"'), "utf-8")
+    scenario = load_joint_scenario(tmp_path / "s.toml")
+    assert scenario.mechanism.arms_at(0.3) == pytest.approx((0.008, -0.008))
+    before = scenario.digest()
+    (tmp_path / "flexor.csv").write_text("angle_rad,length_m\n-1,0.209\n0,0.2\n1,0.191\n2,0.182\n", "utf-8")
+    assert load_joint_scenario(tmp_path / "s.toml").digest() != before
+
+
+def test_the_fade_of_a_sine_has_no_jump_in_its_rate() -> None:
+    example = Path(__file__).parents[3] / "examples" / "instrument_pair.toml"
+    angle = sample_joint(load_joint_scenario(example)).angle_rad
+    assert np.abs(np.diff(angle, 2)).max() < 5e-4
+    assert angle[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            "[drive]",
+            "[actuator]\nmass_kg = 1\n[drive]",
+            r"\[actuator\] does not belong .* the motors stand in \[drive\]",
+        ),
+        ("[drive]", "[stiffness]\nx = 1\n[drive]", "no stiffness to choose"),
+        ("[drive]", "[drives]", r"unknown table \[drives\], did you mean drive"),
+        ('kind = "driven"', 'kind = "constant"\nangle_rad = 0.0', "one joint must have kind"),
+        ("moment_arm_m = -0.008", "moment_arm_m = 0.008", None),
+        ("pretension_N = 15.0", "", "needs pretension_N"),
+        ("pretension_N = 15.0", "pretension_N = -1.0", "pretension_N must be a finite number >= 0"),
+        ("moment_arm_m = 0.008", "moment_arms_m = 0.008", 'unknown key "moment_arms_m", did you mean "moment_arm_m"'),
+        ("moment_arm_m = 0.008 ", "", "moment_arm_m or lengths, one of them"),
+        ('quantity = "joint_angle"', 'quantity = "joint_torque"', "angles_rad is not for quantity"),
+        ('name = "extensor"', 'name = "flexor"', "need different names"),
+        ("angles_rad = [0.0, 0.9, 0.9, 0.3, 1.1, 0.0]", "angles_rad = [0, 0, 0, 0, 0, 0]", "it never changes"),
+        ("[path] ", "[pathx] ", r"unknown table \[pathx\]"),
+        ("drum_radius_m = 0.008", "drum_radius_m = [0.008, 0.008, 0.008]", "one for each of 2 tendons"),
+    ],
+)
+def test_what_is_wrong_is_refused_with_the_way_out(hand: str, old: str, new: str, message: str | None) -> None:
+    assert old in hand
+    if message is None:  # refused where the joint stands
+        scenario = parse_joint_scenario(hand.replace(old, new))
+        with pytest.raises(ValueError, match="must pull opposite ways"):
+            scenario.mechanism.arms_at(0.0)
+        return
+    with pytest.raises(InputError, match=message):
+        sample_joint(parse_joint_scenario(hand.replace(old, new)))
+
+
+def test_one_tendon_without_a_spring_is_refused(hand: str) -> None:
+    head, _, rest = hand.partition('[[tendons]]\nname = "extensor"')
+    alone = head + "[drive]" + rest.partition("[drive]")[2]
+    with pytest.raises(InputError, match="needs two tendons, got 1"):
+        parse_joint_scenario(alone)
+    pair = alone.replace('kind = "loop" ', 'kind = "pair" ').replace("pretension_N = 15.0 ", "least_tension_N = 2.0 ")
+    with pytest.raises(InputError, match="needs a spring that pulls the other way"):
+        parse_joint_scenario(pair)
+
+
+@pytest.mark.parametrize("command", ["compare", "sweep", "table", "experiment", "explore", "export-c", "adapt"])
+def test_commands_of_a_tension_refuse_a_joint_and_say_why(
+    command: str, tmp_path: Path, examples: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = [] if command == "explore" else ["--out", str(tmp_path / "out")]
+    more = {"sweep": ["--samples", "2"]}.get(command, [])
+    assert run([command, str(examples / "hand_joint.toml"), *out, *more]) == 2
+    assert "describes a driven joint between tendons" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,191 @@
+/* A joint between tendons, explicit and by itself: small masses on each tendon, positions and not elongations, local
+ * tensions on the joint by virtual work. Nothing here comes from the package. */
+#include <math.h>
+
+typedef struct {
+    int masses;
+    double k1, k2, tau, c;          /* whole tendon */
+    double mass, sigma, viscous, p; /* whole tendon; load-independent tension */
+    double radius;                  /* drum, with the sign of its winding */
+    double arm, arm_by_q, from;     /* far end: arm (q - from) + arm_by_q (q - from)^2/2 */
+    double tension;                 /* at the start */
+    const double *angle, *angle_by_q;   /* masses */
+    const double *mu_pull, *mu_release; /* masses */
+    const double *share, *share_by_q, *gain; /* links: share of the length, its change, what the path gains per rad */
+    const double *piece;            /* masses: share of the length */
+    double *u, *v, *f, *z, *b, *old;    /* sliding positions, speeds; links' force, z; bristles; last angles */
+    double *to, *fro;                   /* tanh(mu phi/2) each way, for the last angles */
+    double *stiff, *shift, *drift, *s0, *inverse; /* links: whole over length, gained, its rate; masses: sigma, 1/mass */
+    int moves;
+} tendon;
+
+typedef struct {
+    double inertia, damping, spring, rest, gravity, zero, dry, dry_sigma;
+} joint;
+
+/* Forces of the links. */
+static void pull(tendon *t, int n, double h)
+{
+    const double *restrict u = t->u, *restrict v = t->v, *restrict stiff = t->stiff, *restrict shift = t->shift;
+    const double *restrict drift = t->drift;
+    double *restrict f = t->f, *restrict z = t->z;
+    const double k1 = t->k1, k2 = t->k2, c = t->c, slow = h / t->tau;
+    int i;
+    for (i = 0; i <= n; i++) {
+        const double e = (u[i] - u[i + 1]) + shift[i];
+        const double force = (k1 * e + k2 * (e - z[i]) + c * ((v[i] - v[i + 1]) + drift[i])) * stiff[i];
+        z[i] += slow * (e - z[i]);
+        f[i] = force > 0 ? force : 0;
+    }
+}
+
+/* Wrap angles; contact that is lost takes its bristle along. */
+static void bend(tendon *t, double q)
+{
+    double theta = 0;
+    int i;
+    for (i = 0; i < t->masses; i++) {
+        theta += t->angle[i];
+    }
+    for (i = 0; i < t->masses; i++) {
+        double phi = t->angle[i] + t->angle_by_q[i] * q;
+        phi = phi > 0 ? phi : 0;
+        if (phi < t->old[i]) {
+            t->b[i] *= phi / t->old[i];
+        }
+        if (phi != t->old[i]) {
+            t->to[i] = tanh(t->mu_pull[i] * phi / 2);
+            t->fro[i] = tanh(t->mu_release[i] * phi / 2);
+            t->s0[i] = t->sigma * phi / theta;
+            t->old[i] = phi;
+        }
+    }
+}
+
+/* Bristles, speeds and positions of the masses, which are u[1] .. u[n]. */
+static void slide(tendon *t, int n, double h)
+{
+    const double *restrict f = t->f, *restrict to = t->to, *restrict fro = t->fro, *restrict s0 = t->s0;
+    const double *restrict inverse = t->inverse, *restrict piece = t->piece;
+    double *restrict u = t->u + 1, *restrict v = t->v + 1, *restrict b = t->b;
+    const double p = 2 * t->p, viscous = t->viscous;
+    int i;
+    for (i = 0; i < n; i++) {
+        const double most = (v[i] > 0 ? to[i] : fro[i]) * (f[i] + f[i + 1] + p);
+        const double drag = h * s0[i] * fabs(v[i]);
+        b[i] = most * (b[i] + h * s0[i] * v[i]) / (most + drag + 1e-30);
+        v[i] += h * (f[i] - f[i + 1] - b[i] - viscous * piece[i] * v[i]) * inverse[i];
+        u[i] += h * v[i];
+    }
+}
+
+/* motor: (rows + 1) * count angles of the drums, contact: rows + 1; out: rows * (2 + 3 count) of q, w, tension at the
+ * joint, at the drum, least of each tendon. led: the joint's motion or null. */
+void plant(
+    const joint *j, tendon *tendons, int count, double row_s, long rows, int inner, const double *motor,
+    const double *contact, const double *led, double start, double *out)
+{
+    const double h = row_s / inner;
+    double q = start, w = 0, dry = 0;
+    long row;
+    int k, i, step;
+    for (k = 0; k < count; k++) {
+        tendon *t = &tendons[k];
+        double at = 0;
+        for (i = t->masses; i >= 0; i--) { /* u counts from where all would stand without stretch at the start */
+            const double e = t->tension / t->k1 * t->share[i];
+            at += e;
+            t->u[i] = at;
+            t->v[i] = 0;
+            t->z[i] = e;
+        }
+        {
+            double theta = 0;
+            t->moves = 0;
+            for (i = 0; i < t->masses; i++) {
+                theta += t->angle[i];
+                t->moves |= t->angle_by_q[i] != 0;
+            }
+            for (i = 0; i <= t->masses; i++) {
+                t->moves |= t->gain[i] != 0;
+                t->stiff[i] = 1 / (t->share[i] + t->share_by_q[i] * start);
+                t->shift[i] = t->drift[i] = 0;
+            }
+            for (i = 0; i < t->masses; i++) {
+                t->s0[i] = theta > 0 ? t->sigma * (t->angle[i] + t->angle_by_q[i] * q) / theta : 0;
+                t->inverse[i] = 1 / (t->mass * t->piece[i]);
+            }
+        }
+        for (i = 0; i < t->masses; i++) {
+            t->b[i] = 0;
+            t->old[i] = t->angle[i] + t->angle_by_q[i] * q;
+            t->to[i] = tanh(t->mu_pull[i] * t->old[i] / 2);
+            t->fro[i] = tanh(t->mu_release[i] * t->old[i] / 2);
+        }
+    }
+    /* u[0] is the drum's end, u[1 ..] the masses */
+    for (row = 0; row < rows; row++) {
+        double lowest[2] = { 1e9, 1e9 };
+        for (step = 0; step < inner; step++) {
+            const double s = (step + 1.0) / inner;
+            const double touch = contact[row] + s * (contact[row + 1] - contact[row]);
+            double torque = 0;
+            for (k = 0; k < count; k++) {
+                tendon *t = &tendons[k];
+                const int n = t->masses;
+                const double m0 = motor[row * count + k], m1 = motor[(row + 1) * count + k];
+                const double from = q - t->from, base = start - t->from;
+                const double far = t->arm * (from - base) + t->arm_by_q * (from * from - base * base) / 2;
+                const double far_v = (t->arm + t->arm_by_q * from) * w;
+                double first = 0;
+                for (i = 0; i <= n; i++) { /* where the drum stands: the start's stretch and the motor's travel */
+                    first += t->tension / t->k1 * t->share[i];
+                }
+                t->u[0] = first + t->radius * (m0 + s * (m1 - m0));
+                t->v[0] = t->radius * (m1 - m0) / row_s;
+                t->u[n + 1] = far;
+                t->v[n + 1] = far_v;
+                if (t->moves) {
+                    for (i = 0; i <= n; i++) {
+                        t->shift[i] = t->gain[i] * (q - start);
+                        t->drift[i] = t->gain[i] * w;
+                        t->stiff[i] = 1 / (t->share[i] + t->share_by_q[i] * q);
+                    }
+                }
+                pull(t, n, h);
+                torque += t->f[n] * (t->arm + t->arm_by_q * from);
+                for (i = 0; t->moves && i <= n; i++) {
+                    torque -= t->f[i] * t->gain[i];
+                }
+                for (i = 0; step == inner - 1 && i <= n; i++) {
+                    lowest[k] = t->f[i] < lowest[k] ? t->f[i] : lowest[k];
+                }
+            }
+            for (k = 0; k < count; k++) {
+                tendon *t = &tendons[k];
+                if (t->moves) {
+                    bend(t, q);
+                }
+                slide(t, t->masses, h);
+            }
+            if (led) {
+                q = led[row] + s * (led[row + 1] - led[row]);
+                w = (led[row + 1] - led[row]) / row_s;
+            } else {
+                dry = j->dry > 0 ? (dry + h * j->dry_sigma * w) / (1 + h * j->dry_sigma * fabs(w) / j->dry) : 0;
+                w += h * (torque - touch - dry - j->damping * w - j->spring * (q - j->rest) - j->gravity * sin(q - j->zero)) / j->inertia;
+                q += h * w;
+            }
+            if (step == inner - 1) {
+                double *o = &out[row * (2 + 3 * count)];
+                o[0] = q;
+                o[1] = torque;
+                for (k = 0; k < count; k++) {
+                    o[2 + k] = tendons[k].f[tendons[k].masses];
+                    o[2 + count + k] = tendons[k].f[0];
+                    o[2 + 2 * count + k] = lowest[k];
+                }
+            }
+        }
+    }
+}

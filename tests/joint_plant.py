@@ -1,0 +1,132 @@
+"""A joint between tendons, written without the package's models: many masses, explicit steps of about 2 us, in C."""
+
+import ctypes
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonff.models.joint.parameters import JointTendon, Mechanism
+from tendonff.ocp.codegen.compiler import load_library
+
+Array = NDArray[np.float64]
+_FIELDS = ("k1", "k2", "tau", "c", "mass", "sigma", "viscous", "p", "radius", "arm", "arm_by_q", "from", "tension")
+_ARRAYS = ("angle", "angle_by_q", "mu_pull", "mu_release", "share", "share_by_q", "gain", "piece")
+_WORK = ("u", "v", "f", "z", "b", "old", "to", "fro", "stiff", "shift", "drift", "s0", "inverse")
+
+
+class _Tendon(ctypes.Structure):
+    _fields_ = (
+        ("masses", ctypes.c_int),
+        *((name, ctypes.c_double) for name in _FIELDS),
+        *((name, ctypes.c_void_p) for name in (*_ARRAYS, *_WORK)),
+        ("moves", ctypes.c_int),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlantResponse:
+    """Rows at the times of the motor."""
+
+    angle_rad: Array
+    torque_N_m: Array
+    tension_N: Array  # at the joint
+    drum_N: Array
+    lowest_N: Array  # along each tendon, since the row before
+
+
+def _cut(tendon: JointTendon, masses: int, joint: str) -> dict[str, Array]:
+    """Equal pieces, `masses` for each radian of the whole wrap angle and at least four for a section that touches."""
+    sections = tendon.path.sections
+    if not sections:
+        n = masses
+        share = np.full(n + 1, 1 / n)
+        share[[0, -1]] /= 2
+        mu = np.full(n, tendon.friction.mu_dynamic)
+        back = np.full(n, tendon.friction.release_dynamic)
+        still = np.zeros(n)
+        angle = np.full(n, tendon.path.total_angle_rad / n)
+        zero = np.zeros(n + 1)
+        return dict(zip(_ARRAYS, (angle, still, mu, back, share, zero, zero, np.full(n, 1 / n)), strict=True))
+    total = sum(s.length_m or 0.0 for s in sections)
+    theta = sum(s.angle_rad for s in sections)
+    rows: list[tuple[float, ...]] = []
+    links: list[list[float]] = [[0.0, 0.0, 0.0]]
+    for s in sections:
+        on_it = float(s.joint == joint)
+        n = max(round(masses * s.angle_rad / theta), 4) if s.angle_rad > 0 else 0
+        whole = np.array([s.length_m or 0.0, on_it * s.length_per_rad_m, on_it * s.length_per_rad_m])
+        if n == 0:
+            links[-1] = list(np.array(links[-1]) + whole)
+        for _ in range(n):
+            links[-1] = list(np.array(links[-1]) + whole / (2 * n))
+            links.append(list(whole / (2 * n)))
+            mu = tendon.friction.mu_dynamic if s.mu_dynamic is None else s.mu_dynamic
+            rows.append((s.angle_rad / n, on_it * s.angle_per_rad / n, mu, mu, (s.length_m or 0.0) / n))
+    table, link = np.array(rows), np.array(links)
+    piece = table[:, 4] / table[:, 4].sum()
+    columns = (*table[:, :4].T, link[:, 0] / total, link[:, 1] / total, link[:, 2], piece)
+    return dict(zip(_ARRAYS, columns, strict=True))
+
+
+def respond(  # noqa: PLR0913
+    mechanism: Mechanism,
+    motor_rad: Array,
+    row_s: float,
+    start_rad: float,
+    *,
+    tensions_N: Array,
+    soft: bool = True,
+    masses: int = 40,
+    step_s: float = 2e-6,
+    contact_N_m: Array | float = 0.0,
+    led_rad: Array | None = None,
+    arm_by_q: tuple[float, ...] = (0.0, 0.0),
+) -> PlantResponse:
+    """Response to motor angles, linear between rows: one column for a loop, or one for each tendon."""
+    library = load_library((Path(__file__).parent / "joint_plant.c").read_text("utf-8"))
+    joint, tendons = mechanism.joint, mechanism.tendons
+    motor = np.asarray(motor_rad, float).reshape(len(motor_rad), -1) / mechanism.drive.gear_ratio
+    motor = np.ascontiguousarray(np.broadcast_to(motor, (len(motor), len(tendons))))
+    rows, count = len(motor) - 1, len(tendons)
+    records, kept = (_Tendon * count)(), []
+    for k, tendon in enumerate(tendons):
+        t, f = tendon.tendon, tendon.friction
+        arrays = {name: np.ascontiguousarray(a, dtype=float) for name, a in _cut(tendon, masses, joint.name).items()}
+        n = len(arrays["angle"])
+        work = {name: np.zeros(n + 2) for name in _WORK}
+        arm = tendon.arm.moment_arm_m or 0.0
+        sigma = f.soft_bristle_stiffness_N_per_m if soft else f.bristle_stiffness_N_per_m
+        loop = mechanism.drive.kind == "loop"
+        way = (1 if arm - arrays["gain"].sum() > 0 else -1) if loop else 1
+        numbers = (
+            *(t.stiffness_N_per_m, t.relaxing_stiffness_N_per_m, t.relaxation_time_s, t.damping_N_s_per_m, t.mass_kg),
+            *(sigma, f.viscous_N_s_per_m, f.adhesion_N, way * mechanism.drum_radius_m[k], arm, arm_by_q[k], 0.0),
+            float(tensions_N[k]),
+        )
+        records[k] = _Tendon(n, *numbers, *(a.ctypes.data for a in (*arrays.values(), *work.values())))
+        kept += [arrays, work]
+    numbers = np.array(
+        [
+            *(joint.inertia_kg_m2, joint.damping_N_m_s_per_rad, joint.stiffness_N_m_per_rad, joint.rest_rad),
+            *(joint.gravity_N_m, joint.gravity_zero_rad, joint.coulomb_N_m, 50.0),
+        ]
+    )
+    contact = np.ascontiguousarray(np.broadcast_to(np.asarray(contact_N_m, float), (rows + 1,)))
+    led = None if led_rad is None else np.ascontiguousarray(led_rad, dtype=float)
+    out = np.empty((rows, 2 + 3 * count))
+    pointer = ctypes.c_void_p
+    library.plant(
+        *(pointer(numbers.ctypes.data), records, ctypes.c_int(count), ctypes.c_double(row_s), ctypes.c_long(rows)),
+        *(ctypes.c_int(round(row_s / step_s)), pointer(motor.ctypes.data), pointer(contact.ctypes.data)),
+        *(pointer(None if led is None else led.ctypes.data), ctypes.c_double(start_rad), pointer(out.ctypes.data)),
+    )
+    first = np.concatenate([[start_rad, 0.0], *(3 * [tensions_N])])
+    out = np.vstack([first, out])
+    parts = (slice(2 + k * count, 2 + (k + 1) * count) for k in range(3))
+    return PlantResponse(
+        angle_rad=out[:, 0],
+        torque_N_m=out[:, 1],
+        **dict(zip(("tension_N", "drum_N", "lowest_N"), (out[:, p] for p in parts), strict=True)),
+    )
