@@ -60,7 +60,7 @@ def read_csv(
         if names.count(name) > 1:
             raise InputError(f'{path.name}: column "{name}" appears {names.count(name)} times; keep one')
     if is_packed(path):
-        table = read_table(path)
+        table = read_table(path, wanted)
         columns = {name: table.numbers(name) for name in wanted}
     elif path.suffix.lower() != ".gz" and path.stat().st_size <= _SMALL:
         columns = _parse_slowly(path, dialect, wanted)

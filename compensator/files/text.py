@@ -45,9 +45,14 @@ MOST_BYTES = 200_000_000
 """Bytes that a packed file may unpack to."""
 
 
+def is_moderate(size: int) -> bool:
+    """Whether so many bytes can be meant."""
+    return size <= MOST_BYTES
+
+
 def require_moderate(path: Path, size: int) -> None:
     """Refuse a packed file that unpacks to more bytes than can be meant, before it is unpacked."""
-    if size > MOST_BYTES:
+    if not is_moderate(size):
         most = f"{MOST_BYTES / 1e6:.0f} MB"
         raise InputError(f"{path.name} unpacks to more than {most}; give the part that is needed, or unpack it first")
 

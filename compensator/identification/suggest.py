@@ -133,7 +133,7 @@ def suggest(scenario: Scenario) -> Excitation:
     wanted = _wanted(scenario)
     if wanted is None:
         return first
-    information = _Information(scenario, *wanted)
+    information = Information(scenario, *wanted)
     best, least = first, information.expected_percent(first.force_N)
     lowest = _lowest_N(scenario, wanted[0])
     for plan in PLANS[1:]:
@@ -175,7 +175,7 @@ def _lowest_N(scenario: Scenario, reference_N: Array | None) -> float:
     return min(usual, max(t.actuator.force_min_N, deepest, LEAST_FORCE_N))
 
 
-class _Information:
+class Information:
     """How well a design would do that were based on what an excitation tells."""
 
     def __init__(self, scenario: Scenario, reference_N: Array, step_s: float) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 from tendonff.compensator.files.formats.reader import Reader
 from tendonff.compensator.files.formats.table import Table, of_vectors, resolved
-from tendonff.compensator.files.text import MOST_BYTES, require_moderate
+from tendonff.compensator.files.text import is_moderate, require_moderate
 
 _MATRIX = 2
 
@@ -32,7 +32,7 @@ def read_hdf5(path: Path, expected: Sequence[str]) -> Table:
 
         file.visititems(note)
         names = {long: wanted for wanted, long in resolved(expected, list(found)).items()}
-        if sum(item.nbytes for item, _ in found.values()) > MOST_BYTES:
+        if not is_moderate(sum(item.nbytes for item, _ in found.values())):
             found = {name: place for name, place in found.items() if name in names}
         require_moderate(path, sum(item.nbytes for item, _ in found.values()))
         vectors = {name: item[part] for name, (item, part) in found.items()}

@@ -44,7 +44,8 @@ class StaticSelection:
         least = min(law.validation_percent for law in self.laws)
         pairs = list(zip(self.tried, self.laws, strict=True))
         chosen = next(other for other, law in pairs if law.chosen)
-        rivals = [o for o, law in pairs if law.validation_percent <= TUNED.nearly_as_good * least and o is not chosen]
+        near = [pair for pair in pairs if pair[1].validation_percent <= TUNED.nearly_as_good * least]
+        rivals = [fit for fit, law in near if fit is not chosen and not _is_beaten(fit, law, near)]
         fit = _doubted(chosen, rivals)
         if P.OUTPUT_BIAS.value not in fit.solution.values:
             return fit
@@ -52,6 +53,15 @@ class StaticSelection:
         found = {name: value + more.get(P(name), 0.0) for name, value in fit.solution.values.items()}
         values = {name: value + more.get(name, 0.0) for name, value in fit.values.items()}
         return replace(fit, values=values, solution=replace(fit.solution, values=found))
+
+
+def _is_beaten(fit: StaticFit, law: CandidateLaw, others: Sequence[tuple[StaticFit, CandidateLaw]]) -> bool:
+    """A law with more free values does better on held-out data: what this one lacks is there, and no doubt."""
+    return any(
+        set(fit.model.free) < set(other.model.free)
+        and TUNED.simpler_within * wider.validation_percent < law.validation_percent
+        for other, wider in others
+    )
 
 
 def choose_explain(
