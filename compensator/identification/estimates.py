@@ -277,7 +277,8 @@ def _dynamic(rig: _Rig, fit: DynamicFit) -> list[Estimate]:
             expected = fit.expected.get(parameter, float("inf"))
             why = rig.reason(parameter, expected / size if size > 0 else None)
             if parameter in fit.bounded:
-                why = f"lower bound: everything above explains these files as well; {parameter.spec.advice}"
+                bound = f"lower bound: everything above explains these files as well; {parameter.spec.advice}"
+                why = bound if rig.described else NOT_DESCRIBED
             if parameter is not D.STATIC_EXCESS:
                 estimates.append(rig.kept(parameter, fit.values[parameter], why))
             else:
