@@ -10,13 +10,12 @@ from collections.abc import Sequence
 import numpy as np
 from independent_plant import Array
 
+from tendonff.compensator.identification.parameters import CORE, TENDON, Parameter, ParametricChain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
-from tendonff.ocp.fits.chain import ChainModel, Drive, DynamicParameter, input_windows
+from tendonff.ocp.fits.chain import Drive, input_windows
 
-D = DynamicParameter
-
-NAMES = (D.MU_PULL, D.MU_RELEASE, D.BRISTLE, D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME, D.ADHESION)
+NAMES = (*CORE, *TENDON, Parameter.ADHESION)
 MASSES, STEP_S, KNOT_S, WINDOW_S, BEFORE_S = 8, 5e-3, 0.04, 20.0, 5.0
 
 
@@ -33,13 +32,15 @@ def _information(truth: Transmission, noise: float, log: Array, sample_s: float)
     """Fisher's information over the values, the input eliminated."""
     thin = round(STEP_S / sample_s)
     input_noise, output_noise, near, far = noise * np.ptp(log, axis=0) / np.sqrt(thin)
-    model = ChainModel(transmission=truth, level=Level.PRESLIDING, count=MASSES, longest_step_s=STEP_S)
+    model = ParametricChain(transmission=truth, level=Level.PRESLIDING, count=MASSES, longest_step_s=STEP_S)
     values = model.values()
     drive = Drive(input_N=log[::thin, 0], step_s=STEP_S, first_output_N=float(log[0, 1]))
-    response = model.respond(values, drive, NAMES)
+    response = model.predict(values, drive, NAMES)
     moved = response.elongation_slopes - response.elongation_slopes.mean(axis=0)
     told = np.zeros((len(NAMES), len(NAMES)))
-    for window in input_windows(model, values, drive, knot_s=KNOT_S, window_s=WINDOW_S, before_s=BEFORE_S):
+    for window in input_windows(
+        model, model.numbers_of(values), drive, knot_s=KNOT_S, window_s=WINDOW_S, before_s=BEFORE_S
+    ):
         first = int(np.searchsorted(window.time_s, max(window.first_s, 0.0)))
         rows = np.rint(window.time_s[first:] / STEP_S).astype(int).clip(max=len(drive.input_N) - 1)
         own = np.vstack([response.output_slopes[rows] / output_noise, moved[rows] / np.hypot(near, far)])

@@ -79,12 +79,18 @@ def learnt(problem: Problem, tuning: Tuning) -> Information:
 
 def certified(problem: Problem) -> Certified:
     """The interval of two plays along the reference, with what the static law leaves out as its margin."""
-    tuned = TunedChain.of(problem.transmission, problem.level, (Tunable.MU,))
+    pair = (Tunable.MU_PULL, Tunable.MU_RELEASE)
+    tuned = TunedChain.of(problem.transmission, problem.level, pair)
     start, step = problem.reference.initial_tension_N, problem.reference.step_s
     force = problem.limited(problem.inversion.force_N)
     outputs = [
-        simulate(tuned.with_factors({Tunable.MU: mu}), force, step, initial_tension_N=start).require().output_tension_N
-        for mu in (1 - BOUND_SPREAD, 1.0, 1 + BOUND_SPREAD)
+        simulate(tuned.with_factors(factors), force, step, initial_tension_N=start).require().output_tension_N
+        for factors in (
+            {name: 1 + place * BOUND_SPREAD for name, place in zip(pair, places, strict=True)}
+            # The directions are off apart from each other as well: the corners where one is high and the other low
+            # are the widest.
+            for places in ((0, 0), (-1, -1), (-1, 1), (1, -1), (1, 1))
+        )
     ]
     bare = CertifiedInterval(law=CapstanLaw.of(problem.transmission), spread=BOUND_SPREAD, noise_N=0.0)
     interval = bare.with_margin_for(force, np.stack(outputs))

@@ -60,20 +60,22 @@ def is_comment(line: str) -> bool:
     return line.lstrip(' "').startswith(_COMMENTS)
 
 
-def find_dialect(path: Path, expected: Sequence[str] = ()) -> Dialect:
-    """Find out from its first lines how a table is written; `expected` names tell its header from a heading.
+def find_dialect(path: Path, expected: Sequence[str] = (), header: Sequence[str] = ()) -> Dialect:
+    """Find out from its first lines how a table is written.
+
+    `expected` names tell its header from a heading; `header` names the columns of a text that has none.
 
     InputError if the file is empty, is no text, or its first line is a row of numbers.
     """
     with user_text(path) as stream:
         lines = [line.rstrip("\r\n") for line in islice(iter(lambda: stream.readline(_LONGEST), ""), _LOOKED_AT)]
     try:
-        return _dialect_of(lines, expected, path.name)
+        return _dialect_of(lines, expected, header, path.name)
     except csv.Error as error:
         raise InputError(f"{path.name} row 1: the header cannot be read ({error})") from None
 
 
-def _dialect_of(lines: Sequence[str], expected: Sequence[str], file: str) -> Dialect:
+def _dialect_of(lines: Sequence[str], expected: Sequence[str], given: Sequence[str], file: str) -> Dialect:
     written = [k for k, line in enumerate(lines) if line.strip() and not is_comment(line)]
     if not written:
         raise InputError(f"{file} is empty; the first line must name the columns")
@@ -81,13 +83,16 @@ def _dialect_of(lines: Sequence[str], expected: Sequence[str], file: str) -> Dia
         require_columns(max(len(lines[k].split()), *(lines[k].count(mark) for mark in ",;\t|")), file)
     separator = _separator([lines[k] for k in written], expected)
     cells = {k: _split(lines[k], separator) for k in written}
+    if given:
+        return _without_header(cells, separator, given, file)
     header = _header(cells, expected)
     if all(is_number(cell) for cell in cells[header]):
         remark = _commented_header(lines, written[0], separator, len(cells[header]))
         if remark is None:
             first = cells[header][0]
             refused = f"{file} row 1: the first line must name the columns, got numbers"
-            raise InputError(f"{refused} ({first}, ...)", discreet=refused)
+            way = f"name the {len(cells[header])} columns with --columns"
+            raise InputError(f"{refused} ({first}, ...); {way}", discreet=f"{refused}; {way}")
         header = remark
         cells[header] = _split(lines[header].lstrip(' "#%/'), separator)
     names = tuple(cells[header])
@@ -99,12 +104,8 @@ def _dialect_of(lines: Sequence[str], expected: Sequence[str], file: str) -> Dia
     if below and _are_units(cells[below[0]], len(names)):
         units, first_row = tuple(cell.strip("[]() ") for cell in cells[below[0]]), below[0] + 1
     rows = [cells[k] for k in below if k >= first_row]
-    comma = separator != "," and any(_DECIMAL_COMMA.fullmatch(cell) for row in rows for cell in row)
-    notes = []
-    if separator != ",":
-        notes.append(f"cells separated by {_SEPARATORS[separator]}")
-    if comma:
-        notes.append("decimal commas")
+    comma = _has_decimal_commas(rows, separator)
+    notes = _notes(separator, comma=comma)
     if left_out := sum(1 for k in written if k < header):
         notes.append(f"{left_out} {'line' if left_out == 1 else 'lines'} above the header left out")
     return Dialect(
@@ -118,20 +119,52 @@ def _dialect_of(lines: Sequence[str], expected: Sequence[str], file: str) -> Dia
     )
 
 
+def _without_header(cells: dict[int, list[str]], separator: str, given: Sequence[str], file: str) -> Dialect:
+    """How a text is written whose columns the user names: everything is a row of numbers."""
+    first, *_ = rows = list(cells.values())
+    if len(first) != len(given):
+        raise InputError(f"{file} row 1 has {len(first)} cells, --columns names {len(given)}; give a name for each")
+    comma = _has_decimal_commas(rows, separator)
+    return Dialect(
+        separator=separator,
+        decimal="," if comma else ".",
+        names=tuple(given),
+        units=("",) * len(given),
+        skipped=min(cells),
+        first=tuple(first),
+        notes=tuple(_notes(separator, comma=comma)),
+    )
+
+
 def require_columns(count: int, file: str) -> None:
     """Refuse a table with very many columns."""
     if count > MOST_COLUMNS:
         raise InputError(f"{file} has more than {MOST_COLUMNS} columns; give those that are needed")
 
 
-def _separator(lines: Sequence[str], expected: Sequence[str]) -> str:
-    """The separator that finds the expected names, else the one that cuts most lines into equally many cells."""
+def _has_decimal_commas(rows: Sequence[Sequence[str]], separator: str) -> bool:
+    return separator != "," and any(_DECIMAL_COMMA.fullmatch(cell) for row in rows for cell in row)
 
-    def rank(separator: str) -> tuple[int, int]:
+
+def _notes(separator: str, *, comma: bool) -> list[str]:
+    texts = ((separator != ",", f"cells separated by {_SEPARATORS[separator]}"), (comma, "decimal commas"))
+    return [text for is_so, text in texts if is_so]
+
+
+def _separator(lines: Sequence[str], expected: Sequence[str]) -> str:
+    """The separator that cuts most lines into rows of equal width that hold numbers, else finds the expected names."""
+
+    def rank(separator: str) -> tuple[int, int, int]:
         rows = [_split(line, separator) for line in lines]
         known = max(len(set(row) & set(expected)) for row in rows)
         width, count = Counter(len(row) for row in rows).most_common(1)[0]
-        return known, count if width > 1 else 0
+        if width == 1:
+            return 0, known, 0
+        return sum(len(row) == width and _holds_numbers(row, separator) for row in rows), known, count
+
+    def _holds_numbers(row: Sequence[str], separator: str) -> bool:
+        texts = [cell if separator == "," else cell.replace(",", ".") for cell in row]
+        return 2 * sum(not text or is_number(text) or _DATE.match(text) is not None for text in texts) > len(row)
 
     return max(_SEPARATORS, key=rank)  # the first of equals
 

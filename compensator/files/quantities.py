@@ -39,7 +39,18 @@ class Quantities:
 
 
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0, "sec": 1.0}
-FORCE_UNITS = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "lbf": 4.4482216152605}
+GRAVITY_M_PER_S2 = 9.80665
+FORCE_UNITS = {
+    "N": 1.0,
+    "kN": 1e3,
+    "mN": 1e-3,
+    "lbf": 4.4482216152605,
+    "kgf": GRAVITY_M_PER_S2,
+    "gf": 1e-3 * GRAVITY_M_PER_S2,
+}
+TORQUE_UNITS = {"Nm": 1.0, "N m": 1.0, "N·m": 1.0, "mNm": 1e-3, "mN m": 1e-3, "Ncm": 1e-2, "N cm": 1e-2}
+CURRENT_UNITS = {"A": 1.0, "mA": 1e-3}
+SPEED_UNITS = {"rpm": 2 * math.pi / 60, "1/min": 2 * math.pi / 60, "rad/s": 1.0, "deg/s": math.pi / 180}
 ANGLE_UNITS = {"rad": 1.0, "deg": math.pi / 180, "°": math.pi / 180}
 LENGTH_UNITS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "um": 1e-6, "µm": 1e-6}
 TIME_WORDS = ("time", "t", "timestamp", "zeit")
@@ -110,7 +121,7 @@ def guess(dialect: Dialect, quantity: Quantity) -> tuple[str, float, str] | None
 
 def _meant(dialect: Dialect, quantity: Quantity) -> list[tuple[str, str]]:
     """Columns that are called as the quantity may be, with their units."""
-    named = [(name, *_unit_of(dialect, name)) for name in dialect.names]
+    named = [(name, *unit_of(dialect, name)) for name in dialect.names]
     return [(name, unit) for name, stem, unit, _ in named if stem in quantity.words]
 
 
@@ -147,7 +158,7 @@ def _resolve(path: Path, dialect: Dialect, quantity: Quantity) -> tuple[str, flo
 def _named(path: Path, dialect: Dialect, quantity: Quantity) -> tuple[str, float, str]:
     """The column that the user named, or that has the plain form's name."""
     column = quantity.column or quantity.name
-    _, unit, is_stated = _unit_of(dialect, column)
+    _, unit, is_stated = unit_of(dialect, column)
     if quantity.column is None:
         if is_stated and unit != quantity.si:
             refused = f'{path.name}: column "{column}" has'
@@ -174,7 +185,7 @@ def _unknown_unit(path: Path, quantity: Quantity, column: str, unit: str) -> Inp
 _NAME = re.compile(r"\s*(.+?)\s*(?:\[(.*?)\]|\((.*?)\)|/\s*(\S+)|[_ ]([^\s_]+))\s*")
 
 
-def _unit_of(dialect: Dialect, name: str) -> tuple[str, str, bool]:
+def unit_of(dialect: Dialect, name: str) -> tuple[str, str, bool]:
     """Word and unit of a column: from the line of units, else from its name; "" where there is none.
 
     And whether the unit stands in that line or in brackets, so that it can be nothing else.

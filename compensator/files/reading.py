@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 
 from tendonff.compensator.files.dialect import Dialect, is_comment
 from tendonff.compensator.files.tables import is_packed, read_table, table_dialect
-from tendonff.compensator.files.text import InputError, open_bytes, open_text, read_text, suggestion, user_text
+from tendonff.compensator.files.text import (
+    InputError,
+    encoding_of,
+    open_bytes,
+    open_text,
+    read_text,
+    suggestion,
+    user_text,
+)
 
 __all__ = ["FloatArray", "InputError", "nearest_column", "open_text", "read_csv", "read_text", "suggestion"]
 
@@ -52,7 +60,7 @@ def read_csv(
         if names.count(name) > 1:
             raise InputError(f'{path.name}: column "{name}" appears {names.count(name)} times; keep one')
     if is_packed(path):
-        table = read_table(path)
+        table = read_table(path, wanted)
         columns = {name: table.numbers(name) for name in wanted}
     elif path.suffix.lower() != ".gz" and path.stat().st_size <= _SMALL:
         columns = _parse_slowly(path, dialect, wanted)
@@ -128,7 +136,7 @@ def _parse(path: Path, dialect: Dialect, wanted: Sequence[str]) -> dict[str, Flo
                 skip_blank_lines=False,
                 keep_default_na=False,
                 na_values=[],
-                encoding="utf-8-sig",
+                encoding=encoding_of(path),
                 engine="c",
             )
     except InputError:

@@ -1,5 +1,6 @@
 """Text files of the user, and the error that every bad input becomes."""
 
+import codecs
 import gzip
 import io
 import stat
@@ -11,6 +12,8 @@ from pathlib import Path
 from typing import IO, cast
 
 from tendonff.models.errors import TendonffError
+
+_BLOCK = 1 << 20
 
 
 class InputError(TendonffError, ValueError):
@@ -42,11 +45,16 @@ MOST_BYTES = 200_000_000
 """Bytes that a packed file may unpack to."""
 
 
-def too_large(path: Path) -> InputError:
-    """Why a packed file is refused."""
-    return InputError(
-        f"{path.name} unpacks to more than {MOST_BYTES / 1e6:.0f} MB; give the part that is needed, or unpack it first"
-    )
+def is_moderate(size: int) -> bool:
+    """Whether so many bytes can be meant."""
+    return size <= MOST_BYTES
+
+
+def require_moderate(path: Path, size: int) -> None:
+    """Refuse a packed file that unpacks to more bytes than can be meant, before it is unpacked."""
+    if not is_moderate(size):
+        most = f"{MOST_BYTES / 1e6:.0f} MB"
+        raise InputError(f"{path.name} unpacks to more than {most}; give the part that is needed, or unpack it first")
 
 
 class _Bounded(gzip.GzipFile):
@@ -59,8 +67,7 @@ class _Bounded(gzip.GzipFile):
         return self._within(super().read1(size))
 
     def _within(self, data: bytes) -> bytes:
-        if self.tell() > MOST_BYTES:
-            raise too_large(Path(str(self.name)))
+        require_moderate(Path(str(self.name)), self.tell())
         return data
 
 
@@ -90,10 +97,27 @@ def suggestion(name: str, valid: Sequence[str]) -> str:
     return f"; known: {', '.join(valid)}"
 
 
-def open_text(path: Path) -> IO[str]:
+def encoding_of(path: Path) -> str:
+    """Encoding of a text: UTF-16 by its first bytes, UTF-8, or else Windows' western one (cp1252)."""
+    decoder = codecs.getincrementaldecoder("utf-8")()
+    with open_bytes(path) as stream:
+        block = stream.read(_BLOCK)
+        if block.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            return "utf-16"
+        try:
+            while block:
+                decoder.decode(block)
+                block = stream.read(_BLOCK)
+            decoder.decode(b"", final=True)
+        except UnicodeDecodeError:
+            return "cp1252"
+    return "utf-8-sig"
+
+
+def open_text(path: Path, encoding: str = "utf-8-sig") -> IO[str]:
     """Open a user's text file, packed or not, turning what can go wrong into an InputError."""
     try:
-        return io.TextIOWrapper(open_bytes(path), encoding="utf-8-sig", newline="")
+        return io.TextIOWrapper(open_bytes(path), encoding=encoding, newline="")
     except InputError:
         raise
     except FileNotFoundError:
@@ -102,24 +126,27 @@ def open_text(path: Path) -> IO[str]:
         raise InputError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from None
 
 
-READABLE = "text with a header (separated by commas, semicolons, tabs; also .gz), .xlsx, .parquet, .mat"
-
-
 @contextmanager
-def user_text(path: Path, way_out: str = f"save it as UTF-8; what can be read: {READABLE}") -> Iterator[IO[str]]:
-    """A user's text file while it is read; what goes wrong on the way becomes an InputError too."""
-    with open_text(path) as stream:
-        try:
+def user_text(path: Path, encoding: str = "") -> Iterator[IO[str]]:
+    """A user's text file while it is read, in the encoding that it is found to have unless one is given.
+
+    What goes wrong on the way becomes an InputError too.
+    """
+    way_out = "save it as UTF-8; what can be read: text with a header, and what the manual lists under formats"
+    try:
+        if not encoding and path.is_file():
+            encoding = encoding_of(path)
+        with open_text(path, encoding or "utf-8-sig") as stream:
             yield stream
-        except UnicodeDecodeError:
-            raise InputError(f"{path.name} is not UTF-8 text; {way_out}") from None
-        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-            raise InputError(f"{path.name} cannot be unpacked ({error}); {way_out}") from None
-        except OSError as error:
-            raise InputError(f"{path.name} cannot be read: {error.strerror or error}") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path.name} is not UTF-8 text; {way_out}") from None
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise InputError(f"{path.name} cannot be unpacked ({error}); {way_out}") from None
+    except OSError as error:
+        raise InputError(f"{path.name} cannot be read: {error.strerror or error}") from None
 
 
 def read_text(path: Path) -> str:
     """Whole text of a user's UTF-8 file."""
-    with user_text(path, "save it as UTF-8") as stream:
+    with user_text(path, "utf-8-sig") as stream:
         return stream.read()

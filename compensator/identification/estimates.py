@@ -7,47 +7,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import t as student
 
-from tendonff.compensator.identification.fitting.dynamic import DynamicFit, relevant_size
+from tendonff.compensator.identification.constants import TUNED
+from tendonff.compensator.identification.fitting.dynamic import DynamicFit
 from tendonff.compensator.identification.fitting.static import CONSTANTS, StaticFit
 from tendonff.compensator.identification.fitting.tendon import longest_hold_s
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record, mean_pose
-from tendonff.compensator.identification.result import Estimate, is_known
+from tendonff.compensator.identification.parameters import BIASES, PARAMETERS, TENDON, Parameter
+from tendonff.compensator.identification.result import EXPONENTS, Estimate, is_known
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import ExponentLine, exponent_lines
-from tendonff.ocp.fits.chain import DynamicParameter
 from tendonff.ocp.fits.static import SPREADS, StaticParameter, in_gross_sliding
 
-P, D = StaticParameter, DynamicParameter
-
-BLIND_SHARE = 1e3
-"""A standard error of so many times the value, and of so many units, is none: the data do not see the value."""
-
-TWINS = 0.985
-"""Correlation from which on two values are told only together."""
-
-BIASES = (D.INPUT_BIAS, D.OUTPUT_BIAS)
-NAMES = {P.PULL: "mu_dynamic", P.RELEASE: "mu_dynamic_release", P.BRISTLE: "soft_bristle_stiffness_N_per_m"}
-EXPONENTS = {"mu_dynamic": "mu_theta", "mu_dynamic_release": "mu_theta_release"}
+P, D = StaticParameter, Parameter
 
 LOAD_TERMS = (P.PULL, P.RELEASE, P.ADHESION)
-OF_CHAIN = {P.PULL: D.MU_PULL, P.RELEASE: D.MU_RELEASE, P.ADHESION: D.ADHESION, P.BRISTLE: D.BRISTLE}
-"""What the chain calls the values of the static law; the others are told as biases are."""
+BY_STATIC = {p.spec.static: p for p in PARAMETERS if p.spec.static is not None}
+"""What the static laws call these values."""
 
-ADVICE = {
-    D.RELAXING: "the holds show no relaxation beyond the noise; use larger steps before longer holds",
-    D.RELAXATION_TIME: "the holds show no relaxation beyond the noise; use larger steps before longer holds",
-    D.STIFFNESS: "the elongation does not follow the tension; check the positions' units, sign and zero drift",
-    D.VISCOUS: "add faster strokes (10 times)",
-    D.ADHESION: "add strokes at low tension",
-    D.DAMPING: "it acts on fast changes only; add excitation above 20 Hz",
-    D.BRISTLE: "add small reversals that do not reach gross sliding",
-}
-"""What would tell a value; friction coefficients want full strokes."""
-
-EFFECTS = {D.VISCOUS: "adding viscous friction", D.ADHESION: "load-independent friction"}
-"""Values that a law may do without, and what is then said of them."""
 
 NOT_FITTED = "not fitted: --static"
 
@@ -108,13 +86,12 @@ class _Rig:
 
     def own(self, name: str) -> float | None:
         """The scenario's value; None where it has none of this name."""
-        friction, tendon = self.scenario.transmission.friction, self.scenario.transmission.tendon
-        if name in ("mu_dynamic_release", "mu_static_release"):
-            return friction.release_dynamic if name == "mu_dynamic_release" else friction.release_static
-        value = getattr(friction, name, getattr(tendon, name, None))
-        return None if value is None else float(value)
+        friction = self.scenario.transmission.friction
+        if name in ("mu_static", "mu_static_release"):
+            return friction.mu_static if name == "mu_static" else friction.release_static
+        return Parameter(name).of(self.scenario) if name in PARAMETERS else None
 
-    def reason(self, name: DynamicParameter, relative_error: float | None = None, *, fitted: bool = False) -> str:
+    def reason(self, name: Parameter, relative_error: float | None = None, *, fitted: bool = False) -> str:
         """Why a value is not identifiable, with the way out.
 
         `relative_error` is the standard error that it has or would have; a value that is `fitted` is part of the law
@@ -136,26 +113,26 @@ class _Rig:
         if name in (D.STATIC_EXCESS, D.STRIBECK_VELOCITY):
             omega = transmission.friction.stribeck_velocity_m_per_s
             speed = f" (the input end moved at up to {now.speed_m_per_s:.2g} m/s)" if now.speed_m_per_s else ""
-            useless = "adding a Stribeck term does not reduce the validation error"
+            useless = "adding a Stribeck term does not significantly reduce the validation error"
             return (
                 f"{doubt.removesuffix('; ') if fitted else useless}{speed}; "
                 f"add strokes at speeds from {0.2 * omega:.2g} to {5 * omega:.2g} m/s, around the Stribeck velocity"
             )
-        if name in (D.INPUT_BIAS, D.OUTPUT_BIAS):
-            return "not separable from adhesion and the other cell's offset; read both cells with a slack tendon"
-        if name in EFFECTS and not fitted:
-            doubt += f"{EFFECTS[name]} does not reduce the validation error; "
-        if name in ADVICE:
-            return doubt + ADVICE[name]
+        if name.signed:
+            return name.spec.advice
+        if name.spec.may_vanish and not fitted:
+            doubt += f"adding {name.spec.effect} does not significantly reduce the validation error; "
+        if name.spec.advice:
+            return doubt + name.spec.advice
         if now.load_swing < 0.3:
             return f"{doubt}the output tension varies too little; repeat at several loads"
         return f"{doubt}repeat with full strokes in both directions at several loads"
 
-    def _unmeasured(self, name: DynamicParameter, doubt: str) -> str:
+    def _unmeasured(self, name: Parameter, doubt: str) -> str:
         """Which sensor would tell a value; empty where it is not for want of one."""
-        if self.now.proximal and name in (D.STIFFNESS, D.OUTPUT_BIAS, D.INPUT_BIAS):
+        if self.now.proximal and (name is D.STIFFNESS or name.signed):
             return f"{doubt}nothing was measured at the far end; measure the output tension to tell {name}"
-        if name in (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME) and not self.now.positions and not self.now.proximal:
+        if name in TENDON and not self.now.positions and not self.now.proximal:
             return (
                 f"no positions of both ends were measured: {name} is not identifiable (tensions alone do not show "
                 "elongation); measure both positions"
@@ -172,10 +149,12 @@ class _Rig:
     ) -> Estimate:
         """A value that was fitted; the scenario's own where no law describes the device."""
         own = self.own(name)
-        seen = error < BLIND_SHARE * max(abs(value), abs(own or 0.0), 1.0)
+        if not self.described and own is not None:  # an interval of the fit would belong to another value
+            return Estimate(name=name, value=own, why=NOT_DESCRIBED, scenario=own)
+        seen = error < TUNED.insensitive_share * max(abs(value), abs(own or 0.0), 1.0)
         return Estimate(
             name=name,
-            value=value if self.described or own is None else own,
+            value=value,
             standard_error=error if seen else None,
             interval=interval if seen else None,
             identifiable=bool(told and self.described and seen),
@@ -203,7 +182,8 @@ def _static(rig: _Rig, fit: StaticFit) -> list[Estimate]:
     per_own = {k: v / fit.values[k] / angles[k] if fit.values[k] > 0 else 1 / angles[k] for k, v in sliding.items()}
     estimates: list[Estimate] = []
     for parameter in (P.PULL, P.RELEASE, *CONSTANTS, P.GUIDE, P.BRISTLE, *SPREADS):
-        name, factor = NAMES.get(parameter, parameter.value), per_own.get(parameter, 1.0)
+        of = BY_STATIC.get(parameter)
+        name, factor = str(of or parameter.value), per_own.get(parameter, 1.0)
         source = P.PULL if parameter is P.RELEASE and not fit.model.asymmetric else parameter
         own = rig.own(name)
         if source.value not in solution.values:
@@ -231,7 +211,7 @@ def _static(rig: _Rig, fit: StaticFit) -> list[Estimate]:
         else:
             share = error / abs(value) if value else float("inf")
             twin = f" It goes with {partner}: the files tell only their combination." if partner else ""
-            why = rig.reason(OF_CHAIN.get(parameter, D.INPUT_BIAS), share, fitted=True) + "." + twin
+            why = rig.reason(of or D.INPUT_BIAS, share, fitted=True) + "." + twin
         least = lines[parameter].held / angles[parameter] if parameter in lines else 0.0
         interval = (factor * low - least, factor * high - least)
         estimates.append(rig.fitted(name, float(factor * value) - least, factor * error, interval, told=told, why=why))
@@ -274,7 +254,7 @@ def _why_no_constant(chosen: bool, parameter: StaticParameter) -> str:
             "value given; read both cells with a slack tendon to tell"
         )
     what = "adhesion" if parameter is P.ADHESION else "a bias"
-    return f"{what} does not lower the validation error; add strokes at low tension"
+    return f"{what} does not significantly reduce the validation error; add strokes at low tension"
 
 
 def _partner(correlation: Array, names: list[str], name: str) -> str:
@@ -282,36 +262,38 @@ def _partner(correlation: Array, names: list[str], name: str) -> str:
     row = np.abs(correlation[names.index(name)])
     row[names.index(name)] = 0
     best = int(np.argmax(row))
-    return names[best] if row[best] > TWINS else ""
+    return names[best] if row[best] > TUNED.twins else ""
 
 
 def _dynamic(rig: _Rig, fit: DynamicFit) -> list[Estimate]:
     """Estimates of the dynamic stage, which starts from the others' answers."""
     solution = fit.solution
     estimates: list[Estimate] = []
-    for parameter in DynamicParameter:
-        name = "soft_bristle_stiffness_N_per_m" if parameter is D.BRISTLE else str(parameter)
+    for parameter in PARAMETERS:
         source = D.MU_PULL if parameter is D.MU_RELEASE and fit.model.symmetric else parameter
         statics = {"mu_static": fit.values[D.MU_PULL], "mu_static_release": fit.values[D.MU_RELEASE]}
         if source not in solution.values:
             size = abs(fit.values[parameter])
             expected = fit.expected.get(parameter, float("inf"))
             why = rig.reason(parameter, expected / size if size > 0 else None)
+            if parameter in fit.bounded:
+                bound = f"lower bound: everything above explains these files as well; {parameter.spec.advice}"
+                why = bound if rig.described else NOT_DESCRIBED
             if parameter is not D.STATIC_EXCESS:
-                estimates.append(rig.kept(name, fit.values[parameter], why))
+                estimates.append(rig.kept(parameter, fit.values[parameter], why))
             else:
-                why, ratio = f"{why}; its ratio to the dynamic one is kept", 1 + fit.values[parameter]
+                why, ratio = f"its ratio to the dynamic one is kept; {why}", 1 + fit.values[parameter]
                 estimates += [rig.kept(static, ratio * mu, why) for static, mu in statics.items()]
             continue
         value, error = solution.values[source], solution.standard_error(source)
         low, high = solution.interval(source)
         if source not in BIASES:
             low = max(low, 0.0)  # no interval of a positive value reaches below zero
-        told = math.isfinite(error) and (is_known(error, relevant_size(source, value, fit.mean_N)) or source in BIASES)
+        told = math.isfinite(error) and (is_known(error, source.size(value, fit.mean_N)) or source in BIASES)
         share = error / abs(value) if value else float("inf")
         why = "dynamic stage" if told else rig.reason(parameter, share, fitted=True)
         if parameter is not D.STATIC_EXCESS:
-            estimates.append(rig.fitted(name, value, error, (low, high), told=told, why=why))
+            estimates.append(rig.fitted(parameter, value, error, (low, high), told=told, why=why))
             continue
         for static, mu in statics.items():  # both from their common ratio to the dynamic coefficients
             interval = (mu * (1 + low), mu * (1 + high))

@@ -43,7 +43,7 @@ def moved_inside(comparisons: Sequence[PieceComparison]) -> list[tuple[str, floa
 
 def about_delay(delay: Delay | None) -> str:
     """What to say where one channel is read later than the other; empty where none is."""
-    if delay is None or not delay.told:
+    if delay is None or not delay.identified:
         return ""
     return (
         f"the output is read {1e3 * abs(delay.seconds):.3g} ms {'later' if delay.seconds > 0 else 'earlier'} than the "

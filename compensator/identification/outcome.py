@@ -3,9 +3,12 @@
 The scenario takes every value of the law that was fitted; what simulating it again leaves is told as well.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from tendonff.compensator.identification.constants import TUNED
+from tendonff.compensator.identification.fitting.delay import earlier
 from tendonff.compensator.identification.fitting.dynamic import ChainLaw, DynamicFit
 from tendonff.compensator.identification.fitting.errors import (
     FittedLaw,
@@ -20,30 +23,22 @@ from tendonff.compensator.identification.fitting.model_selection import StaticSe
 from tendonff.compensator.identification.fitting.residuals import FitPiece
 from tendonff.compensator.identification.fitting.static import StaticFit, respond
 from tendonff.compensator.identification.measured import Array
-from tendonff.compensator.identification.measured.cleaning import Record, mean_pose
-from tendonff.compensator.identification.result import CandidateLaw, FileResult, PieceComparison
+from tendonff.compensator.identification.measured.cleaning import Record, clean, mean_pose
+from tendonff.compensator.identification.measured.reading import read_measurement
+from tendonff.compensator.identification.parameters import Parameter, ParametricChain, put_into
+from tendonff.compensator.identification.result import CandidateLaw, FileResult, PieceComparison, is_known
+from tendonff.compensator.identification.study import Study
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import NO_JOINTS, CapstanLaw, exponent_lines
 from tendonff.models.capstan.spread_bounds import middle_exponent
 from tendonff.models.fidelity import Level
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.fits.chain import ChainModel, DynamicParameter
 from tendonff.ocp.fits.static import NEUTRAL, StaticParameter, in_gross_sliding
 
-P, D = StaticParameter, DynamicParameter
+P, D = StaticParameter, Parameter
 
 REPLAY_STEP_S = 1e-3
-
-FRICTION_KEYS = (
-    "mu_dynamic_release",
-    "mu_static_release",
-    "stribeck_velocity_m_per_s",
-    "viscous_N_s_per_m",
-    "adhesion_N",
-)
-TENDON_KEYS = ("stiffness_N_per_m", "relaxing_stiffness_N_per_m", "relaxation_time_s", "damping_N_s_per_m")
-"""Values that the scenario and the undivided tendon call alike."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,23 +61,28 @@ def compared(
     """
     if chain is None:
         return () if stage is None else stage.laws
-    judge, train = chain.law.judge, chain.law.train
+    judge, task = chain.law.judge, chain.law.task
     scale = 100 / max(span_of(records, chain.explain), 1e-300)
     laws = []
+    folds = None if judge is not None else task.folds()
     for law, fit in zip(stage.laws, stage.tried, strict=True) if stage is not None else ():
 
-        def predict(run: FitPiece, fit: StaticFit = fit) -> Array:
+        def predict(run: FitPiece, fold: int, fit: StaticFit = fit) -> Array:
+            return respond(fit.without.get(fold, fit.values), run.piece, Explain.OUTPUT, fit.middle_m).prediction_N
+
+        def at_fit(run: FitPiece, _: int, fit: StaticFit = fit) -> Array:
             return respond(fit.values, run.piece, Explain.OUTPUT, fit.middle_m).prediction_N
 
-        fitted, judged = (scale * task.rms_of(predict).rms_N for task in (train, judge))
-        laws.append(replace(law, fit_percent=fitted, validation_percent=judged, chosen=False))
+        fitted = task.error(at_fit)
+        judged = task.error(predict, folds) if judge is None else judge.error(at_fit)
+        laws.append(replace(law, fit_percent=scale * fitted.rms, validation_percent=scale * judged.rms, chosen=False))
     laws += [
         CandidateLaw(
             name=one.name,
             stage="dynamic",
             free_values=len(one.task.free),
-            fit_percent=scale * one.fit.rms_N,
-            validation_percent=scale * one.validation.rms_N,
+            fit_percent=scale * one.fit.rms,
+            validation_percent=scale * one.validation.rms,
             chosen=one.chosen,
         )
         for one in chain.law.candidates
@@ -91,10 +91,19 @@ def compared(
         return tuple(laws)
     static_best = next(k for k, law in enumerate(stage.laws) if law.chosen)
     chain_best = next(k for k, law in enumerate(laws) if law.chosen)
-    if laws[static_best].validation_percent < laws[chain_best].validation_percent:
+    # Tensions alone show the bristle in the shape of the loops only, which other things shape as well.
+    error, stiffness = _bristle_error(chain), chain.values[D.BRISTLE]
+    sure = is_known(error, stiffness) or all(r.has_positions for r in records)
+    least = laws[chain_best].validation_percent * (1.0 if sure else TUNED.slightly)
+    if laws[static_best].validation_percent < least:
         laws[chain_best] = replace(laws[chain_best], chosen=False)
         laws[static_best] = replace(laws[static_best], chosen=True)
     return tuple(laws)
+
+
+def _bristle_error(chain: DynamicFit) -> float:
+    """Standard error of the bristle; infinite where it is not free."""
+    return chain.solution.standard_error(D.BRISTLE) if D.BRISTLE in chain.solution.values else math.inf
 
 
 def outcome_of(law: FittedLaw, records: Sequence[Record], judges: Sequence[Record]) -> Outcome:
@@ -152,29 +161,30 @@ class Fitted:
     chain_percent: float | None = None
 
 
-def carried_on(
-    scenario: Scenario, law: DynamicFit | StaticFit, records: Sequence[Record], *, static_only: bool
-) -> Fitted:
-    """The scenario with the values of the law that won, and its own error; with `static_only` nothing is simulated."""
+def carried_on(study: Study, law: DynamicFit | StaticFit) -> Fitted:
+    """The scenario with the values of the law that won, and its own error: that of the file, read back.
+
+    What a cell reads at zero is part of that only where the file has it.
+    """
+    scenario, records = study.scenario, study.records
     if isinstance(law, DynamicFit):
         fitted = scenario_of_chain(scenario, law, records)
-        return replace(fitted, percent=_percent(_chain_of(fitted, law.explain), records))
-    fitted = scenario_of_static(scenario, law, records, static_only=static_only)
-    return replace(fitted, percent=percent_of(static_law_of(fitted, law, mean_pose(records)), records))
+    else:
+        fitted = scenario_of_static(scenario, law, records, static_only=study.static_only)
+    how = fitted.scenario.measurement
+    if how != scenario.measurement:
+        joints, delay = scenario.transmission.joints, study.delay
+        shift_s = delay.seconds if delay is not None and delay.identified else 0.0
+        records = [earlier(clean(read_measurement(file, how, joints), how), shift_s) for file in study.files]
+    bare = replace(fitted, offsets_N=(0.0, 0.0))
+    if isinstance(law, DynamicFit):
+        return replace(fitted, percent=_percent(_chain_of(bare, law.explain), records))
+    return replace(fitted, percent=percent_of(static_law_of(bare, law, mean_pose(records)), records))
 
 
 def scenario_of_chain(scenario: Scenario, fit: DynamicFit, records: Sequence[Record]) -> Fitted:
     """The scenario with all values of a fitted chain: they were fitted together and belong together."""
-    t, number = scenario.transmission, fit.model.whole(fit.values).value
-    friction = replace(
-        t.friction,
-        mu_dynamic=number("mu_dynamic_pull"),
-        mu_static=number("mu_static_pull"),
-        soft_bristle_stiffness_N_per_m=number("bristle_stiffness_N_per_m"),
-        **{name: number(name) for name in FRICTION_KEYS},
-    )
-    tendon = replace(t.tendon, **{name: number(name) for name in TENDON_KEYS})
-    changed = replace(scenario, transmission=replace(t, friction=friction, tendon=tendon))
+    changed = replace(scenario, transmission=put_into(scenario.transmission, fit.model, fit.values))
     return _fitted(changed, fit.model.level, (fit.values[D.INPUT_BIAS], fit.values[D.OUTPUT_BIAS]), records)
 
 
@@ -269,7 +279,7 @@ def _fitted(
 def _chain_of(fitted: Fitted, explain: Explain) -> ChainLaw:
     """The chain that a fitted scenario holds, with its own number of masses."""
     t = fitted.scenario.transmission
-    model = ChainModel(
+    model = ParametricChain(
         transmission=t, level=fitted.scenario.run.level, count=t.path.segments, longest_step_s=REPLAY_STEP_S
     )
     offsets = dict(zip((D.INPUT_BIAS, D.OUTPUT_BIAS), fitted.offsets_N, strict=True))

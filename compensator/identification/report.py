@@ -1,11 +1,11 @@
 """The report of an identification."""
 
-import shlex
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
+from shlex import quote
 
-from tendonff.compensator.identification.result import Estimate, IdentificationData
+from tendonff.compensator.identification.result import RULE, Estimate, IdentificationData, headline, missing
 from tendonff.compensator.reporting.page import Block, FileNote, PictureFile, Provenance, Report, Section, Table, Text
 from tendonff.compensator.scenario.measurement import Measurement
 
@@ -17,15 +17,18 @@ _CAPTIONS = {
 }
 
 
+_PLAIN = {
+    "torque_constant_N_m_per_A": "--torque-constant",
+    "drum_radius_m": "--drum-radius",
+    "gear_ratio": "--gear-ratio",
+    "cutoff_Hz": "--cutoff",
+    "skip_s": "--skip",
+}
+"""Options that are a number."""
+
+
 def identification_report(found: IdentificationData, pictures: Mapping[str, Path]) -> Report:
     """The page of an identification whose figures lie in files, by name."""
-    validated = found.validation_percent
-    judged = "" if validated is None else f", and {validated:.2g} % on validation files"
-    verdict = (
-        f"The device is described by the law “{found.law}”: RMS error {found.fit_percent:.2g} % of range{judged}."
-        if found.described
-        else f"No law describes the device. The best, “{found.law}”, leaves {found.fit_percent:.2g} % of range{judged}."
-    )
     estimates = Table(
         caption=(
             "Estimates; not identifiable: the scenario's value, or what the law takes for it; doubtful: fitted with "
@@ -38,8 +41,8 @@ def identification_report(found: IdentificationData, pictures: Mapping[str, Path
         digits=4,
     )
     laws = Table(
-        caption="Laws that were compared, RMS error in % of range",
-        columns=("law", "stage", "free values", "fitted files", "validation files", "chosen"),
+        caption=f"Laws that were compared, RMS error in % of range; chosen: {RULE}",
+        columns=("law", "stage", "free values", "fitted files", "held-out data", "chosen"),
         rows=[(w.name, w.stage, w.free_values, w.fit_percent, w.validation_percent, w.chosen) for w in found.laws],
     )
     files = Table(
@@ -86,12 +89,13 @@ def identification_report(found: IdentificationData, pictures: Mapping[str, Path
         )
         after = (Text(text), PictureFile(path=excitation, caption="Suggested excitation."))
         notes.append(FileNote(name="suggested_force.csv", content="a force file for the next measurement"))
-    name = found.scenario.source.name
-    data = "".join(f" --{'data' if f.role == 'fit' else 'validate'} {f.error.name}" for f in found.files)
+    name = quote(found.scenario.source.name)
+    data = "".join(f" --{'data' if f.role == 'fit' else 'validate'} {quote(f.error.name)}" for f in found.files)
+    data += "".join(f" --condition {quote(f'{file}={label}')}" for file, label in found.conditions.items())
     static = "" if any(law.stage == "dynamic" for law in found.laws) else " --static"
     return Report(
         title=f"Identification: {found.scenario.name}",
-        summary=verdict,
+        summary=". ".join(filter(None, (headline(found), missing(found)))),
         warnings=found.warnings,
         sections=tuple(
             section
@@ -107,7 +111,7 @@ def identification_report(found: IdentificationData, pictures: Mapping[str, Path
         ),
         provenance=Provenance(
             scenario=found.scenario,
-            command=f"tendonff identify {name}{data}{_options(found.scenario.measurement)}{static} --out DIR",
+            command=f"tendonff identify {name}{data}{_options(found.asked)}{static} --out DIR",
             inputs=found.inputs,
         ),
         files=tuple(notes),
@@ -123,17 +127,19 @@ def _options(how: Measurement) -> str:
             continue
         if name == "tension_columns":
             cells = zip(value, how.tension_angles_rad or (), strict=True)
-            words += [f"--tension-column {shlex.quote(f'{column}={angle:g}')}" for column, angle in cells]
+            words += [f"--tension-column {quote(f'{column}={angle:g}')}" for column, angle in cells]
         elif name.endswith("_column"):
-            words.append(f"--{name.replace('_', '-')} {shlex.quote(value)}")
+            words.append(f"--{name.replace('_', '-')} {quote(value)}")
         elif name.endswith("_scale"):
             words.append(f"--scale {name.removesuffix('_scale')}={value:g}")
         elif name.endswith("_offset_N"):
             words.append(f"--offset {name.removesuffix('_offset_N')}={value:g}")
         elif name == "tare_s":
             words.append(f"--tare {value[0]:g}:{value[1]:g}")
-        elif name == "skip_s":
-            words.append(f"--skip {value:g}")
+        elif name == "columns":
+            words.append(f"--columns {quote(','.join(value))}")
+        elif name in _PLAIN:
+            words.append(f"{_PLAIN[name]} {value:g}")
         elif name == "explain":
             words.append(f"--explain {value}")
     return "".join(f" {word}" for word in words)

@@ -1,30 +1,34 @@
 """What identification answers, as data and as `fit.json`."""
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.errors import FileError
 from tendonff.compensator.identification.fitting.sliding import SectionFriction, SlidingRatio
 from tendonff.compensator.identification.fitting.uncertainty import ByFile
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.reading import Finding
-from tendonff.compensator.scenario.measurement import Explain
+from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.compensator.scenario.scenario import Scenario
 
-POOR_PERCENT = 10.0
-"""A law that leaves more than this share of the range does not describe the device."""
+EXPONENTS = {"mu_dynamic": "mu_theta", "mu_dynamic_release": "mu_theta_release"}
+"""Friction as ln(T_in/T_out) in gross sliding, which follows from the coefficients."""
 
-
-POOR_SHARE = 0.35
-"""Standard error over size from which on a value counts as not identified."""
+RULE = (
+    "the simplest law whose error on held-out data is within 2 % of the least; a further value is kept where it "
+    "reduces that error significantly"
+)
+"""How a law is chosen."""
 
 
 def is_known(standard_error: float, size: float) -> bool:
     """Whether a value of a size is known well enough to be told; what is not a number is not."""
-    return standard_error < POOR_SHARE * size
+    return standard_error < TUNED.identifiable_share * size
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +52,11 @@ class Estimate:
         if self.fitted:
             return "doubtful, fitted with the others"
         return "kept" if self.scenario is None or math.isclose(self.value, self.scenario) else "set"
+
+    @property
+    def advice(self) -> str:
+        """What to measure, where the reason ends with it."""
+        return self.why.rpartition("; ")[2] if "; " in self.why and not self.identifiable else ""
 
     @property
     def reason(self) -> str:
@@ -114,6 +123,8 @@ class IdentificationData:
     """Everything that a set of measurements told about a scenario."""
 
     scenario: Scenario  # with what was identified put in
+    asked: Measurement  # how the files were to be read
+    conditions: Mapping[str, str]  # labels by file name
     explain: Explain  # channel that the model explains
     described: bool  # the chosen law describes the device
     estimates: tuple[Estimate, ...]
@@ -211,20 +222,51 @@ def _gross(ratio: SlidingRatio) -> Mapping[str, Any]:
     }
 
 
-def summary_lines(found: IdentificationData) -> Sequence[str]:
-    """The answer in a few lines of text."""
-    against = "" if found.validation_percent is None else f", {found.validation_percent:.2f} % on validation files"
-    lines = [f"law: {found.law}; error {found.fit_percent:.2f} % of range on fitted files{against}"]
+def headline(found: IdentificationData, folder: str = "") -> str:
+    """The answer in one line: friction, how well it explains the log, and the command to go on with."""
+    if not found.described:
+        return f"No law explains the log: the best, {found.law}, leaves {found.fit_percent:.2g} % of range"
+    pull, release = found.estimate("mu_dynamic"), found.estimate("mu_dynamic_release")
+    reach = max((_relative(e) for e in (pull, release)), default=math.inf)
+    doubt = f" (+-{100 * reach:.2g} %)" if reach < 1 else ", not identifiable"
+    same = math.isclose(pull.value, release.value, rel_tol=1e-3)
+    both = f"{pull.value:.3g}" if same else f"{pull.value:.3g} pulling, {release.value:.3g} releasing"
+    judged = (
+        "" if found.validation_percent is None else f" and the validation files to {found.validation_percent:.2g} %"
+    )
+    return (
+        f"mu = {both}{doubt}; the model explains the log to {found.fit_percent:.2g} %{judged}. "
+        f"Next: tendonff design {(Path(folder) / 'fitted.toml').as_posix()}"
+    )
+
+
+def _relative(estimate: Estimate) -> float:
+    """Half-width of an interval over its value."""
+    if estimate.interval is None or estimate.value == 0:
+        return math.inf
+    return (estimate.interval[1] - estimate.interval[0]) / 2 / abs(estimate.value)
+
+
+def missing(found: IdentificationData) -> str:
+    """Values that the log does not identify, and the one measurement that would identify most of them."""
+    names = [e for e in found.estimates if not e.identifiable and e.name not in EXPONENTS.values()]
+    if not found.described or not names:
+        return ""
+    advice = Counter(e.advice for e in names if e.advice)
+    way = f"; most would gain from: {advice.most_common(1)[0][0]}" if advice else ""
+    return f"not identifiable (see the report): {', '.join(e.name for e in names)}{way}"
+
+
+def summary_lines(found: IdentificationData, folder: str = "") -> Sequence[str]:
+    """The answer in a few lines of text, its files being in `folder`."""
+    lines = [headline(found, folder)]
     lines += [
         f"  {e.name} = {e.value:.5g}  (95 %: {e.interval[0]:.5g} to {e.interval[1]:.5g}){e.note and f', {e.note}'}"
         for e in found.estimates
         if e.identifiable and e.interval is not None
     ]
-    if found.described:
-        lines += [f"  {e.name} = {e.value:.5g} {e.standing}: {e.why}" for e in found.estimates if not e.identifiable]
-    lines += [f"  {section.text}" for section in found.sections]
+    lines += [f"  {line}" for line in (missing(found), *(section.text for section in found.sections)) if line]
+    lines.append(f"law: {found.law}; {RULE}")
     if found.replay_percent is not None:
-        stage = next(law.stage for law in found.laws if law.chosen)
-        how = "simulated again" if stage == "dynamic" else "its static law played again"
-        lines.append(f"fitted.toml, {how}: error {found.replay_percent:.2f} % of range on fitted files")
+        lines.append(f"fitted.toml, read back: RMS error {found.replay_percent:.2f} % of range on fitted files")
     return lines

@@ -2,23 +2,26 @@
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from tendonff.compensator.files.progress import DOUBT
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification import messages
+from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.estimates import estimates_of, summarise_excitation
 from tendonff.compensator.identification.fitting import tendon
-from tendonff.compensator.identification.fitting.delay import Delay, align, earlier
+from tendonff.compensator.identification.fitting.channels import check_channels
+from tendonff.compensator.identification.fitting.delay import align, earlier
 from tendonff.compensator.identification.fitting.drive import drive_estimate
 from tendonff.compensator.identification.fitting.dynamic import DynamicFit, fit_coarse, fit_dynamic
 from tendonff.compensator.identification.fitting.model_selection import StaticSelection, choose_explain, select_static
 from tendonff.compensator.identification.fitting.sliding import friction_by_section, sliding_ratios
 from tendonff.compensator.identification.fitting.static import StaticFit
-from tendonff.compensator.identification.fitting.uncertainty import between_files
+from tendonff.compensator.identification.fitting.uncertainty import ByFile, between_files
 from tendonff.compensator.identification.measured.cleaning import Record, clean, joints_of, mean_pose
 from tendonff.compensator.identification.measured.plan import (
     check_plan,
@@ -30,21 +33,18 @@ from tendonff.compensator.identification.measured.plan import (
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.outcome import Fitted, Outcome, carried_on, compared, outcome_of, with_coulomb
 from tendonff.compensator.identification.output import Identification
-from tendonff.compensator.identification.result import POOR_PERCENT, CandidateLaw
+from tendonff.compensator.identification.parameters import Parameter
+from tendonff.compensator.identification.spread import with_spread
+from tendonff.compensator.identification.study import Stage, Study, attempted
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import exponent_lines
-from tendonff.ocp.errors import SolveError
-from tendonff.ocp.fits.chain import DynamicParameter
 from tendonff.ocp.fits.static import StaticParameter
 
-P, D = StaticParameter, DynamicParameter
+P, D = StaticParameter, Parameter
 
 STILL_RAD = 0.05
 """A joint whose angle has less range than this stands still."""
-
-SMALL_SHARE = 0.03
-"""A file whose error is below this share of the common range is described, however little it moves itself."""
 
 
 def identify(
@@ -67,11 +67,12 @@ def identify(
     data : sequence of str or path
         Files to fit.
     validate : sequence of str or path, optional
-        Files that decide which law is chosen; without them the last third of each file of `data` does.
+        Files that decide which law is chosen; without them parts of `data` are held out in turn, of several files whole
+        ones.
     static_only : bool, optional
         Stop after the static stage.
     conditions : mapping of str to str, optional
-        Labels by file name: estimates are told for each label.
+        Labels by file name: estimates are reported for each label.
     say, confirm : callable, optional
         Told what is being done; asked before a fit that takes very many steps (the default declines).
 
@@ -80,53 +81,166 @@ def identify(
     InputError
         If a file cannot be used.
     """
-    fit_files, judging = [Path(file) for file in data], [Path(file) for file in validate]
+    with threadpool_limits(limits=1, user_api="blas"):  # matrices are small: a second thread doubles the work
+        study = _read(scenario, data, validate, static_only, conditions or {}, say, confirm)
+        for stage in STAGES:
+            study = attempted(stage, study)
+        return _answer(study)
+
+
+def _read(
+    scenario: Scenario,
+    data: Sequence[str | os.PathLike[str]],
+    validate: Sequence[str | os.PathLike[str]],
+    static_only: bool,
+    conditions: Mapping[str, str],
+    say: Callable[[str], None],
+    confirm: Callable[[str], bool],
+) -> Study:
+    """Read and clean all files; InputError where the question or a file cannot be used."""
+    fit_files, judging = tuple(map(Path, data)), tuple(map(Path, validate))
     check_question(scenario, fit_files, judging)
-    how, theta = scenario.measurement, scenario.transmission.path.total_angle_rad
+    how = scenario.measurement
     raw = [read_measurement(path, how, scenario.transmission.joints) for path in (*fit_files, *judging)]
     check_plan(raw, how, static_only=static_only, say=say, confirm=confirm)
     everything = [clean(one, how) for one in raw]
-    records: Sequence[Record] = everything[: len(fit_files)]
-    judges = everything[len(fit_files) :]
+    records = everything[: len(fit_files)]
     _check_common_friction(scenario, records)
     if static_only:
         _check_rest(everything)
     doubts = [unit_warning(how, _positions_of(records)), *data_doubts(raw, how.explain)]
     for doubt in filter(None, doubts):
         say(f"{DOUBT}{doubt}")
-    warnings = [*doubts, *messages.about_issues(everything)]
-    foreign = _foreign(scenario, records)
-    if _proximal(scenario, everything, static_only=static_only):
-        fits = _fit_proximal(scenario, records, judges, say)
-    else:
-        fits = _fit(scenario, records, judges, static_only=static_only, say=say)
-    records = fits.records
-    warnings += [foreign, fits.warning]
-    laws = compared(fits.stage, fits.chain, records)
-    law = fits.chosen(laws, scenario.transmission.friction.adhesion_N)
+    proximal = _proximal(scenario, everything, static_only=static_only)
+    if not proximal:
+        check_channels(records, how)
+    study = Study(
+        scenario=scenario,
+        files=fit_files,
+        judging=judging,
+        raw=tuple(raw[: len(fit_files)]),
+        records=records,
+        judges=everything[len(fit_files) :],
+        static_only=static_only,
+        conditions=conditions,
+        say=say,
+        explain=Explain.POSITION if proximal else Explain.OUTPUT,
+    )
+    return study.noted(*doubts, *messages.about_issues(everything), _foreign(scenario, records))
+
+
+def first_look(study: Study) -> Study:
+    """The channel that the laws explain, the chain's first fit, and the delay of the output."""
+    records, transmission = study.records, study.scenario.transmission
+    if study.explain is Explain.POSITION:
+        stiffness = transmission.load.stiffness_N_per_m
+        return replace(study, coarse=fit_coarse(records, transmission, {}, Explain.POSITION)).noted(
+            f"nothing was measured at the far end: the load is the scenario's, {stiffness:g} N/m; an error of it goes "
+            "into the estimates"
+        )
+    wanted = study.scenario.measurement.explain
+    explain, coarse = choose_explain(records, wanted, transmission, static_only=study.static_only)
+    return replace(study, explain=explain, coarse=coarse)
+
+
+def delay_of_the_output(study: Study) -> Study:
+    """The study without the delay between its channels, where that is beyond doubt."""
+    coarse = study.coarse
+    if coarse is None or study.explain is not Explain.OUTPUT or not coarse.percent < TUNED.poor_percent:
+        return study
+    delay, coarse, _ = align(study.records, coarse, study.scenario.transmission)
+    found = replace(study, delay=delay, coarse=coarse)
+    if delay.identified:
+        records, judges = ([earlier(r, delay.seconds) for r in some] for some in (study.records, study.judges))
+        found = replace(found, records=records, judges=judges)
+    return found.noted(messages.about_delay(delay))
+
+
+def static_laws(study: Study) -> Study:
+    """The static laws, which need both tensions."""
+    if study.explain is Explain.POSITION:
+        return study
+    return replace(study, stage=select_static(study.records, study.judges, study.explain))
+
+
+def elongation_of_the_tendon(study: Study) -> Study:
+    """A nearer start of the chain, where both positions were measured."""
+    stage, coarse, records = study.stage, study.coarse, study.records
+    if stage is None or coarse is None or not all(r.has_positions for r in records):
+        return study
+    transmission = study.scenario.transmission
+    found, explained = tendon.fit_tendon(records, stage.fit.values, transmission.tendon)
+    if explained < TUNED.explained_enough:
+        return study
+    near = _start(study) | {D.BRISTLE: coarse.solution.values[D.BRISTLE]} | {D(k): v for k, v in found.items()}
+    other = fit_coarse(records, transmission, near, several=False)
+    return replace(study, coarse=min(coarse, other, key=lambda c: c.solution.cost))
+
+
+def law_of_the_chain(study: Study) -> Study:
+    """The chain, where its first fit comes near the data."""
+    coarse, records = study.coarse, study.records
+    proximal = study.explain is Explain.POSITION
+    if coarse is None or (not proximal and coarse.percent >= 3 * TUNED.poor_percent):
+        return study
+    chain = fit_dynamic(
+        coarse,
+        _start(study),
+        validation=study.judges,
+        biases=study.stage is not None and _biased(study.stage, records),
+        offsets=not proximal and not any(r.zeroed for r in records),
+        say=study.say,
+    )
+    return replace(study, chain=chain)
+
+
+STAGES: tuple[Stage, ...] = (
+    first_look,
+    delay_of_the_output,
+    static_laws,
+    elongation_of_the_tendon,
+    law_of_the_chain,
+)
+"""In this order; each takes what those before it found."""
+
+
+def _answer(study: Study) -> Identification:
+    """The law that explains the files best, what it states, and the scenario that goes on with it."""
+    scenario, records, chain = study.scenario, study.records, study.chain
+    laws = compared(study.stage, chain, records)
+    law: DynamicFit | StaticFit | None = chain
+    if study.stage is not None and not any(law.chosen and law.stage == "dynamic" for law in laws):
+        law = study.stage.reported(scenario.transmission.friction.adhesion_N)
+    if law is None:
+        raise InputError("; ".join(("no law could be fitted to these files", *study.warnings)))
     chain = law if isinstance(law, DynamicFit) else None
-    outcome = outcome_of(law, records, fits.judges)
-    told = between_files(chain.files, chain.values, records, conditions or {}) if chain is not None else ((), [])
-    warnings += [*told[1], messages.about_delay(fits.delay), messages.about_moments(outcome)]
-    sliding = sliding_ratios(records)
-    failure = _failure(outcome)
-    if failure:
-        warnings.append(messages.about_no_law(laws, failure, sliding, records))
-    now = summarise_excitation(records)
-    estimates, names, correlation = estimates_of(scenario, law, now, described=not failure, static_only=static_only)
+    outcome = outcome_of(law, records, study.judges)
+    by_file: tuple[ByFile, ...] = ()
+    if chain is not None:
+        by_file, differences = between_files(chain.files, chain.values, records, study.conditions)
+        study = study.noted(*differences)
+    study = study.noted(messages.about_moments(outcome))
+    sliding, failure = sliding_ratios(records), _failure(outcome)
+    estimates, names, correlation = estimates_of(
+        scenario, law, summarise_excitation(records), described=not failure, static_only=study.static_only
+    )
     fitted = Fitted(scenario=scenario)
-    if not failure:
-        say("replay of the fitted scenario")
-        fitted = carried_on(scenario, law, records, static_only=static_only)
-        warnings += messages.about_fitted(fitted, records)
-        warnings += [messages.about_uneven_path(chain, theta), "" if chain is None else chain.caution]
-    sections = friction_by_section(fit_files, how, theta, fitted.scenario.transmission.friction.adhesion_N)
-    of_drive = drive_estimate(scenario, raw[: len(fit_files)])
+    if failure:
+        study = study.noted(messages.about_no_law(laws, failure, sliding, records))
+    else:
+        study.say("simulation of the fitted scenario")
+        fitted = carried_on(study, law)
+        uneven = messages.about_uneven_path(chain, scenario.transmission.path.total_angle_rad)
+        fitted = replace(fitted, scenario=with_spread(fitted.scenario, estimates, names, correlation))
+        study = study.noted(*messages.about_fitted(fitted, records), uneven, "" if chain is None else chain.caution)
+    of_drive = drive_estimate(scenario, study.raw)
     if of_drive is not None:
         estimates = (*estimates, of_drive)
         fitted = replace(fitted, scenario=with_coulomb(fitted.scenario, of_drive.value))
     return Identification(
         scenario=fitted.scenario,
+        asked=scenario.measurement,
+        conditions=dict(study.conditions),
         explain=law.explain,
         described=not failure,
         estimates=estimates,
@@ -139,12 +253,17 @@ def identify(
         validation_percent=outcome.validation_percent,
         comparisons=outcome.comparisons,
         sliding=sliding,
-        warnings=tuple(filter(None, warnings)),
-        inputs=(*fit_files, *judging),
-        by_file=told[0],
-        sections=sections,
-        output_delay_s=None if fits.delay is None else fits.delay.seconds,
-        comparable=not foreign,
+        warnings=study.warnings,
+        inputs=(*study.files, *study.judging),
+        by_file=by_file,
+        sections=friction_by_section(
+            study.files,
+            scenario.measurement,
+            scenario.transmission.path.total_angle_rad,
+            fitted.scenario.transmission.friction.adhesion_N,
+        ),
+        output_delay_s=None if study.delay is None else study.delay.seconds,
+        comparable=not _foreign(scenario, records),
     )
 
 
@@ -188,81 +307,6 @@ def _check_rest(records: Sequence[Record]) -> None:
                 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Fits:
-    """What was fitted, and to which records: a delay of the output is taken out of them."""
-
-    records: Sequence[Record]
-    judges: Sequence[Record]
-    stage: StaticSelection | None = None  # None where nothing was measured at the far end
-    chain: DynamicFit | None = None  # None where it was not tried, or failed
-    delay: Delay | None = None
-    warning: str = ""
-
-    def chosen(self, laws: Sequence[CandidateLaw], adhesion_N: float) -> DynamicFit | StaticFit:
-        """The law that won; a static one with its doubt, and with the scenario's adhesion where it tells none."""
-        dynamic = any(law.chosen and law.stage == "dynamic" for law in laws)
-        if self.stage is not None and not dynamic:
-            return self.stage.reported(adhesion_N)
-        if self.chain is None:
-            raise InputError("no law could be fitted to these files")
-        return self.chain
-
-
-def _fit_proximal(
-    scenario: Scenario, records: Sequence[Record], judges: Sequence[Record], say: Callable[[str], None]
-) -> _Fits:
-    """The chain between the measured input tension and the scenario's load, against the position of the input end."""
-    say("first look")
-    coarse = fit_coarse(records, scenario.transmission, {}, Explain.POSITION)
-    warning = (
-        "nothing was measured at the far end: the load is the scenario's, "
-        f"{scenario.transmission.load.stiffness_N_per_m:g} N/m; an error of it goes into the estimates"
-    )
-    chain = fit_dynamic(coarse, {}, validation=judges, say=say)
-    return _Fits(records=records, judges=judges, chain=chain, warning=warning)
-
-
-def _fit(
-    scenario: Scenario,
-    records: Sequence[Record],
-    judges: Sequence[Record],
-    *,
-    static_only: bool,
-    say: Callable[[str], None],
-) -> _Fits:
-    """Static law, and the chain where it can be tried."""
-    transmission = scenario.transmission
-    say("first look")
-    explain, coarse = choose_explain(records, scenario.measurement.explain, transmission, static_only=static_only)
-    delay: Delay | None = None
-    given = records
-    if coarse is not None and explain is Explain.OUTPUT and coarse.percent < POOR_PERCENT:
-        delay, coarse, records = align(records, coarse, transmission)
-        if delay.told:
-            given, judges = ([earlier(r, delay.seconds) for r in some] for some in (given, judges))
-    say("static stage")
-    stage = select_static(records, judges, explain)
-    fits = _Fits(records=given, judges=judges, stage=stage, delay=delay)
-    if coarse is None or coarse.percent >= 3 * POOR_PERCENT:
-        return fits
-    start = _start(scenario, stage, mean_pose(records))
-    try:
-        if all(r.has_positions for r in records):
-            say("tendon stage")
-            found, explained = tendon.fit_tendon(records, stage.fit.values, transmission.tendon)
-            if explained >= tendon.EXPLAINED_ENOUGH:
-                near = start | {D.BRISTLE: coarse.solution.values[D.BRISTLE]}
-                near |= {D(k): v for k, v in found.items()}
-                other = fit_coarse(records, transmission, near, several=False)
-                coarse = min(coarse, other, key=lambda c: c.solution.cost)
-        biases, offsets = _biased(stage, records), not any(r.zeroed for r in records)
-        chain = fit_dynamic(coarse, start, validation=judges, biases=biases, offsets=offsets, say=say)
-    except SolveError as error:
-        return replace(fits, warning=f"the dynamic stage found no answer ({error}); the static law is reported")
-    return replace(fits, chain=chain)
-
-
 def _positions_of(records: Sequence[Record]) -> list[str]:
     """Which positions were read in every file."""
     ends = (("input_position", "input_m"), ("output_position", "output_m"))
@@ -276,10 +320,12 @@ def _foreign(scenario: Scenario, records: Sequence[Record]) -> str:
     return magnitude_warning(largest, scenario.transmission.actuator.force_max_N)
 
 
-def _start(scenario: Scenario, stage: StaticSelection, joint_rad: Mapping[str, float]) -> dict[DynamicParameter, float]:
+def _start(study: Study) -> dict[Parameter, float]:
     """What the static stage hands on."""
-    values = stage.fit.values
-    pull, release = exponent_lines(scenario.transmission, joint_rad)
+    if study.stage is None:
+        return {}
+    values = study.stage.fit.values
+    pull, release = exponent_lines(study.scenario.transmission, mean_pose(study.records))
     return {
         D.MU_PULL: max(pull.mu(values[P.PULL]), 1e-4),
         D.MU_RELEASE: max(release.mu(values[P.RELEASE]), 1e-4),
@@ -300,14 +346,16 @@ def _biased(stage: StaticSelection, records: Sequence[Record]) -> bool:
 def _failure(outcome: Outcome) -> str:
     """Why the law does not describe the device, by the errors that are printed; empty where it does."""
     for percent, which in ((outcome.fit_percent, "fitted"), (outcome.validation_percent, "validation")):
-        if percent is not None and not percent <= POOR_PERCENT:
-            return f"an RMS error of {percent:.3g} % of range on {which} files (more than {POOR_PERCENT:g} %)"
+        if percent is not None and not percent <= TUNED.poor_percent:
+            return f"an RMS error of {percent:.3g} % of range on {which} files (more than {TUNED.poor_percent:g} %)"
     widest = max(f.error.span for f in outcome.files)
-    poor = [f for f in outcome.files if f.error.percent > POOR_PERCENT and f.error.rms > SMALL_SHARE * widest]
+    poor = [
+        f for f in outcome.files if f.error.percent > TUNED.poor_percent and f.error.rms > TUNED.small_share * widest
+    ]
     if poor:
         worst = max(poor, key=lambda f: f.error.percent)
         return (
             f"an RMS error of {worst.error.percent:.3g} % of its own range on {worst.error.name} (more than "
-            f"{POOR_PERCENT:g} %; {len(poor)} of {len(outcome.files)} files)"
+            f"{TUNED.poor_percent:g} %; {len(poor)} of {len(outcome.files)} files)"
         )
     return ""

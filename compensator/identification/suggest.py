@@ -7,16 +7,17 @@ import numpy as np
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.measured import Array
+from tendonff.compensator.identification.parameters import CORE, TENDON, Parameter, ParametricChain
 from tendonff.compensator.scenario.sampled.sampling import initial_tension, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
-from tendonff.ocp.fits.chain import ChainModel, ChainResponse, Drive, DynamicParameter
+from tendonff.ocp.fits.chain import ChainResponse, Drive
 from tendonff.ocp.inverse import invert
 
-D = DynamicParameter
+D = Parameter
 
 ROW_S = 0.005
 RATE_SHARE, FORCE_SHARE = 0.5, 0.9
@@ -31,7 +32,7 @@ MASSES, SEARCH_STEP_S, NOISE_SHARE = 6, ROW_S, 0.005
 PRIOR = 1e-2
 """Information that is there before: everything is known to ten times its size."""
 
-TOLD = (D.MU_PULL, D.MU_RELEASE, D.BRISTLE, D.ADHESION, D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME)
+TOLD = (*CORE, D.ADHESION, *TENDON)
 """What a fit looks for, and a design depends on."""
 
 
@@ -43,19 +44,17 @@ class Excitation:
     time_s: Array
     force_N: Array
     parts: tuple[str, ...]  # what each part is for, with its start
-    # expected_percent, before_percent: error of a design that the noise of the cells would leave, with this excitation
-    # and with that of version 0.1.0 [% of the reference's range]; None where no reference was there to tell
+    # error of a design that the noise of the cells would leave [% of the reference's range]; None without a reference
     expected_percent: float | None = None
-    before_percent: float | None = None
 
     @property
     def gain(self) -> str:
         """What it is worth, in a sentence; empty where nothing tells."""
-        if self.expected_percent is None or self.before_percent is None:
+        if self.expected_percent is None:
             return ""
         return (
             f"noise of {100 * NOISE_SHARE:g} % of range on the cells would leave an error of "
-            f"{self.expected_percent:.2g} % in a design, {self.before_percent:.2g} % with the excitation of 0.1.0"
+            f"{self.expected_percent:.2g} % in a design"
         )
 
 
@@ -115,7 +114,7 @@ PLANS = (
         for sweep_s in (6.0, 14.0)
     ),
 )
-"""Those that are tried; the first is the one of version 0.1.0, which the others must not outlast."""
+"""Those that are tried; the first is the longest that is suggested."""
 
 
 def suggest(scenario: Scenario) -> Excitation:
@@ -134,9 +133,9 @@ def suggest(scenario: Scenario) -> Excitation:
     wanted = _wanted(scenario)
     if wanted is None:
         return first
-    information = _Information(scenario, *wanted)
+    information = Information(scenario, *wanted)
     best, least = first, information.expected_percent(first.force_N)
-    before, lowest = least, _lowest_N(scenario, wanted[0])
+    lowest = _lowest_N(scenario, wanted[0])
     for plan in PLANS[1:]:
         tried = draw_plan(scenario, plan, lowest, start)
         if tried.time_s[-1] > first.time_s[-1]:
@@ -144,7 +143,7 @@ def suggest(scenario: Scenario) -> Excitation:
         expected = information.expected_percent(tried.force_N)
         if expected < least:
             best, least = tried, expected
-    return replace(best, expected_percent=least, before_percent=before)
+    return replace(best, expected_percent=least)
 
 
 def _start_N(scenario: Scenario) -> float | None:
@@ -176,12 +175,14 @@ def _lowest_N(scenario: Scenario, reference_N: Array | None) -> float:
     return min(usual, max(t.actuator.force_min_N, deepest, LEAST_FORCE_N))
 
 
-class _Information:
+class Information:
     """How well a design would do that were based on what an excitation tells."""
 
     def __init__(self, scenario: Scenario, reference_N: Array, step_s: float) -> None:
         t = scenario.transmission
-        self._model = ChainModel(transmission=t, level=Level.PRESLIDING, count=MASSES, longest_step_s=SEARCH_STEP_S)
+        self._model = ParametricChain(
+            transmission=t, level=Level.PRESLIDING, count=MASSES, longest_step_s=SEARCH_STEP_S
+        )
         self._values = self._model.values()
         self._sizes = np.array([max(abs(self._values[name]), 1.0 if name is D.ADHESION else 1e-9) for name in TOLD])
         self._noise_N = NOISE_SHARE * t.actuator.force_max_N
@@ -195,7 +196,7 @@ class _Information:
 
     def _respond(self, force_N: Array, rest_N: float) -> ChainResponse:
         drive = Drive(input_N=force_N, step_s=SEARCH_STEP_S, first_output_N=rest_N)
-        return self._model.respond(self._values, drive, TOLD)
+        return self._model.predict(self._values, drive, TOLD)
 
     def expected_percent(self, force_N: Array) -> float:
         """RMS error of a design from these parameters' scatter alone [% of the reference's range]."""

@@ -37,6 +37,12 @@ class Measurement:
     input_position_scale: float = 1.0
     output_position_scale: float = 1.0
     actuator_force_scale: float | None = None
+    columns: tuple[str, ...] | None = None  # names of the columns of a text file without a header
+    # what turns other quantities into tensions and positions: a current into a torque [N m/A], a torque into a tension
+    # and an angle into a position [m], and revolutions of the motor into those of the drum [-]
+    torque_constant_N_m_per_A: float | None = None
+    drum_radius_m: float | None = None
+    gear_ratio: float | None = None
     # what the cells read without tension, after the scale [N]; subtracted. Default: found from slack samples
     input_offset_N: float | None = None
     output_offset_N: float | None = None
@@ -66,6 +72,8 @@ class Measurement:
             require_given(name, getattr(self, name), hint="leave it out to have it found from slack samples")
         for name in ("guide_stiffness_N_per_m", "guide_zero_m", "bristle_spread"):
             require_given(name, getattr(self, name), hint="leave it out for none")
+        for name in ("torque_constant_N_m_per_A", "drum_radius_m", "gear_ratio"):
+            require_given(name, getattr(self, name), above=0, hint="leave it out where no column needs it")
         self._check_cells()
         if self.tare_s is not None and not 0 <= self.tare_s[0] < self.tare_s[1]:
             raise ParameterError(

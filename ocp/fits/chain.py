@@ -38,40 +38,15 @@ LEAST_TENSION_N = 1e-6
 _DIFFERENCE = 1e-4  # of a parameter
 
 
-class DynamicParameter(StrEnum):
-    """What the dynamic fit may look for; values are names of estimates."""
+class Reading(StrEnum):
+    """What the cells read at zero tension [N], numbers of a measurement beside those of the tendon."""
 
-    # MU_PULL, MU_RELEASE: mu_dynamic in either direction [-]; the static coefficients keep their ratio
-    MU_PULL = "mu_dynamic"
-    MU_RELEASE = "mu_dynamic_release"
-    STATIC_EXCESS = "static_excess"  # mu_static/mu_dynamic - 1 in both directions [-], >= 0
-    # STRIBECK_VELOCITY, VISCOUS, BRISTLE, ADHESION: omega [m/s], b [N s/m], sigma0 [N/m], p [N]
-    STRIBECK_VELOCITY = "stribeck_velocity_m_per_s"
-    VISCOUS = "viscous_N_s_per_m"
-    BRISTLE = "bristle_stiffness_N_per_m"
-    ADHESION = "adhesion_N"
-    # STIFFNESS, RELAXING, RELAXATION_TIME, DAMPING: k1, k2 [N/m], tau [s], c [N s/m]
-    STIFFNESS = "stiffness_N_per_m"
-    RELAXING = "relaxing_stiffness_N_per_m"
-    RELAXATION_TIME = "relaxation_time_s"
-    DAMPING = "damping_N_s_per_m"
-    # INPUT_BIAS, OUTPUT_BIAS: what the cells read at zero tension [N]
-    INPUT_BIAS = "input_bias_N"
-    OUTPUT_BIAS = "output_bias_N"
+    INPUT = "input_bias_N"
+    OUTPUT = "output_bias_N"
 
 
-D = DynamicParameter
-_DIRECT = {
-    D.STRIBECK_VELOCITY: Parameter.STRIBECK_VELOCITY,
-    D.VISCOUS: Parameter.VISCOUS,
-    D.BRISTLE: Parameter.BRISTLE_STIFFNESS,
-    D.ADHESION: Parameter.ADHESION,
-    D.STIFFNESS: Parameter.STIFFNESS,
-    D.RELAXING: Parameter.RELAXING_STIFFNESS,
-    D.RELAXATION_TIME: Parameter.RELAXATION_TIME,
-    D.DAMPING: Parameter.DAMPING,
-}
-_MUS = (Parameter.MU_DYNAMIC_PULL, Parameter.MU_STATIC_PULL, Parameter.MU_DYNAMIC_RELEASE, Parameter.MU_STATIC_RELEASE)
+Numbers = Mapping[str, float]
+"""Numbers by name: fields of `Whole` and readings. As a direction: how much each of them changes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,29 +103,16 @@ class ChainModel:
     level: Level
     count: int  # number N of masses
     longest_step_s: float = 1e-3  # largest time step; the samples are interpolated or thinned to stay near it
-    symmetric: bool = False  # mu_dynamic counts for both directions
 
-    def values(self) -> dict[DynamicParameter, float]:
-        """The scenario's own values of all parameters."""
-        w = whole_of(self.transmission, self.level)
-        mu = w.value(Parameter.MU_DYNAMIC_PULL)
-        return {
-            D.MU_PULL: mu,
-            D.MU_RELEASE: w.value(Parameter.MU_DYNAMIC_RELEASE),
-            D.STATIC_EXCESS: w.value(Parameter.MU_STATIC_PULL) / mu - 1 if mu > 0 else 0.0,
-            D.INPUT_BIAS: 0.0,
-            D.OUTPUT_BIAS: 0.0,
-            **{k: w.value(name) for k, name in _DIRECT.items()},
-        }
+    def numbers(self) -> dict[str, float]:
+        """The scenario's own numbers, the readings zero."""
+        whole = whole_of(self.transmission, self.level)
+        return {name.value: whole.value(name) for name in Parameter} | dict.fromkeys(Reading, 0.0)
 
-    def whole(self, values: Mapping[DynamicParameter, float]) -> Whole:
-        """The undivided tendon with given values, all of them."""
-        mu_pull = values[D.MU_PULL]
-        mu_release = mu_pull if self.symmetric else values[D.MU_RELEASE]
-        excess = 1 + values[D.STATIC_EXCESS]
-        mus = zip(_MUS, (mu_pull, excess * mu_pull, mu_release, excess * mu_release), strict=True)
-        direct = {name.value: values[k] for k, name in _DIRECT.items()}
-        return whole_of(self.transmission, self.level).changed({name.value: mu for name, mu in mus} | direct)
+    def whole(self, numbers: Numbers) -> Whole:
+        """The undivided tendon with given numbers."""
+        names = {name.value for name in Parameter}
+        return whole_of(self.transmission, self.level).changed({k: v for k, v in numbers.items() if k in names})
 
     def chain(self, whole: Whole, motion: JointMotion | None = None) -> Chain:
         """The chain with a massless near end."""
@@ -158,25 +120,21 @@ class ChainModel:
         near = End(mass_kg=NEAR_MASS_KG, damping_N_s_per_m=0.0, stiffness_N_per_m=0.0)
         return replace(chain, elements=whole.divided(self.count, motion), near=near)
 
-    def respond(
-        self, values: Mapping[DynamicParameter, float], drive: Drive, over: Sequence[DynamicParameter] = ()
-    ) -> ChainResponse:
-        """Simulate a drive with all values, with derivatives over the parameters asked for; SolveError if that
-        fails.
-        """
-        whole, run_up = self.whole(values), self.with_lead_in(values, drive)
+    def respond(self, numbers: Numbers, drive: Drive, over: Sequence[Numbers] = ()) -> ChainResponse:
+        """Simulate a drive with all numbers, with derivatives along directions; SolveError if that fails."""
+        whole, run_up = self.whole(numbers), self.with_lead_in(numbers, drive)
         chain = self.chain(whole, run_up.motion)
         if over and chain.moving:
-            return self._differences(values, drive, over)
+            return self._differences(numbers, drive, over)
         if over:
-            output, near, far, slopes = self._differentiate(values, whole, chain, run_up, over)
+            output, near, far, slopes = self._differentiate(whole, chain, run_up, over)
         else:
             run = simulate(chain, run_up.force_N, run_up.step_s, initial_tension_N=run_up.rest_N).require()
             output, near, far = run.output_tension_N, run.near_position_m, run.far_position_m
             slopes = np.zeros((len(run_up.force_N), 3, 0))
         rows = len(drive.input_N)
         return ChainResponse(
-            output_N=run_up.sampled(output, rows) + values[D.OUTPUT_BIAS],
+            output_N=run_up.sampled(output, rows) + numbers[Reading.OUTPUT],
             elongation_m=run_up.sampled(near - far, rows),
             near_m=run_up.sampled(near, rows),
             output_slopes=run_up.sampled(slopes[:, 0], rows),
@@ -184,28 +142,26 @@ class ChainModel:
             near_slopes=run_up.sampled(slopes[:, 2], rows),
         )
 
-    def _differences(
-        self, values: Mapping[DynamicParameter, float], drive: Drive, over: Sequence[DynamicParameter]
-    ) -> ChainResponse:
+    def _differences(self, numbers: Numbers, drive: Drive, over: Sequence[Numbers]) -> ChainResponse:
         """Derivatives by differences: compiled runs of a chain whose masses differ cost less than its exact slopes."""
-        middle = self.respond(values, drive)
+        middle = self.respond(numbers, drive)
         channels = ("output_N", "elongation_m", "near_m")
         slopes = np.zeros((len(channels), len(drive.input_N), len(over)))
-        for k, name in enumerate(over):
-            step = _DIFFERENCE * (abs(values[name]) or 1.0)
-            above = self.respond({**values, name: values[name] + step}, drive)
+        for k, direction in enumerate(over):
             # what is zero may not fall below it
-            below = self.respond({**values, name: values[name] - step}, drive) if values[name] else middle
-            width = (2 if values[name] else 1) * step
+            both = all(numbers[name] for name in direction)
+            step = _DIFFERENCE * min(abs(numbers[name]) / abs(by) if both else 1.0 for name, by in direction.items())
+            above = self.respond(_moved(numbers, direction, step), drive)
+            below = self.respond(_moved(numbers, direction, -step), drive) if both else middle
             for channel, found in zip(channels, slopes, strict=True):
-                found[:, k] = (getattr(above, channel) - getattr(below, channel)) / width
+                found[:, k] = (getattr(above, channel) - getattr(below, channel)) / ((2 if both else 1) * step)
         return replace(middle, output_slopes=slopes[0], elongation_slopes=slopes[1], near_slopes=slopes[2])
 
-    def with_lead_in(self, values: Mapping[DynamicParameter, float], drive: Drive) -> RunUp:
+    def with_lead_in(self, numbers: Numbers, drive: Drive) -> RunUp:
         """What a drive is simulated as."""
         thin = max(1, int(self.longest_step_s / drive.step_s + 1e-6))
         refine = max(1, int(np.ceil(drive.step_s / self.longest_step_s - 1e-6)))
-        samples = drive.input_N - values[D.INPUT_BIAS]
+        samples = drive.input_N - numbers[Reading.INPUT]
         rows = np.arange(len(samples))
         if refine > 1:
             samples = CubicSpline(rows, samples)(np.arange((len(rows) - 1) * refine + 1) / refine)
@@ -213,7 +169,7 @@ class ChainModel:
             last = int(np.ceil((len(rows) - 1) / thin)) * thin
             samples = np.concatenate([samples, np.full(last - len(rows) + 1, samples[-1])])[::thin]
         step = drive.step_s * thin / refine
-        rest = max(drive.first_output_N - values[D.OUTPUT_BIAS], LEAST_TENSION_N)
+        rest = max(drive.first_output_N - numbers[Reading.OUTPUT], LEAST_TENSION_N)
         lead = max(8, int(LEAD_IN_S / step))
         ramp = np.clip(np.arange(lead) / (lead / 2), 0, 1)
         smooth = ramp * ramp * (3 - 2 * ramp)
@@ -229,48 +185,35 @@ class ChainModel:
         )
 
     def _differentiate(
-        self,
-        values: Mapping[DynamicParameter, float],
-        whole: Whole,
-        chain: Chain,
-        run_up: RunUp,
-        over: Sequence[DynamicParameter],
+        self, whole: Whole, chain: Chain, run_up: RunUp, over: Sequence[Numbers]
     ) -> tuple[Array, Array, Array, Array]:
         """Output, positions of both ends, and slopes of output, elongation and near position, shape (rows, 3, k)."""
-        wanted = [p for k, p in _DIRECT.items() if k in over]
-        if {D.MU_PULL, D.MU_RELEASE, D.STATIC_EXCESS} & set(over):
-            wanted += _MUS
+        asked = {name for direction in over for name in direction}
+        wanted = tuple(name for name in Parameter if name in asked)
         force, step, rest = run_up.force_N, run_up.step_s, run_up.rest_N
-        slopes = np.zeros((len(force), 3, len(over)))
-        run = parameter_sensitivity(whole, chain, force, step, tuple(wanted), initial_tension_N=rest)
+        run = parameter_sensitivity(whole, chain, force, step, wanted, initial_tension_N=rest)
         if run.ends_slopes is None:
             raise SolveError("the sensitivities of the ends' positions are missing")
         near, far = run.ends_slopes[:, 0], run.ends_slopes[:, 1]
         both = np.stack([run.tension_slopes[:, 0], near - far, near], axis=1)
-        column = {p: both[:, :, i] for i, p in enumerate(wanted)}
-        excess = 1 + values[D.STATIC_EXCESS]
-        for k, name in enumerate(over):
-            if name in _DIRECT:
-                slopes[:, :, k] = column[_DIRECT[name]]
-            elif name is D.OUTPUT_BIAS:
-                slopes[:, 0, k] = 1.0
-            elif name is D.INPUT_BIAS:
-                knots = np.array([0, len(force) - 1])
-                shift = force_sensitivity(chain, force, step, knots, state=chain.rest_state(rest))
-                slopes[:, 0, k] = -shift.tension_slopes[:, 0].sum(axis=1)
-            else:
-                pull = column[Parameter.MU_DYNAMIC_PULL] + excess * column[Parameter.MU_STATIC_PULL]
-                release = column[Parameter.MU_DYNAMIC_RELEASE] + excess * column[Parameter.MU_STATIC_RELEASE]
-                if name is D.MU_PULL:
-                    slopes[:, :, k] = pull + release if self.symmetric else pull
-                elif name is D.MU_RELEASE:
-                    slopes[:, :, k] = 0.0 if self.symmetric else release
-                else:
-                    slopes[:, :, k] = (
-                        whole.value(Parameter.MU_DYNAMIC_PULL) * column[Parameter.MU_STATIC_PULL]
-                        + whole.value(Parameter.MU_DYNAMIC_RELEASE) * column[Parameter.MU_STATIC_RELEASE]
-                    )
+        columns = {name.value: both[:, :, k] for k, name in enumerate(wanted)}
+        if Reading.OUTPUT in asked:
+            columns[Reading.OUTPUT] = np.zeros((len(force), 3))
+            columns[Reading.OUTPUT][:, 0] = 1.0
+        if Reading.INPUT in asked:
+            knots = np.array([0, len(force) - 1])
+            shift = force_sensitivity(chain, force, step, knots, state=chain.rest_state(rest))
+            columns[Reading.INPUT] = np.zeros((len(force), 3))
+            columns[Reading.INPUT][:, 0] = -shift.tension_slopes[:, 0].sum(axis=1)
+        slopes = np.zeros((len(force), 3, len(over)))
+        for k, direction in enumerate(over):
+            for name, by in direction.items():
+                slopes[:, :, k] += by * columns[name]
         return run.tension_N[:, -1], run.ends_m[:, 0], run.ends_m[:, 1], slopes
+
+
+def _moved(numbers: Numbers, direction: Numbers, by: float) -> dict[str, float]:
+    return {**numbers, **{name: numbers[name] + by * share for name, share in direction.items()}}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -288,7 +231,7 @@ class InputWindow:
 
 def input_windows(
     model: ChainModel,
-    values: Mapping[DynamicParameter, float],
+    numbers: Numbers,
     drive: Drive,
     *,
     knot_s: float,
@@ -298,8 +241,8 @@ def input_windows(
     """Windows of a drive of about `window_s`, with knots from about `before_s` earlier on; SolveError if the run
     fails.
     """
-    run_up = model.with_lead_in(values, drive)
-    chain = model.chain(model.whole(values), run_up.motion)
+    run_up = model.with_lead_in(numbers, drive)
+    chain = model.chain(model.whole(numbers), run_up.motion)
     run = simulate(chain, run_up.force_N, run_up.step_s, initial_tension_N=run_up.rest_N, record=True).require()
     if run.states is None:
         raise SolveError("the run did not keep its states")

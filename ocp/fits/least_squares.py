@@ -168,3 +168,11 @@ def block_covariance(residuals: Residuals, *, robust: bool) -> tuple[Array, int]
         covariance[np.ix_(seen, seen)] = part
     covariance[~seen, ~seen] = np.inf
     return covariance, degrees
+
+
+def gauss_newton_step(residuals: Array, slopes: Array) -> Array:
+    """Change of the values that the residuals ask for, large ones counted linearly, shape (k,)."""
+    weight = 1 / np.sqrt(1 + residuals**2)
+    scale = np.maximum(np.sqrt((slopes**2).sum(axis=0)), 1e-300)
+    scaled = slopes / scale
+    return np.asarray(-np.linalg.lstsq(np.sqrt(weight)[:, None] * scaled, np.sqrt(weight) * residuals)[0] / scale)

@@ -29,7 +29,12 @@ _OFFSET = (
 _CELLS = "Column of a tension between the ends, and the wrap angle from the actuator to it"
 _TARE = "Seconds of every file in which the tendon is slack; both cells are set to zero there."
 _SKIP = "Leave out the start of every file; default: until the start-up transient has decayed."
-_LABEL = "Label of a measured file, such as wet or worn: estimates are told by label"
+_COLUMNS = "Names of the columns, for a text file without a header"
+_TORQUE_CONSTANT = "Torque over current of the motor, in N m/A: a column of the input tension may be in A or mA."
+_DRUM_RADIUS = "Radius of the drum, in m: columns may be torques in N m or mN m, angles in rad or deg, speeds in rpm."
+_GEAR_RATIO = "Revolutions of the motor for one of the drum: torque, current and angle of the input are the motor's."
+_CUTOFF = "Cut-off of the low-pass over all channels, in Hz; default: found from the noise."
+_LABEL = "Label of a measured file, such as wet or worn: estimates are reported by label"
 
 
 def _column(name: str, what: str) -> Any:
@@ -59,10 +64,15 @@ def identify(
     output_position_column: Annotated[str | None, _column("output-position", "the output end's position")] = None,
     actuator_force_column: Annotated[str | None, _column("actuator-force", "the actuator's force")] = None,
     tension_column: Annotated[list[str] | None, _several("--tension-column", "NAME=ANGLE_RAD", _CELLS)] = None,
+    columns: Annotated[str | None, option("--columns", "A,B,C", _COLUMNS)] = None,
+    torque_constant: Annotated[float | None, option("--torque-constant", "N_M_PER_A", _TORQUE_CONSTANT)] = None,
+    drum_radius: Annotated[float | None, option("--drum-radius", "M", _DRUM_RADIUS)] = None,
+    gear_ratio: Annotated[float | None, option("--gear-ratio", "RATIO", _GEAR_RATIO)] = None,
     scale: Annotated[list[str] | None, _several("--scale", "[COLUMN=]FACTOR", _SCALE)] = None,
     offset: Annotated[list[str] | None, option("--offset", "[COLUMN=]N", _OFFSET)] = None,
     tare: Annotated[str | None, option("--tare", "FROM:TO", _TARE)] = None,
     skip: Annotated[float | None, option("--skip", "SECONDS", _SKIP)] = None,
+    cutoff: Annotated[float | None, option("--cutoff", "HZ", _CUTOFF)] = None,
     explain: Annotated[
         Explain | None, option("--explain", None, "Tension to predict from the other; default: chosen from the data.")
     ] = None,
@@ -97,6 +107,11 @@ def identify(
         "output_position_column": output_position_column,
         "actuator_force_column": actuator_force_column,
         "skip_s": skip,
+        "cutoff_Hz": cutoff,
+        "columns": None if columns is None else tuple(name.strip() for name in columns.split(",")),
+        "torque_constant_N_m_per_A": torque_constant,
+        "drum_radius_m": drum_radius,
+        "gear_ratio": gear_ratio,
         "explain": explain,
     }
     labels = _labels(condition or [], [path.name for path in data])
@@ -131,7 +146,7 @@ def identify(
         with progress("writing"):
             found.write(folder, pdf=pdf)
     warn(*found.warnings)
-    say(*summary_lines(found))
+    say(*summary_lines(found, str(out)))
 
 
 def _say_files(line: str) -> None:

@@ -5,43 +5,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece, OutputError
-from tendonff.compensator.identification.fitting.static import SIMPLER_WITHIN
+from tendonff.compensator.identification.constants import TUNED
+from tendonff.compensator.identification.fitting.judging import OutputError
+from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece
+from tendonff.compensator.identification.parameters import CONSTANTS, CORE, SPEED_TERMS, Parameter
 from tendonff.compensator.scenario.measurement import Explain
-from tendonff.ocp.fits.chain import DynamicParameter
-from tendonff.ocp.fits.least_squares import Solution, Unknown, solve
+from tendonff.ocp.fits.least_squares import Solution, solve
 
-D = DynamicParameter
+D = Parameter
 
-CORE = (D.MU_PULL, D.MU_RELEASE, D.BRISTLE)
-CONSTANTS = (D.ADHESION, D.OUTPUT_BIAS, D.INPUT_BIAS)
-SPEED_TERMS = (D.STATIC_EXCESS, D.VISCOUS)
-NUDGES = {D.ADHESION: 0.05, D.STATIC_EXCESS: 0.02}
-LAW_NAMES = {
-    D.ADHESION: "adhesion",
-    D.STATIC_EXCESS: "Stribeck effect",
-    D.VISCOUS: "viscous friction",
-    D.INPUT_BIAS: "input bias",
-    D.OUTPUT_BIAS: "output bias",
-}
-IDENTIFIABLE = 0.5
-"""A further value is kept when its standard error is below this share of it."""
-
-WORTH_A_CONSTANT = 4.0
-"""A constant is worth having where it improves the information criterion by more than this. The criterion's sample size
-counts rows that are independent of each other; most simulated rigs without adhesion stay below."""
-
-WORTH_A_VALUE, SLIGHTLY = 1.4, 1.1
-"""A term that depends on speed is worth having where it lowers the validation error by the first factor, or by the
-second where it lowers the fit error by the first ..."""
-
-SURE = 2.0
-"""... and is plausible: every value it brings is this many standard errors away from nothing, and a Stribeck velocity
-lies among the speeds that were visited. Noise on the input lowers friction near reversals, which a Stribeck effect
-imitates: it halves the error where there is none, but with a velocity that the data do not tell."""
-
-MOVING_SHARE, SPEED_PERCENTILES = 0.01, (2, 98)
-"""Speeds above this share of the largest are visited, from the first to the second percentile."""
+SPEED_PERCENTILES = (2, 98)
+"""Visited speeds, of those above `TUNED.moving_share` of the largest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +31,7 @@ class ChainCandidate:
     chosen: bool = False
 
     @property
-    def values(self) -> dict[DynamicParameter, float]:
+    def values(self) -> dict[Parameter, float]:
         """All of them."""
         return self.task.complete(self.solution.values)
 
@@ -69,34 +43,25 @@ class ChosenLaw:
     task: ChainResiduals  # with its free parameters; the others are fixed
     solution: Solution
     candidates: tuple[ChainCandidate, ...]
-    # train, judge: rows that the candidates were fitted to, and rows that decided
-    train: ChainResiduals
-    judge: ChainResiduals
-
-
-def unknown(name: DynamicParameter, start: float, span_N: float) -> Unknown:
-    """Bounds and search scale of one parameter; the output tension has the range `span_N`."""
-    if name is D.STATIC_EXCESS:
-        return Unknown(name=name, start=start, low=0, high=3, scale=0.1)
-    if name is D.ADHESION:
-        return Unknown(name=name, start=start, low=0, high=20 * span_N, scale=0.05 * span_N)
-    if name in (D.INPUT_BIAS, D.OUTPUT_BIAS):
-        return Unknown(name=name, start=start, low=-span_N, high=span_N, scale=0.05 * span_N)
-    if name is D.VISCOUS:
-        return Unknown(name=name, start=start, low=0, high=1e6, scale=max(start, 1.0))
-    factor = 20.0 if name in (D.MU_PULL, D.MU_RELEASE, D.STRIBECK_VELOCITY) else 1e3
-    safe = max(start, 1e-9)
-    scale = 0.2 if name in (D.MU_PULL, D.MU_RELEASE, D.STIFFNESS) else 0.7
-    return Unknown(name=name, start=safe, low=safe / factor, high=safe * factor, scale=scale, logarithmic=True)
+    judge: (
+        ChainResiduals | None
+    )  # the rows of validation files; None where parts of the fitted ones are held out in turn
 
 
 def fit_free(
-    task: ChainResiduals, start: Mapping[DynamicParameter, float], span_N: float, most: int, tolerance: float
+    task: ChainResiduals, start: Mapping[Parameter, float], span_N: float, most: int, tolerance: float
 ) -> Solution:
     """Fit the free parameters of a task in at most so many evaluations; `span_N` is the output tension's range."""
     return solve(
-        task.evaluate, [unknown(name, start[name], span_N) for name in task.free], most=most, tolerance=tolerance
+        task.evaluate, [name.unknown(start[name], span_N) for name in task.free], most=most, tolerance=tolerance
     )
+
+
+def candidate(name: str, task: ChainResiduals, solution: Solution, judge: ChainResiduals | None) -> ChainCandidate:
+    """A fitted law, with its errors."""
+    full = task.complete(solution.values)
+    validation = task.held_out(solution) if judge is None else replace(judge, model=task.model).error_at(full)
+    return ChainCandidate(name=name, task=task, solution=solution, fit=task.error_at(full), validation=validation)
 
 
 class _Search:
@@ -106,35 +71,33 @@ class _Search:
         self,
         task: ChainResiduals,
         validation: Sequence[FitPiece],
-        start: Mapping[DynamicParameter, float],
+        start: Mapping[Parameter, float],
         span_N: float,
         mean_N: float,
     ) -> None:
-        train, self.judge = task.split(validation)
+        self.judge = replace(task, pieces=validation) if validation else None
         self.start, self.span_N, self.mean_N = start, span_N, mean_N
         self.candidates: list[ChainCandidate] = []
-        self.best = self.attempt(train, train.fixed, "asymmetric with presliding")
+        self.best = self.attempt(task, task.fixed, "asymmetric with presliding")
 
-    def attempt(self, task: ChainResiduals, at: Mapping[DynamicParameter, float], name: str) -> ChainCandidate:
+    def attempt(self, task: ChainResiduals, at: Mapping[Parameter, float], name: str) -> ChainCandidate:
         solution = fit_free(task, at, self.span_N, 15, 1e-4)
-        full = task.complete(solution.values)
-        fit, validation = task.rms_of_chain(full), replace(self.judge, model=task.model).rms_of_chain(full)
-        found = ChainCandidate(name=name, task=task, solution=solution, fit=fit, validation=validation)
+        found = candidate(name, task, solution, self.judge)
         self.candidates.append(found)
         return found
 
-    def attempt_with(self, extra: DynamicParameter) -> ChainCandidate:
+    def attempt_with(self, extra: Parameter) -> ChainCandidate:
         """Fit the best law with one more free value; a Stribeck effect comes with its velocity."""
         more = (extra, D.STRIBECK_VELOCITY) if extra is D.STATIC_EXCESS else (extra,)
         known, task = self.best.values, self.best.task
         wider = replace(task, fixed=known, free=(*task.free, *more))
-        return self.attempt(wider, self._nudged(known, extra), f"{self.best.name}, {LAW_NAMES[extra]}")
+        return self.attempt(wider, self._nudged(known, extra), f"{self.best.name}, {extra.spec.effect}")
 
-    def _nudged(self, at: Mapping[DynamicParameter, float], extra: DynamicParameter) -> dict[DynamicParameter, float]:
+    def _nudged(self, at: Mapping[Parameter, float], extra: Parameter) -> dict[Parameter, float]:
         """A start that has something of a further effect, the friction at the mean tension being the same."""
         if extra is not D.ADHESION:
-            return {**at, extra: at[extra] + NUDGES.get(extra, 0.0)}
-        more = float(np.clip(self.start.get(extra, 0.0), NUDGES[extra] * self.mean_N, 0.1 * self.mean_N))
+            return {**at, extra: at[extra] + extra.spec.nudge}
+        more = float(np.clip(self.start.get(extra, 0.0), extra.spec.nudge * self.mean_N, 0.1 * self.mean_N))
         share = (self.mean_N + at[extra]) / (self.mean_N + at[extra] + more)
         mus = {name: share * at[name] for name in (D.MU_PULL, D.MU_RELEASE)}
         return {**at, extra: at[extra] + more, **mus}
@@ -142,21 +105,20 @@ class _Search:
     def gain(self, found: ChainCandidate) -> float:
         """Information that another law gains, or loses, by Bayes' criterion: the price of its values is taken off.
 
-        The sample size counts rows that are independent of each other, rows that judge included.
+        The sample size counts rows that are independent of each other; fitted and held-out rows count alike.
         """
         task = self.best.task
         rows = task.independent_rows(self.best.solution.residuals)
-        judging = self.judge.rows / max(task.rows, 1)
-        fit = self.best.fit.robust_rms_N / max(found.fit.robust_rms_N, 1e-300)
-        judged = self.best.validation.robust_rms_N / max(found.validation.robust_rms_N, 1e-300)
-        price = (len(found.task.free) - len(task.free)) * np.log(max(rows * (1 + judging), 2.0))
-        return float(2 * (rows * np.log(fit) + rows * judging * np.log(judged)) - price)
+        fit = self.best.fit.robust_rms / max(found.fit.robust_rms, 1e-300)
+        judged = self.best.validation.robust_rms / max(found.validation.robust_rms, 1e-300)
+        price = (len(found.task.free) - len(task.free)) * np.log(max(rows, 2.0))
+        return float(rows * (np.log(fit) + np.log(judged)) - price)
 
 
 def choose_law(
     task: ChainResiduals,
     validation: Sequence[FitPiece],
-    start: Mapping[DynamicParameter, float],
+    start: Mapping[Parameter, float],
     span_N: float,
     mean_N: float,
     *,
@@ -164,15 +126,15 @@ def choose_law(
 ) -> ChosenLaw:
     """Add to the law of a task on few masses, with a coefficient for each direction, what the data supports.
 
-    The rows of `validation` judge, or without them the last third of each piece; with `biases` the cells' offsets may
-    be free.
+    The rows of `validation` judge, or without them parts of the fitted ones in turn; with `biases` the cells' offsets
+    may be free.
     """
     scenario = task.model.values()
     base = tuple(n for n in (D.ADHESION, D.STATIC_EXCESS) if scenario[n] > 0)
     if D.STATIC_EXCESS in base:
         base = (*base, D.STRIBECK_VELOCITY)
     extras = (*CONSTANTS, *SPEED_TERMS, D.STRIBECK_VELOCITY)
-    fixed: dict[DynamicParameter, float] = {**task.fixed, **{n: scenario[n] for n in extras}}
+    fixed: dict[Parameter, float] = {**task.fixed, **{n: scenario[n] for n in extras}}
     task = replace(task, fixed=fixed, free=(*task.free, *base))
     search = _Search(task, validation, start, span_N, mean_N)
     # From one end alone a wrong symmetry is made up for by the tendon's stiffness, and hard to see afterwards.
@@ -182,24 +144,28 @@ def choose_law(
             model=replace(task.model, symmetric=True),
             free=tuple(n for n in task.free if n is not D.MU_RELEASE),
         )
-        least = SIMPLER_WITHIN * search.best.validation.robust_rms_N
+        least = TUNED.simpler_within * search.best.validation.robust_rms
         found = search.attempt(same, search.best.values, "symmetric with presliding")
-        if found.validation.robust_rms_N <= least and search.gain(found) > 0:
+        if found.validation.robust_rms <= least and search.gain(found) > 0:
             search.best = found
-    _add_constants(search, CONSTANTS if biases else (D.ADHESION,))
+    constants = CONSTANTS if biases else (D.ADHESION,)
+    _add_constants(search, constants)
+    before = search.best
     for extra in SPEED_TERMS:
         if extra not in search.best.task.free:
             _try_speed_term(search, extra)
+    if search.best is not before:  # friction that depends on speed may have hidden that which does not
+        _add_constants(search, constants)
     best = search.best
     chosen = replace(task, model=best.task.model, free=best.task.free, fixed=best.values)
     candidates = tuple(replace(law, chosen=law.name == best.name) for law in search.candidates)
     solution = fit_free(chosen, chosen.fixed, span_N, 20, 1e-4)
     for _ in range(2):
-        poor: list[DynamicParameter] = [
+        poor: list[Parameter] = [
             n
             for n in chosen.free
             if n not in (*CORE, *CONSTANTS, D.STRIBECK_VELOCITY)
-            and not solution.standard_error(n) < IDENTIFIABLE * abs(solution.values[n])
+            and not solution.standard_error(n) < TUNED.kept_free_share * abs(solution.values[n])
         ]
         if not poor:
             break
@@ -209,47 +175,47 @@ def choose_law(
         known.update({n: scenario[n] for n in poor})
         chosen = replace(chosen, fixed=known, free=tuple(n for n in chosen.free if n not in poor))
         solution = fit_free(chosen, known, span_N, 20, 1e-4)
-    judge = replace(search.judge, model=chosen.model)
-    return ChosenLaw(task=chosen, solution=solution, candidates=candidates, train=best.task, judge=judge)
+    judge = search.judge and replace(search.judge, model=chosen.model)
+    return ChosenLaw(task=chosen, solution=solution, candidates=candidates, judge=judge)
 
 
-def _add_constants(search: _Search, offered: Sequence[DynamicParameter]) -> None:
+def _add_constants(search: _Search, offered: Sequence[Parameter]) -> None:
     """Adhesion and offsets, the most useful first; two at most, for a third acts like the two together."""
     for _ in range(min(2, len(offered))):
         tried = [search.attempt_with(extra) for extra in offered if extra not in search.best.task.free]
-        useful = [found for found in tried if search.gain(found) > WORTH_A_CONSTANT]
+        useful = [found for found in tried if search.gain(found) > TUNED.worth_a_constant]
         if not useful:
             return
         search.best = max(useful, key=search.gain)
 
 
-def _try_speed_term(search: _Search, extra: DynamicParameter) -> None:
+def _try_speed_term(search: _Search, extra: Parameter) -> None:
     best, found = search.best, search.attempt_with(extra)
-    before, after = best.validation.robust_rms_N, found.validation.robust_rms_N
-    fits_better = WORTH_A_VALUE * found.fit.robust_rms_N < best.fit.robust_rms_N
-    better = WORTH_A_VALUE * after < before or (fits_better and SLIGHTLY * after < before)
+    before, after = best.validation.robust_rms, found.validation.robust_rms
+    fits_better = TUNED.worth_a_speed_term * found.fit.robust_rms < best.fit.robust_rms
+    better = TUNED.worth_a_speed_term * after < before or (fits_better and TUNED.slightly * after < before)
     if better and _is_plausible(found, extra):
         search.best = found
 
 
-def _is_plausible(found: ChainCandidate, extra: DynamicParameter) -> bool:
+def _is_plausible(found: ChainCandidate, extra: Parameter) -> bool:
     """The data tell the values of a term that depends on speed, and visit the speeds that it is about."""
     solution = found.solution
-    if not solution.values[extra] > SURE * solution.standard_error(extra):
+    if not solution.values[extra] > TUNED.sure * solution.standard_error(extra):
         return False
     if extra is not D.STATIC_EXCESS:
         return True
     velocity = solution.values[D.STRIBECK_VELOCITY]
     # Searched by its logarithm: an error as large as the value leaves every size open.
-    if not velocity > SURE * solution.standard_error(D.STRIBECK_VELOCITY):
+    if not velocity > TUNED.sure * solution.standard_error(D.STRIBECK_VELOCITY):
         return False
     slowest, fastest = visited_speeds_m_per_s(found.task, found.values)
     return slowest <= velocity <= fastest
 
 
-def visited_speeds_m_per_s(task: ChainResiduals, values: Mapping[DynamicParameter, float]) -> tuple[float, float]:
+def visited_speeds_m_per_s(task: ChainResiduals, values: Mapping[Parameter, float]) -> tuple[float, float]:
     """Slow and fast end of the speeds at which the tendon's input end moves [m/s]."""
-    positions = ((task.model.respond(values, run.drive).near_m, run.record.step_s) for run in task.pieces)
+    positions = ((task.model.predict(values, run.drive).near_m, run.record.step_s) for run in task.pieces)
     every = np.concatenate([np.abs(np.gradient(position, step_s)) for position, step_s in positions])
-    slowest, fastest = np.percentile(every[every > MOVING_SHARE * every.max()], SPEED_PERCENTILES)
+    slowest, fastest = np.percentile(every[every > TUNED.moving_share * every.max()], SPEED_PERCENTILES)
     return float(slowest), float(fastest)

@@ -5,28 +5,38 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.dynamic import CoarseFit, fit_coarse
-from tendonff.compensator.identification.fitting.residuals import gauss_newton_step
 from tendonff.compensator.identification.fitting.uncertainty import slopes_over_all
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Piece, Record
+from tendonff.compensator.identification.parameters import Parameter
 from tendonff.models.parameters import Transmission
-from tendonff.ocp.fits.chain import DynamicParameter
-
-SURE, LEAST_STEPS = 4.0, 1.0
-"""A delay is taken out when it is so many standard errors from nothing, and at least so many sampling steps."""
-
-ROUNDS = 4
-"""Most shifts that are tried one after the other: each is linear in what is left."""
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.fits.least_squares import gauss_newton_step
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Delay:
-    """How much later the output is read than the input."""
+    """How much later the output is read than the input.
+
+    Parameters
+    ----------
+    seconds, error_s : float
+        Delay and its standard error.
+    identified : bool
+        Beyond doubt, and more than a sampling step: it was taken out.
+    """
 
     seconds: float
     error_s: float
-    told: bool  # beyond doubt, and more than a sampling step: it was taken out
+    identified: bool
+
+
+def most_delay_s(records: Sequence[Record]) -> float:
+    """Longest delay that a logger is believed [s]."""
+    longest = max(float(np.ptp(p.time_s)) for r in records for p in r.pieces)
+    return min(TUNED.most_delay_s, TUNED.most_delay_share * longest)
 
 
 def align(
@@ -36,20 +46,24 @@ def align(
 
     A delay looks like viscous friction and hides adhesion, so it is found before the law is chosen.
     """
-    step = max(r.step_s for r in records)
+    step, most = max(r.step_s for r in records), most_delay_s(records)
     found, shifted, total = coarse, tuple(records), 0.0
     seconds, error = at_first = _left_in(coarse)
-    for _ in range(ROUNDS):
-        if not abs(seconds) > LEAST_STEPS * step:
+    for _ in range(TUNED.rounds + 1):
+        if not step < abs(seconds) or not abs(total + seconds) <= most:
             break
         total += seconds
         shifted = tuple(earlier(r, total) for r in records)
         found = fit_coarse(shifted, transmission, found.task.complete(found.solution.values), several=False)
         seconds, error = _left_in(found)
-    if abs(total) > max(SURE * error, LEAST_STEPS * step) and found.percent < coarse.percent:
-        return Delay(seconds=total + seconds, error_s=error, told=True), found, shifted
+    if (
+        abs(total) > max(TUNED.very_sure * error, step)
+        and abs(total + seconds) <= most
+        and found.percent < coarse.percent
+    ):
+        return Delay(seconds=total + seconds, error_s=error, identified=True), found, shifted
     seconds, error = at_first
-    return Delay(seconds=seconds, error_s=error, told=False), coarse, tuple(records)
+    return Delay(seconds=seconds, error_s=error, identified=False), coarse, tuple(records)
 
 
 def earlier(record: Record, seconds: float) -> Record:
@@ -75,10 +89,10 @@ def _shifted(piece: Piece, seconds: float) -> Piece:
 def _left_in(fit: CoarseFit) -> tuple[float, float]:
     """Delay that the residuals of a fit still hold, found together with its values and adhesion, and its error."""
     task = replace(fit.task, fixed=fit.task.complete(fit.solution.values))
-    found = slopes_over_all(task, (*task.free, DynamicParameter.ADHESION))
+    found = slopes_over_all(task, (*task.free, Parameter.ADHESION))
     rates: list[Array] = []
     for run in task.pieces:
-        response = task.model.respond(task.fixed, run.drive)
+        response = task.model.predict(task.fixed, run.drive)
         step = run.record.step_s * run.thin
         rates.append(-np.gradient(run.shaped(run.predicted(response)[0]), step)[run.good] / task.output_unit)
         if run.with_elongation:  # the output's position is read by the same clock
@@ -86,6 +100,8 @@ def _left_in(fit: CoarseFit) -> tuple[float, float]:
             rate = np.gradient(far, step)[run.good] / task.elongation_unit_m
             rates.append(rate - rate.mean())
     slopes = np.column_stack([found.slopes, np.concatenate(rates)])
+    if not np.isfinite(slopes).all() or not np.ptp(slopes[:, -1]) > 0:
+        raise SolveError("the delay of the output cannot be identified: the first fit does not move")
     seconds = float(gauss_newton_step(found.values, slopes)[-1])
     weight = 1 / np.sqrt(1 + found.values**2)
     scale = np.maximum(np.sqrt((slopes**2).sum(axis=0)), 1e-300)

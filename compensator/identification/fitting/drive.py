@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.measured.reading import RawMeasurement
 from tendonff.compensator.identification.measured.smoothing import find_cutoff_Hz, low_pass_piece, noise_of
 from tendonff.compensator.identification.result import Estimate, is_known
@@ -15,7 +16,6 @@ from tendonff.ocp.fits.drive import COULOMB, DAMPING, OFFSET, DriveRun, bristle_
 
 _LEAST_ROWS = 100
 _GAP = 5.0  # usual steps without a sample
-_MOST_RESIDUAL = 0.35  # RMS over the friction: what leaves more is not friction of this kind
 
 
 def drive_estimate(scenario: Scenario, raw: Sequence[RawMeasurement]) -> Estimate | None:
@@ -44,7 +44,7 @@ def drive_estimate(scenario: Scenario, raw: Sequence[RawMeasurement]) -> Estimat
     reach = [np.ptp(bristle_force(run.position_m, value, bristle)[0]) for run in runs]
     if not np.isfinite(error_N) or max(reach) < 1.8 * value:
         return _kept(own, "the drive never slides in both directions; add full strokes with reversals")
-    told = is_known(error_N, value) and left < _MOST_RESIDUAL * value
+    told = is_known(error_N, value) and left < TUNED.identifiable_share * value
     why = (
         f"force of the drive less the tension at its end, with a damping of {found.values[DAMPING]:.3g} N s/m and an "
         f"offset of {found.values[OFFSET]:.3g} N; residual {left:.2g} N RMS"

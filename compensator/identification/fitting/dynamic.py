@@ -5,10 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.chain_law import (
-    CONSTANTS,
-    CORE,
-    SPEED_TERMS,
     ChosenLaw,
     choose_law,
     fit_free,
@@ -29,38 +27,35 @@ from tendonff.compensator.identification.fitting.uncertainty import (
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record
 from tendonff.compensator.identification.measured.smoothing import low_pass_piece
+from tendonff.compensator.identification.parameters import (
+    CONSTANTS,
+    CORE,
+    SPEED_TERMS,
+    TENDON,
+    Parameter,
+    ParametricChain,
+)
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
-from tendonff.ocp.fits.chain import ChainModel, DynamicParameter
 from tendonff.ocp.fits.least_squares import Solution
 
-D = DynamicParameter
-
-COARSE_MASSES, COARSE_STEP_S = 8, 2e-3
-FINE_MASSES, FINE_STEP_S = 30, 1e-3
-ROBUST_UNIT = 0.02
-BRISTLE_STARTS = (0.1, 1.0, 10.0)
-MU_STARTS = (0.4, 1.0, 2.0)
-DYNAMIC_BLOCKS = 20
-"""Blocks of rows that are taken as independent: long, for friction carries an error on until the next sweep."""
-
-TENDON = (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME)
+D = Parameter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChainLaw:
     """A chain with its values."""
 
-    model: ChainModel
-    values: Mapping[DynamicParameter, float]  # all of them; what was not free has the value it was given
+    model: ParametricChain
+    values: Mapping[Parameter, float]  # all of them; what was not free has the value it was given
     explain: Explain  # OUTPUT or POSITION
 
     def predicted(self, record: Record) -> list[Prediction]:
         """Prediction of every piece of a record, low-passed as what was measured; SolveError if a simulation fails."""
         found = []
         for run in fit_pieces([record], self.explain):
-            response = self.model.respond(self.values, run.drive)
+            response = self.model.predict(self.values, run.drive)
             channels = (run.predicted(response)[0], response.elongation_m)
             explained, elongation = (low_pass_piece(x, record.step_s, record.cutoff_Hz) for x in channels)
             found.append(Prediction(explained=explained, elongation_m=elongation if run.with_elongation else None))
@@ -73,28 +68,20 @@ class DynamicFit(ChainLaw):
 
     solution: Solution  # of the free ones, with the input's noise in its covariance
     # standard error that each parameter would have if it were free as well; infinite where the data is blind
-    expected: dict[DynamicParameter, float]
+    expected: dict[Parameter, float]
     law: ChosenLaw  # with the laws that were compared
     mean_N: float  # mean output tension
     files: tuple[ByFile, ...]  # what each file says by itself; empty for a single file
     # by how much more of the wrap angle the nearer half of the path seems to carry than half [-]; 0: even
     concentration: float = 0.0
     caution: str = ""  # what could not be done about the input's noise, and what that means; empty where it was
+    bounded: frozenset[Parameter] = frozenset()  # at the least value that the data allow, without an upper limit
 
 
 def _tension_N(pieces: Sequence[FitPiece]) -> Array:
     """The tension that the law's constants are compared with, over all pieces, shape (rows,)."""
     proximal = pieces[0].explain is Explain.POSITION
     return np.concatenate([run.piece.input_N if proximal else run.piece.output_N for run in pieces])
-
-
-def relevant_size(name: DynamicParameter, value: float, mean_N: float) -> float:
-    """Size that a parameter's standard error is judged against, the mean output tension being `mean_N`."""
-    if name in (D.ADHESION, D.INPUT_BIAS, D.OUTPUT_BIAS):
-        return 0.05 * mean_N
-    if name is D.STATIC_EXCESS:
-        return 0.2
-    return abs(value)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,7 +96,7 @@ class CoarseFit:
 def fit_coarse(
     records: Sequence[Record],
     transmission: Transmission,
-    start: Mapping[DynamicParameter, float],
+    start: Mapping[Parameter, float],
     explain: Explain = Explain.OUTPUT,
     *,
     several: bool = True,
@@ -122,8 +109,8 @@ def fit_coarse(
     pieces = fit_pieces(records, explain)
     span, span_m = spans_of(pieces)
     span_N = max(float(np.ptp(_tension_N(pieces))), 1e-12)
-    model = ChainModel(
-        transmission=transmission, level=Level.PRESLIDING, count=COARSE_MASSES, longest_step_s=COARSE_STEP_S
+    model = ParametricChain(
+        transmission=transmission, level=Level.PRESLIDING, count=TUNED.coarse_masses, longest_step_s=TUNED.coarse_step_s
     )
     known = {**model.values(), **{n: v for n, v in start.items() if n not in CONSTANTS and n not in SPEED_TERMS}}
     proximal = explain is Explain.POSITION
@@ -133,9 +120,9 @@ def fit_coarse(
         pieces=pieces,
         fixed=known,
         free=CORE + (TENDON if proximal or all(r.with_elongation for r in pieces) else ()),
-        output_unit=ROBUST_UNIT * span,
-        elongation_unit_m=ROBUST_UNIT * span_m,
-        block_s=float(np.clip(seconds / DYNAMIC_BLOCKS, 0.1, 10.0)),
+        output_unit=TUNED.robust_share * span,
+        elongation_unit_m=TUNED.robust_share * span_m,
+        block_s=float(np.clip(seconds / TUNED.blocks, TUNED.least_block_s, TUNED.longest_block_s)),
     )
     starts = [
         {
@@ -144,18 +131,18 @@ def fit_coarse(
             D.MU_PULL: share * known[D.MU_PULL],
             D.MU_RELEASE: share * known[D.MU_RELEASE],
         }
-        for factor in (BRISTLE_STARTS if several else (1.0,))
-        for share in (MU_STARTS if proximal and several else (1.0,))
+        for factor in (TUNED.bristle_starts if several else (1.0,))
+        for share in (TUNED.mu_starts if proximal and several else (1.0,))
     ]
     first = min((fit_free(task, at, span_N, 5, 1e-3) for at in starts), key=lambda s: s.cost)
     solution = fit_free(task, task.complete(first.values), span_N, 10, 1e-3)
-    percent = 100 * task.rms_of_chain(task.complete(solution.values)).robust_rms_N / span
+    percent = 100 * task.error_at(task.complete(solution.values)).robust_rms / span
     return CoarseFit(task=task, solution=solution, percent=percent)
 
 
 def fit_dynamic(
     coarse: CoarseFit,
-    start: Mapping[DynamicParameter, float],
+    start: Mapping[Parameter, float],
     *,
     validation: Sequence[Record] = (),
     biases: bool = False,
@@ -164,7 +151,7 @@ def fit_dynamic(
 ) -> DynamicFit:
     """Choose the law, then fit the chain at its presliding level, from coarse to fine.
 
-    The files of `validation` judge the laws, or without them the last third of the fitted ones. With `biases` the input
+    The files of `validation` judge the laws, or without them parts of the fitted ones in turn. With `biases` the input
     cell's bias may be free, with `offsets` the output cell may have an offset that the files tell.
     """
     task = coarse.task.continued(coarse.solution)
@@ -173,13 +160,16 @@ def fit_dynamic(
     say("dynamic stage: choice of the law")
     law = choose_law(task, fit_pieces(validation, explain), start, span_N, mean_N, biases=biases)
     say("dynamic stage: fine chain")
-    fine = replace(law.task.model, count=max(FINE_MASSES, transmission.path.segments), longest_step_s=FINE_STEP_S)
+    fine = replace(
+        law.task.model, count=max(TUNED.fine_masses, transmission.path.segments), longest_step_s=TUNED.fine_step_s
+    )
     task = replace(law.task.continued(law.solution), model=fine)
     solution = fit_free(task, task.fixed, span_N, 8, 1e-5)
+    task, solution, bounded = with_lower_bound(task, solution, span_N)
     say("dynamic stage: noise on the input")
     law, task, solution, caution = look_again(law, task, solution, offsets=offsets)
     say("dynamic stage: uncertainty")
-    coarse_model = replace(task.model, count=COARSE_MASSES, longest_step_s=COARSE_STEP_S)
+    coarse_model = replace(task.model, count=TUNED.coarse_masses, longest_step_s=TUNED.coarse_step_s)
     quick = replace(task, model=coarse_model, fixed=task.complete(solution.values))
     every = (*task.free, *(n for n in D if n not in task.free))
     slopes = slopes_over_all(quick, every)
@@ -197,4 +187,31 @@ def fit_dynamic(
         files=files,
         concentration=concentration,
         caution=caution,
+        bounded=bounded,
     )
+
+
+def with_lower_bound(
+    task: ChainResiduals, solution: Solution, span_N: float
+) -> tuple[ChainResiduals, Solution, frozenset[Parameter]]:
+    """The bristle at the least stiffness that the data allow, where they set no upper limit; and whether it is there.
+
+    The more compliant of two bristles that explain the data alike is the one whose inverse asks for less.
+    """
+    size = solution.values.get(D.BRISTLE, 0.0)
+    if D.BRISTLE not in task.free or (
+        solution.standard_error(D.BRISTLE) < TUNED.identifiable_share * size and D.BRISTLE not in solution.at_bound
+    ):
+        return task, solution, frozenset()
+    model = replace(task.model, count=TUNED.coarse_masses, longest_step_s=TUNED.coarse_step_s)
+    quick, at = replace(task, model=model), task.complete(solution.values)
+    rows = task.independent_rows(solution.residuals)
+    tried = [size * TUNED.bristle_factor**k for k in (2, *range(0, -14, -1))]
+    errors = [quick.error_at({**at, D.BRISTLE: stiffness}).robust_rms for stiffness in tried]
+    allowed = [2 * rows * np.log(max(error / min(errors), 1.0)) < TUNED.very_sure for error in errors]
+    if not allowed[0]:
+        return task, solution, frozenset()
+    insensitive = all(allowed)
+    least = task.model.values()[D.BRISTLE] if insensitive else tried[max(allowed.index(False) - 1, 1)]
+    held = replace(task, free=tuple(n for n in task.free if n is not D.BRISTLE), fixed={**at, D.BRISTLE: least})
+    return held, fit_free(held, held.fixed, span_N, 5, 1e-5), frozenset(() if insensitive else (D.BRISTLE,))

@@ -7,34 +7,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.dynamic import CoarseFit, fit_coarse
-from tendonff.compensator.identification.fitting.errors import percent_of
-from tendonff.compensator.identification.fitting.residuals import TRAINING_SHARE
+from tendonff.compensator.identification.fitting.errors import percent_of, span_of
 from tendonff.compensator.identification.fitting.static import (
     CONSTANTS,
-    SIMPLER_WITHIN,
     StaticFit,
     StaticModel,
     candidates,
     fit_static,
 )
 from tendonff.compensator.identification.measured.cleaning import Record
-from tendonff.compensator.identification.result import POOR_PERCENT, CandidateLaw
+from tendonff.compensator.identification.result import CandidateLaw
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.static import StaticParameter, in_gross_sliding
 
 P = StaticParameter
-
-LARGE_ERRORS = 95.0
-"""This percentile of its errors is what a law without presliding leaves in a constant, as a standard error."""
-
-NEARLY_AS_GOOD = 1.5
-"""What a law says whose validation error is within this factor of the least, is doubt of the chosen one's answer."""
-
-BETTER_BY = 0.6
-"""The other channel is explained instead where it leaves less than this share of the error."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +33,7 @@ class StaticSelection:
 
     fit: StaticFit  # the chosen law, fitted to all records; its errors are the scatter between blocks alone
     laws: tuple[CandidateLaw, ...]  # all that were compared
-    tried: tuple[StaticFit, ...]  # the candidates as they were fitted to the training rows, in the order of `laws`
+    tried: tuple[StaticFit, ...]  # the candidates, in the order of `laws`
 
     def reported(self, adhesion_N: float) -> StaticFit:
         """The chosen law with what it leaves out in its errors.
@@ -54,14 +44,24 @@ class StaticSelection:
         least = min(law.validation_percent for law in self.laws)
         pairs = list(zip(self.tried, self.laws, strict=True))
         chosen = next(other for other, law in pairs if law.chosen)
-        rivals = [o for o, law in pairs if law.validation_percent <= NEARLY_AS_GOOD * least and o is not chosen]
-        fit = _doubted(self.fit, chosen, rivals)
+        near = [pair for pair in pairs if pair[1].validation_percent <= TUNED.nearly_as_good * least]
+        rivals = [fit for fit, law in near if fit is not chosen and not _is_beaten(fit, law, near)]
+        fit = _doubted(chosen, rivals)
         if P.OUTPUT_BIAS.value not in fit.solution.values:
             return fit
         more = dict.fromkeys(CONSTANTS, adhesion_N)
         found = {name: value + more.get(P(name), 0.0) for name, value in fit.solution.values.items()}
         values = {name: value + more.get(name, 0.0) for name, value in fit.values.items()}
         return replace(fit, values=values, solution=replace(fit.solution, values=found))
+
+
+def _is_beaten(fit: StaticFit, law: CandidateLaw, others: Sequence[tuple[StaticFit, CandidateLaw]]) -> bool:
+    """A law with more free values does better on held-out data: what this one lacks is there, and no doubt."""
+    return any(
+        set(fit.model.free) < set(other.model.free)
+        and TUNED.simpler_within * wider.validation_percent < law.validation_percent
+        for other, wider in others
+    )
 
 
 def choose_explain(
@@ -92,17 +92,17 @@ def choose_explain(
             left = chain.percent
         except SolveError:
             left = float("inf")
-    if wanted is Explain.OUTPUT or not positions or (left < POOR_PERCENT and not signed):
+    if wanted is Explain.OUTPUT or not positions or (left < TUNED.poor_percent and not signed):
         return Explain.OUTPUT, chain
     motion = StaticModel(name="motion", constants=True, presliding=True)
     moved = percent_of(fit_static(records, motion, Explain.INPUT, most=15), records)
-    return (Explain.INPUT, None) if moved < BETTER_BY * left else (Explain.OUTPUT, chain)
+    return (Explain.INPUT, None) if moved < TUNED.other_channel_below * left else (Explain.OUTPUT, chain)
 
 
 def select_static(records: Sequence[Record], validation: Sequence[Record], explain: Explain) -> StaticSelection:
     """Fit the candidates, judge them where they were not fitted, keep the simplest that is as good as the best."""
     signed = any(r.signed for r in records)
-    train, judge = (records, validation) if validation else split(records)
+    scale = 100 / max(span_of(records, explain), 1e-300)
     tried: list[tuple[StaticFit, CandidateLaw]] = []
     by_model: dict[StaticModel, StaticFit] = {}
     best_of: dict[tuple[bool, bool, bool], StaticFit] = {}
@@ -114,48 +114,48 @@ def select_static(records: Sequence[Record], validation: Sequence[Record], expla
         )
         if model.spread:
             simpler = by_model[replace(model, name=model.name.rpartition(",")[0], spread=False)]
-        fit = by_model[model] = fit_static(train, model, explain, most=40, start=simpler)
+        fit = by_model[model] = fit_static(records, model, explain, start=simpler)
         best_of[model.constants, model.presliding, model.guide] = fit
         law = CandidateLaw(
             name=model.name,
             stage="static",
             free_values=len(model.free),
-            fit_percent=percent_of(fit, train),
-            validation_percent=percent_of(fit, judge),
+            fit_percent=percent_of(fit, records),
+            validation_percent=percent_of(fit, validation) if validation else scale * fit.held_out(records).rms,
             chosen=False,
         )
         tried.append((fit, law))
     least = min(law.validation_percent for _, law in tried)
-    enough = [pair for pair in tried if pair[1].validation_percent <= SIMPLER_WITHIN * least]
+    enough = [pair for pair in tried if pair[1].validation_percent <= TUNED.simpler_within * least]
     chosen, chosen_law = min(enough, key=lambda pair: pair[1].free_values)
-    fit = chosen if train is records else fit_static(records, chosen.model, explain, start=chosen)
     laws = tuple(replace(law, chosen=law is chosen_law) for _, law in tried)
-    return StaticSelection(fit=fit, laws=laws, tried=tuple(fit for fit, _ in tried))
+    return StaticSelection(fit=chosen, laws=laws, tried=tuple(fit for fit, _ in tried))
 
 
-def _doubted(fit: StaticFit, chosen: StaticFit, rivals: Sequence[StaticFit]) -> StaticFit:
+def _doubted(fit: StaticFit, rivals: Sequence[StaticFit]) -> StaticFit:
     """Widen friction and constants of a law without presliding by what such a law leaves out.
 
     A bristle that gives before it slides shows alike after every reversal, which the scatter between blocks does not
     see: each direction's error is that of rows that are all wrong alike, hence the scatter of what single rows say. The
-    constants that a law does without move it as well: `rivals` tell by how much, against the `chosen` law as it was
-    fitted to the same rows, those that train.
+    constants that a law does without move it as well: `rivals` show by how much.
     """
     if fit.model.presliding:
         return fit
     solution, residuals = fit.solution, fit.solution.residuals
-    own, final = in_gross_sliding(chosen.values), in_gross_sliding(fit.values)
+    own = in_gross_sliding(fit.values)
     moves = np.array([np.subtract(in_gross_sliding(rival.values), own) for rival in rivals] or [(0.0, 0.0)])
     by_rivals = np.median(moves**2, axis=0)
     if not fit.model.asymmetric:
         by_rivals[:] = by_rivals.max()
     moved = {
         name: square * (fit.values[name] / sliding) ** 2
-        for name, sliding, square in zip((P.PULL, P.RELEASE), final, by_rivals, strict=True)
+        for name, sliding, square in zip((P.PULL, P.RELEASE), own, by_rivals, strict=True)
         if sliding > 0
     }
     # The errors after reversals look like a bias, through the friction for the other cell; adhesion goes with them.
-    as_bias_N = fit.unit_N * float(np.percentile(np.abs(residuals.values), LARGE_ERRORS)) * math.exp(final[0])
+    as_bias_N = (
+        fit.unit_N * float(np.percentile(np.abs(residuals.values), TUNED.large_errors_percentile)) * math.exp(own[0])
+    )
     doubt = np.array([as_bias_N**2 if P(free) in CONSTANTS else 0.0 for free in solution.values])
     for place, free in enumerate(solution.values):
         if P(free) in moved:
@@ -164,14 +164,3 @@ def _doubted(fit: StaticFit, chosen: StaticFit, rivals: Sequence[StaticFit]) -> 
             doubt[place] = by_rows + moved[P(free)]
     factors = np.sqrt(1 + doubt / np.maximum(np.diag(solution.covariance), 1e-300))
     return replace(fit, solution=replace(solution, covariance=solution.covariance * np.outer(factors, factors)))
-
-
-def split(records: Sequence[Record]) -> tuple[list[Record], list[Record]]:
-    """First and last part of every piece."""
-    early, late = [], []
-    for record in records:
-        borders = [round(TRAINING_SHARE * len(p.time_s)) for p in record.pieces]
-        pairs = list(zip(record.pieces, borders, strict=True))
-        early.append(replace(record, pieces=tuple(p.part(slice(border)) for p, border in pairs)))
-        late.append(replace(record, pieces=tuple(p.part(slice(border, None)) for p, border in pairs)))
-    return early, late

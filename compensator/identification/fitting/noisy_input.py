@@ -18,43 +18,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.compensator.identification.fitting.chain_law import LAW_NAMES, ChainCandidate, ChosenLaw
+from tendonff.compensator.identification.constants import TUNED
+from tendonff.compensator.identification.fitting.chain_law import ChosenLaw, candidate
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.smoothing import low_pass_piece
+from tendonff.compensator.identification.parameters import PARAMETERS, Parameter
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.fits.chain import DynamicParameter, input_windows
+from tendonff.ocp.fits.chain import input_windows
 from tendonff.ocp.fits.least_squares import Blocks, Residuals, Solution
 
-D = DynamicParameter
+D = Parameter
 
-MASSES, STEP_S = 8, 5e-3
-"""Of the chain whose slopes are used."""
-
-KNOT_S, LEAST_KNOT_ROWS, KNOTS_A_WINDOW, KNOTS_BEFORE = 0.05, 4, 200, 100
-"""Distance of knots, at least so many samples; knots in a window, and before it, where their effect goes on."""
-
-WIDEST = 30.0
-"""A correction where nothing was read, as behind a gap: usually so many times the noise."""
-
-ROUNDS = 3
-"""Most steps: the first is nearly all of it."""
-
-MISFIT_SHARE = 0.25
-"""A row is worth the noise of its cell and this share of what the fit has left: no model is exact."""
-
-LARGE = 3.0
-"""Residuals of more than so many times their usual size count linearly."""
-
-LEAST_SHARE = 0.5
-"""A step leaves at least this share of a value that must stay positive."""
-
-MAY_VANISH = (D.ADHESION, D.STATIC_EXCESS, D.VISCOUS)
-SIGNED = (D.INPUT_BIAS, D.OUTPUT_BIAS)
-
-SURE_OF_OFFSET, SURE_OF_ADHESION, SURE_OF_DIRECTION = 4.0, 2.0, 4.0
-"""Standard errors from nothing, and of one direction's coefficient from the other's, from which on the law has it."""
+STEP_S = 5e-3
+"""Of the coarse chain whose slopes are used."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +51,7 @@ class _Rows:
 
 
 def with_input_estimated(
-    task: ChainResiduals, solution: Solution, *, rounds: int = ROUNDS, signed: bool = False
+    task: ChainResiduals, solution: Solution, *, rounds: int = TUNED.rounds, signed: bool = False
 ) -> Solution:
     """Values with the input estimated besides, their covariance that of values and input together.
 
@@ -107,7 +85,7 @@ def _step(task: ChainResiduals, solution: Solution, *, signed: bool) -> tuple[Ar
     scores: dict[int, Array] = {}
     eliminated = []
     for rows in _windows(task, solution):
-        size = max(1.0, 1.4826 * float(np.median(np.abs(rows.residuals)))) * LARGE
+        size = max(1.0, 1.4826 * float(np.median(np.abs(rows.residuals)))) * TUNED.large_residual
         weight = 1 / np.sqrt(1 + (rows.residuals / size) ** 2)
         by_knots = weight[:, None] * rows.by_knots
         inner = rows.by_knots.T @ by_knots + rows.price
@@ -118,6 +96,8 @@ def _step(task: ChainResiduals, solution: Solution, *, signed: bool) -> tuple[Ar
         wanted -= rows.by_values.T @ (weight * rows.residuals) + told[:, :-1].T @ solved[:, -1]
         eliminated.append((rows, weight, solved))
     scale = np.sqrt(np.diag(normal))
+    if not np.all(scale > 0):
+        raise SolveError("the residuals are insensitive to one of the values")
     inverse = np.linalg.inv(normal / np.outer(scale, scale)) / np.outer(scale, scale)
     step = _feasible(normal, wanted, inverse @ wanted, _least(solution, signed=signed))
     for rows, weight, solved in eliminated:
@@ -142,8 +122,9 @@ def _clustered(inverse: Array, scores: Array) -> Array:
 def _least(solution: Solution, *, signed: bool) -> Array:
     """Largest steps downwards."""
     values = np.array(list(solution.values.values()))
-    least = np.where([D(n) in MAY_VANISH for n in solution.values], -values, (LEAST_SHARE - 1) * values)
-    least[[D(n) in (*SIGNED, *(MAY_VANISH if signed else ())) for n in solution.values]] = -np.inf
+    free = [D(n) for n in solution.values]
+    least = np.where([p.spec.may_vanish for p in free], -values, (TUNED.least_step_share - 1) * values)
+    least[[p.signed or (signed and p.spec.may_vanish) for p in free]] = -np.inf
     return least
 
 
@@ -176,28 +157,30 @@ def _windows(task: ChainResiduals, solution: Solution) -> Iterator[_Rows]:
 def _windows_of(
     task: ChainResiduals,
     run: FitPiece,
-    full: Mapping[DynamicParameter, float],
+    full: Mapping[Parameter, float],
     left: tuple[Array, Array],
     blocks: Blocks,
     usual: tuple[float, float],
 ) -> Iterator[_Rows]:
     """Windows of one piece; `left` are the residuals of the explained channel, and those of the elongation."""
-    model = replace(task.model, count=MASSES, longest_step_s=STEP_S)
+    model = replace(task.model, count=TUNED.coarse_masses, longest_step_s=STEP_S)
     every = max(1, round(STEP_S / run.record.step_s))
     drive = replace(run.drive, input_N=run.drive.input_N[::every], step_s=run.record.step_s * every)
-    response = model.respond(full, drive, task.free)
+    response = model.predict(full, drive, task.free)
     proximal = run.explain is Explain.POSITION
     by_values = (run.predicted(response)[1], response.elongation_slopes)
     noise = run.record.travel_noise_m if proximal else run.record.output_noise_N
     units, noises = (task.output_unit, task.elongation_unit_m), (noise, run.record.elongation_noise_m)
-    sizes: Array = np.hypot(np.array(noises) / np.sqrt(run.thin), MISFIT_SHARE * np.array(usual))
+    sizes: Array = np.hypot(np.array(noises) / np.sqrt(run.thin), TUNED.misfit_share * np.array(usual))
     fitted = np.flatnonzero(run.good) * run.thin * run.record.step_s
     clock = np.arange(len(run.piece.read_N)) * run.record.step_s
     grid_s = np.asarray(np.arange(len(drive.input_N)) * drive.step_s, dtype=np.float64)
     off, noise_N = run.piece.read_N - run.drive.input_N, run.record.input_noise_N
-    knot_s = max(KNOT_S, LEAST_KNOT_ROWS * run.record.step_s)
-    window_s, before_s = KNOTS_A_WINDOW * knot_s, KNOTS_BEFORE * knot_s
-    for window in input_windows(model, full, drive, knot_s=knot_s, window_s=window_s, before_s=before_s):
+    knot_s = max(TUNED.knot_s, TUNED.least_knot_rows * run.record.step_s)
+    window_s, before_s = TUNED.window_knots * knot_s, TUNED.knots_before * knot_s
+    for window in input_windows(
+        model, model.numbers_of(full), drive, knot_s=knot_s, window_s=window_s, before_s=before_s
+    ):
         at = (fitted >= window.first_s) & (fitted < window.time_s[-1])
         heard = (clock >= window.time_s[0]) & (clock < window.time_s[-1]) & run.piece.good
         if not at.any():
@@ -238,7 +221,7 @@ def _price(knots_s: Array, time_s: Array, off: Array, noise_N: float) -> tuple[A
         np.add.at(asked, before + left, x * off / noise_N)
         for right, y in ((0, 1 - share), (1, share)):
             np.add.at(price, (before + left, before + right), x * y / noise_N**2)
-    price[np.diag_indices(count)] += 1 / (WIDEST * noise_N) ** 2
+    price[np.diag_indices(count)] += 1 / (TUNED.widest_correction * noise_N) ** 2
     price[-1, -1] = 1e-12
     return price, asked
 
@@ -282,8 +265,8 @@ def _looked_again(
     told = with_input_estimated(
         wide, replace(solution, values=at, residuals=residuals_of(wide, at)), rounds=1, signed=True
     )
-    own, dropped = task.model.values(), set[DynamicParameter]()
-    for name, sure in ((D.OUTPUT_BIAS, SURE_OF_OFFSET), (D.ADHESION, SURE_OF_ADHESION)):
+    own, dropped = task.model.values(), set[Parameter]()
+    for name, sure in ((D.OUTPUT_BIAS, TUNED.very_sure), (D.ADHESION, TUNED.sure)):
         if name in free and own[name] == 0:
             size = abs(told.values[name]) if name is D.OUTPUT_BIAS else told.values[name]
             if not size > sure * told.standard_error(name):
@@ -304,7 +287,7 @@ def _looked_again(
     return _renamed(law, chosen, found), chosen, found
 
 
-def _without(solution: Solution, name: DynamicParameter) -> Solution:
+def _without(solution: Solution, name: Parameter) -> Solution:
     """Values and covariance of the others where one of them is nothing."""
     place, covariance = list(solution.values).index(name), solution.covariance
     share, size = covariance[:, place] / covariance[place, place], solution.values[name]
@@ -320,7 +303,7 @@ def _is_symmetric(solution: Solution) -> bool:
     covariance = solution.covariance
     variance = covariance[pull, pull] + covariance[release, release] - 2 * covariance[pull, release]
     apart = abs(solution.values[D.MU_PULL] - solution.values[D.MU_RELEASE])
-    return bool(apart < SURE_OF_DIRECTION * np.sqrt(max(variance, 0.0)))
+    return bool(apart < TUNED.very_sure * np.sqrt(max(variance, 0.0)))
 
 
 def _renamed(law: ChosenLaw, task: ChainResiduals, solution: Solution) -> ChosenLaw:
@@ -328,18 +311,12 @@ def _renamed(law: ChosenLaw, task: ChainResiduals, solution: Solution) -> Chosen
     if set(task.free) == set(law.task.free) and task.model.symmetric == law.task.model.symmetric:
         return law
     name = "symmetric with presliding" if task.model.symmetric else "asymmetric with presliding"
-    name += "".join(f", {LAW_NAMES[extra]}" for extra in LAW_NAMES if extra in task.free)
-    full = task.complete(solution.values)
-    train, judge = (
-        replace(part, model=replace(part.model, symmetric=task.model.symmetric)) for part in (law.train, law.judge)
-    )
-    own = ChainCandidate(
-        name=name,
-        task=task,
-        solution=solution,
-        fit=train.rms_of_chain(full),
-        validation=judge.rms_of_chain(full),
-        chosen=True,
-    )
+    name += "".join(f", {extra.spec.effect}" for extra in PARAMETERS if extra.spec.effect and extra in task.free)
+    judge = law.judge and replace(law.judge, model=replace(law.judge.model, symmetric=task.model.symmetric))
+    quick = replace(law.task, model=replace(law.task.model, symmetric=task.model.symmetric), free=task.free)
+    values = task.complete(solution.values)
+    quick = replace(quick, fixed=values)
+    found = quick.evaluate({name: values[D(name)] for name in solution.values})
+    own = replace(candidate(name, quick, replace(solution, residuals=found), judge), chosen=True)
     others = [replace(one, chosen=False) for one in law.candidates if one.name != name]
     return replace(law, candidates=(*others, own), judge=judge)

@@ -8,33 +8,28 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import correlate
 
+from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.errors import centred, explained
+from tendonff.compensator.identification.fitting.judging import (
+    FAILED,
+    Folds,
+    OutputError,
+    error_of,
+    folds_of,
+    values_without,
+)
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import SHORT_GAP_ROWS, Piece, Record
 from tendonff.compensator.identification.measured.smoothing import low_pass_piece
+from tendonff.compensator.identification.parameters import Parameter, ParametricChain
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.fits.chain import ChainModel, ChainResponse, Drive, DynamicParameter
+from tendonff.ocp.fits.chain import ChainResponse, Drive
 from tendonff.ocp.fits.least_squares import Residuals, Solution
 
-D = DynamicParameter
 _T = TypeVar("_T", np.float64, np.int_)
 
-FORGET_SHARE, FORGET_MOST = 0.6, 0.3
-"""Rows before the input has swept this share of its range are not fitted, for what the tendon did before the first row
-is not known and friction remembers it; at most this share of a piece is given up for that."""
-
-FORGET_BRIDGE = 0.85
-"""The same after a bridge, whose extremes are guesses: only a nearly full sweep undoes them."""
-
-SMALL_PIECE = 0.5
-"""The range that counts is the piece's own, which nothing in it leaves, but at least this share of the widest file's:
-small moves may stay where the tendon does not slide."""
-
 FAILED_RESIDUAL = 1e3
-
-TRAINING_SHARE = 0.65
-"""Without validation files the law is fitted to this share of each piece and judged on the rest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,12 +92,12 @@ def fit_pieces(records: Sequence[Record], explain: Explain = Explain.OUTPUT) -> 
         thin = max(1, int(1 / (6 * record.cutoff_Hz * record.step_s)))
         edge = int(0.5 / (record.cutoff_Hz * record.step_s))
         for piece in record.pieces:
-            good, span = piece.good.copy(), max(float(np.ptp(piece.input_N)), SMALL_PIECE * widest)
-            most = int(FORGET_MOST * len(good))
-            good[: min(max(_rows_to_sweep(piece.input_N, FORGET_SHARE * span), edge), most)] = False
+            good, span = piece.good.copy(), max(float(np.ptp(piece.input_N)), TUNED.small_piece * widest)
+            most = int(TUNED.forget_most * len(good))
+            good[: min(max(_rows_to_sweep(piece.input_N, TUNED.forget_share * span), edge), most)] = False
             good[len(good) - edge :] = False  # the low-pass has one side only
             for end in _gap_ends(piece.good):
-                good[end : end + min(_rows_to_sweep(piece.input_N[end:], FORGET_BRIDGE * span), most)] = False
+                good[end : end + min(_rows_to_sweep(piece.input_N[end:], TUNED.forget_bridge * span), most)] = False
             first = piece.input_N[0] if explain is Explain.POSITION else piece.output_N[0]
             drive = Drive(
                 input_N=piece.input_N,
@@ -117,21 +112,13 @@ def fit_pieces(records: Sequence[Record], explain: Explain = Explain.OUTPUT) -> 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OutputError:
-    """Error of a predicted output over some rows."""
-
-    rms_N: float
-    robust_rms_N: float  # with large deviations counted linearly
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ChainResiduals:
     """Residuals of a chain model over pieces, in given units."""
 
-    model: ChainModel
+    model: ParametricChain
     pieces: Sequence[FitPiece]
-    fixed: Mapping[DynamicParameter, float]
-    free: tuple[DynamicParameter, ...]
+    fixed: Mapping[Parameter, float]
+    free: tuple[Parameter, ...]
     output_unit: float
     elongation_unit_m: float
     block_s: float
@@ -143,12 +130,9 @@ class ChainResiduals:
         """Fitted rows of the output."""
         return sum(int(run.good.sum()) for run in self.pieces)
 
-    def complete(self, values: Mapping[str, float]) -> dict[DynamicParameter, float]:
+    def complete(self, values: Mapping[str, float]) -> dict[Parameter, float]:
         """All parameters from the free ones."""
-        full = {**self.fixed, **{D(name): value for name, value in values.items()}}
-        if self.model.symmetric:
-            full[D.MU_RELEASE] = full[D.MU_PULL]
-        return full
+        return self.model.tied({**self.fixed, **{Parameter(name): value for name, value in values.items()}})
 
     def continued(self, solution: Solution) -> "ChainResiduals":
         """The task from a solution on, in units of the size of its residuals, which decides how each channel counts."""
@@ -163,7 +147,7 @@ class ChainResiduals:
         parts: list[tuple[Array, Array, Array]] = []
         try:
             for number, run in enumerate(self.pieces):
-                response = self.model.respond(full, run.drive, self.free)
+                response = self.model.predict(full, run.drive, self.free)
                 good = run.good
                 block = np.floor(run.piece.time_s[:: run.thin][good] / self.block_s) + self.BLOCKS_A_PIECE * number
                 prediction, by = run.predicted(response)
@@ -182,37 +166,39 @@ class ChainResiduals:
         differences, slopes, blocks = (np.concatenate(column) for column in zip(*parts, strict=True))
         return Residuals(values=differences, slopes=slopes, blocks=blocks.astype(np.int64))
 
-    def split(self, validation: Sequence[FitPiece]) -> tuple["ChainResiduals", "ChainResiduals"]:
-        """A task to fit and one to judge: on `validation`, or on the last part of each piece."""
-        if validation:
-            return self, replace(self, pieces=validation)
-        early, late = [], []
-        for run in self.pieces:
-            usable = np.flatnonzero(run.good)
-            border = usable[int(TRAINING_SHARE * (len(usable) - 1))] if usable.size else 0
-            rows = np.arange(len(run.good))
-            early.append(replace(run, good=run.good & (rows <= border)))
-            late.append(replace(run, good=run.good & (rows > border)))
-        return replace(self, pieces=early), replace(self, pieces=late)
+    def folds(self) -> list[Folds]:
+        """Held-out part of every fitted row of the explained channel, piece by piece."""
+        return folds_of([(run.record.name, run.piece.time_s[:: run.thin][run.good]) for run in self.pieces])
 
-    def rms_of_chain(self, full: Mapping[DynamicParameter, float]) -> "OutputError":
-        """Error of the chain's output."""
-        return self.rms_of(lambda run: run.predicted(self.model.respond(full, run.drive))[0])
+    def held_out(self, solution: Solution) -> OutputError:
+        """Error of the chain on parts that it was not fitted to, in turn."""
+        folds = self.folds()
+        rows = [
+            np.concatenate([f, f] if run.with_elongation else [f]) for run, f in zip(self.pieces, folds, strict=True)
+        ]
+        without = {
+            fold: self.complete(values) for fold, values in values_without(solution, np.concatenate(rows)).items()
+        }
+        return self.error(lambda run, fold: self.predicted(without[fold], run), folds)
 
-    def rms_of(self, predict: Callable[[FitPiece], Array]) -> "OutputError":
-        """Error of a prediction of the output over the fitted rows: one measure for all laws."""
-        total, squares, rows = 0.0, 0.0, 0
-        for run in self.pieces:
+    def predicted(self, full: Mapping[Parameter, float], run: FitPiece) -> Array:
+        """The explained channel by the chain."""
+        return run.predicted(self.model.predict(full, run.drive))[0]
+
+    def error_at(self, full: Mapping[Parameter, float]) -> OutputError:
+        """Error of the chain at given values."""
+        return self.error(lambda run, _: self.predicted(full, run))
+
+    def error(self, predict: Callable[[FitPiece, int], Array], folds: Sequence[Folds] | None = None) -> OutputError:
+        """Error of a prediction over the fitted rows, which may differ from part to part: one measure for all laws."""
+        parts = []
+        for number, run in enumerate(self.pieces):
+            own = np.zeros(int(run.good.sum()), dtype=np.int64) if folds is None else folds[number]
             try:
-                found = predict(run)
+                parts += [run.off(predict(run, fold))[own == fold] for fold in np.unique(own).tolist()]
             except SolveError:
-                return OutputError(rms_N=float("inf"), robust_rms_N=float("inf"))
-            off = run.off(found) / self.output_unit
-            total += float(np.sum(2 * (np.sqrt(1 + off**2) - 1)))
-            squares += float(np.sum(off**2))
-            rows += len(off)
-        robust, plain = (self.output_unit * float(np.sqrt(x / max(rows, 1))) for x in (total, squares))
-        return OutputError(rms_N=plain, robust_rms_N=robust)
+                return FAILED
+        return error_of(parts, self.output_unit)
 
     def independent_rows(self, residuals: Residuals) -> float:
         """Rows of the output that are independent of each other, by the residuals' autocorrelation."""
@@ -255,11 +241,3 @@ def spans_of(pieces: Sequence[FitPiece]) -> tuple[float, float]:
     output = max(r.measured.max() for r in pieces) - min(r.measured.min() for r in pieces)
     travel = max((float(np.ptp(r.piece.elongation_m())) for r in pieces if r.with_elongation), default=1.0)
     return max(float(output), 1e-15), max(travel, 1e-15)
-
-
-def gauss_newton_step(residuals: Array, slopes: Array) -> Array:
-    """Change of the values that the residuals ask for, large ones counted linearly, shape (k,)."""
-    weight = 1 / np.sqrt(1 + residuals**2)
-    scale = np.maximum(np.sqrt((slopes**2).sum(axis=0)), 1e-300)
-    scaled = slopes / scale
-    return np.asarray(-np.linalg.lstsq(np.sqrt(weight)[:, None] * scaled, np.sqrt(weight) * residuals)[0] / scale)

@@ -14,23 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import Piece, Record, clean
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.models.capstan import Branch
 
-FAST_SHARE, TRAVEL_SHARE = 0.5, 0.4
-"""Gross sliding: faster than a share of the usual top speed, further from the reversal than a share of the stroke."""
-
-LEAST_ROWS = 50
-MOST_REFUSED = 0.05
-"""A direction with more than this share of readings at or below zero has no ratio."""
-
 SLIPPED_SHARE = 0.3
 """The path slips once the far tension has moved by so much of its range since its last reversal."""
 
 NEARLY, LEAST_STROKES = 0.95, 3
+
+LEAST_GOOD = 0.5
+"""Share of a stroke that a cell must have measured: the ratio is the same all along it."""
 
 FLOOR = 0.01
 """Standard error of the method as a share of the coefficient: bristles fill up without end."""
@@ -60,9 +57,12 @@ def _ratio(branch: Branch, records: Sequence[Record]) -> SlidingRatio:
     near, far = (np.concatenate([getattr(p, name)[rows] for p, rows in pieces]) for name in ("input_N", "output_N"))
     positive = (near > 0) & (far > 0)
     total, refused = len(near), int((~positive).sum())
-    if total < LEAST_ROWS:
-        reason = f"{total} rows slide fast and far enough from a reversal, {LEAST_ROWS} are needed; use longer strokes"
-    elif refused > MOST_REFUSED * total:
+    if total < TUNED.least_sliding_rows:
+        reason = (
+            f"{total} samples slide fast and far enough from a reversal, {TUNED.least_sliding_rows} are needed; "
+            "use longer strokes"
+        )
+    elif refused > TUNED.most_refused * total:
         reason = (
             f"{100 * refused / total:.3g} % of the sliding rows have a reading at or below zero, where ln(T_in/T_out) "
             "is undefined: a biased cell or signed data; zero the cells without tension and measure again"
@@ -80,9 +80,9 @@ def _sliding(piece: Piece, step_s: float, branch: Branch) -> Mask:
     speed = np.gradient(q, step_s)
     top = float(np.percentile(np.abs(speed), 98))
     sign = 1.0 if branch is Branch.PULL else -1.0
-    moving = sign * speed > FAST_SHARE * top
+    moving = sign * speed > TUNED.fast_share * top
     travelled = sign * (q - q[last_reversal(q)])
-    return np.asarray(moving & (travelled > TRAVEL_SHARE * float(np.ptp(q))))
+    return np.asarray(moving & (travelled > TUNED.travel_share * float(np.ptp(q))))
 
 
 def last_reversal(q: Array) -> NDArray[np.int64]:
@@ -141,13 +141,14 @@ def friction_by_section(
         return ()
     between = sorted(zip(how.tension_angles_rad, how.tension_columns, strict=True))
     cells = [(0.0, how.input_column), *between]
-    to_end = [_to_the_end(files, how, column, adhesion_N) for _, column in cells]
-    to_end.append({branch: np.zeros_like(strokes) for branch, strokes in to_end[0].items()})
+    strokes = _slipping_strokes(files, how)
+    to_end = [_to_the_end(files, how, column, adhesion_N, strokes) for _, column in cells]
+    to_end.append({branch: np.zeros_like(ratios) for branch, ratios in to_end[0].items()})
     cells.append((theta_rad, how.output_column))
     found = []
     for ((start_rad, start), near), ((stop_rad, stop), far) in pairwise(zip(cells, to_end, strict=True)):
         angle = stop_rad - start_rad
-        pull, release = ((near[b] - far[b]) / angle for b in (Branch.PULL, Branch.RELEASE))
+        pull, release = (_known(near[b] - far[b], b, (start, stop)) / angle for b in (Branch.PULL, Branch.RELEASE))
         found.append(
             SectionFriction(
                 start=start,
@@ -169,15 +170,21 @@ def _error(strokes: Array) -> float:
     return float(np.hypot(scatter, FLOOR * np.median(strokes)))
 
 
-def _to_the_end(files: Sequence[Path], how: Measurement, column: str, adhesion_N: float) -> dict[Branch, Array]:
-    """Logarithm of the tension at a cell over that at the far end: its median in each stroke that slips."""
-    own = column == how.input_column
-    pair = replace(
-        how, input_column=column, input_offset_N=how.input_offset_N if own else None, skip_s=how.skip_s or 0.0
-    )
-    found: dict[Branch, list[float]] = {branch: [] for branch in Branch}
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Stroke:
+    """Rows of a file in which the far end slips."""
+
+    file: Path
+    branch: Branch
+    start_s: float
+    stop_s: float
+
+
+def _slipping_strokes(files: Sequence[Path], how: Measurement) -> list[_Stroke]:
+    """Strokes of the far end, between which all cells are compared."""
+    found = []
     for file in files:
-        for piece in clean(read_measurement(file, pair), pair).pieces:
+        for piece in clean(read_measurement(file, how), how).pieces:
             far = piece.output_N
             turns = last_reversal(far)
             moved = np.abs(far - far[turns])
@@ -188,13 +195,38 @@ def _to_the_end(files: Sequence[Path], how: Measurement, column: str, adhesion_N
                 last = int(np.argmax(moved[stroke] >= NEARLY * moved[stroke].max()))
                 rows = stroke[:last][moved[stroke[:last]] > enough]
                 if len(rows):
-                    lifted = (piece.input_N[rows] + adhesion_N) / (far[rows] + adhesion_N)
                     branch = Branch.PULL if far[rows[0]] > far[turn] else Branch.RELEASE
-                    found[branch].append(float(np.log(np.median(lifted))))
-    for branch, strokes in found.items():
-        if len(strokes) < LEAST_STROKES:
-            raise InputError(
-                f"friction by section: the far end slips in {len(strokes)} strokes ({branch}), {LEAST_STROKES} are "
-                "needed; pull and release further"
-            )
-    return {branch: np.array(strokes) for branch, strokes in found.items()}
+                    times = piece.time_s[rows[[0, -1]]].tolist()
+                    found.append(_Stroke(file=file, branch=branch, start_s=times[0], stop_s=times[1]))
+    return found
+
+
+def _to_the_end(
+    files: Sequence[Path], how: Measurement, column: str, adhesion_N: float, strokes: Sequence[_Stroke]
+) -> dict[Branch, Array]:
+    """Logarithm of the tension at a cell over that at the far end: its median in each stroke; NaN in one with a gap."""
+    own = column == how.input_column
+    pair = replace(
+        how, input_column=column, input_offset_N=how.input_offset_N if own else None, skip_s=how.skip_s or 0.0
+    )
+    pieces = {file: clean(read_measurement(file, pair), pair).pieces for file in files}
+    found: dict[Branch, list[float]] = {branch: [] for branch in Branch}
+    for stroke in strokes:
+        ratio = np.nan
+        for piece in pieces[stroke.file]:
+            rows = (piece.time_s >= stroke.start_s) & (piece.time_s <= stroke.stop_s)
+            if rows.any() and piece.good[rows].mean() > LEAST_GOOD:
+                ratio = float(np.median((piece.input_N[rows] + adhesion_N) / (piece.output_N[rows] + adhesion_N)))
+        found[stroke.branch].append(np.log(ratio) if ratio > 0 else np.nan)
+    return {branch: np.array(ratios) for branch, ratios in found.items()}
+
+
+def _known(strokes: Array, branch: Branch, cells: tuple[str, str]) -> Array:
+    """Strokes that both cells measured; InputError where they are too few."""
+    known = strokes[np.isfinite(strokes)]
+    if len(known) < LEAST_STROKES:
+        raise InputError(
+            f"friction by section: the far end slips in {len(known)} strokes ({branch}) that {cells[0]} and {cells[1]} "
+            f"measured without a gap, {LEAST_STROKES} are needed; pull and release further"
+        )
+    return known

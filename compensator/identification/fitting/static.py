@@ -1,27 +1,24 @@
 """Stage (a): static friction, adhesion and the cells' bias, and which of the laws the data supports."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.errors import Prediction, explained, span_of
+from tendonff.compensator.identification.fitting.judging import (
+    Folds,
+    OutputError,
+    error_of,
+    folds_of,
+    values_without,
+)
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import Piece, Record
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.fits.least_squares import Blocks, Residuals, Solution, Unknown, solve
 from tendonff.ocp.fits.static import NEUTRAL, ORDER, Response, StaticParameter, input_from_output, output_from_input
-
-ROBUST_UNIT = 0.03
-"""Residuals beyond this share of the range count linearly instead of squared."""
-
-SIMPLER_WITHIN = 1.02
-"""The simplest law whose validation error is within this factor of the least is chosen."""
-
-EXPONENT_STARTS = (0.02, 0.1, 0.3, 0.6, 1.2, 2.5, 4.0)
-MOST_EXPONENT = 8.0
-BLOCKS_WANTED = 60
-LEAST_SPREAD = 1e-3
 
 P = StaticParameter
 CONSTANTS = (P.ADHESION, P.INPUT_BIAS, P.OUTPUT_BIAS)
@@ -63,6 +60,18 @@ class StaticFit:
     solution: Solution
     unit_N: float  # of the solution's residuals
     middle_m: float  # middle of the input end's travel in the fitted records, where the guide's force is zero
+    # all values by a fit without each of the held-out parts
+    without: Mapping[int, dict[StaticParameter, float]] = field(default_factory=dict)
+
+    def held_out(self, records: Sequence[Record]) -> OutputError:
+        """Error on parts of the fitted records that each was not fitted to, in turn."""
+        runs = list(_runs(records, self.explain))
+        parts = []
+        for run, folds in zip(runs, _folds(runs), strict=True):
+            for fold in np.unique(folds).tolist():
+                found = respond(self.without[fold], run.piece, self.explain, self.middle_m, run.thin).prediction_N
+                parts.append((found - run.wanted)[run.good][folds == fold])
+        return error_of(parts, self.unit_N)
 
     def stands_out(self, bias: StaticParameter) -> bool:
         """A bias that was fitted differs from zero beyond its doubt; with presliding there is no more to doubt."""
@@ -79,6 +88,7 @@ class StaticFit:
 class _Run:
     """A piece, thinned to what the low-pass leaves, with its explained channel."""
 
+    name: str  # of the file
     piece: Piece
     thin: int
     wanted: Array
@@ -126,7 +136,13 @@ def _runs(records: Sequence[Record], explain: Explain) -> Iterator[_Run]:
         # Ten samples in the cut-off's period: a low-passed channel holds no more.
         thin = max(1, int(1 / (10 * record.cutoff_Hz * record.step_s)))
         for piece in record.pieces:
-            yield _Run(piece=piece, thin=thin, wanted=explained(piece, explain)[::thin], good=piece.good[::thin])
+            yield _Run(
+                name=record.name,
+                piece=piece,
+                thin=thin,
+                wanted=explained(piece, explain)[::thin],
+                good=piece.good[::thin],
+            )
 
 
 def fit_static(
@@ -153,7 +169,7 @@ def _fit(
 ) -> StaticFit:
     runs, middle = list(_runs(records, explain)), middle_of(records)
     span = max(span_of(records, explain), 1e-12)
-    unit = ROBUST_UNIT * span
+    unit = TUNED.static_robust_share * span
     unknowns = _unknowns(records, free, span, start)
     seconds = sum(float(np.ptp(r.piece.time_s)) for r in runs)
     blocks = block_numbers([r.piece.time_s[:: r.thin][r.good] for r in runs], seconds)
@@ -173,18 +189,32 @@ def _fit(
         return Residuals(values=np.concatenate(differences), slopes=by_free, blocks=blocks)
 
     first = min(
-        (_with_exponent(unknowns, a) for a in (EXPONENT_STARTS if start is None else ())),
+        (_with_exponent(unknowns, a) for a in (TUNED.exponent_starts if start is None else ())),
         key=lambda us: float(np.sum(np.sqrt(1 + evaluate({u.name: u.start for u in us}).values ** 2))),
         default=unknowns,
     )
     solution = solve(evaluate, first, most=most)
     values = complete(solution.values, model)
-    return StaticFit(model=model, explain=explain, values=values, solution=solution, unit_N=unit, middle_m=middle)
+    without = values_without(solution, np.concatenate(_folds(runs)))
+    return StaticFit(
+        model=model,
+        explain=explain,
+        values=values,
+        solution=solution,
+        unit_N=unit,
+        middle_m=middle,
+        without={fold: complete(some, model) for fold, some in without.items()},
+    )
+
+
+def _folds(runs: Sequence[_Run]) -> list[Folds]:
+    """Held-out part of every fitted row, run by run."""
+    return folds_of([(run.name, run.piece.time_s[:: run.thin][run.good]) for run in runs])
 
 
 def block_numbers(clocks_s: Sequence[Array], seconds: float) -> Blocks:
     """Block of every row, the runs with these clocks one after the other; together they take `seconds`."""
-    block_s = float(np.clip(seconds / BLOCKS_WANTED, 0.1, 5.0))
+    block_s = float(np.clip(seconds / TUNED.static_blocks, TUNED.least_block_s, TUNED.longest_block_s / 2))
     return np.concatenate([np.floor(t / block_s).astype(np.int64) + 10_000_000 * k for k, t in enumerate(clocks_s)])
 
 
@@ -215,14 +245,14 @@ def _unknowns(
         bristle = 20 * span / travel
     adhesion = max(known.get(P.ADHESION, 0.0), least + 0.05 * far_span)
     usual = {
-        P.PULL: (known.get(P.PULL, 0.5), 0, MOST_EXPONENT, 0.2),
-        P.RELEASE: (known.get(P.RELEASE, 0.5), 0, MOST_EXPONENT, 0.2),
+        P.PULL: (known.get(P.PULL, 0.5), 0, TUNED.most_exponent, 0.2),
+        P.RELEASE: (known.get(P.RELEASE, 0.5), 0, TUNED.most_exponent, 0.2),
         P.ADHESION: (adhesion, least, 20 * far_span, 0.1 * far_span),
         P.INPUT_BIAS: (known.get(P.INPUT_BIAS, 0.0), -span, span, 0.05 * span),
         P.OUTPUT_BIAS: (0.0, -span, span, 0.05 * span),
         P.BRISTLE: (bristle, span / travel, 1e5 * span / travel, 1),
         P.BRISTLE_SPREAD: (1.0, 0, 6, 0.5),
-        **dict.fromkeys((P.PULL_SPREAD, P.RELEASE_SPREAD), (LEAST_SPREAD + 0.3, LEAST_SPREAD, 1, 0.2)),
+        **dict.fromkeys((P.PULL_SPREAD, P.RELEASE_SPREAD), (TUNED.least_spread + 0.3, TUNED.least_spread, 1, 0.2)),
         P.GUIDE: (known.get(P.GUIDE, 0.0), -10 * span / travel, 10 * span / travel, 0.1 * span / travel),
     }
     unknowns = []

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.static import block_numbers
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import Piece, Record
@@ -15,11 +16,6 @@ from tendonff.ocp.fits.least_squares import Residuals, Unknown, solve
 from tendonff.ocp.fits.static import StaticParameter
 
 PROFILE_POINTS = 9
-EXPLAINED_ENOUGH = 0.8
-"""Share of the elongation's variance below which the law does not describe it."""
-
-HOLD_SHARE = 0.02
-"""A hold: the tension stays within this share of its range."""
 
 
 def mean_tension(piece: Piece, values: Mapping[StaticParameter, float]) -> Array:
@@ -54,7 +50,7 @@ def longest_hold_s(records: Sequence[Record]) -> float:
     for record in records:
         thin = max(1, int(0.02 / record.step_s))
         for piece in record.pieces:
-            holds = stretches_within(piece.input_N[::thin], HOLD_SHARE * span)
+            holds = stretches_within(piece.input_N[::thin], TUNED.hold_share * span)
             longest = max(longest, *((stop - 1 - start) * (record.step_s * thin) for start, stop in holds))
     return longest
 

@@ -8,67 +8,36 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.compensator.identification.fitting.residuals import ChainResiduals, gauss_newton_step
+from tendonff.compensator.identification.constants import TUNED
+from tendonff.compensator.identification.fitting.residuals import ChainResiduals
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record
+from tendonff.compensator.identification.parameters import Parameter
 from tendonff.models.path import Section
-from tendonff.ocp.fits.chain import DynamicParameter
-from tendonff.ocp.fits.least_squares import Residuals, Solution, block_covariance
+from tendonff.ocp.fits.least_squares import Residuals, Solution, block_covariance, gauss_newton_step
 
-D = DynamicParameter
-
-FLOORS = {
-    D.MU_PULL: 0.002,
-    D.MU_RELEASE: 0.003,
-    D.BRISTLE: 0.015,
-    D.STIFFNESS: 0.002,
-    D.RELAXING: 0.005,
-    D.RELAXATION_TIME: 0.01,
-}
-"""Standard error of the method itself as a share of the value, seen on simulated rigs: masses and steps are finite, and
-no device has exactly these laws."""
-
-ALIKE = {D.BRISTLE: 3.0}
-"""A bristle that fills up by another law shows alike in all blocks: their scatter tells a third of what it does to the
-stiffness, seen on simulated rigs."""
-
-ADHESION_FLOOR = 0.0008
-"""The same for adhesion and offsets, as a share of the mean output tension."""
+D = Parameter
 
 ALTERNATIVES = (D.ADHESION, D.STATIC_EXCESS, D.OUTPUT_BIAS)
 """Each may be missing in the law although it acts; they are averaged over by what the data say of them."""
 
-TRIED_CONCENTRATION = 0.3
-"""The path whose nearer half carries so much more than half of the wrap angle is one more of them."""
-
-UNEVEN_FROM = 3.0
-"""From this logarithm of the evidence on a path that is not even is spoken of."""
-
-POSITIVE = tuple(n for n in D if n not in (D.INPUT_BIAS, D.OUTPUT_BIAS))
-
-LEAST_FILES = 3
-"""So many files show a scatter between them."""
-
-WORTH_TELLING = 0.02
-"""Scatter between files from which on it is told, as a share of the value."""
-
-SURE_OF_DRIFT = 3.0
-OFTEN_ASKED = (D.MU_PULL, D.MU_RELEASE, D.ADHESION, D.BRISTLE, D.STIFFNESS)
+WATCHED = (D.MU_PULL, D.MU_RELEASE, D.ADHESION, D.BRISTLE, D.STIFFNESS)
+"""Values whose differences between files are reported."""
 
 
-def slopes_over_all(task: ChainResiduals, names: Sequence[DynamicParameter]) -> Residuals:
+def slopes_over_all(task: ChainResiduals, names: Sequence[Parameter]) -> Residuals:
     """Residuals at the fixed values with slopes over all of `names`."""
     return replace(task, free=tuple(names)).evaluate({str(n): task.fixed[n] for n in names})
 
 
-def expected_errors(found: Residuals, names: Sequence[DynamicParameter]) -> dict[DynamicParameter, float]:
+def expected_errors(found: Residuals, names: Sequence[Parameter]) -> dict[Parameter, float]:
     """Standard errors if all of `names` were free, by the slopes over them at the present values."""
     covariance, _ = block_covariance(found, robust=True)
     return dict(zip(names, np.sqrt(np.diag(covariance)), strict=True))
 
 
 def with_other_laws(
-    solution: Solution, found: Residuals, names: Sequence[DynamicParameter], task: ChainResiduals
+    solution: Solution, found: Residuals, names: Sequence[Parameter], task: ChainResiduals
 ) -> tuple[Solution, float]:
     """Add to the covariance what laws with one more effect make doubtful, each weighted by what the data say of it.
 
@@ -82,8 +51,10 @@ def with_other_laws(
     independent = task.independent_rows(found)
     own_step, own_size = _newton(found, free)
     own, _ = block_covariance(replace(found, slopes=found.slopes[:, free]), robust=True)
+    if not np.isfinite(own).all():  # nothing to add to what is not known
+        return solution, 0.0
     moves, spreads, evidence = [np.zeros(len(free))], [own], [0.0]
-    others: list[tuple[DynamicParameter | None, Residuals, int]] = [
+    others: list[tuple[Parameter | None, Residuals, int]] = [
         (extra, found, names.index(extra)) for extra in ALTERNATIVES if names.index(extra) not in free
     ]
     uneven = _with_concentration(found, task)
@@ -94,7 +65,7 @@ def with_other_laws(
         columns = [*free, column]
         step, size = _newton(slopes, columns)
         covariance, _ = block_covariance(replace(slopes, slopes=slopes.slopes[:, columns]), robust=True)
-        feasible = extra is None or extra not in POSITIVE or step[-1] + task.fixed[extra] > 0
+        feasible = extra is None or extra.signed or step[-1] + task.fixed[extra] > 0
         if not (feasible and np.isfinite(covariance).all()):
             continue
         said = independent / 2 * float(np.log(own_size / size)) - 1
@@ -102,7 +73,7 @@ def with_other_laws(
         spreads.append(covariance[:-1, :-1])
         # The choice of the law has turned the others down already; nobody has asked for this one yet.
         evidence.append(said if extra is None else min(said, 0.0))
-        if extra is None and said > UNEVEN_FROM:
+        if extra is None and said > TUNED.uneven_from:
             concentration = float(step[-1])
     share = np.exp(np.array(evidence) - max(evidence))
     share /= share.sum()
@@ -117,12 +88,12 @@ def _with_concentration(found: Residuals, task: ChainResiduals) -> Residuals | N
     if t.path.sections or t.joints or not all(run.with_elongation for run in task.pieces):
         return None
     theta = t.path.total_angle_rad
-    shares = {"near": 0.5 * (1 + TRIED_CONCENTRATION), "far": 0.5 * (1 - TRIED_CONCENTRATION)}
+    shares = {"near": 0.5 * (1 + TUNED.tried_concentration), "far": 0.5 * (1 - TUNED.tried_concentration)}
     halves = tuple(Section(name=name, angle_rad=theta * share, length_m=0.5) for name, share in shares.items())
     path = replace(t.path, sections=halves, total_angle_rad=sum(half.angle_rad for half in halves))
     model = replace(task.model, transmission=replace(t, path=path))
     other = replace(task, model=model, free=()).evaluate({})
-    slope = (other.values - found.values) / TRIED_CONCENTRATION
+    slope = (other.values - found.values) / TUNED.tried_concentration
     return replace(found, slopes=np.column_stack([found.slopes, slope]))
 
 
@@ -135,16 +106,13 @@ def _newton(found: Residuals, columns: Sequence[int]) -> tuple[Array, float]:
 
 def with_common_errors(solution: Solution) -> Solution:
     """Widen what is wrong alike in all blocks, whose scatter hides it."""
-    factors = np.array([ALIKE.get(D(n), 1.0) for n in solution.values])
+    factors = np.array([D(n).spec.alike for n in solution.values])
     return replace(solution, covariance=solution.covariance * np.outer(factors, factors))
 
 
 def with_floors(solution: Solution, mean_N: float) -> Solution:
     """Add what the method itself does not resolve, the mean output tension being `mean_N`."""
-    errors = [
-        ADHESION_FLOOR * mean_N if D(n) in (D.ADHESION, D.INPUT_BIAS, D.OUTPUT_BIAS) else FLOORS.get(D(n), 0.0) * abs(v)
-        for n, v in solution.values.items()
-    ]
+    errors = [D(n).floor(v, mean_N) for n, v in solution.values.items()]
     return replace(solution, covariance=solution.covariance + np.diag(np.square(errors)))
 
 
@@ -178,7 +146,7 @@ def file_estimates(task: ChainResiduals, found: Residuals, solution: Solution) -
         errors = np.sqrt(np.diag(covariance))
         moved = gauss_newton_step(part.values, part.slopes) - joint
         told = [k for k, error in enumerate(errors) if np.isfinite(error)]
-        called = {k: _name(D(n)) for k, n in enumerate(solution.values)}
+        called = dict(enumerate(solution.values))
         values = list(solution.values.values())
         estimates.append(
             ByFile(
@@ -192,15 +160,15 @@ def file_estimates(task: ChainResiduals, found: Residuals, solution: Solution) -
 
 def with_scatter(solution: Solution, files: Sequence[ByFile]) -> Solution:
     """Add the scatter between files to the covariance, over their number."""
-    if len(files) < LEAST_FILES:
+    if len(files) < TUNED.least_files:
         return solution
-    extra = [_scatter(files, _name(D(n))) ** 2 / len(files) for n in solution.values]
+    extra = [_scatter(files, n) ** 2 / len(files) for n in solution.values]
     return replace(solution, covariance=solution.covariance + np.diag(extra))
 
 
 def between_files(
     files: Sequence[ByFile],
-    values: Mapping[DynamicParameter, float],
+    values: Mapping[Parameter, float],
     records: Sequence[Record],
     conditions: Mapping[str, str],
 ) -> tuple[tuple[ByFile, ...], list[str]]:
@@ -208,20 +176,16 @@ def between_files(
     started = {r.name: r.started_s for r in records}
     rows = tuple(replace(f, condition=conditions.get(f.file, ""), started_s=started.get(f.file)) for f in files)
     said = []
-    for parameter in OFTEN_ASKED if files else ():
-        name, value = _name(parameter), abs(values[parameter])
+    for parameter in WATCHED if files else ():
+        name, value = str(parameter), abs(values[parameter])
         scatter = _scatter(rows, name)
-        if value > 0 and scatter > WORTH_TELLING * value:
+        if value > 0 and scatter > TUNED.scatter_share * value:
             said.append(
                 f"{name} differs between files beyond its errors: scatter {100 * scatter / value:.2g} % "
                 "(estimates by file are in fit.json); the intervals take it into account"
             )
         said += [line for line in (_drift(rows, name), _by_condition(rows, name)) if line]
     return rows, said
-
-
-def _name(parameter: DynamicParameter) -> str:
-    return "soft_bristle_stiffness_N_per_m" if parameter is D.BRISTLE else str(parameter)
 
 
 def _told(files: Sequence[ByFile], name: str) -> tuple[Array, Array]:
@@ -234,7 +198,7 @@ def _told(files: Sequence[ByFile], name: str) -> tuple[Array, Array]:
 def _scatter(files: Sequence[ByFile], name: str) -> float:
     """Standard deviation between files beyond what their own errors explain; 0 with few files."""
     values, weight = _told(files, name)
-    if len(values) < LEAST_FILES:
+    if len(values) < TUNED.least_files:
         return 0.0
     mean = float((weight * values).sum() / weight.sum())
     excess = float((weight * (values - mean) ** 2).sum()) - (len(values) - 1)
@@ -245,14 +209,14 @@ def _drift(files: Sequence[ByFile], name: str) -> str:
     """A trend over the files' own time stamps; empty where none is sure."""
     dated = [f for f in files if f.started_s is not None and name in f.values and f.errors[name] > 0]
     hours = np.array([f.started_s for f in dated], dtype=np.float64) / 3600
-    if len(dated) < LEAST_FILES or float(np.ptp(hours)) == 0:
+    if len(dated) < TUNED.least_files or float(np.ptp(hours)) == 0:
         return ""
     values, weight = _told(dated, name)
     hours = hours - hours.mean()
     (slope, middle), covariance = np.polyfit(hours, values, 1, w=np.sqrt(weight), cov="unscaled")
     left = values - middle - slope * hours
     error = np.sqrt(max(1.0, float((weight * left**2).sum()) / (len(values) - 2)) * covariance[0, 0])
-    if abs(slope) <= SURE_OF_DRIFT * error:
+    if abs(slope) <= TUNED.drift_sigmas * error:
         return ""
     scale = 100 / abs(float(values.mean()))
     return f"{name} drifts by {scale * slope:+.2g} % an hour over these files (standard error {scale * error:.2g} %)"

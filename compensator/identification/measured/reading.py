@@ -8,18 +8,19 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.files.quantities import (
-    ANGLE_UNITS,
     FORCE_UNITS,
     LENGTH_UNITS,
     TIME_UNITS,
     TIME_WORDS,
     Quantity,
     guess,
+    unit_of,
 )
 from tendonff.compensator.files.reading import InputError, nearest_column
 from tendonff.compensator.files.tables import Table, read_table
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.preparation import slack_rows, switched_on_s
+from tendonff.compensator.identification.measured.units import Conversion, conversion
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.models.path import JointMotion
 
@@ -119,27 +120,21 @@ class RawMeasurement:
 
 
 def _columns(
-    path: Path, names: Mapping[str, str], findings: Findings
-) -> tuple[dict[str, Array], dict[str, float], tuple[str, ...], float | None]:
-    """The wanted columns as numbers, factors from a row of units, names of the other columns, and the date it began."""
-    table = read_table(path, tuple(names.values()))
+    path: Path, names: Mapping[str, str], how: Measurement, findings: Findings
+) -> tuple[dict[str, Array], tuple[str, ...], float | None]:
+    """The wanted columns in SI units, names of the other columns, and the date it began."""
+    table = read_table(path, tuple(names.values()), how.columns or ())
     started: float | None = None
     found: dict[str, Array] = {}
     names, factors = _guessed(table, names, findings)
-    for name in names.values():
+    conversions = {key: Conversion(factor=factor) for key, factor in factors.items()}
+    for key, name in names.items():
         if name in table.repeated:
             raise InputError(
                 f'{path.name}: column "{name}" appears more than once; keep one, or give each its own name'
             )
-    for key, name in names.items():
         if name not in table.columns:
-            missing = f'{path.name}: column "{name}" is missing{nearest_column(name, list(table.columns))}'
-            if key in ("time", "input") or (key == "output" and not _proximal(table, names)):
-                raise InputError(f"{missing} (choose one with --{key}-column, and its unit with --scale)")
-            if key.startswith("joint"):
-                raise InputError(
-                    f"{missing}; the path moves with this joint: log its angle, or give a scenario of a path at rest"
-                )
+            _check_missing(path, table, names, key)
             continue
         if key == "time":
             found[key], started = table.seconds(name)
@@ -147,17 +142,38 @@ def _columns(
                 findings.note(DataIssue.DATES, "read as seconds since the first one", count=1)
         else:
             found[key] = table.numbers(name)
-        unit = table.units.get(name, "")
-        known = ANGLE_UNITS if key.startswith("joint") else _USUAL[key].units
-        factor = known.get(unit.strip(" []()"))
-        if factor is not None:
-            factors[key] = factor
-    if table.units:
-        read = ", ".join(f"{names[key]} [{table.units[names[key]]}] x {factor:g}" for key, factor in factors.items())
-        findings.note(DataIssue.UNITS, f"below the header; {read or 'none of them known'} (--scale overrides)", count=1)
+        _, unit, is_stated = unit_of(table.dialect, name)
+        if (is_stated or how.drum_radius_m is not None) and (own := conversion(key, unit, how)) is not None:
+            conversions[key] = own
+    shown = ", ".join(
+        f"{names[key]}{f' [{table.units[names[key]]}]' if names[key] in table.units else ''} x {own.factor:g}"
+        for key, own in conversions.items()
+        if names[key] in table.units or (key not in factors and (own.factor != 1 or own.is_rate))
+    )
+    if table.units or shown:
+        place = "below the header; " if table.units else ""
+        findings.note(DataIssue.UNITS, f"{place}{shown or 'none of them known'} (--scale overrides)", count=1)
     if table.long_rows:
         findings.note(DataIssue.LONG, "rows left out", count=table.long_rows)
-    return found, factors, tuple(name for name in table.columns if name not in names.values()), started
+    conversions |= {
+        key: Conversion(factor=scale) for key in _USUAL if (scale := getattr(how, f"{key}_scale") or 1.0) != 1
+    }
+    if "time" in conversions:
+        found["time"] = conversions.pop("time").of(found["time"], found["time"])
+    found |= {key: own.of(found[key], found["time"]) for key, own in conversions.items() if key in found}
+    return found, tuple(name for name in table.columns if name not in names.values()), started
+
+
+def _check_missing(path: Path, table: Table, names: Mapping[str, str], key: str) -> None:
+    """Refuse a file without a column that is needed."""
+    near = nearest_column(names[key], [*table.columns, *table.offered])
+    missing = f'{path.name}: column "{names[key]}" is missing{near}'
+    if key in ("time", "input") or (key == "output" and not _proximal(table, names)):
+        raise InputError(f"{missing} (choose one with --{key}-column, and its unit with --scale)")
+    if key.startswith("joint"):
+        raise InputError(
+            f"{missing}; the path moves with this joint: log its angle, or give a scenario of a path at rest"
+        )
 
 
 def _guessed(table: Table, names: Mapping[str, str], findings: Findings) -> tuple[dict[str, str], dict[str, float]]:
@@ -222,9 +238,7 @@ def read_measurement(path: Path, how: Measurement, joints: Sequence[str] = ()) -
         if twin := next((k for k, n in columns.items() if n == name and k != key), None):
             raise InputError(f'"{name}" is named as the column of {key} and of {twin}; each needs its own')
     findings = Findings()
-    table, factors, unread, started = _columns(path, columns, findings)
-    factors |= {key: scale for key in _USUAL if (scale := getattr(how, f"{key}_scale") or 1.0) != 1}
-    data = {key: values * factors.get(key, 1.0) for key, values in table.items()}
+    data, unread, started = _columns(path, columns, how, findings)
     bad: Mask = np.asarray(~np.isfinite(np.stack(list(data.values()))).all(axis=0))
     if bad.any():
         timed = bad & np.isfinite(data["time"])

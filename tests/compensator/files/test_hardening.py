@@ -54,7 +54,7 @@ def test_a_file_that_a_scenario_names_is_refused_without_its_content(
     assert "77" not in str(refused.value)
 
 
-@pytest.mark.parametrize("name", ["r.xlsx", "r.xls", "r.parquet", "r.mat"])
+@pytest.mark.parametrize("name", ["r.xlsx", "r.xls", "r.parquet", "r.mat", "r.npz", "r.h5", "r.mf4", "r.db3", "r.mcap"])
 def test_a_damaged_file_that_a_scenario_names_is_refused_without_its_content(
     examples: Path, tmp_path: Path, name: str
 ) -> None:
@@ -92,12 +92,35 @@ def packed(path: Path) -> None:
             savemat(path, {"time_s": frame["time_s"], "force_N": frame["force_N"]}, do_compression=True)
         case ".parquet":
             frame.to_parquet(path)
+        case ".npz":
+            np.savez_compressed(path, **{name: frame[name] for name in frame})
+        case ".h5":
+            import h5py
+
+            with h5py.File(path, "w") as file:
+                for name in frame:
+                    file.create_dataset(name, data=frame[name], compression="gzip")
+        case ".mf4":
+            from asammdf import MDF, Signal
+
+            with MDF() as file:
+                file.append(Signal(frame["force_N"].to_numpy(), timestamps=frame["time_s"].to_numpy(), name="force_N"))
+                file.save(path, overwrite=True, compression=2)
         case _:
             frame.to_excel(path, index=False)
 
 
 @pytest.mark.parametrize(
-    ("suffix", "needs"), [(".csv.gz", "pandas"), (".mat", "scipy"), (".parquet", "pyarrow"), (".xlsx", "openpyxl")]
+    ("suffix", "needs"),
+    [
+        (".csv.gz", "pandas"),
+        (".h5", "h5py"),
+        (".mat", "scipy"),
+        (".mf4", "asammdf"),
+        (".npz", "numpy"),
+        (".parquet", "pyarrow"),
+        (".xlsx", "openpyxl"),
+    ],
 )
 def test_what_unpacks_to_too_much_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, needs: str
@@ -106,10 +129,9 @@ def test_what_unpacks_to_too_much_is_refused(
     path = tmp_path / f"f{suffix}"
     packed(path)
     assert len(read_csv(path, ("time_s", "force_N"))["time_s"]) == 1000
-    for module in (text_module, "tendonff.compensator.files.tables"):
-        target = module if isinstance(module, str) else module.__name__
-        monkeypatch.setattr(f"{target}.MOST_BYTES", 8000)
-    for read in (lambda: read_csv(path, ("time_s", "force_N")), lambda: read_table(path)):
+    monkeypatch.setattr(text_module, "MOST_BYTES", 8000)
+    names = ("time_s", "force_N")
+    for read in (lambda: read_csv(path, names), lambda: read_table(path, names)):
         with pytest.raises(InputError, match=rf"{re.escape(path.name)} unpacks to more than 0 MB; give the part"):
             read()
 

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import pytest
 
 from tendonff.compensator.identification.fitting.uncertainty import ByFile, between_files
-from tendonff.ocp.fits.chain import DynamicParameter
+from tendonff.compensator.identification.parameters import Parameter
 
-VALUES = {**dict.fromkeys(DynamicParameter, 1.0), DynamicParameter.MU_PULL: 0.2}
+VALUES = {**dict.fromkeys(Parameter, 1.0), Parameter.MU_PULL: 0.2}
 
 
 def said_of(mus, conditions=()):

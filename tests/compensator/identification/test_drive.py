@@ -7,6 +7,7 @@ import pytest
 
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification import result
+from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.drive import drive_estimate
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.run import identify
@@ -73,6 +74,7 @@ def test_the_drive_s_friction_is_known_from_the_same_error_on_as_every_other_val
     estimate = drive_estimate(rig, raw)
     assert estimate.identifiable
     assert result.is_known(estimate.standard_error, estimate.value)
-    monkeypatch.setattr(result, "POOR_SHARE", 0.9 * estimate.standard_error / estimate.value)
+    stricter = replace(TUNED, identifiable_share=0.9 * estimate.standard_error / estimate.value)
+    monkeypatch.setattr(result, "TUNED", stricter)
     assert not drive_estimate(rig, raw).identifiable
     assert not result.is_known(np.nan, 1.0)

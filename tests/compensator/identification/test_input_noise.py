@@ -7,18 +7,18 @@ import pytest
 from synthetic import Faults, write_synthetic
 
 from tendonff.compensator.identification.fitting import noisy_input, uncertainty
-from tendonff.compensator.identification.fitting.chain_law import CORE, fit_free
+from tendonff.compensator.identification.fitting.chain_law import fit_free
 from tendonff.compensator.identification.fitting.noisy_input import look_again, with_input_estimated
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, fit_pieces, spans_of
 from tendonff.compensator.identification.fitting.uncertainty import slopes_over_all, with_other_laws
 from tendonff.compensator.identification.measured.cleaning import clean
 from tendonff.compensator.identification.measured.reading import read_measurement
+from tendonff.compensator.identification.parameters import CORE, ParametricChain
+from tendonff.compensator.identification.parameters import Parameter as D
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.fits.chain import ChainModel
-from tendonff.ocp.fits.chain import DynamicParameter as D
 
 pytestmark = pytest.mark.compiler
 
@@ -46,7 +46,7 @@ def fitted(nominal, folder, seed, noise):
     write_synthetic(path, truth, time, force, Faults(noise=noise, seed=seed), masses=MASSES, step_s=STEP_S)
     how = nominal.measurement
     pieces = fit_pieces([clean(read_measurement(path, how, ()), how)])
-    model = ChainModel(transmission=truth, level=Level.PRESLIDING, count=MASSES, longest_step_s=STEP_S)
+    model = ParametricChain(transmission=truth, level=Level.PRESLIDING, count=MASSES, longest_step_s=STEP_S)
     span, travel = spans_of(pieces)
     task = ChainResiduals(
         model=model,

@@ -12,11 +12,11 @@ from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.fitting.residuals import fit_pieces
 from tendonff.compensator.identification.measured.cleaning import clean
 from tendonff.compensator.identification.measured.reading import read_measurement
+from tendonff.compensator.identification.parameters import ParametricChain
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 from tendonff.models.fidelity import Level
-from tendonff.ocp.fits.chain import ChainModel
 
 SECONDS = 4.0
 
@@ -71,10 +71,10 @@ def test_the_chain_of_the_fits_moves_with_the_rows(finger: Scenario, log: Path) 
     how, rig = finger.measurement, finger.transmission
     [piece] = fit_pieces([clean(read_measurement(log, how, rig.joints), how)])
     assert piece.drive.motion is not None
-    model = ChainModel(transmission=rig, level=Level.PRESLIDING, count=12)
+    model = ParametricChain(transmission=rig, level=Level.PRESLIDING, count=12)
     still = replace(piece.drive, motion=piece.drive.motion.held(np.zeros(2)))
     moving, resting = (
-        float(np.std(piece.off(model.respond(model.values(), drive).output_N))) for drive in (piece.drive, still)
+        float(np.std(piece.off(model.predict(model.values(), drive).output_N))) for drive in (piece.drive, still)
     )
     assert moving < 0.01 * np.ptp(piece.measured)
     assert resting > 10 * moving

@@ -114,7 +114,7 @@ def test_the_command_says_doubts_before_it_fits(examples, tmp_path, capsys, monk
     def fitted(*_, **__):
         raise InputError(f"fitting; said before: {capsys.readouterr().err}")
 
-    monkeypatch.setattr("tendonff.compensator.identification.run._fit", fitted)
+    monkeypatch.setattr("tendonff.compensator.identification.run.check_channels", fitted)
     time = np.arange(0, 10, 0.01)
     wave = 30 + 10 * np.sin(time)
     write_csv(tmp_path / "swapped.csv", {"time_s": time, "input_tension_N": 0.7 * wave, "output_tension_N": wave})

@@ -104,3 +104,19 @@ def test_a_cell_beyond_the_end_is_refused(nominal, log):
     how = replace(nominal.measurement, tension_columns=("cell_2_N",), tension_angles_rad=(9.0,))
     with pytest.raises(InputError, match="must be less than that of the whole path"):
         identify(replace(nominal, measurement=how), [log], static_only=True)
+
+
+def test_a_gap_in_one_cell_leaves_out_its_strokes_and_pairs_the_others(nominal, log, tmp_path):
+    """Other cells keep the strokes; none is compared with another one."""
+    rows = [line.split(",") for line in log.read_text().splitlines()]
+    for row in rows[1200:1700]:
+        row[2] = ""
+    gappy = tmp_path / "gappy.csv"
+    gappy.write_text("\n".join(",".join(row) for row in rows) + "\n")
+    how = replace(nominal.measurement, tension_columns=("cell_2_N", "cell_3_N"), tension_angles_rad=(0.9, 2.2))
+    whole, some = (
+        identify(replace(nominal, measurement=how), [file], static_only=True).sections for file in (log, gappy)
+    )
+    for one, other in zip(whole, some, strict=True):
+        assert other.mu == pytest.approx(one.mu, rel=0.02)
+        assert other.mu_release == pytest.approx(one.mu_release, rel=0.04)

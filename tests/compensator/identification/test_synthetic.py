@@ -10,7 +10,7 @@ from synthetic import DIRTY, Faults, write_synthetic
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import read_csv
 from tendonff.compensator.identification.run import identify
-from tendonff.compensator.identification.suggest import PLANS, draw_plan, suggest
+from tendonff.compensator.identification.suggest import PLANS, Information, draw_plan, suggest
 from tendonff.compensator.scenario.sampled.sampling import initial_tension, sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.capstan import Branch, CapstanLaw
@@ -223,7 +223,8 @@ def test_the_suggested_excitation_goes_as_deep_as_the_reference_and_tells_a_desi
     assert found.force_N.min() == pytest.approx(float(law.input_for_N(reference.min(), Branch.RELEASE)), rel=1e-6)
     before = draw_plan(scenario, PLANS[0], 0.08 * 0.9 * scenario.transmission.actuator.force_max_N)
     assert found.time_s[-1] <= before.time_s[-1]
-    assert found.expected_percent < 0.5 * found.before_percent
+    told = Information(scenario, reference, scenario.run.step_s)
+    assert found.expected_percent < 0.5 * told.expected_percent(before.force_N)
     assert f"{found.expected_percent:.2g} % in a design" in found.gain
 
 

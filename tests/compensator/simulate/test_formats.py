@@ -113,7 +113,7 @@ ASKED = {
     ),
     "half a packed file.csv.gz": (lambda names: gzip.compress(PLAIN(names).encode())[:40], "cannot be unpacked"),
     "no spreadsheet.xlsx": (lambda _: b"nonsense", "what can be read: text with a header"),
-    "another encoding.csv": (lambda names: PLAIN(names).encode("utf-16"), "save it as UTF-8"),
+    "half a character.csv": (lambda names: PLAIN(names).encode("utf-16")[:-1], "save it as UTF-8"),
 }
 REFUSED = {  # by force files and references: a measurement leaves such rows out and says so
     "text among the numbers.csv": (changed(("30.500000", "broken")), r"must be a number"),

@@ -26,7 +26,7 @@ def drive():
 
 def test_the_answer_follows_a_small_change_of_the_input_as_its_slopes_say(model, drive):
     """One knot in each window is moved; differences are exact where sliding keeps its direction, nearly so at turns."""
-    values = model.values()
+    values = model.numbers()
     windows = list(input_windows(model, values, drive, knot_s=0.08, window_s=1.2, before_s=0.4))
     assert len(windows) == 2
     for window in windows:
@@ -51,7 +51,7 @@ def test_the_answer_follows_a_small_change_of_the_input_as_its_slopes_say(model,
 
 
 def test_windows_cover_the_run_once(model, drive):
-    windows = list(input_windows(model, model.values(), drive, knot_s=0.05, window_s=0.7, before_s=0.2))
+    windows = list(input_windows(model, model.numbers(), drive, knot_s=0.05, window_s=0.7, before_s=0.2))
     for before, after in pairwise(windows):
         assert before.time_s[-1] == pytest.approx(after.first_s, abs=1e-12)
         assert after.time_s[0] == pytest.approx(after.first_s - 0.2, abs=1e-9)

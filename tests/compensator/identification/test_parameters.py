@@ -3,18 +3,19 @@
 import numpy as np
 import pytest
 
+from tendonff.compensator.identification.parameters import Parameter, ParametricChain
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.fidelity import Level
-from tendonff.ocp.fits.chain import ChainModel, Drive, DynamicParameter
+from tendonff.ocp.fits.chain import Drive
 
-D = DynamicParameter
+D = Parameter
 SLOPE_BY_SHIFT = (D.INPUT_BIAS, D.OUTPUT_BIAS)
 
 
 @pytest.fixture(scope="module")
 def model(examples):
     transmission = load_scenario(examples / "finger.toml").transmission
-    return ChainModel(transmission=transmission, level=Level.PRESLIDING, count=5, longest_step_s=2e-3)
+    return ParametricChain(transmission=transmission, level=Level.PRESLIDING, count=5, longest_step_s=2e-3)
 
 
 def drive(step=1e-3):
@@ -26,8 +27,8 @@ def drive(step=1e-3):
 def test_slopes_are_the_derivatives_of_output_and_elongation(model, name):
     values = {**model.values(), D.STATIC_EXCESS: 0.1, D.ADHESION: 1.0, D.MU_RELEASE: 0.17}
     step = 1e-5 * max(abs(values[name]), 1e-2)
-    found = model.respond(values, drive(), (name,))
-    ahead, behind = (model.respond({**values, name: values[name] + s * step}, drive()) for s in (1, -1))
+    found = model.predict(values, drive(), (name,))
+    ahead, behind = (model.predict({**values, name: values[name] + s * step}, drive()) for s in (1, -1))
     for ours, a, b in (
         (found.output_slopes[:, 0], ahead.output_N, behind.output_N),
         (found.elongation_slopes[:, 0], ahead.elongation_m, behind.elongation_m),
@@ -41,8 +42,8 @@ def test_slopes_are_the_derivatives_of_output_and_elongation(model, name):
 def test_a_coarser_log_gives_the_same_answer(model):
     """100 Hz samples are interpolated to the chain's own step."""
     values = model.values()
-    fine = model.respond(values, drive(1e-3)).output_N[::10]
-    coarse = model.respond(values, drive(1e-2)).output_N
+    fine = model.predict(values, drive(1e-3)).output_N[::10]
+    coarse = model.predict(values, drive(1e-2)).output_N
     assert np.abs(fine - coarse).max() < 0.02
 
 
@@ -51,4 +52,4 @@ def test_a_symmetric_model_has_one_coefficient(model):
 
     one = replace(model, symmetric=True)
     values = {**one.values(), D.MU_RELEASE: 0.9}
-    assert one.whole(values).value("mu_dynamic_release") == values[D.MU_PULL]
+    assert one.numbers_of(values)["mu_dynamic_release"] == values[D.MU_PULL]

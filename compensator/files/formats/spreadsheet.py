@@ -1,0 +1,21 @@
+"""Spreadsheets."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from zipfile import is_zipfile
+
+from tendonff.compensator.files.formats.reader import Reader
+from tendonff.compensator.files.formats.table import Table, of_frame, unpacked_size
+from tendonff.compensator.files.text import require_moderate
+
+
+def _read(path: Path, _: Sequence[str]) -> Table:
+    import pandas as pd
+
+    if is_zipfile(path):
+        require_moderate(path, unpacked_size(path))
+    return of_frame(pd.read_excel(path))
+
+
+XLSX = Reader(name=".xlsx", suffixes=(".xlsx",), read=_read, package="openpyxl")
+XLS = Reader(name=".xls", suffixes=(".xls",), read=_read, package="xlrd")

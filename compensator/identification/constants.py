@@ -1,0 +1,170 @@
+"""The tuned constants of identification, all in one record, with where each comes from.
+
+Sources: *rigs* are the simulated ones of `benchmarks/identify.py` and `benchmarks/identify_short.py`, *recordings* the
+measured friction loops that the tests read; *method* follows from the numerical method, *rule* is a convention.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tuned:
+    """Constants of the fits and of what is said about them.
+
+    Parameters
+    ----------
+    coarse_masses, fine_masses : int
+        Masses of the chain while laws are compared, and at the end (method: discretisation error below 0.1 %).
+    coarse_step_s, fine_step_s : float
+        Longest steps of the same (method).
+    robust_share, static_robust_share : float
+        Residuals of the chain, and of the static laws, beyond this share of the range count linearly (recordings:
+        outliers; the static laws leave presliding out).
+    blocks, least_block_s, longest_block_s : float
+        Rows are taken as independent by so many blocks, of such lengths (rigs: coverage; friction carries an error on
+        until the next sweep).
+    static_blocks : int
+        The same for the static laws, whose errors end at the next reversal (rigs).
+    folds : int
+        Held-out parts of the record, in turn (rule).
+    bristle_starts, mu_starts : tuple of float
+        Starts of the first fit, as factors of the scenario's values (rigs).
+    bristle_factor : float
+        Stiffnesses that are tried for a lower bound are smaller by this factor each (method).
+    exponent_starts : tuple of float
+        Starts of the static laws' mu theta (rigs).
+    most_exponent : float
+        Largest mu theta that is searched (rule: a tension ratio of 3000).
+    least_spread : float
+        Least spread of the bounds of plays (method: below it the slopes vanish).
+    poor_percent : float
+        A law with a larger RMS error, in % of range, does not describe the device (recordings: a band brake leaves 15,
+        the worst tendon 6).
+    small_share : float
+        A file whose error is below this share of the common range is described, however little it moves (rule).
+    simpler_within : float
+        The simplest law whose validation error is within this factor of the least is chosen (rule).
+    nearly_as_good : float
+        What laws within this factor of the least validation error state is doubt of the chosen one's answer (rigs).
+    other_channel_below : float
+        The other channel is explained instead where the error falls below this share (recordings).
+    worth_a_constant : float
+        Gain of Bayes' criterion from which on a constant is taken up (rigs without adhesion stay below).
+    worth_a_speed_term, slightly : float
+        A speed term lowers the validation error by the first factor, or by the second where the fit error falls by the
+        first (rigs without a Stribeck effect).
+    sure, very_sure : float
+        Standard errors from nothing: of a speed term or adhesion, and of an offset, a delay or a difference of
+        directions, which systematic errors imitate (rigs).
+    identifiable_share : float
+        Standard error over value from which on a value counts as not identifiable (rule).
+    kept_free_share : float
+        The same from which on a speed term is taken out of the law again (rigs).
+    insensitive_share : float
+        A standard error of so many times the value is none: the data are insensitive to the value (rule).
+    twins : float
+        Correlation from which on two values are not separately identifiable (rule).
+    moving_share : float
+        Speeds above this share of the largest are visited (rule).
+    large_errors_percentile : float
+        This percentile of its errors is what a law without presliding leaves in a constant (rigs).
+    forget_share, forget_most, forget_bridge : float
+        Samples before the input has swept this share of its range are not fitted, at most the second share of a piece;
+        the third is the share after a bridge (method: friction remembers extremes).
+    small_piece : float
+        Least range that counts, as a share of the widest file's (method: small moves may stay in presliding).
+    adhesion_floor : float
+        Standard error of the method for adhesion and offsets, as a share of the mean output tension (rigs).
+    tried_concentration, uneven_from : float
+        Excess of wrap angle on the near half of the path that is tried, and logarithm of the evidence from which on an
+        uneven path is reported (rigs).
+    least_files : int
+        Files that show a scatter between them (rule).
+    scatter_share, drift_sigmas : float
+        Scatter between files, and drift in standard errors, from which on they are reported (rule).
+    explained_enough : float
+        Share of the elongation's variance from which on the static law's tension explains it (rigs).
+    hold_share : float
+        A hold: the tension stays within this share of its range (rule).
+    most_delay_s, most_delay_share : float
+        A delay between the channels is at most this long and at most this share of the record (rule: a logger).
+    knot_s, least_knot_rows, window_knots, knots_before : float
+        Distance of the input's knots, their least number of samples, knots of a window, and before it (method).
+    widest_correction : float
+        A correction of the input where nothing was read, as behind a gap: usually so many times the noise (method).
+    misfit_share : float
+        A sample is worth the noise of its cell and this share of what the fit has left (rigs: no model is exact).
+    large_residual : float
+        Residuals of more than so many times their usual size count linearly there (method).
+    least_step_share : float
+        A step leaves at least this share of a value that must stay positive (method).
+    rounds : int
+        Most Gauss-Newton steps of one kind: for a delay, and with the input estimated (rigs: the first is nearly all).
+    fast_share, travel_share, least_sliding_rows, most_refused : float
+        Gross sliding: faster than a share of the usual top speed, further from the reversal than a share of the stroke,
+        in so many samples, of which so many may be at or below zero (recordings).
+    """
+
+    coarse_masses: int = 8
+    fine_masses: int = 30
+    coarse_step_s: float = 2e-3
+    fine_step_s: float = 1e-3
+    robust_share: float = 0.02
+    static_robust_share: float = 0.03
+    blocks: int = 20
+    least_block_s: float = 0.1
+    longest_block_s: float = 10.0
+    static_blocks: int = 60
+    folds: int = 5
+    bristle_starts: tuple[float, ...] = (0.1, 1.0, 10.0)
+    mu_starts: tuple[float, ...] = (0.4, 1.0, 2.0)
+    bristle_factor: float = 2.0
+    exponent_starts: tuple[float, ...] = (0.02, 0.1, 0.3, 0.6, 1.2, 2.5, 4.0)
+    most_exponent: float = 8.0
+    least_spread: float = 1e-3
+    poor_percent: float = 10.0
+    small_share: float = 0.03
+    simpler_within: float = 1.02
+    nearly_as_good: float = 1.5
+    other_channel_below: float = 0.6
+    worth_a_constant: float = 4.0
+    worth_a_speed_term: float = 1.4
+    slightly: float = 1.1
+    sure: float = 2.0
+    very_sure: float = 4.0
+    identifiable_share: float = 0.35
+    kept_free_share: float = 0.5
+    insensitive_share: float = 1e3
+    twins: float = 0.985
+    moving_share: float = 0.01
+    large_errors_percentile: float = 95.0
+    forget_share: float = 0.6
+    forget_most: float = 0.3
+    forget_bridge: float = 0.85
+    small_piece: float = 0.5
+    adhesion_floor: float = 0.0008
+    tried_concentration: float = 0.3
+    uneven_from: float = 3.0
+    least_files: int = 3
+    scatter_share: float = 0.02
+    drift_sigmas: float = 3.0
+    explained_enough: float = 0.8
+    hold_share: float = 0.02
+    most_delay_s: float = 0.1
+    most_delay_share: float = 0.1
+    knot_s: float = 0.05
+    least_knot_rows: int = 4
+    window_knots: int = 200
+    knots_before: int = 100
+    widest_correction: float = 30.0
+    misfit_share: float = 0.25
+    large_residual: float = 3.0
+    least_step_share: float = 0.5
+    rounds: int = 3
+    fast_share: float = 0.5
+    travel_share: float = 0.4
+    least_sliding_rows: int = 50
+    most_refused: float = 0.05
+
+
+TUNED = Tuned()

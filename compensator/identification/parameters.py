@@ -1,0 +1,378 @@
+"""The numbers that identification looks for: each is one entry here, which fit, file, report and advice all read.
+
+A number of the undivided tendon that a fit shall find as well needs nothing but its entry, if `Whole` has it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import Any, Self
+
+from tendonff.compensator.identification.constants import TUNED
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.parameters import Transmission
+from tendonff.ocp.fits.chain import ChainModel, ChainResponse, Drive, Numbers, Reading
+from tendonff.ocp.fits.least_squares import Unknown
+from tendonff.ocp.fits.static import StaticParameter
+from tendonff.ocp.sensitivity import Parameter as Number
+
+
+class Role(Enum):
+    """When a number is free."""
+
+    CORE = "always"
+    TENDON = "where the elongation, or the position of the input end, is explained"
+    CONSTANT = "where the data support it"
+    SPEED = "where the data support a dependence on speed"
+    KEPT = "never; with the number that it belongs to"
+
+
+class Scale(Enum):
+    """Unit of a number's bounds and of its size."""
+
+    START = "the start, searched by its logarithm"
+    TENSION = "the tension's range for bounds, its mean for sizes"
+    ABSOLUTE = "the number's own"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spec:
+    """Everything that is particular to one number.
+
+    Parameters
+    ----------
+    unit : str
+    role : Role
+    scale : Scale
+        Unit of the following five.
+    low, high : float
+        Bounds of the search; for `Scale.START` the second is a factor either way.
+    step : float
+        Usual step of the search; of the logarithm for `Scale.START`.
+    nudge : float
+        Where the search starts if the number may vanish.
+    size : float
+        What a standard error is judged against; 0 for the value itself.
+    floor : float
+        Standard error of the method itself, as a share of the value, for `Scale.TENSION` of the mean tension.
+    alike : float
+        Factor by which the scatter between blocks understates the error.
+    whole : Number, optional
+        Number of the undivided tendon that it is.
+    key : str
+        Its place in the scenario, "table.key"; empty where it has none.
+    static : StaticParameter, optional
+        What the static laws call it.
+    may_vanish : bool
+        A law may do without it.
+    effect : str
+        What the law gains with it, for names of laws.
+    advice : str
+        What to measure where the data do not identify it; empty for full strokes at several loads.
+    """
+
+    unit: str
+    role: Role
+    scale: Scale = Scale.START
+    low: float = 0.0
+    high: float = 1e3
+    step: float = 0.7
+    nudge: float = 0.0
+    size: float = 0.0
+    floor: float = 0.0
+    alike: float = 1.0
+    whole: Number | None = None
+    key: str = ""
+    static: StaticParameter | None = None
+    may_vanish: bool = False
+    effect: str = ""
+    advice: str = ""
+
+
+_MU: dict[str, Any] = {"unit": "-", "role": Role.CORE, "high": 20.0, "step": 0.2}
+_BIAS: dict[str, Any] = {
+    "unit": "N",
+    "role": Role.CONSTANT,
+    "scale": Scale.TENSION,
+    "low": -1.0,
+    "high": 1.0,
+    "step": 0.05,
+    "size": 0.05,
+    "floor": TUNED.adhesion_floor,
+    "advice": "not separable from adhesion and the other cell's offset; read both cells with a slack tendon",
+}
+_NO_RELAXATION = "the holds show no relaxation beyond the noise; use larger steps before longer holds"
+
+
+class _Specified(str):
+    """A name that carries what is particular to it."""
+
+    __slots__ = ("spec",)
+
+    spec: Spec
+
+    def __new__(cls, name: str, spec: Spec | None = None) -> Self:
+        member = str.__new__(cls, name)
+        if spec is not None:
+            member.spec = spec
+        return member
+
+
+class Parameter(_Specified, Enum):
+    """The list; values are names of estimates, in the order of the report."""
+
+    def __str__(self) -> str:
+        return str.__str__(self)
+
+    def __format__(self, format_spec: str) -> str:
+        return str.__format__(self, format_spec)
+
+    MU_PULL = (
+        "mu_dynamic",
+        Spec(**_MU, floor=0.002, key="friction.mu_dynamic", static=StaticParameter.PULL),
+    )
+    MU_RELEASE = (
+        "mu_dynamic_release",
+        Spec(**_MU, floor=0.003, key="friction.mu_dynamic_release", static=StaticParameter.RELEASE),
+    )
+    # mu_static/mu_dynamic - 1 in both directions
+    STATIC_EXCESS = (
+        "static_excess",
+        Spec(
+            unit="-",
+            role=Role.SPEED,
+            scale=Scale.ABSOLUTE,
+            high=3.0,
+            step=0.1,
+            nudge=0.02,
+            size=0.2,
+            may_vanish=True,
+            effect="Stribeck effect",
+        ),
+    )
+    STRIBECK_VELOCITY = (
+        "stribeck_velocity_m_per_s",
+        Spec(
+            unit="m/s",
+            role=Role.KEPT,
+            high=20.0,
+            whole=Number.STRIBECK_VELOCITY,
+            key="friction.stribeck_velocity_m_per_s",
+        ),
+    )
+    VISCOUS = (
+        "viscous_N_s_per_m",
+        Spec(
+            unit="N s/m",
+            role=Role.SPEED,
+            scale=Scale.ABSOLUTE,
+            high=1e6,
+            step=1.0,
+            whole=Number.VISCOUS,
+            key="friction.viscous_N_s_per_m",
+            may_vanish=True,
+            effect="viscous friction",
+            advice="add faster strokes (10 times)",
+        ),
+    )
+    BRISTLE = (
+        "soft_bristle_stiffness_N_per_m",
+        Spec(
+            unit="N/m",
+            role=Role.CORE,
+            floor=0.015,
+            alike=3.0,
+            whole=Number.BRISTLE_STIFFNESS,
+            key="friction.soft_bristle_stiffness_N_per_m",
+            static=StaticParameter.BRISTLE,
+            advice="add small reversals that do not reach gross sliding",
+        ),
+    )
+    ADHESION = (
+        "adhesion_N",
+        Spec(
+            unit="N",
+            role=Role.CONSTANT,
+            scale=Scale.TENSION,
+            high=20.0,
+            step=0.05,
+            nudge=0.05,
+            size=0.05,
+            floor=TUNED.adhesion_floor,
+            whole=Number.ADHESION,
+            key="friction.adhesion_N",
+            static=StaticParameter.ADHESION,
+            may_vanish=True,
+            effect="adhesion",
+            advice="add strokes at low tension",
+        ),
+    )
+    STIFFNESS = (
+        "stiffness_N_per_m",
+        Spec(
+            unit="N/m",
+            role=Role.TENDON,
+            step=0.2,
+            floor=0.002,
+            whole=Number.STIFFNESS,
+            key="tendon.stiffness_N_per_m",
+            advice="the elongation does not follow the tension; check the positions' units, sign and zero drift",
+        ),
+    )
+    RELAXING = (
+        "relaxing_stiffness_N_per_m",
+        Spec(
+            unit="N/m",
+            role=Role.TENDON,
+            floor=0.005,
+            whole=Number.RELAXING_STIFFNESS,
+            key="tendon.relaxing_stiffness_N_per_m",
+            advice=_NO_RELAXATION,
+        ),
+    )
+    RELAXATION_TIME = (
+        "relaxation_time_s",
+        Spec(
+            unit="s",
+            role=Role.TENDON,
+            floor=0.01,
+            whole=Number.RELAXATION_TIME,
+            key="tendon.relaxation_time_s",
+            advice=_NO_RELAXATION,
+        ),
+    )
+    DAMPING = (
+        "damping_N_s_per_m",
+        Spec(
+            unit="N s/m",
+            role=Role.KEPT,
+            whole=Number.DAMPING,
+            key="tendon.damping_N_s_per_m",
+            advice="it acts on fast changes only; add excitation above 20 Hz",
+        ),
+    )
+    INPUT_BIAS = "input_bias_N", Spec(**_BIAS, static=StaticParameter.INPUT_BIAS, effect="input bias")
+    OUTPUT_BIAS = "output_bias_N", Spec(**_BIAS, static=StaticParameter.OUTPUT_BIAS, effect="output bias")
+
+    @property
+    def signed(self) -> bool:
+        """The number may be negative."""
+        return self.spec.low < 0
+
+    def unknown(self, start: float, span_N: float) -> Unknown:
+        """Bounds and step of its search, the output tension's range being `span_N`."""
+        spec = self.spec
+        if spec.scale is Scale.START:
+            safe = max(start, 1e-9)
+            return Unknown(
+                name=self, start=safe, low=safe / spec.high, high=safe * spec.high, scale=spec.step, logarithmic=True
+            )
+        if spec.scale is Scale.ABSOLUTE:
+            return Unknown(name=self, start=start, low=spec.low, high=spec.high, scale=max(start, spec.step))
+        low, high, step = (span_N * x for x in (spec.low, spec.high, spec.step))
+        return Unknown(name=self, start=start, low=low, high=high, scale=step)
+
+    def size(self, value: float, mean_N: float) -> float:
+        """What its standard error is judged against, the mean output tension being `mean_N`."""
+        return (self.spec.size * (mean_N if self.spec.scale is Scale.TENSION else 1.0)) or abs(value)
+
+    def floor(self, value: float, mean_N: float) -> float:
+        """Standard error of the method itself."""
+        return self.spec.floor * (mean_N if self.spec.scale is Scale.TENSION else abs(value))
+
+    def of(self, scenario: Scenario) -> float | None:
+        """The scenario's value; None where it has none."""
+        table, _, key = self.spec.key.partition(".")
+        if not key:
+            return None
+        friction = scenario.transmission.friction
+        return (
+            friction.release_dynamic
+            if self is MU_RELEASE
+            else float(getattr(getattr(scenario.transmission, table), key))
+        )
+
+
+PARAMETERS = tuple(Parameter)
+MU_PULL, MU_RELEASE, STATIC_EXCESS = Parameter.MU_PULL, Parameter.MU_RELEASE, Parameter.STATIC_EXCESS
+CORE, TENDON, CONSTANTS, SPEED_TERMS = (
+    tuple(p for p in PARAMETERS if p.spec.role is role) for role in (Role.CORE, Role.TENDON, Role.CONSTANT, Role.SPEED)
+)
+BIASES = tuple(p for p in PARAMETERS if p.signed)
+
+Values = Mapping[Parameter, float]
+
+
+def _direction(parameter: Parameter, values: Values) -> Numbers:
+    """How the tendon's numbers, and the cells' readings, change with a parameter."""
+    excess = 1 + values[STATIC_EXCESS]
+    if parameter is MU_PULL:
+        return {Number.MU_DYNAMIC_PULL: 1.0, Number.MU_STATIC_PULL: excess}
+    if parameter is MU_RELEASE:
+        return {Number.MU_DYNAMIC_RELEASE: 1.0, Number.MU_STATIC_RELEASE: excess}
+    if parameter is STATIC_EXCESS:
+        return {Number.MU_STATIC_PULL: values[MU_PULL], Number.MU_STATIC_RELEASE: values[MU_RELEASE]}
+    return {parameter.spec.whole or Reading(parameter): 1.0}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParametricChain(ChainModel):
+    """The chain over the parameters of identification.
+
+    Parameters
+    ----------
+    symmetric : bool
+        `MU_PULL` counts for both directions.
+    """
+
+    symmetric: bool = False
+
+    def values(self) -> dict[Parameter, float]:
+        """The scenario's own values of all parameters."""
+        own = self.numbers()
+        mu = own[Number.MU_DYNAMIC_PULL]
+        return {
+            **{p: own[p.spec.whole or Reading(p)] for p in PARAMETERS if p.spec.whole or p.signed},
+            MU_PULL: mu,
+            MU_RELEASE: own[Number.MU_DYNAMIC_RELEASE],
+            STATIC_EXCESS: own[Number.MU_STATIC_PULL] / mu - 1 if mu > 0 else 0.0,
+        }
+
+    def numbers_of(self, values: Values) -> dict[str, float]:
+        """Numbers of the tendon and the cells' readings at given values, all of them."""
+        values = self.tied(values)
+        direct: dict[str, float] = {
+            p.spec.whole or Reading(p): values[p] for p in PARAMETERS if p.spec.whole or p.signed
+        }
+        mus = {k: by * values[p] for p in (MU_PULL, MU_RELEASE) for k, by in _direction(p, values).items()}
+        return {**direct, **mus}
+
+    def tied(self, values: Values) -> dict[Parameter, float]:
+        """All values, where one coefficient counts for both directions."""
+        return {**values, **({MU_RELEASE: values[MU_PULL]} if self.symmetric else {})}
+
+    def predict(self, values: Values, drive: Drive, over: Sequence[Parameter] = ()) -> ChainResponse:
+        """Simulate a drive at all values, with derivatives over some; SolveError if that fails."""
+        values = self.tied(values)
+        directions = [_direction(p, values) for p in over]
+        if self.symmetric:
+            both = {**_direction(MU_PULL, values), **_direction(MU_RELEASE, values)}
+            directions = [both if p is MU_PULL else d for p, d in zip(over, directions, strict=True)]
+        return self.respond(self.numbers_of(values), drive, directions)
+
+
+def put_into(transmission: Transmission, model: ParametricChain, values: Values) -> Transmission:
+    """The transmission with all values of a fitted chain: they were fitted together and belong together."""
+    numbers, tables = model.numbers_of(values), dict[str, dict[str, float]]()
+    for parameter in PARAMETERS:
+        table, _, key = parameter.spec.key.partition(".")
+        if key and parameter.spec.whole is not None:
+            tables.setdefault(table, {})[key] = numbers[parameter.spec.whole]
+    tables["friction"] |= {
+        "mu_dynamic": numbers[Number.MU_DYNAMIC_PULL],
+        "mu_static": numbers[Number.MU_STATIC_PULL],
+        "mu_dynamic_release": numbers[Number.MU_DYNAMIC_RELEASE],
+        "mu_static_release": numbers[Number.MU_STATIC_RELEASE],
+    }
+    changed: dict[str, Any] = {table: replace(getattr(transmission, table), **keys) for table, keys in tables.items()}
+    return replace(transmission, **changed)

@@ -1,0 +1,63 @@
+"""Intervals of a fit as the uncertainty that a design from it reckons with: the table [robust.spread]."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from tendonff.compensator.identification.constants import TUNED
+from tendonff.compensator.identification.measured import Array
+from tendonff.compensator.identification.parameters import MU_PULL, MU_RELEASE, PARAMETERS, Parameter
+from tendonff.compensator.identification.result import Estimate
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.parameters.uncertainty import Spread
+
+LEAST = 1e-4
+"""Least half-width that is written: no rig is known better."""
+
+_FACTORS = {"mu": MU_PULL, "stiffness": Parameter.STIFFNESS, "bristle_stiffness": Parameter.BRISTLE}
+"""Keys of [robust] that an identified value supersedes."""
+
+
+def with_spread(scenario: Scenario, estimates: Sequence[Estimate], names: Sequence[str], matrix: Array) -> Scenario:
+    """The scenario with the interval of every identified value; `matrix` is the correlation of the values `names`.
+
+    Coefficients of both directions that are one value, or known only together, vary together.
+    """
+    found = {
+        e.name: (e, Parameter(e.name).spec.key)
+        for e in estimates
+        if e.name in PARAMETERS and Parameter(e.name).spec.key and e.fitted and e.interval is not None
+    }
+    spreads, done = list[Spread](), set[str]()
+    if MU_PULL in found and MU_RELEASE in found and _go_together(names, matrix):
+        keys = tuple(found[name][1] for name in (MU_PULL, MU_RELEASE))
+        widths = [w for name in (MU_PULL, MU_RELEASE) if (w := _half_width(found[name][0])) is not None]
+        if len(widths) == len(keys):
+            spreads.append(Spread(keys=keys, half_width=max(widths)))
+            done |= {MU_PULL, MU_RELEASE}
+    for name, (estimate, key) in found.items():
+        if name not in done and estimate.interval is not None:
+            width = _half_width(estimate)
+            low, high = max(estimate.interval[0], 0.0), estimate.interval[1]
+            if width is not None:
+                spreads.append(Spread(keys=(key,), half_width=width))
+            elif low < high:
+                spreads.append(Spread(keys=(key,), low=low, high=high))
+    taken = {key for spread in spreads for key in spread.keys}
+    others = tuple(spread for spread in scenario.robust.spread if not taken & set(spread.keys))
+    known: dict[str, Any] = {factor: 0.0 for factor, name in _FACTORS.items() if name in found}
+    return replace(scenario, robust=replace(scenario.robust, spread=(*others, *spreads), **known))
+
+
+def _half_width(estimate: Estimate) -> float | None:
+    """Half of the interval over the value, rounded up; None where that is no share below 1."""
+    if estimate.interval is None or estimate.value <= 0:
+        return None
+    width = float(f"{max((estimate.interval[1] - estimate.interval[0]) / 2 / estimate.value, LEAST):.3g}")
+    return width if width < 1 else None
+
+
+def _go_together(names: Sequence[str], matrix: Array) -> bool:
+    if MU_RELEASE not in names or MU_PULL not in names:
+        return True  # one coefficient for both
+    return bool(matrix[list(names).index(MU_PULL), list(names).index(MU_RELEASE)] > TUNED.twins)

@@ -1,0 +1,88 @@
+"""What travels through the stages of identification: the question, the records, and what was found so far."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from tendonff.compensator.identification.fitting.delay import Delay
+from tendonff.compensator.identification.fitting.dynamic import CoarseFit, DynamicFit
+from tendonff.compensator.identification.fitting.model_selection import StaticSelection
+from tendonff.compensator.identification.measured.cleaning import Record
+from tendonff.compensator.identification.measured.reading import RawMeasurement
+from tendonff.compensator.scenario.measurement import Explain
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.errors import ParameterError
+from tendonff.ocp.errors import SolveError
+
+FAILURES = (SolveError, ParameterError, np.linalg.LinAlgError)
+"""What ends a law or a stage, but never the identification."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Study:
+    """An identification on its way.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The question: what is known, and how files are read.
+    files, judging : tuple of Path
+        Measured files to fit, and those that judge.
+    raw : tuple of RawMeasurement
+        The files to fit as they were read.
+    records, judges : sequence of Record
+        The same, cleaned; a delay of the output is taken out of them once it is found.
+    static_only : bool
+        Stop after the static stage.
+    conditions : mapping of str to str
+        Labels by file name.
+    say : callable
+        Told what is being done.
+    explain : Explain
+        Channel that the laws explain.
+    coarse : CoarseFit, optional
+        The chain's first fit; None where it was not tried, or failed.
+    delay : Delay, optional
+        Of the output behind the input.
+    stage : StaticSelection, optional
+        The static laws; None where nothing was measured at the far end.
+    chain : DynamicFit, optional
+        The chain; None where it was not tried, or failed.
+    warnings : tuple of str
+        What the user is told beside the estimates.
+    """
+
+    scenario: Scenario
+    files: tuple[Path, ...]
+    judging: tuple[Path, ...]
+    raw: tuple[RawMeasurement, ...]
+    records: Sequence[Record]
+    judges: Sequence[Record]
+    static_only: bool
+    conditions: Mapping[str, str] = field(default_factory=dict)
+    say: Callable[[str], None] = lambda _: None
+    explain: Explain = Explain.OUTPUT
+    coarse: CoarseFit | None = None
+    delay: Delay | None = None
+    stage: StaticSelection | None = None
+    chain: DynamicFit | None = None
+    warnings: tuple[str, ...] = ()
+
+    def noted(self, *texts: str) -> "Study":
+        """The study with more to tell the user; empty texts are none."""
+        return replace(self, warnings=(*self.warnings, *filter(None, texts)))
+
+
+Stage = Callable[[Study], Study]
+
+
+def attempted(stage: Stage, study: Study) -> Study:
+    """The study after a stage, or as it was with a line on why the stage found nothing."""
+    name = stage.__name__.replace("_", " ")
+    study.say(name)
+    try:
+        return stage(study)
+    except FAILURES as error:
+        return study.noted(f"{name}: no answer ({error}); the other laws are not affected")

@@ -1,0 +1,81 @@
+"""What the user reads: the headline, the command that reproduces it, and one value beside its own interval."""
+
+import json
+import re
+import shlex
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.identification.report import identification_report
+from tendonff.compensator.identification.result import headline, missing, summary_lines
+from tendonff.compensator.identification.run import identify
+from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.models.capstan import CapstanLaw
+
+
+@pytest.fixture(scope="module")
+def finger(examples):
+    found = load_scenario(examples / "finger.toml")
+    return replace(found, measurement=replace(found.measurement, cutoff_Hz=12.0))
+
+
+def log(path, *, output_bias_N=0.0, twist=0.0):
+    time = np.arange(0.0, 20.0, 0.01)
+    force = 42 - 26 * np.cos(2.0 * time) + 10 * np.sin(0.71 * time)
+    output = CapstanLaw(pull_exponent=0.5, release_exponent=0.45).output_history_N(force)
+    noise = np.random.default_rng(0).normal(0, 0.02, (2, len(time)))
+    read = output + output_bias_N + twist * np.sin(31 * time) * np.ptp(output)
+    write_csv(path, {"time_s": time, "input_tension_N": force + noise[0], "output_tension_N": read + noise[1]})
+    return path
+
+
+@pytest.fixture(scope="module")
+def found(finger, tmp_path_factory):
+    file = log(tmp_path_factory.mktemp("a") / "run 1.csv", output_bias_N=1.0)
+    return identify(finger, [file], static_only=True, conditions={"run 1.csv": "wet"})
+
+
+def test_the_headline_has_friction_error_and_the_next_command(found):
+    line = headline(found, "fit")
+    assert re.match(r"mu = 0\.1\d+ pulling, 0\.1\d+ releasing \(\+-[\d.]+ %\); the model explains the log to", line)
+    assert line.endswith("Next: tendonff design fit/fitted.toml")
+    assert summary_lines(found, "fit")[0] == line
+    assert identification_report(found, {}).summary.startswith(headline(found))
+
+
+def test_what_is_not_identifiable_is_one_line(found):
+    lines = summary_lines(found)
+    assert sum("not identifiable" in line for line in lines) == 1
+    assert "stiffness_N_per_m" in missing(found)
+
+
+def test_the_command_that_reproduces_a_fit_asks_what_was_asked(found):
+    """Names with blanks survive the shell; what was found is no option."""
+    words = shlex.split(identification_report(found, {}).provenance.command)
+    assert words[words.index("--data") + 1] == "run 1.csv"
+    assert words[words.index("--condition") + 1] == "run 1.csv=wet"
+    assert words[words.index("--cutoff") + 1] == "12"
+    assert "--offset" not in words
+
+
+def test_the_error_of_the_file_is_that_of_the_file_read_back(found, finger):
+    """The law knows a bias of the cell that the file has not; its own error is larger by that much."""
+    how = found.scenario.measurement
+    if how.output_offset_N is None and how.input_offset_N is None:
+        assert found.replay_percent > found.fit_percent
+    again = identify(replace(found.scenario, measurement=how), [found.inputs[0]], static_only=True)
+    assert found.replay_percent >= again.fit_percent * 0.9
+
+
+def test_no_value_stands_beside_an_interval_of_another(finger, tmp_path):
+    """Nothing explains this log: the scenario's values are kept, without the fit's intervals."""
+    found = identify(finger, [log(tmp_path / "a.csv", twist=0.3)], static_only=True)
+    assert not found.described
+    assert headline(found).startswith("No law explains the log")
+    for name, estimate in json.loads(json.dumps(found.as_json()))["estimates"].items():
+        if estimate["estimate"] == estimate["scenario"]:
+            assert estimate["interval_95"] is None, name
+            assert estimate["standard_error"] is None, name

@@ -1,0 +1,59 @@
+"""Intervals of a fit become the uncertainty of the scenario that goes on with it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.identification.result import Estimate
+from tendonff.compensator.identification.spread import with_spread
+from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_to_toml
+
+NAMES = ("mu_dynamic", "mu_dynamic_release", "adhesion_N")
+
+
+def estimate(name, value, half):
+    return Estimate(name=name, value=value, interval=(value - half, value + half), fitted=True, why="dynamic stage")
+
+
+@pytest.fixture
+def fitted(examples):
+    found = load_scenario(examples / "finger.toml")
+    t = found.transmission
+    friction = replace(t.friction, mu_dynamic_release=0.18, mu_static_release=0.18, adhesion_N=1.0)
+    robust = replace(found.robust, mu=0.1)
+    return replace(found, transmission=replace(t, friction=friction), robust=robust)
+
+
+VALUES = (
+    estimate("mu_theta", 0.63, 0.01),
+    estimate("mu_dynamic", 0.2, 0.004),
+    estimate("mu_dynamic_release", 0.18, 0.009),
+    estimate("adhesion_N", 1.0, 1.5),
+    estimate("input_bias_N", 0.2, 0.1),
+)
+
+
+def test_each_identified_value_has_its_own_spread_and_the_file_keeps_it(fitted):
+    found = with_spread(fitted, VALUES, NAMES, np.eye(3))
+    widths = {spread.keys: (spread.half_width, spread.low, spread.high) for spread in found.robust.spread}
+    assert widths == {
+        ("friction.mu_dynamic",): (0.02, None, None),
+        ("friction.mu_dynamic_release",): (0.05, None, None),
+        ("friction.adhesion_N",): (None, 0.0, 2.5),
+    }
+    assert found.robust.mu == 0  # a guess, which the fit supersedes
+    assert parse_scenario(scenario_to_toml(found)).robust == found.robust
+
+
+def test_directions_that_are_known_only_together_vary_together(fitted):
+    matrix = np.eye(3)
+    matrix[0, 1] = matrix[1, 0] = 0.99
+    (first, *_) = with_spread(fitted, VALUES, NAMES, matrix).robust.spread
+    assert first.keys == ("friction.mu_dynamic", "friction.mu_dynamic_release")
+    assert first.half_width == 0.05
+
+
+def test_a_value_that_was_not_fitted_has_no_spread(fitted):
+    kept = replace(VALUES[1], fitted=False)
+    assert not with_spread(fitted, (kept,), (), np.eye(0)).robust.spread
