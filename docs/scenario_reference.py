@@ -150,8 +150,9 @@ def section(table: Table) -> str:
     table : Table
     """
     lines = [f"### `{table.title}`", "", f"Read by {table.readers}. {table.note}".strip(), ""]
-    lines += ["| key | unit | default | meaning |", "|---|---|---|---|"]
-    lines += [f"| `{key}` | {unit} | {default} | {meaning} |" for key, unit, default, meaning in rows(table)]
+    lines += ["| key, unit | meaning | default |", "|---|---|---|"]
+    for key, unit, default, meaning in rows(table):
+        lines.append(f"| `{key}`{f'<br>{unit}' if unit else ''} | {meaning} | {default} |")
     return "\n".join([*lines, ""])
 
 

@@ -54,11 +54,13 @@ class Section:
     bearing_exponent : float, optional
         For a pulley: ln(T_in/T_out) at which its bearing turns at joint angle zero [-], instead of coefficients.
     mu_dynamic, mu_static, mu_dynamic_release, mu_static_release : float, optional
-        Instead of those of the whole [-].
+        Coefficient of friction of this section instead of that of the whole [-].
     joint : str, optional
         The joint that moves this section.
-    angle_per_rad, length_per_rad_m : float, optional
-        Change of wrap angle [rad] and of length [m] per radian of the joint.
+    angle_per_rad : float, optional
+        Change of the wrap angle per radian of the joint [rad/rad].
+    length_per_rad_m : float, optional
+        Change of the length per radian of the joint [m/rad].
     """
 
     name: str
