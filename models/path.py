@@ -142,12 +142,24 @@ class Section:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JointMotion:
-    """Joint angles over time, linear between instants and held beyond them, or repeated."""
+    """Joint angles over time, linear between instants and held beyond them, or repeated.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Names of the joints, in the order of the columns.
+    time_s : numpy.ndarray
+        Shape (rows,); strictly increasing.
+    angle_rad : numpy.ndarray
+        Shape (rows, joints).
+    period_s : float or None
+        They repeat after so long; default: they are held.
+    """
 
     names: tuple[str, ...]
-    time_s: Array  # shape (rows,); strictly increasing
-    angle_rad: Array  # shape (rows, joints)
-    period_s: float | None = None  # they repeat after so long; default: they are held
+    time_s: Array
+    angle_rad: Array
+    period_s: float | None = None
 
     def at(self, time_s: Array) -> Array:
         """Joint angles at instants, shape (len(time_s), joints) [rad]."""
@@ -183,13 +195,27 @@ class PathRows:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CutPath:
-    """A path cut into N pieces and N + 1 links."""
+    """A path cut into N pieces and N + 1 links.
+
+    Attributes
+    ----------
+    sections : tuple of Section
+        Sections from the actuator to the output.
+    lengths : numpy.ndarray
+        Shape (sections,); of the sections at joint angle zero, as shares of the whole [-].
+    length_m : float or None
+        Of the whole; None where no length is given: then only angles and gained lengths move.
+    section_of : NDArray[np.int_]
+        Shape (N,); section of each mass.
+    parts : numpy.ndarray
+        Shape (N + 1, sections); share of each section's length that belongs to each link.
+    """
 
     sections: tuple[Section, ...]
-    lengths: Array  # shape (sections,); of the sections at joint angle zero, as shares of the whole [-]
-    length_m: float | None  # of the whole; None where no length is given: then only angles and gained lengths move
-    section_of: NDArray[np.int_]  # shape (N,); section of each mass
-    parts: Array  # shape (N + 1, sections); share of each section's length that belongs to each link
+    lengths: Array
+    length_m: float | None
+    section_of: NDArray[np.int_]
+    parts: Array
 
     @property
     def count(self) -> int:

@@ -77,7 +77,25 @@ def run_jobs(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulationJob:
-    """Arguments of one `simulate`, which says what they are."""
+    """Arguments of one `simulate`, which says what they are.
+
+    Attributes
+    ----------
+    chain : Chain
+        The model.
+    force_N : numpy.ndarray
+        Shape (n,); force of the actuator [N].
+    step_s : float
+        Time step [s].
+    initial_tension_N : float or None
+        Tension at rest before [N]; default: the first force.
+    state : ChainState or None
+        State to start from instead.
+    record : bool
+        Whether every state is kept.
+    engine : Engine
+        What computes the steps.
+    """
 
     chain: Chain
     force_N: Array

@@ -74,15 +74,30 @@ class CompensationTable(Compensator):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BuiltTable:
-    """A table and how good it is."""
+    """A table and how good it is.
+
+    Attributes
+    ----------
+    table : LookupTable
+        Force over reference, branch and share of the transition.
+    bound_N : float
+        Largest interpolation error that was allowed [N].
+    error_N : float
+        Largest interpolation error found on the swept points [N].
+    resolution_N : float
+        Tension travel within which a point counts as met [N]: steep steps need be no sharper than the samples.
+    rate_N_per_s : float
+        Rate of the reference in the sweeps [N/s].
+    checked : int
+        Points that the error was found on.
+    """
 
     table: LookupTable
-    bound_N: float  # largest interpolation error that was allowed [N]
-    error_N: float  # largest interpolation error found on the swept points [N]
-    # tension travel within which a point counts as met [N]: steep steps need be no sharper than the samples
+    bound_N: float
+    error_N: float
     resolution_N: float
-    rate_N_per_s: float  # rate of the reference in the sweeps [N/s]
-    checked: int  # points that the error was found on
+    rate_N_per_s: float
+    checked: int
 
 
 def table_range(problem: Problem) -> tuple[float, float]:

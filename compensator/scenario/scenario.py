@@ -81,6 +81,20 @@ class Scenario:
         What the joints of a moving path do, by name.
     source : Path
         The file it was read from, which a CSV reference is relative to.
+    transmission : Transmission
+        Path, tendon, friction, actuator and load.
+    run : Run
+        Step and fidelity level.
+    robust : Uncertainty
+        What is not known exactly, and by how much.
+    optimal : TrackOptions
+        Options of the optimal profile.
+    experiment : Experiment
+        The two-motor test.
+    measurement : Measurement
+        How measured files are read.
+    stream : Stream
+        Limits of a live reference.
     """
 
     name: str

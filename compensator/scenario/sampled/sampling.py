@@ -44,6 +44,10 @@ class Reference:
         What the force does while the reference rests.
     raised_N : float
         Tension that it was raised to where less was asked for [N]; 0 where it is as the user wrote it.
+    step_s : float
+        Time step [s].
+    warnings : tuple of str
+        Doubts about it, one sentence each.
     """
 
     time_s: FloatArray
