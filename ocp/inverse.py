@@ -94,6 +94,17 @@ def invert(
     ------
     ParameterError
         If reference or step are not usable numbers.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger.toml")
+    >>> chain = tf.Chain.of(scenario.transmission, tf.Level.PRESLIDING)
+    >>> reference = tf.sample_reference(scenario)
+    >>> found = tf.invert(chain, reference.tension_N, reference.step_s)
+    >>> run = tf.simulate(chain, found.force_N, reference.step_s)
+    >>> bool(abs(run.output_tension_N - reference.tension_N).max() < 1e-6)
+    True
     """
     reference = np.ascontiguousarray(reference_N, dtype=np.float64)
     if reference.ndim != 1 or reference.size < 1:

@@ -168,6 +168,17 @@ def simulate(
     ------
     ParameterError
         If force or step are not usable numbers.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger.toml")
+    >>> chain = tf.Chain.of(scenario.transmission, tf.Level.PRESLIDING)
+    >>> reference = tf.sample_reference(scenario)
+    >>> run = tf.simulate(chain, reference.tension_N, reference.step_s)
+    >>> lost = reference.tension_N - run.output_tension_N
+    >>> print(f"{lost.max():.0f} N of friction at most")
+    18 N of friction at most
     """
     force = np.asarray(force_N, dtype=np.float64)
     if force.ndim != 1 or force.size < 1:

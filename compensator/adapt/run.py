@@ -49,6 +49,12 @@ def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy
         If the scenario has no table [adaptation].
     CodeError
         If no C compiler works here.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> study = tf.adapt(tf.load_scenario("examples/finger_adaptive.toml"))  # doctest: +SKIP
+    >>> print(study.headline)  # doctest: +SKIP
     """
     settings = scenario.adaptation
     if settings is None:

@@ -80,6 +80,13 @@ def identify(
     ------
     InputError
         If a file cannot be used.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger.toml")
+    >>> fit = tf.identify(scenario, ["log.csv"])  # doctest: +SKIP
+    >>> print(fit.headline)  # doctest: +SKIP
     """
     with threadpool_limits(limits=1, user_api="blas"):  # matrices are small: a second thread doubles the work
         study = _read(scenario, data, validate, static_only, conditions or {}, say, confirm)

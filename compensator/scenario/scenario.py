@@ -118,7 +118,15 @@ class Scenario:
 
 
 def load_scenario(path: str | os.PathLike[str]) -> Scenario:
-    """Read a scenario file; InputError is one message with file, table, key, value and the way out."""
+    """Read a scenario file; InputError is one message with file, table, key, value and the way out.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger.toml")
+    >>> scenario.transmission.friction.mu_dynamic
+    0.2
+    """
     path = Path(path)
     return parse_scenario(read_text(path), path)
 

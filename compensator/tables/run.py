@@ -42,6 +42,15 @@ def make_tables(
         Rates of the reference [N/s], > 0; a further column of the file.
     pose_rad : mapping of str to float, optional
         Angles of joints that stand still for the table, by name [rad].
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger.toml")
+    >>> tables = tf.make_table(scenario, level=tf.Level.ELASTIC)
+    >>> first = tables.tables[0].built
+    >>> bool(first.error_N <= first.bound_N)
+    True
     """
     scenario = posed(scenario, pose_rad) if pose_rad else scenario
     for name, values in (("angles", angles_rad), ("rates", rates_N_per_s)):

@@ -83,6 +83,14 @@ def sample_reference(scenario: Scenario, *, strict: bool = False) -> Reference:
 
     InputError where the reference reaches 0 or below, or (only a warning unless `strict`) above the largest tension
     that the largest force delivers through the friction.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger.toml")
+    >>> reference = tf.sample_reference(scenario)
+    >>> reference.tension_N.shape, reference.step_s
+    ((4001,), 0.001)
     """
     spec, sampled, file = scenario.reference, _sample(scenario), scenario.source.name
     tension, initial, removed = sampled.tension_N, sampled.initial_tension_N, sampled.removed_noise_N
