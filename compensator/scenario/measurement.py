@@ -43,6 +43,10 @@ class Measurement:
     torque_constant_N_m_per_A: float | None = None
     drum_radius_m: float | None = None
     gear_ratio: float | None = None
+    # what is not known of the cells' gains, and of the tendon's values where the files do not tell them: half-widths of
+    # their 95 % intervals as shares of the values; they widen the intervals of what is fitted
+    gain_uncertainty: float = 0.0
+    kept_uncertainty: float = 0.0
     # what the cells read without tension, after the scale [N]; subtracted. Default: found from slack samples
     input_offset_N: float | None = None
     output_offset_N: float | None = None
@@ -74,6 +78,8 @@ class Measurement:
             require_given(name, getattr(self, name), hint="leave it out for none")
         for name in ("torque_constant_N_m_per_A", "drum_radius_m", "gear_ratio"):
             require_given(name, getattr(self, name), above=0, hint="leave it out where no column needs it")
+        for name in ("gain_uncertainty", "kept_uncertainty"):
+            require(name, getattr(self, name), least=0, hint="0.02 is +-2 %")
         self._check_cells()
         if self.tare_s is not None and not 0 <= self.tare_s[0] < self.tare_s[1]:
             raise ParameterError(
