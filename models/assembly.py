@@ -21,21 +21,39 @@ NORMAL_FORCE_FLOOR_N = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Piece:
-    """A mass on the path, apart from its friction; numbers or CasADi scalars."""
+    """A mass on the path, apart from its friction; numbers or CasADi scalars.
 
-    mass_kg: ca.SX  # m/N [kg]
-    adhesion_N: ca.SX  # load-independent tension p [N]
+    Attributes
+    ----------
+    mass_kg : ca.SX
+        M/N [kg].
+    adhesion_N : ca.SX
+        Load-independent tension p [N].
+    """
+
+    mass_kg: ca.SX
+    adhesion_N: ca.SX
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class End:
-    """One end of the chain: a mass with a damper, what drives it and what it leans on."""
+    """One end of the chain: a mass with a damper, what drives it and what it leans on.
+
+    Attributes
+    ----------
+    mass_kg : float
+        Moving mass [kg], > 0.
+    damping_N_s_per_m : float
+        Viscous damping [N s/m].
+    stiffness_N_per_m : float
+        k_c [N/m]; 0 for an actuator.
+    """
 
     states: ClassVar[tuple[str, ...]] = ()
 
-    mass_kg: float  # moving mass [kg], > 0
-    damping_N_s_per_m: float  # viscous damping [N s/m]
-    stiffness_N_per_m: float  # k_c [N/m]; 0 for an actuator
+    mass_kg: float
+    damping_N_s_per_m: float
+    stiffness_N_per_m: float
 
     def rate(self, v: ca.SX, states: tuple[ca.SX, ...]) -> tuple[ca.SX, ...]:  # noqa: ARG002
         """Time derivatives of its own states; none here."""

@@ -32,15 +32,28 @@ from tendonff.models.path import ANGLE_FLOOR_RAD, JointMotion, PathRows
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chain:
-    """A transmission at one fidelity level, cut into N masses."""
+    """A transmission at one fidelity level, cut into N masses.
 
-    elements: Elements  # everything per element
-    level: Level  # that the elements were made for
-    # near, far: the actuator's end and the load's end
+    Attributes
+    ----------
+    elements : Elements
+        Everything per element.
+    level : Level
+        That the elements were made for.
+    near, far : End
+        The actuator's end and the load's end.
+    motion : JointMotion or None
+        What the joints of a moving path do.
+    far_joint : tuple[str, float] or None
+        Joint that moves the far end, and its moment arm [m].
+    """
+
+    elements: Elements
+    level: Level
     near: End
     far: End
-    motion: JointMotion | None = None  # what the joints of a moving path do
-    far_joint: tuple[str, float] | None = None  # joint that moves the far end, and its moment arm [m]
+    motion: JointMotion | None = None
+    far_joint: tuple[str, float] | None = None
 
     @classmethod
     def of(cls, transmission: Transmission, level: Level, segments: int | None = None) -> "Chain":

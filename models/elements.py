@@ -21,15 +21,30 @@ from tendonff.models.path import CutPath, JointMotion, Section, cut_path
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Elements:
-    """The transmission divided among N masses and N + 1 links; SI units."""
+    """The transmission divided among N masses and N + 1 links; SI units.
 
-    path: CutPath  # who gets which angle and which length
-    piece: Piece  # mass of one mass on the path, or of each, shape (N,); and p
-    # law of the whole, or for each mass that of its section: fields are numbers, or arrays of shape (N,)
+    Attributes
+    ----------
+    path : CutPath
+        Who gets which angle and which length.
+    piece : Piece
+        Mass of one mass on the path, or of each, shape (N,); and p.
+    contact : FrictionLaw
+        Law of the whole, or for each mass that of its section: fields are numbers, or arrays of shape (N,).
+    friction : FrictionLaw
+        Of one mass at joint angle zero, or of each.
+    link : LinkLaw
+        Of the whole; a link is `link.shortened(ratio)`.
+    ratio : numpy.ndarray
+        Shape (N + 1,); length of the whole over that of each link at joint angle zero [-].
+    """
+
+    path: CutPath
+    piece: Piece
     contact: FrictionLaw
-    friction: FrictionLaw  # of one mass at joint angle zero, or of each
-    link: LinkLaw  # of the whole; a link is `link.shortened(ratio)`
-    ratio: Array  # shape (N + 1,); length of the whole over that of each link at joint angle zero [-]
+    friction: FrictionLaw
+    link: LinkLaw
+    ratio: Array
 
     @property
     def count(self) -> int:

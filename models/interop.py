@@ -45,6 +45,15 @@ def as_iosystem(chain: Chain, *, both_ends: bool = False, name: str = "tendon") 
     -------
     control.NonlinearIOSystem
         states in the order of `StateLayout`; start it at `chain.rest_state(tension_N).vector()`.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger.toml")
+    >>> chain = tf.Chain.of(scenario.transmission, tf.Level.VISCOELASTIC)
+    >>> system = tf.as_iosystem(chain)
+    >>> system.ninputs, system.nstates
+    (1, 30)
     """
     equations = chain_equations(chain)
     x, u = equations.state, ca.SX.sym("inputs", len(END_INPUTS) if both_ends else 1)
@@ -85,6 +94,15 @@ def linear_system(chain: Chain, state: ChainState, *, name: str = "linear tendon
     -------
     control.StateSpace
         One input, N + 3 outputs, 4 N + 5 states, N of them fewer where the whole tendon sticks.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger.toml")
+    >>> chain = tf.Chain.of(scenario.transmission, tf.Level.VISCOELASTIC)
+    >>> small = tf.linear_system(chain, chain.rest_state(30.0))
+    >>> small.ninputs, small.noutputs
+    (1, 9)
     """
     linear = Lineariser(chain).at(state)
     return control.StateSpace(

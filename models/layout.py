@@ -76,18 +76,33 @@ class StateLayout:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChainState:
-    """State of the chain at one instant."""
+    """State of the chain at one instant.
 
-    velocity_m_per_s: Array  # shape (N + 2,); v_a, v_1 .. v_N, v_l: sliding speeds
-    elongation_m: Array  # shape (N + 1,); e of each link
-    link: Array  # shape (states, N + 1); the links' own states; the relaxed elongation z [m] with the paper's law
-    friction: Array  # shape (states, N); the friction's own states; the bristle force f_s [N] with the paper's law
-    # near_position_m, far_position_m: q_a, q_l. The positions between them follow from the elongations, whose
-    # differences keep full precision
+    Attributes
+    ----------
+    velocity_m_per_s : numpy.ndarray
+        Shape (N + 2,); v_a, v_1 .. v_N, v_l: sliding speeds.
+    elongation_m : numpy.ndarray
+        Shape (N + 1,); e of each link.
+    link : numpy.ndarray
+        Shape (states, N + 1); the links' own states; the relaxed elongation z [m] with the paper's law.
+    friction : numpy.ndarray
+        Shape (states, N); the friction's own states; the bristle force f_s [N] with the paper's law.
+    near_position_m, far_position_m : float
+        q_a, q_l. The positions between them follow from the elongations, whose differences keep full precision.
+    time_s : float
+        When: the joints of a moving path stand where they are then.
+    near : numpy.ndarray
+        Shape (states,); the near end's own states; f_d [N] where the drive has dry friction.
+    """
+
+    velocity_m_per_s: Array
+    elongation_m: Array
+    link: Array
+    friction: Array
     near_position_m: float
     far_position_m: float
-    time_s: float = 0.0  # when: the joints of a moving path stand where they are then
-    # shape (states,); the near end's own states; f_d [N] where the drive has dry friction
+    time_s: float = 0.0
     near: Array = field(default_factory=lambda: np.empty(0))
 
     def vector(self) -> Array:

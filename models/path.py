@@ -44,19 +44,23 @@ class Section:
     Parameters
     ----------
     name : str
+        Its name in reports and dotted keys.
     angle_rad : float
         Wrap angle at joint angle zero [rad], >= 0.
     length_m : float, optional
         Length at joint angle zero [m], >= 0; default: in proportion to the angles.
     kind : SectionKind, optional
+        What the tendon touches: a guide on which it slides, or a pulley.
     bearing_exponent : float, optional
         For a pulley: ln(T_in/T_out) at which its bearing turns at joint angle zero [-], instead of coefficients.
     mu_dynamic, mu_static, mu_dynamic_release, mu_static_release : float, optional
-        Instead of those of the whole [-].
+        Coefficient of friction of this section instead of that of the whole [-].
     joint : str, optional
         The joint that moves this section.
-    angle_per_rad, length_per_rad_m : float, optional
-        Change of wrap angle [rad] and of length [m] per radian of the joint.
+    angle_per_rad : float, optional
+        Change of the wrap angle per radian of the joint [rad/rad].
+    length_per_rad_m : float, optional
+        Change of the length per radian of the joint [m/rad].
     """
 
     name: str
@@ -138,12 +142,24 @@ class Section:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JointMotion:
-    """Joint angles over time, linear between instants and held beyond them, or repeated."""
+    """Joint angles over time, linear between instants and held beyond them, or repeated.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Names of the joints, in the order of the columns.
+    time_s : numpy.ndarray
+        Shape (rows,); strictly increasing.
+    angle_rad : numpy.ndarray
+        Shape (rows, joints).
+    period_s : float or None
+        They repeat after so long; default: they are held.
+    """
 
     names: tuple[str, ...]
-    time_s: Array  # shape (rows,); strictly increasing
-    angle_rad: Array  # shape (rows, joints)
-    period_s: float | None = None  # they repeat after so long; default: they are held
+    time_s: Array
+    angle_rad: Array
+    period_s: float | None = None
 
     def at(self, time_s: Array) -> Array:
         """Joint angles at instants, shape (len(time_s), joints) [rad]."""
@@ -179,13 +195,27 @@ class PathRows:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CutPath:
-    """A path cut into N pieces and N + 1 links."""
+    """A path cut into N pieces and N + 1 links.
+
+    Attributes
+    ----------
+    sections : tuple of Section
+        Sections from the actuator to the output.
+    lengths : numpy.ndarray
+        Shape (sections,); of the sections at joint angle zero, as shares of the whole [-].
+    length_m : float or None
+        Of the whole; None where no length is given: then only angles and gained lengths move.
+    section_of : NDArray[np.int_]
+        Shape (N,); section of each mass.
+    parts : numpy.ndarray
+        Shape (N + 1, sections); share of each section's length that belongs to each link.
+    """
 
     sections: tuple[Section, ...]
-    lengths: Array  # shape (sections,); of the sections at joint angle zero, as shares of the whole [-]
-    length_m: float | None  # of the whole; None where no length is given: then only angles and gained lengths move
-    section_of: NDArray[np.int_]  # shape (N,); section of each mass
-    parts: Array  # shape (N + 1, sections); share of each section's length that belongs to each link
+    lengths: Array
+    length_m: float | None
+    section_of: NDArray[np.int_]
+    parts: Array
 
     @property
     def count(self) -> int:

@@ -77,7 +77,25 @@ def run_jobs(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulationJob:
-    """Arguments of one `simulate`, which says what they are."""
+    """Arguments of one `simulate`, which says what they are.
+
+    Attributes
+    ----------
+    chain : Chain
+        The model.
+    force_N : numpy.ndarray
+        Shape (n,); force of the actuator [N].
+    step_s : float
+        Time step [s].
+    initial_tension_N : float or None
+        Tension at rest before [N]; default: the first force.
+    state : ChainState or None
+        State to start from instead.
+    record : bool
+        Whether every state is kept.
+    engine : Engine
+        What computes the steps.
+    """
 
     chain: Chain
     force_N: Array
@@ -103,5 +121,16 @@ def simulate_batch(
 
     A run whose step could not be solved is a result whose outcome says so; errors are jobs that could not be run, such
     as a force that is not finite.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger.toml")
+    >>> chain = tf.Chain.of(scenario.transmission, tf.Level.ELASTIC)
+    >>> force = tf.sample_reference(scenario).tension_N
+    >>> jobs = [tf.SimulationJob(chain=chain, force_N=k * force, step_s=1e-3) for k in (1.0, 1.5)]
+    >>> peaks = [done.require().output_tension_N.max() for done in tf.simulate_batch(jobs)]
+    >>> bool(peaks[1] > 1.4 * peaks[0])
+    True
     """
     return run_jobs(run_simulation, jobs, executor=executor, progress=progress)

@@ -31,17 +31,31 @@ class InverseStatus(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inversion:
-    """Force that makes the output tension follow a reference, before actuator limits."""
+    """Force that makes the output tension follow a reference, before actuator limits.
+
+    Attributes
+    ----------
+    status : InverseStatus
+        How it ended.
+    message : str
+        Why, for the user.
+    time_s, force_N : numpy.ndarray
+        Shape (n,); rows at 0, h, 2 h ...; the force of row 0 holds the state of the start: at rest, its tension.
+    least_tension_N : numpy.ndarray
+        Shape (n,); smallest tension along the path at each row.
+    states : numpy.ndarray or None
+        Shape (n, size); in the order of `StateLayout`, recorded on request.
+    final : ChainState
+        State after the last row.
+    """
 
     status: InverseStatus
-    message: str  # why, for the user
-    # time_s, force_N: shape (n,); rows at 0, h, 2 h ...; the force of row 0 holds the state of the start: at rest, its
-    # tension
+    message: str
     time_s: Array
     force_N: Array
-    least_tension_N: Array  # shape (n,); smallest tension along the path at each row
-    states: Array | None  # shape (n, size); in the order of `StateLayout`, recorded on request
-    final: ChainState  # state after the last row
+    least_tension_N: Array
+    states: Array | None
+    final: ChainState
 
     @property
     def recorded(self) -> Array:
@@ -80,6 +94,17 @@ def invert(
     ------
     ParameterError
         If reference or step are not usable numbers.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger.toml")
+    >>> chain = tf.Chain.of(scenario.transmission, tf.Level.PRESLIDING)
+    >>> reference = tf.sample_reference(scenario)
+    >>> found = tf.invert(chain, reference.tension_N, reference.step_s)
+    >>> run = tf.simulate(chain, found.force_N, reference.step_s)
+    >>> bool(abs(run.output_tension_N - reference.tension_N).max() < 1e-6)
+    True
     """
     reference = np.ascontiguousarray(reference_N, dtype=np.float64)
     if reference.ndim != 1 or reference.size < 1:

@@ -26,11 +26,21 @@ _DEPTH = 4  # cycles that an acceleration looks back on
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Steadiness:
-    """How a search for a steady cycle ended."""
+    """How a search for a steady cycle ended.
 
-    cycles: int  # cycles that were run
-    change_N: float  # largest difference between the last cycle and the one before [N]
-    converged: bool  # the difference is below the tolerance
+    Attributes
+    ----------
+    cycles : int
+        Cycles that were run.
+    change_N : float
+        Largest difference between the last cycle and the one before [N].
+    converged : bool
+        The difference is below the tolerance.
+    """
+
+    cycles: int
+    change_N: float
+    converged: bool
 
     def __str__(self) -> str:
         """In words."""

@@ -27,19 +27,39 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Simulation:
-    """Response of the chain, rows at 0, h, 2 h ..."""
+    """Response of the chain, rows at 0, h, 2 h ...
+
+    Attributes
+    ----------
+    outcome : Outcome
+        How the run ended.
+    message : str
+        What happened, for the user.
+    time_s : numpy.ndarray
+        Shape (n,).
+    force_N : numpy.ndarray
+        Shape (n,); f_c1, the actuator's force.
+    tension_N : numpy.ndarray
+        Shape (n, N + 1); f_1 .. f_{N+1}; the last column is the output tension.
+    near_position_m, far_position_m : numpy.ndarray
+        Shape (n,); q_a, q_l.
+    states : numpy.ndarray or None
+        Shape (n, size); every state in the order of `StateLayout`, recorded on request.
+    final : ChainState
+        State after the last good row.
+    iterations, splits : int
+        Linear solves, and steps that had to be split.
+    """
 
     outcome: Outcome
-    message: str  # what happened, for the user
-    time_s: Array  # shape (n,)
-    force_N: Array  # shape (n,); f_c1, the actuator's force
-    tension_N: Array  # shape (n, N + 1); f_1 .. f_{N+1}; the last column is the output tension
-    # near_position_m, far_position_m: shape (n,); q_a, q_l
+    message: str
+    time_s: Array
+    force_N: Array
+    tension_N: Array
     near_position_m: Array
     far_position_m: Array
-    states: Array | None  # shape (n, size); every state in the order of `StateLayout`, recorded on request
-    final: ChainState  # state after the last good row
-    # iterations, splits: linear solves, and steps that had to be split
+    states: Array | None
+    final: ChainState
     iterations: int
     splits: int
 
@@ -148,6 +168,17 @@ def simulate(
     ------
     ParameterError
         If force or step are not usable numbers.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger.toml")
+    >>> chain = tf.Chain.of(scenario.transmission, tf.Level.PRESLIDING)
+    >>> reference = tf.sample_reference(scenario)
+    >>> run = tf.simulate(chain, reference.tension_N, reference.step_s)
+    >>> lost = reference.tension_N - run.output_tension_N
+    >>> print(f"{lost.max():.0f} N of friction at most")
+    18 N of friction at most
     """
     force = np.asarray(force_N, dtype=np.float64)
     if force.ndim != 1 or force.size < 1:

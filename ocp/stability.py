@@ -28,28 +28,51 @@ _REPLAY_STEPS = 4  # the replay's step is this much finer
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnstableStretch:
-    """A stretch of time in which some mode grows."""
+    """A stretch of time in which some mode grows.
 
-    # start_s, end_s: when [s]
+    Attributes
+    ----------
+    start_s, end_s : float
+        When [s].
+    growth_per_s : float
+        Largest real part of a pole there [1/s].
+    frequency_Hz : float
+        Frequency of that mode [Hz]; 0 where it grows without oscillating.
+    growth_exponent : float
+        Integral of the largest real part over the stretch [-].
+    """
+
     start_s: float
     end_s: float
-    growth_per_s: float  # largest real part of a pole there [1/s]
-    frequency_Hz: float  # frequency of that mode [Hz]; 0 where it grows without oscillating
-    growth_exponent: float  # integral of the largest real part over the stretch [-]
+    growth_per_s: float
+    frequency_Hz: float
+    growth_exponent: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StickSlipPrediction:
-    """What to expect of any feedforward along a reference."""
+    """What to expect of any feedforward along a reference.
 
-    stretches: tuple[UnstableStretch, ...]  # those whose growth matters, in order of time
-    unstable_share: float  # share of the time they cover [-]
-    # largest real part of any pole along the reference, also where it does not matter [1/s]; may be negative
+    Attributes
+    ----------
+    stretches : tuple of UnstableStretch
+        Those whose growth matters, in order of time.
+    unstable_share : float
+        Share of the time they cover [-].
+    largest_growth_per_s : float
+        Largest real part of any pole along the reference, also where it does not matter [1/s]; may be negative.
+    expected_error_N : float
+        Root mean square error of the given force on the same chain with a quarter of the step [N]: what becomes of it
+        when nothing but the grid changes. NaN where no force was given or it fails.
+    warnings : tuple of str
+        For the user; empty where nothing is to be feared.
+    """
+
+    stretches: tuple[UnstableStretch, ...]
+    unstable_share: float
     largest_growth_per_s: float
-    # root mean square error of the given force on the same chain with a quarter of the step [N]: what becomes of it
-    # when nothing but the grid changes. NaN where no force was given or it fails
     expected_error_N: float
-    warnings: tuple[str, ...]  # for the user; empty where nothing is to be feared
+    warnings: tuple[str, ...]
 
 
 def predict_stick_slip(

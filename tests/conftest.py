@@ -1,9 +1,14 @@
 """Shared by all tests."""
 
+import os
+
+# Each worker of a run in parallel has one processor: threads of the linear algebra would only wait for each other. The
+# library reads this when numpy is imported; commands that tests start inherit it.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import functools
 import importlib.util
 import io
-import os
 import re
 import shutil
 import subprocess

@@ -66,6 +66,7 @@ def test_the_pages_load_nothing_from_the_network(site):
 def test_in_a_browser_from_disk_every_page_is_whole_and_nothing_complains(site, browser):
     browser.get_log("browser")
     size = {"width": 390, "height": 800, "deviceScaleFactor": 1, "mobile": True}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
     for page in sorted(set(site.rglob("*.html")) - {site / "404.html"}):  # its addresses start at the server
         browser.get(page.as_uri())
         formulas = page.read_text(encoding="utf-8").count('class="arithmatex"')
@@ -74,12 +75,11 @@ def test_in_a_browser_from_disk_every_page_is_whole_and_nothing_complains(site, 
         assert browser.execute_script("return document.querySelectorAll('[data-mjx-error], mjx-merror').length") == 0
         broken = "return [...document.images].filter(i => !i.naturalWidth).map(i => i.src)"
         assert browser.execute_script(broken) == [], page
-        browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
         assert browser.execute_script("return document.documentElement.scrollWidth") <= 390, page
         vanished = "return [...document.querySelectorAll('mjx-container > svg')].filter(s => s.clientWidth < 4).length"
         assert browser.execute_script(vanished) == 0, page
-        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
         assert browser.get_log("browser") == [], page
+    browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
 def test_search_works_from_disk(site, browser):

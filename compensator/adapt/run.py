@@ -49,6 +49,12 @@ def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy
         If the scenario has no table [adaptation].
     CodeError
         If no C compiler works here.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> study = tf.adapt(tf.load_scenario("examples/finger_adaptive.toml"))  # doctest: +SKIP
+    >>> print(study.headline)  # doctest: +SKIP
     """
     settings = scenario.adaptation
     if settings is None:
@@ -77,7 +83,7 @@ def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy
         interval=None if bounds is None else bounds.interval,
         bounds_N=None if bounds is None else (bounds.low_N, bounds.high_N),
         cases=tuple(cases),
-        headline=_headline(cases, known, advice),
+        headline=_headline(cases, known, advice, reference),
         warnings=_warnings(cases, known, certificate),
     )
 
@@ -225,7 +231,7 @@ def _widest(cases: list[Case]) -> Case:
     return max(cases, key=lambda case: case.traces[Scheme.SELF_TUNING].settled_percent)
 
 
-def _headline(cases: list[Case], known: Information, advice: tuple[str, float] | None) -> str:
+def _headline(cases: list[Case], known: Information, advice: tuple[str, float] | None, reference: Reference) -> str:
     off = [case for case in cases if case.variation in (friction_off(0.8), friction_off(1.2))]
     plain = max(case.traces[Scheme.FEEDFORWARD].settled_percent for case in off)
     tuned = max(case.traces[Scheme.SELF_TUNING].settled_percent for case in off)
@@ -233,10 +239,10 @@ def _headline(cases: list[Case], known: Information, advice: tuple[str, float] |
     most, most_plain = (widest.traces[s].settled_percent for s in (Scheme.SELF_TUNING, Scheme.FEEDFORWARD))
     better = "" if advice is None else f"; {advice[0]} leaves {advice[1]:.2g} % there"
     return (
-        f"Expect an RMS error of up to {tuned:.2g} % of range after {SETTLED_S:g} s with self-tuning from "
-        f"{known.tuning.sensor.words}, for mu ±20 % and all else as in the scenario (without: up to {plain:.2g} %), "
-        f"and of up to {most:.2g} % where other parameters are off too ({widest.variation.name}; without: "
-        f"{most_plain:.2g} %{better}). "
+        f"Expect an RMS error of up to {tuned:.2g} % of {reference.share_of} after {SETTLED_S:g} s with self-tuning "
+        f"from {known.tuning.sensor.words}, for mu ±20 % and all else as in the scenario (without: up to "
+        f"{plain:.2g} %), and of up to {most:.2g} % where other parameters are off too "
+        f"({widest.variation.name}; without: {most_plain:.2g} %{better}). "
         f"{known.sentences()[0].capitalize()}."
     )
 

@@ -4,8 +4,8 @@ Exit codes: 0 success; 1 a solve failed, with its diagnosis; 2 bad input, with o
 """
 
 import sys
-from collections.abc import Sequence
-from typing import Annotated, cast
+from collections.abc import Callable, Mapping, Sequence
+from typing import Annotated, Any, cast
 
 import typer
 
@@ -37,8 +37,22 @@ _USAGE_ERRORS = cast(
     tuple(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException"),
 )
 
+
+class _Grouped(typer.core.TyperGroup):
+    """The commands in the order of the work, under a heading for each part of it."""
+
+    def format_commands(self, _ctx: Any, formatter: Any) -> None:
+        """List the commands group by group."""
+        width = formatter.width - 6 - max(map(len, self.commands))
+        for title, commands in _GROUPS.items():
+            names = [_name(command) for command in commands]
+            with formatter.section(title):
+                formatter.write_dl([(name, self.commands[name].get_short_help_str(width)) for name in names])
+
+
 app = typer.Typer(
     name="tendonff",
+    cls=_Grouped,
     help="Feedforward friction compensation for tendon and Bowden-cable drives: compute the actuator force that "
     "produces a desired output tension, and export it to your controller.",
     rich_markup_mode=None,  # plain text: panels wrap file names, and messages are to be grepped
@@ -62,10 +76,40 @@ def _root(
     pass
 
 
-_COMMANDS = (new, example, simulate, design, experiment, compare, adapt, explore, path, identify, sweep, table)
-_EXPORTS = (export_c, export_fmu)
-for _command in (*_COMMANDS, *_EXPORTS):
-    app.command()(_command)
+_GROUPS: Mapping[str, Mapping[Callable[..., object], str]] = {
+    "Model": {
+        new: "mine.toml --for bowden",
+        example: "finger",
+        path: "centreline.csv --out path",
+        simulate: "mine.toml --force force.csv --out run",
+        experiment: "mine.toml --out experiment",
+    },
+    "Decide": {
+        design: "mine.toml --out out",
+        compare: "mine.toml --out compare",
+        sweep: "mine.toml --samples 200 --out sweep",
+        explore: "mine.toml",
+    },
+    "Rig": {
+        identify: "mine.toml --data log.csv --out fit",
+        adapt: "mine.toml --out adapt",
+    },
+    "Deploy": {
+        table: "mine.toml --out table",
+        export_c: "mine.toml --out c",
+        export_fmu: "mine.toml --out fmu",
+    },
+}
+"""Commands by the part of the work that they belong to, each with the arguments of an example."""
+
+
+def _name(command: Callable[..., object]) -> str:
+    return command.__name__.replace("_", "-")
+
+
+for _commands in _GROUPS.values():
+    for _command, _example in _commands.items():
+        app.command(epilog=f"Example: tendonff {_name(_command)} {_example}")(_command)
 
 
 def run(arguments: Sequence[str]) -> int:

@@ -29,28 +29,51 @@ _STIFF = 10.0  # holding motor against tendon
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelTraits:
-    """Answers to the probes."""
+    """Answers to the probes.
 
-    # force_N, output_N: shape (n,); the closed loop: output tension over force
+    Attributes
+    ----------
+    force_N, output_N : numpy.ndarray
+        Shape (n,); the closed loop: output tension over force.
+    loop_area_percent : float
+        Area of the loop, of the rectangle around it [%].
+    dead_zone_N : float
+        Fall of the force, after pulling, before the output follows [N].
+    reversal_width_N : float
+        Further fall of the force until the output follows at its full rate [N]: 0 is a corner.
+    relaxation_percent : float
+        Stress relaxation: fall of the tension at the actuator's end while its position is held, of its start [%].
+    hold_time_s, hold_input_N : numpy.ndarray
+        Shape (m,); course of that tension.
+    """
+
     force_N: FloatArray
     output_N: FloatArray
-    loop_area_percent: float  # area of the loop, of the rectangle around it [%]
-    dead_zone_N: float  # fall of the force, after pulling, before the output follows [N]
-    reversal_width_N: float  # further fall of the force until the output follows at its full rate [N]: 0 is a corner
-    # stress relaxation: fall of the tension at the actuator's end while its position is held, of its start [%]
+    loop_area_percent: float
+    dead_zone_N: float
+    reversal_width_N: float
     relaxation_percent: float
-    # hold_time_s, hold_input_N: shape (m,); course of that tension
     hold_time_s: FloatArray
     hold_input_N: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelCost:
-    """What a level costs."""
+    """What a level costs.
 
-    time_per_simulated_second_s: float  # on this machine, at the scenario's step
+    Attributes
+    ----------
+    time_per_simulated_second_s : float
+        On this machine, at the scenario's step.
+    states : int
+        Number of states of the chain.
+    parameters : tuple of str
+        To be identified, as they are named in a scenario.
+    """
+
+    time_per_simulated_second_s: float
     states: int
-    parameters: tuple[str, ...]  # to be identified, as they are named in a scenario
+    parameters: tuple[str, ...]
 
 
 def parameters_of(level: Level | None) -> tuple[str, ...]:

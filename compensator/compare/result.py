@@ -21,38 +21,81 @@ ENOUGH_PERCENT = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """One compensator, designed on one level, simulated on one plant."""
+    """One compensator, designed on one level, simulated on one plant.
 
-    compensator: str  # its name
-    design_level: Level  # repeats for a compensator that does not depend on it
-    plant_level: str  # a `Level`, or "capstan" for the static law
-    # rmse_percent_of_range, peak_error_N: of a simulation with a quarter of the step
+    Attributes
+    ----------
+    compensator : str
+        Its name.
+    design_level : Level
+        Repeats for a compensator that does not depend on it.
+    plant_level : str
+        A `Level`, or "capstan" for the static law.
+    rmse_percent_of_range, peak_error_N : float
+        Of a simulation with a quarter of the step.
+    lag_s : float
+        Delay of the output against the reference [s]; negative when it leads.
+    spread_percent_of_range : float
+        Largest RMS difference to simulations with half the step, the whole step, and a force that differs in the ninth
+        digit, which stands for a solver's tolerance [% of range]. Errors that differ by less are equal.
+    """
+
+    compensator: str
+    design_level: Level
+    plant_level: str
     rmse_percent_of_range: float
     peak_error_N: float
-    lag_s: float  # delay of the output against the reference [s]; negative when it leads
-    # largest RMS difference to simulations with half the step, the whole step, and a force that differs in the ninth
-    # digit, which stands for a solver's tolerance [% of range]. Errors that differ by less are equal
+    lag_s: float
     spread_percent_of_range: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComparisonData:
-    """All compensators on all levels."""
+    """All compensators on all levels.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        The scenario it was made for.
+    reference : Reference
+        What was to be delivered, sampled.
+    compensators : tuple of Compensator
+        In the order in which they are shown.
+    entries : tuple of Entry
+        Compensator by compensator, design level by design level, plant by plant.
+    outputs_N : dict of tuple[str, Level, str] to numpy.ndarray
+        Shape (n,); delivered tension by name of the compensator, design level and plant, at the rows of the reference
+        [N].
+    traits : dict of str to LevelTraits
+        What each level and the static law do differently.
+    costs : dict of str to LevelCost
+        What each level and the static law cost, by name.
+    bands : dict of tuple[str, Level] to ErrorBand
+        Errors of each design over what may be the real transmission, on the most detailed level.
+    expectation : Expectation
+        Of the designs on the recommended level.
+    recommended_level : Level
+        Simplest level that is good enough on the most detailed plant.
+    recommendation : str
+        One sentence.
+    ignored : IgnoredMotion or None
+        What it would cost to ignore that joints move; None where none does.
+    warnings : tuple of str
+        What the user should know before relying on it, one sentence each.
+    """
 
     scenario: Scenario
     reference: Reference
-    compensators: tuple[Compensator, ...]  # in the order in which they are shown
-    entries: tuple[Entry, ...]  # compensator by compensator, design level by design level, plant by plant
-    # shape (n,); delivered tension by name of the compensator, design level and plant, at the rows of the reference [N]
+    compensators: tuple[Compensator, ...]
+    entries: tuple[Entry, ...]
     outputs_N: dict[tuple[str, Level, str], FloatArray]
-    traits: dict[str, LevelTraits]  # what each level and the static law do differently
+    traits: dict[str, LevelTraits]
     costs: dict[str, LevelCost]
-    # errors of each design over what may be the real transmission, on the most detailed level
     bands: dict[tuple[str, Level], ErrorBand]
-    expectation: Expectation  # of the designs on the recommended level
+    expectation: Expectation
     recommended_level: Level
-    recommendation: str  # one sentence
-    ignored: IgnoredMotion | None  # what it would cost to ignore that joints move; None where none does
+    recommendation: str
+    ignored: IgnoredMotion | None
     warnings: tuple[str, ...]
 
     @property

@@ -56,6 +56,13 @@ def compare(
     Of the compensators, by default all but the optimal profile, "none", "capstan" and one beside "smoothed" that knows
     the level must be among them; the options say what the optimal profile is optimised for. InputError if the reference
     cannot be delivered, SolveError if a simulation fails.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger.toml")
+    >>> comparison = tf.compare(scenario)  # doctest: +SKIP
+    >>> print(comparison.headline)  # doctest: +SKIP
     """
     reference = sample_reference(scenario)
     transmission = moved(scenario, float(reference.time_s[-1]), periodic=scenario.reference.periodic)
@@ -112,7 +119,7 @@ def compare(
         traits=traits,
         costs=costs,
         bands=bands,
-        expectation=expectation_of(problem.doubt, Level.PRESLIDING, on_level),
+        expectation=expectation_of(problem.doubt, Level.PRESLIDING, on_level, reference),
         recommended_level=best,
         recommendation=text,
         ignored=ignored_motion(Problem.of(scenario, reference=reference, options=options)),

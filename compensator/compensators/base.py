@@ -52,6 +52,8 @@ class Problem:
         limits are those of the force.
     model : Chain, optional
         The design model where it is cut already; default: made of the transmission.
+    reference : Reference
+        What was to be delivered, sampled.
     """
 
     transmission: Transmission

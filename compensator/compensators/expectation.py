@@ -104,12 +104,15 @@ class Expectation:
     recommended : str
         Name of the compensator whose worst error is least in two digits, of equal ones the best with the nominal
         parameters.
+    reference : Reference
+        What the errors refer to.
     """
 
     doubt: Doubt
     level: Level
     bands: Mapping[str, ErrorBand]
     recommended: str
+    reference: Reference
 
     @property
     def best(self) -> ErrorBand:
@@ -144,7 +147,7 @@ class Expectation:
             compared = f"; {two_digits(without)} % without friction compensation"
         percent = two_digits(worst.rmse_percent_of_range)
         return (
-            f"Tracking error up to {two_digits(worst.rmse_N)} N RMS ({percent} % of range), "
+            f"Tracking error up to {two_digits(worst.rmse_N)} N RMS ({percent} % of {self.reference.share_of}), "
             f"peak {two_digits(self.best.worst_peak_N)} N, with the {label}, for {self.doubt} on the {self.level} "
             f"level{compared}. Largest contribution: {self.contributions[0].key}. Next: {next_command}"
         )
@@ -181,11 +184,15 @@ def two_digits(value: float) -> str:
 
 def expect(doubt: Doubt, level: Level, profiles: Mapping[str, Profile], reference: Reference) -> Expectation:
     """Try profiles, by name of the compensator, on all transmissions that may be the real one, at a fidelity level."""
-    return expectation_of(doubt, level, error_bands(doubt, level, profiles, reference))
+    return expectation_of(doubt, level, error_bands(doubt, level, profiles, reference), reference)
 
 
 def expectation_of(
-    doubt: Doubt, level: Level, bands: Mapping[str, ErrorBand], recommended: str | None = None
+    doubt: Doubt,
+    level: Level,
+    bands: Mapping[str, ErrorBand],
+    reference: Reference,
+    recommended: str | None = None,
 ) -> Expectation:
     """The expectation of known error bands; by default the compensator with the smallest worst error is recommended."""
     if recommended is None:
@@ -193,7 +200,7 @@ def expectation_of(
         least = min(shown.values())
         equal = [name for name in bands if shown[name] <= least]
         recommended = min(equal, key=lambda name: bands[name].nominal.rmse_N)
-    return Expectation(doubt=doubt, level=level, bands=bands, recommended=recommended)
+    return Expectation(doubt=doubt, level=level, bands=bands, recommended=recommended, reference=reference)
 
 
 def error_bands(doubt: Doubt, level: Level, profiles: Mapping[K, Profile], reference: Reference) -> dict[K, ErrorBand]:

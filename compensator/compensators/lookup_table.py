@@ -29,11 +29,19 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BranchTable:
-    """Forces of one branch."""
+    """Forces of one branch.
 
-    # shape (m,); nodes of (tension since the reversal)/(T + p) [-], from 0 up; beyond the last the transition is over
+    Attributes
+    ----------
+    share : numpy.ndarray
+        Shape (m,); nodes of (tension since the reversal)/(T + p) [-], from 0 up; beyond the last the transition is
+        over.
+    force_N : numpy.ndarray
+        Shape (k, m); force at each reference node and share [N].
+    """
+
     share: FloatArray
-    force_N: FloatArray  # shape (k, m); force at each reference node and share [N]
+    force_N: FloatArray
 
     def __post_init__(self) -> None:
         if not (self.share.size >= 2 and self.share[0] == 0 and np.all(np.diff(self.share) > 0)):
@@ -44,11 +52,23 @@ class BranchTable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LookupTable:
-    """Feedforward force over reference, branch and share of the transition."""
+    """Feedforward force over reference, branch and share of the transition.
 
-    # shape (k,); nodes of the reference tension T [N], rising in equal steps: the cell is found by one multiplication
+    Attributes
+    ----------
+    reference_N : numpy.ndarray
+        Shape (k,); nodes of the reference tension T [N], rising in equal steps: the cell is found by one
+        multiplication.
+    adhesion_N : float
+        p [N].
+    pull : BranchTable
+        Forces while the reference rises.
+    release : BranchTable
+        Forces while it falls.
+    """
+
     reference_N: FloatArray
-    adhesion_N: float  # p [N]
+    adhesion_N: float
     pull: BranchTable
     release: BranchTable
 

@@ -38,6 +38,8 @@ class Profile:
         All that the user should know of this profile, the message included.
     tracking : Tracking or None
         How an optimisation ended; None where nothing was optimised.
+    status : ProfileStatus
+        How it ended.
     """
 
     force_N: FloatArray

@@ -14,11 +14,21 @@ from tendonff.models.path import JointMotion
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """How far the delivered tension is from the wanted one."""
+    """How far the delivered tension is from the wanted one.
 
-    rmse_N: float  # root mean square error [N]
-    rmse_percent_of_range: float  # the same over the range of the reference [%]
-    peak_error_N: float  # largest absolute error [N]
+    Attributes
+    ----------
+    rmse_N : float
+        Root mean square error [N].
+    rmse_percent_of_range : float
+        The same over the range of the reference [%].
+    peak_error_N : float
+        Largest absolute error [N].
+    """
+
+    rmse_N: float
+    rmse_percent_of_range: float
+    peak_error_N: float
 
     @property
     def percent(self) -> str:
@@ -142,11 +152,17 @@ def slack_warnings(slack: Mapping[tuple[str, str], Slack]) -> list[str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IgnoredMotion:
-    """What it costs to design for the mean pose of joints that move."""
+    """What it costs to design for the mean pose of joints that move.
+
+    Attributes
+    ----------
+    motion : JointMotion
+        What the joints do.
+    known, ignored : Score
+        Of the exact inverse that knows the motion, and of the one for the mean pose, both on the moving path.
+    """
 
     motion: JointMotion
-    # known, ignored: of the exact inverse that knows the motion, and of the one for the mean pose, both on the moving
-    # path
     known: Score
     ignored: Score
 

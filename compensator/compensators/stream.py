@@ -201,7 +201,6 @@ def smoothed(design: StreamDesign, reference_N: FloatArray, initial_N: float) ->
     last = centre = min(max(initial_N, design.low_N), design.high_N)
     offset, left, lost = 0.0, 0, False
     line = [centre] * design.line
-    found = []
     for given in reference_N.tolist():
         if math.isfinite(given):
             clamped = min(max(given, design.low_N), design.high_N)
@@ -213,11 +212,11 @@ def smoothed(design: StreamDesign, reference_N: FloatArray, initial_N: float) ->
         else:
             lost = True
         centre = min(max(centre, last - design.band_N), last + design.band_N)
-        line = [*line[1:], centre]
-        window = np.array(line[: len(taps)])
-        newest = window[-1]
-        found.append(float(newest + taps @ (window - newest)))
-    return np.array(found)
+        line.append(centre)
+    windows = np.lib.stride_tricks.sliding_window_view(np.array(line), len(taps))[1 : len(reference_N) + 1]
+    newest = windows[:, -1]
+    found: FloatArray = newest + (windows - newest[:, None]) @ taps
+    return found
 
 
 def stream_force(design: StreamDesign, problem: Problem, reference_N: FloatArray) -> FloatArray:

@@ -74,15 +74,30 @@ class CompensationTable(Compensator):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BuiltTable:
-    """A table and how good it is."""
+    """A table and how good it is.
+
+    Attributes
+    ----------
+    table : LookupTable
+        Force over reference, branch and share of the transition.
+    bound_N : float
+        Largest interpolation error that was allowed [N].
+    error_N : float
+        Largest interpolation error found on the swept points [N].
+    resolution_N : float
+        Tension travel within which a point counts as met [N]: steep steps need be no sharper than the samples.
+    rate_N_per_s : float
+        Rate of the reference in the sweeps [N/s].
+    checked : int
+        Points that the error was found on.
+    """
 
     table: LookupTable
-    bound_N: float  # largest interpolation error that was allowed [N]
-    error_N: float  # largest interpolation error found on the swept points [N]
-    # tension travel within which a point counts as met [N]: steep steps need be no sharper than the samples
+    bound_N: float
+    error_N: float
     resolution_N: float
-    rate_N_per_s: float  # rate of the reference in the sweeps [N/s]
-    checked: int  # points that the error was found on
+    rate_N_per_s: float
+    checked: int
 
 
 def table_range(problem: Problem) -> tuple[float, float]:
@@ -283,28 +298,16 @@ def _outside(value: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray
 def _longest_reach(samples: _Samples, bound: float) -> list[int]:
     """Nodes such that straight lines between them stay within the bound: each reaches as far as it can.
 
-    Longest reach gives the fewest nodes of all choices that take their forces from the samples.
+    Longest reach gives the fewest nodes of all choices that take their forces from the samples. A line from a node
+    passes between two samples where its slope does, so each sample narrows the slopes that are left.
     """
-    share, nodes = samples.share, [0]
-    while nodes[-1] < share.size - 1:
-        first = nodes[-1]
-        reach = first + 1
-        for last in range(share.size - 1, first + 1, -1):
-            # A few places refuse most lines, and only what passes there is looked at everywhere.
-            few = slice(first, last + 1, max(1, (last - first) // _GLANCE))
-            if all(_bends(samples, first, last, where) <= bound for where in (few, slice(first, last + 1))):
-                reach = last
-                break
-        nodes.append(reach)
+    share, force_N, nodes = samples.share, samples.force_N, [0]
+    while (first := nodes[-1]) < share.size - 1:
+        run, start, beyond = share[first + 1 :] - share[first], force_N[:, [first]], slice(first + 1, None)
+        least = np.maximum.accumulate((samples.low_N[:, beyond] - bound - start) / run, axis=1)
+        most = np.minimum.accumulate((samples.high_N[:, beyond] + bound - start) / run, axis=1)
+        slope = (force_N[:, beyond] - start) / run
+        passes = np.all((least <= slope) & (slope <= most), axis=0)
+        passes[0] = True
+        nodes.append(first + 1 + int(np.flatnonzero(passes)[-1]))
     return nodes
-
-
-_GLANCE = 8  # places
-
-
-def _bends(samples: _Samples, first: int, last: int, where: slice) -> float:
-    """How far a straight line between two nodes leaves the samples [N]."""
-    share, force_N = samples.share, samples.force_N
-    place = (share[where] - share[first]) / (share[last] - share[first])
-    line = force_N[:, [first]] + place * (force_N[:, [last]] - force_N[:, [first]])
-    return float(_outside(line, samples.low_N[:, where], samples.high_N[:, where]).max())

@@ -50,6 +50,15 @@ def design(
         Refuse a reference out of the actuator's reach, instead of designing the best achievable profile.
     progress : callable, optional
         Told parts done and parts in all.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger.toml")
+    >>> fast = [each for each in tf.COMPENSATORS if each.is_fast]
+    >>> result = tf.design(scenario, compensators=fast)
+    >>> print(result.recommended.label)
+    exact inverse
     """
     problem = Problem.of(scenario, reference=sample_reference(scenario, strict=strict), options=options)
     reference, transmission, level = problem.reference, problem.transmission, problem.level

@@ -50,15 +50,28 @@ _PATIENCE = 3.0  # a ramp's longest time over its planned time
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StatePass:
-    """How the machine went through one state."""
+    """How the machine went through one state.
+
+    Attributes
+    ----------
+    state : ExperimentState
+        The state.
+    first_row, last_row : int
+        Rows of the run in it; row 0 is the start of the test.
+    stop_row : int
+        Row at which its condition or its longest time was reached and the commands began to stop.
+    met : bool
+        Its condition ended it; False: its longest time did.
+    end_forces_N : tuple[float | None, float | None]
+        Force commands at its end [N], for motors that act.
+    """
 
     state: ExperimentState
-    # first_row, last_row: rows of the run in it; row 0 is the start of the test
     first_row: int
     last_row: int
-    stop_row: int  # row at which its condition or its longest time was reached and the commands began to stop
-    met: bool  # its condition ended it; False: its longest time did
-    end_forces_N: tuple[float | None, float | None]  # force commands at its end [N], for motors that act
+    stop_row: int
+    met: bool
+    end_forces_N: tuple[float | None, float | None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,18 +17,37 @@ SECTIONS = 7
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExperimentRun:
-    """The test on one model, rows at 0, h, 2 h ..."""
+    """The test on one model, rows at 0, h, 2 h ...
+
+    Attributes
+    ----------
+    level : Level
+        Fidelity level of the model.
+    transmission : Transmission
+        What it ran on.
+    passes : tuple of StatePass
+        States and their rows; a state starts with the row in which the one before it ended.
+    time_s : numpy.ndarray
+        Shape (n,).
+    link_tension_N : numpy.ndarray
+        Shape (n, N + 1); f_1 .. f_{N+1} of the chain.
+    position_m, force_N : numpy.ndarray
+        Shape (n, 2); of motors 1 and 2; forces are each motor's pull on its end of the tendon.
+    velocity_m_per_s : numpy.ndarray
+        Shape (n, N + 2); v_a, v_1 .. v_N, v_l.
+    force_jump_N : numpy.ndarray
+        Shape (number of states, 2); jump of each motor's pull as a state begins.
+    """
 
     level: Level
-    transmission: Transmission  # what it ran on
-    passes: tuple[StatePass, ...]  # states and their rows; a state starts with the row in which the one before it ended
-    time_s: FloatArray  # shape (n,)
-    link_tension_N: FloatArray  # shape (n, N + 1); f_1 .. f_{N+1} of the chain
-    # position_m, force_N: shape (n, 2); of motors 1 and 2; forces are each motor's pull on its end of the tendon
+    transmission: Transmission
+    passes: tuple[StatePass, ...]
+    time_s: FloatArray
+    link_tension_N: FloatArray
     position_m: FloatArray
     force_N: FloatArray
-    velocity_m_per_s: FloatArray  # shape (n, N + 2); v_a, v_1 .. v_N, v_l
-    force_jump_N: FloatArray  # shape (number of states, 2); jump of each motor's pull as a state begins
+    velocity_m_per_s: FloatArray
+    force_jump_N: FloatArray
 
     @property
     def tension_N(self) -> FloatArray:
@@ -66,23 +85,52 @@ class ExperimentRun:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredTensions:
-    """Tensions measured on a rig during the same test."""
+    """Tensions measured on a rig during the same test.
 
-    name: str  # of the file
-    time_s: FloatArray  # shape (n,); from the start of the test
-    tension_N: dict[int, FloatArray]  # shape (n,); by place among the seven sections, from 0
+    Attributes
+    ----------
+    name : str
+        Of the file.
+    time_s : numpy.ndarray
+        Shape (n,); from the start of the test.
+    tension_N : dict of int to numpy.ndarray
+        Shape (n,); by place among the seven sections, from 0.
+    """
+
+    name: str
+    time_s: FloatArray
+    tension_N: dict[int, FloatArray]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExperimentData:
-    """The test on all models."""
+    """The test on all models.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        The scenario it was made for.
+    plan : Plan
+        The test: rig, states and commands.
+    lead : Level
+        On which the machine ran.
+    runs : dict of Level to ExperimentRun
+        All three levels, on the path's own number of masses.
+    fine : ExperimentRun
+        The leading level with more masses.
+    quasi_static : ExperimentRun
+        The elastic level with a stiffer bristle, no viscous friction and no Stribeck effect: nearest to the static law.
+    quasi_static_factor : float
+        By how much its bristle is stiffer.
+    measured : MeasuredTensions or None
+        Measured tensions beside it, where a file was given.
+    """
 
     scenario: Scenario
     plan: Plan
-    lead: Level  # on which the machine ran
-    runs: dict[Level, ExperimentRun]  # all three levels, on the path's own number of masses
-    fine: ExperimentRun  # the leading level with more masses
-    # the elastic level with a stiffer bristle, no viscous friction and no Stribeck effect: nearest to the static law
+    lead: Level
+    runs: dict[Level, ExperimentRun]
+    fine: ExperimentRun
     quasi_static: ExperimentRun
-    quasi_static_factor: float  # by how much its bristle is stiffer
+    quasi_static_factor: float
     measured: MeasuredTensions | None = None

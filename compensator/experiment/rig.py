@@ -37,14 +37,29 @@ _OUTWARD = (1.0, -1.0)  # direction in which a motor's position moves away from 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """The test of one scenario: what the rig is made of, its states and how commands blend."""
+    """The test of one scenario: what the rig is made of, its states and how commands blend.
 
-    transmission: Transmission  # path, tendon and friction; both motors have the mass and damping of its actuator
-    step_s: float  # time step [s]
-    start_tension_N: float  # uniform tension at rest before the test [N]
-    ends: Mapping[MotorMode, End]  # a motor in each mode: its mass, its damper, k_c
+    Attributes
+    ----------
+    transmission : Transmission
+        Path, tendon and friction; both motors have the mass and damping of its actuator.
+    step_s : float
+        Time step [s].
+    start_tension_N : float
+        Uniform tension at rest before the test [N].
+    ends : dict of MotorMode to End
+        a motor in each mode: its mass, its damper, k_c.
+    states : tuple of ExperimentState
+        The states of the test, in order.
+    blend_s, rest_s : float
+        Time in which a command takes up and gives up its rate, and rest after that [s].
+    """
+
+    transmission: Transmission
+    step_s: float
+    start_tension_N: float
+    ends: Mapping[MotorMode, End]
     states: tuple[ExperimentState, ...]
-    # blend_s, rest_s: time in which a command takes up and gives up its rate, and rest after that [s]
     blend_s: float
     rest_s: float
 

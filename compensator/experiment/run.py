@@ -95,6 +95,13 @@ def experiment(
         The table asks for tensions or rates beyond the actuator's.
     SolveError
         A step could not be solved.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger.toml")
+    >>> result = tf.experiment(scenario)  # doctest: +SKIP
+    >>> result.write("experiment")  # doctest: +SKIP
     """
     laid_over = None if measured is None else read_measured(Path(measured))
     plan, lead = plan_experiment(scenario), scenario.run.level

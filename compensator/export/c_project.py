@@ -85,6 +85,13 @@ def export_project(
         for each of the reference.
     force_export : bool, optional
         Export modules all the same that are worse than no compensation.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger.toml")
+    >>> exported = tf.export_c(scenario)  # doctest: +SKIP
+    >>> exported.write("c")  # doctest: +SKIP
     """
     check_prefix(prefix)
     check_tuning(scenario)

@@ -95,6 +95,13 @@ def build_fmu(
         Binaries for Windows and macOS too, built here by ziglang; what is run here are those of this machine alone.
     force_export : bool, optional
         Make a unit all the same that is worse than no compensation.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger.toml")
+    >>> unit = tf.export_fmu(scenario, tf.FmuKind.INVERSE)  # doctest: +SKIP
+    >>> unit.write("fmu")  # doctest: +SKIP
     """
     check_prefix(prefix)
     if kind is Kind.ADAPTIVE and scenario.adaptation is None:

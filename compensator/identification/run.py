@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from tendonff.compensator.files.progress import DOUBT
 from tendonff.compensator.files.reading import InputError
@@ -79,11 +80,19 @@ def identify(
     ------
     InputError
         If a file cannot be used.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger.toml")
+    >>> fit = tf.identify(scenario, ["log.csv"])  # doctest: +SKIP
+    >>> print(fit.headline)  # doctest: +SKIP
     """
-    study = _read(scenario, data, validate, static_only, conditions or {}, say, confirm)
-    for stage in STAGES:
-        study = attempted(stage, study)
-    return _answer(study)
+    with threadpool_limits(limits=1, user_api="blas"):  # matrices are small: a second thread doubles the work
+        study = _read(scenario, data, validate, static_only, conditions or {}, say, confirm)
+        for stage in STAGES:
+            study = attempted(stage, study)
+        return _answer(study)
 
 
 def _read(

@@ -127,6 +127,13 @@ def suggest(scenario: Scenario) -> Excitation:
     ------
     InputError
         If the limits leave no room.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger.toml")
+    >>> excitation = tf.suggest(scenario)  # doctest: +SKIP
+    >>> excitation.write("excitation.csv")  # doctest: +SKIP
     """
     start = _start_N(scenario)
     first = draw_plan(scenario, PLANS[0], _lowest_N(scenario, None), start)

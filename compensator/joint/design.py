@@ -169,6 +169,13 @@ def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Prog
         If the reference has no meaning, or cannot be followed.
     SolveError
         If the inverse or a simulation fails.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_joint_scenario("examples/hand_joint.toml")
+    >>> result = tf.design_joint(scenario)  # doctest: +SKIP
+    >>> print(result.headline)  # doctest: +SKIP
     """
     sampled, mechanism, step = sample_joint(scenario), scenario.mechanism, scenario.run.step_s
     drive = mechanism.drive

@@ -129,7 +129,14 @@ class SampledJoint:
 
 
 def load_joint_scenario(path: str | os.PathLike[str]) -> JointScenario:
-    """Read a scenario file of a driven joint; InputError is one message with file, table, key, value and way out."""
+    """Read a scenario file of a driven joint; InputError is one message with file, table, key, value and way out.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> tf.load_joint_scenario("examples/hand_joint.toml").mechanism.joint.name
+    'knuckle'
+    """
     path = Path(path)
     return parse_joint_scenario(read_text(path), path)
 

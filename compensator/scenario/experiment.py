@@ -50,10 +50,20 @@ class Hold(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EndTension:
-    """Condition on the tension at one end of the tendon."""
+    """Condition on the tension at one end of the tendon.
 
-    motor: int  # 1 near end (f_1), 2 far end (f_{N+1})
-    rising: bool  # met at or above the value, else at or below it
+    Attributes
+    ----------
+    motor : int
+        Which one: 1 at the near end (f_1), 2 at the far end (f_{N+1}).
+    rising : bool
+        Met at or above the value, else at or below it.
+    tension_N : float
+        Tension that ends the state [N].
+    """
+
+    motor: int
+    rising: bool
     tension_N: float
 
     def met(self, ends_N: tuple[float, float]) -> bool:
@@ -68,15 +78,31 @@ class EndTension:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExperimentState:
-    """One state of the machine."""
+    """One state of the machine.
 
-    name: str  # S1, S2 ...
-    modes: tuple[MotorMode, MotorMode]  # of motors 1 and 2
-    # of their commands: force [N/s] where a motor acts, rest position [m/s] where it loads or holds; positive tightens
+    Attributes
+    ----------
+    name : str
+        S1, S2 ...
+    modes : tuple[MotorMode, MotorMode]
+        Of motors 1 and 2.
+    rates : tuple[float, float]
+        Of their commands: force [N/s] where a motor acts, rest position [m/s] where it loads or holds; positive
+        tightens.
+    until : EndTension or None
+        What ends the state; None: time alone.
+    at_most_s : float
+        Longest time in the state [s].
+    purpose : str
+        What happens, in words.
+    """
+
+    name: str
+    modes: tuple[MotorMode, MotorMode]
     rates: tuple[float, float]
-    until: EndTension | None  # what ends the state; None: time alone
-    at_most_s: float  # longest time in the state
-    purpose: str = ""  # what happens, in words
+    until: EndTension | None
+    at_most_s: float
+    purpose: str = ""
 
 
 _CONDITION = re.compile(r"\s*tension_([12])\s*(>=|<=)\s*(\S+)\s*")
@@ -85,30 +111,63 @@ _COLUMNS = ("states", "motor_1", "motor_2", "motor_1_rate", "motor_2_rate", "unt
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Experiment:
-    """The two-motor test; what is left out is derived from the transmission."""
+    """The two-motor test; what is left out is derived from the transmission.
 
-    # low_tension_N, high_tension_N: an acting motor moves its own end between them, 0 < low < high. Default: high is
-    # three quarters of force_max_N; low is far enough below it that a reversal crosses the whole path
+    Attributes
+    ----------
+    low_tension_N, high_tension_N : float or None
+        Tensions between which an acting motor moves its own end [N], 0 < low < high. Default: high is three quarters
+        of force_max_N; low is far enough below it that a reversal crosses the whole path.
+    pull_time_s : float or None
+        Length of a ramp from low to high [s]; default 1, longer where the force rate asks for it.
+    hold_s : float or None
+        Length of the two holds [s]; default: five relaxation times, between 0.5 and 10 s.
+    hold : Hold
+        What S4 and S9 hold: the position (the tension relaxes), or the interaction force that a motor has as the state
+        begins, as the publication words it (the tendon creeps, the motor travels).
+    blend_s : float or None
+        Time in which a command takes up and gives up its rate [s]; default: one period of the two motors on the load
+        spring, which a blend of that length does not excite.
+    rest_s : float
+        Rest after a command has stopped, before the next state [s].
+    load_stiffness_N_per_m : float or None
+        Spring of a motor in mode L [N/m]; default: the load's stiffness.
+    hold_stiffness_N_per_m : float or None
+        The same in mode A_h [N/m]; default: ten times the tendon's k1 + k2.
+    act_damping_N_s_per_m, load_damping_N_s_per_m, hold_damping_N_s_per_m : float or None
+        Damper of a motor in modes A and A_f, against the frame, and in modes L and A_h, against its moving rest
+        position [N s/m]; default: the actuator's.
+    fine_segments : int
+        Masses of the finer run that shows the discretisation error, 1 to 1000.
+    states : tuple of str or None
+        Names of the states of a machine of one's own; its seven columns are given together or not at all.
+    motor_1 : tuple of str or None
+        Mode of motor 1 in each state.
+    motor_2 : tuple of str or None
+        Mode of motor 2 in each state.
+    motor_1_rate : tuple of float or None
+        Rate of motor 1 in each state, in the unit of its mode.
+    motor_2_rate : tuple of float or None
+        Rate of motor 2 in each state, in the unit of its mode.
+    until : tuple of str or None
+        What ends each state, such as "T1 > 80"; empty for time alone.
+    at_most_s : tuple of float or None
+        Longest time in each state [s].
+    """
+
     low_tension_N: float | None = None
     high_tension_N: float | None = None
-    pull_time_s: float | None = None  # of a ramp from low to high; default 1, longer where the force rate asks for it
-    hold_s: float | None = None  # length of the two holds; default: five relaxation times, between 0.5 and 10 s
-    # what S4 and S9 hold: the position (the tension relaxes), or the interaction force that a motor has as the state
-    # begins, as the paper words it (the tendon creeps, the motor travels)
+    pull_time_s: float | None = None
+    hold_s: float | None = None
     hold: Hold = Hold.POSITION
-    # time in which a command takes up and gives up its rate; default: one period of the two motors on the load spring,
-    # which a blend of that length does not excite
     blend_s: float | None = None
-    rest_s: float = 0.1  # after a command has stopped, before the next state
-    load_stiffness_N_per_m: float | None = None  # spring of a motor in mode L; default: the load's stiffness
-    hold_stiffness_N_per_m: float | None = None  # the same in mode A_h; default: ten times the tendon's k1 + k2
-    # damper of a motor in modes A and A_f, against the frame, and in modes L and A_h, against its moving rest position;
-    # default: the actuator's
+    rest_s: float = 0.1
+    load_stiffness_N_per_m: float | None = None
+    hold_stiffness_N_per_m: float | None = None
     act_damping_N_s_per_m: float | None = None
     load_damping_N_s_per_m: float | None = None
     hold_damping_N_s_per_m: float | None = None
-    fine_segments: int = 40  # masses of the finer run that shows the discretisation error, 1 to 1000
-    # columns of a state machine of one's own, all seven or none
+    fine_segments: int = 40
     states: tuple[str, ...] | None = None
     motor_1: tuple[str, ...] | None = None
     motor_2: tuple[str, ...] | None = None

@@ -35,9 +35,9 @@ class SineJoint:
     offset_rad : float
         Angle at the start [rad].
     amplitudes_rad : tuple of float
-        a_i [rad].
+        Amplitudes a_i of the sines [rad].
     frequencies_Hz : tuple of float
-        f_i [Hz], as many.
+        Frequencies f_i of the sines [Hz], as many.
     fade_in_s : float
         Time in which the swing grows to its full size [s].
     """

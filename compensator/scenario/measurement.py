@@ -19,48 +19,83 @@ class Explain(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measurement:
-    """How measured files are to be read; the defaults are the file contract."""
+    """How measured files are to be read; the defaults are the file contract.
 
-    # names of columns; those of positions and force are optional ones, the force that of the actuator before its own
-    # friction, read as actuator_force_N unless named
+    Attributes
+    ----------
+    time_column, input_column, output_column : str
+        Columns of the time, and of the tension at the input and at the output end.
+    input_position_column, output_position_column : str
+        Columns of the positions of both ends; read where they are there.
+    actuator_force_column : str or None
+        Column of the actuator's force before its own friction; default: `actuator_force_N`, where it is there.
+    time_scale, input_scale, output_scale, input_position_scale, output_position_scale : float
+        Factor that makes a number of the file one in s, N or m (rad where the tensions are torques), not 0: 9.81 for
+        kg, -1 reverses a sign.
+    actuator_force_scale : float or None
+        Factor that makes the actuator's force one in N; default: that of the input.
+    columns : tuple of str or None
+        Names of the columns of a text file without a header.
+    torque_constant_N_m_per_A : float or None
+        Factor that turns a current into a torque [N m/A], > 0.
+    drum_radius_m : float or None
+        Factor that turns a torque into a tension and an angle into a position [m], > 0.
+    gear_ratio : float or None
+        Revolutions of the motor for one of the drum [-], > 0.
+    gain_uncertainty : float
+        Half-width of the 95 % interval of each tension cell's gain as a share of it [-], >= 0; it widens the intervals
+        of what is fitted.
+    kept_uncertainty : float
+        The same for the tendon's values where the files do not tell them and the scenario's are kept [-], >= 0.
+    input_offset_N, output_offset_N : float or None
+        Reading of the cell without tension, after the scale [N], which is subtracted; default: found from slack
+        samples.
+    tare_s : tuple of float or None
+        Beginning and end of a time in which the tendon is slack [s]: the cells are set to zero there.
+    skip_s : float or None
+        Time that is left out at the start of every file [s]; default: until its start-up transient is over.
+    cutoff_Hz : float or None
+        Cut-off of the zero-phase low-pass that both channels go through [Hz]; default: found from the noise.
+    explain : Explain
+        Channel that the model predicts; by default the data decide.
+    tension_columns : tuple of str or None
+        Columns of tensions between the ends, scaled as the input: friction is identified by section.
+    tension_angles_rad : tuple of float or None
+        Wrap angle from the actuator to each of these columns [rad].
+    guide_stiffness_N_per_m, guide_zero_m : float or None
+        Of a driven output (explain = "input"), as `identify` writes them: stiffness of what pulls on the input end
+        beside the tendon [N/m], and position at which it does not pull [m].
+    bristle_spread : float or None
+        The same: s of two strands whose bristles are e^s times as stiff and as soft as
+        soft_bristle_stiffness_N_per_m [-].
+    """
+
     time_column: str = "time_s"
     input_column: str = "input_tension_N"
     output_column: str = "output_tension_N"
     input_position_column: str = "input_position_m"
     output_position_column: str = "output_position_m"
     actuator_force_column: str | None = None
-    # what a number in the file is multiplied by to give s, N or m (rad where the tensions are torques), not 0; 9.81 for
-    # kg, -1 reverses a sign
     time_scale: float = 1.0
     input_scale: float = 1.0
     output_scale: float = 1.0
     input_position_scale: float = 1.0
     output_position_scale: float = 1.0
     actuator_force_scale: float | None = None
-    columns: tuple[str, ...] | None = None  # names of the columns of a text file without a header
-    # what turns other quantities into tensions and positions: a current into a torque [N m/A], a torque into a tension
-    # and an angle into a position [m], and revolutions of the motor into those of the drum [-]
+    columns: tuple[str, ...] | None = None
     torque_constant_N_m_per_A: float | None = None
     drum_radius_m: float | None = None
     gear_ratio: float | None = None
-    # what is not known of the cells' gains, and of the tendon's values where the files do not tell them: half-widths of
-    # their 95 % intervals as shares of the values; they widen the intervals of what is fitted
     gain_uncertainty: float = 0.0
     kept_uncertainty: float = 0.0
-    # what the cells read without tension, after the scale [N]; subtracted. Default: found from slack samples
     input_offset_N: float | None = None
     output_offset_N: float | None = None
-    tare_s: tuple[float, float] | None = None  # from and to [s]: the tendon is slack there, the cells are set to zero
-    skip_s: float | None = None  # left out at the start of every file; default: until its start-up transient is over
-    cutoff_Hz: float | None = None  # of the zero-phase low-pass that both channels go through; default: from the noise
+    tare_s: tuple[float, float] | None = None
+    skip_s: float | None = None
+    cutoff_Hz: float | None = None
     explain: Explain = Explain.AUTO
-    # columns of tensions between the ends, scaled as the input, and the wrap angle from the actuator to each: friction
-    # is told by section
     tension_columns: tuple[str, ...] | None = None
     tension_angles_rad: tuple[float, ...] | None = None
-    # what the law of a driven output (explain = "input") has besides [friction], as `identify` writes it: stiffness of
-    # what pulls on the input end beside the tendon and where it does not pull, and s of two strands whose bristles are
-    # e^s times as stiff and as soft as soft_bristle_stiffness_N_per_m
     guide_stiffness_N_per_m: float | None = None
     guide_zero_m: float | None = None
     bristle_spread: float | None = None

@@ -56,12 +56,23 @@ class Quantity(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wish:
-    """What every kind of reference may say besides."""
+    """What every kind of reference may say besides.
+
+    Attributes
+    ----------
+    quantity : Quantity
+        What is given: a tension, or a position of the load.
+    periodic : bool
+        Whether it is one period of a cycle that goes on for ever.
+    hold : Hold
+        What the force does while the reference rests.
+    least_tension_N : float or None
+        Tension that is kept where less is wanted [N], > 0; default: 2 % of the range, where the reference touches 0.
+    """
 
     quantity: Quantity = Quantity.TENSION
-    periodic: bool = False  # it is one period of a cycle that goes on for ever
+    periodic: bool = False
     hold: Hold = Hold.EXACT
-    # tension that is kept where less is wanted, > 0; default: 2 % of the range, where the reference touches 0
     least_tension_N: float | None = None
 
     def _check(self, tensions: str | None = None, positions: str | None = None) -> None:

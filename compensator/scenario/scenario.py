@@ -81,6 +81,20 @@ class Scenario:
         What the joints of a moving path do, by name.
     source : Path
         The file it was read from, which a CSV reference is relative to.
+    transmission : Transmission
+        Path, tendon, friction, actuator and load.
+    run : Run
+        Step and fidelity level.
+    robust : Uncertainty
+        What is not known exactly, and by how much.
+    optimal : TrackOptions
+        Options of the optimal profile.
+    experiment : Experiment
+        The two-motor test.
+    measurement : Measurement
+        How measured files are read.
+    stream : Stream
+        Limits of a live reference.
     """
 
     name: str
@@ -104,7 +118,15 @@ class Scenario:
 
 
 def load_scenario(path: str | os.PathLike[str]) -> Scenario:
-    """Read a scenario file; InputError is one message with file, table, key, value and the way out."""
+    """Read a scenario file; InputError is one message with file, table, key, value and the way out.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger.toml")
+    >>> scenario.transmission.friction.mu_dynamic
+    0.2
+    """
     path = Path(path)
     return parse_scenario(read_text(path), path)
 

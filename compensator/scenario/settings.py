@@ -44,11 +44,21 @@ REMOVED_OPTIMAL: Mapping[str, str] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stream:
-    """A reference that arrives sample by sample."""
+    """A reference that arrives sample by sample.
 
-    lag_max_s: float = 0.015  # of the output tension behind the reference, as the filter may cause it, >= 0
-    preview_s: float = 0.0  # time by which the caller knows the reference ahead, >= 0; with preview there is no lag
-    resolution_N: float = 0.0  # step of the converter that measures the reference; changes up to this size are ignored
+    Attributes
+    ----------
+    lag_max_s : float
+        Largest delay of the output tension behind the reference that the filter may cause [s], >= 0.
+    preview_s : float
+        Time by which the caller knows the reference ahead [s], >= 0; with preview there is no lag.
+    resolution_N : float
+        Step of the converter that measures the reference [N]; changes up to this size are ignored.
+    """
+
+    lag_max_s: float = 0.015
+    preview_s: float = 0.0
+    resolution_N: float = 0.0
 
     def __post_init__(self) -> None:
         require("lag_max_s", self.lag_max_s, least=0, hint="0.015 is a good start; 0 for no filter")

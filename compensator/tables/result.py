@@ -21,26 +21,58 @@ FORMULA = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AngleTable:
-    """A table for one wrap angle and rate."""
+    """A table for one wrap angle and rate.
+
+    Attributes
+    ----------
+    built : BuiltTable
+        The table and how good it is.
+    total_angle_rad : float
+        Wrap angle [rad].
+    """
 
     built: BuiltTable
-    total_angle_rad: float  # wrap angle [rad]
+    total_angle_rad: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TablesData:
-    """Tables of a scenario: the first for its own wrap angle and rate, or for the axes that were asked for."""
+    """Tables of a scenario: the first for its own wrap angle and rate, or for the axes that were asked for.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        The scenario it was made for.
+    level : Level
+        Fidelity level of the sweeps.
+    reference : Reference
+        What was to be delivered, sampled.
+    tables : tuple of AngleTable
+        One for each wrap angle and rate.
+    axes : tuple of str
+        Further columns of the file.
+    scores : dict of Level to Score
+        What the scenario's own table delivers on each level, within the actuator's limits.
+    expectation : Expectation
+        Of "table" beside "none" and "frictionless", over what may be the real transmission.
+    options : str
+        Options of the command that would make the same, for the report.
+    warnings : tuple of str
+        What the user should know.
+    harm : tuple of str
+        Why the table must not be used as it is: its error is above that of no compensation.
+    """
 
     scenario: Scenario
     level: Level
     reference: Reference
     tables: tuple[AngleTable, ...]
-    axes: tuple[str, ...]  # further columns of the file
-    scores: dict[Level, Score]  # what the scenario's own table delivers on each level, within the actuator's limits
-    expectation: Expectation  # of "table" beside "none" and "frictionless", over what may be the real transmission
-    options: str  # options of the command that would make the same, for the report
-    warnings: tuple[str, ...]  # what the user should know
-    harm: tuple[str, ...] = ()  # why the table must not be used as it is: its error is above that of no compensation
+    axes: tuple[str, ...]
+    scores: dict[Level, Score]
+    expectation: Expectation
+    options: str
+    warnings: tuple[str, ...]
+    harm: tuple[str, ...] = ()
 
     @property
     def headline(self) -> str:

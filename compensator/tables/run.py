@@ -42,6 +42,15 @@ def make_tables(
         Rates of the reference [N/s], > 0; a further column of the file.
     pose_rad : mapping of str to float, optional
         Angles of joints that stand still for the table, by name [rad].
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger.toml")
+    >>> tables = tf.make_table(scenario, level=tf.Level.ELASTIC)
+    >>> first = tables.tables[0].built
+    >>> bool(first.error_N <= first.bound_N)
+    True
     """
     scenario = posed(scenario, pose_rad) if pose_rad else scenario
     for name, values in (("angles", angles_rad), ("rates", rates_N_per_s)):
@@ -73,7 +82,7 @@ def make_tables(
     scores = {on: verify(Plant(transmission, on), "table", profile, reference).score for on in Level}
     nothing = verify(Plant(transmission, problem.level), "none", profiles["none"], reference).score
     bands = error_bands(problem.doubt, problem.level, profiles, reference)
-    expectation = expectation_of(problem.doubt, problem.level, bands, "table")
+    expectation = expectation_of(problem.doubt, problem.level, bands, reference, "table")
     harm = harm_warnings({"none": nothing, "table": scores[problem.level]}, reference.tension_N)
     met = limit_warnings("table", compensation.wanted_N(problem), profile.force_N)
     bounds = problem.options.minimum_tension_N, problem.options.maximum_tension_N

@@ -40,6 +40,7 @@ class DrivenJoint:
     Parameters
     ----------
     name : str
+        The NAME of its table.
     inertia_kg_m2 : float
         Moving inertia J about the joint [kg m2], > 0.
     damping_N_m_s_per_rad : float, optional
@@ -185,9 +186,13 @@ class JointTendon:
     Parameters
     ----------
     name : str
+        Its name in reports.
     path : Path
+        From the drum to the joint.
     tendon : Tendon
+        Its mass and stiffness.
     friction : Friction
+        On this path.
     arms : tuple of Arm
         One for each joint that moves its far end.
     """
@@ -253,6 +258,7 @@ class JointDrive:
     Parameters
     ----------
     kind : DriveKind
+        One motor for both tendons, or one for each.
     drum_radius_m : tuple of float
         Radius of the drum up to the middle of the tendon, one for each tendon [m], > 0.
     pretension_N : float, optional

@@ -108,6 +108,18 @@ def simulate_joint(
     ------
     ParameterError
         If an argument is not usable.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tendonff as tf
+    >>> from tendonff.models.path import JointMotion
+    >>> mechanism = tf.load_joint_scenario("examples/hand_joint.toml").mechanism
+    >>> still = JointMotion(names=("knuckle",), time_s=np.zeros(1), angle_rad=np.zeros((1, 1)))
+    >>> problem = tf.joint_problem(mechanism, tf.Level.PRESLIDING, still)
+    >>> run = tf.simulate_joint(problem, np.zeros(100), 1e-3)
+    >>> bool(abs(run.angle_rad).max() < 1e-3)
+    True
     """
     runner = engine_of(problem, step_s, engine)
     motor = np.asarray(motor_rad, dtype=np.float64)

@@ -31,6 +31,17 @@ def joint_problem(
     ------
     ParameterError
         If a section names a joint without motion, a tendon has no moment arm at the start, or two pull the same way.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tendonff as tf
+    >>> from tendonff.models.path import JointMotion
+    >>> mechanism = tf.load_joint_scenario("examples/hand_joint.toml").mechanism
+    >>> range_rad = JointMotion(names=("knuckle",), time_s=np.arange(2.0), angle_rad=np.array([[0.0], [0.4]]))
+    >>> problem = tf.joint_problem(mechanism, tf.Level.PRESLIDING, range_rad)
+    >>> len(problem.chains)
+    2
     """
     joint = mechanism.joint
     if joint.name not in motion.names:

@@ -25,6 +25,7 @@ Mask = np.typing.NDArray[np.bool_]
 
 _TOLERANCE = 3e-3  # relative decrease of the merit that is not worth another iteration
 _SHARES = (1.0, 0.5, 0.25, 0.1)  # of a change, tried in turn: the limits are convex, so any share keeps them
+_WAYS_BACK = (0.05, 0.1, 0.2, 0.4, 0.7)  # shares of the way back to a profile within the bounds, tried in turn
 _TRIALS = 4  # quadratic programs for one linearisation
 _POOR = 2  # a block that gains next to nothing so many times in a row is left as it is
 
@@ -100,7 +101,7 @@ def solve_sqp(
 
     `trust_N` is the largest change of the force in the first step; `tell` is called after each iteration.
     """
-    blocks = Blocks.between_reversals(problem.reference_N)
+    blocks, kept = Blocks.between_reversals(problem.reference_N), profile
     count, (evaluation, force_N) = len(blocks.starts), profile
     trust, gain, done = np.full(count, trust_N), np.zeros(count), 0
     converged = not np.isfinite(evaluation.merit)  # nothing to linearise about
@@ -116,12 +117,29 @@ def solve_sqp(
             gain = (blocks.sums(evaluation.density) - blocks.sums(step.evaluation.density)) / evaluation.merit
             gain[0] += 1 - step.evaluation.merit / evaluation.merit - gain.sum()  # what belongs to no row
             force_N, evaluation = step.force_N, step.evaluation
+            if evaluation.beyond_N == 0:
+                kept = evaluation, force_N
         tell()
         poor = np.where(gain < _TOLERANCE / count, poor + 1, np.where(poor < _POOR, 0, poor))
         converged = step.evaluation is None or gain.sum() < _TOLERANCE or bool(np.all(poor >= _POOR))
+    if evaluation.beyond_N > 0 and kept[0].beyond_N == 0:
+        evaluation, force_N = _drawn_back(problem, kept, force_N)
     return SqpResult(
         force_N=force_N, evaluation=evaluation, converged=converged, iterations=done, gain=float(gain.sum())
     )
+
+
+def _drawn_back(problem: TrackingProblem, kept: Profile, force_N: Array) -> Profile:
+    """From a profile beyond the bounds towards the last that keeps them, as far as it takes.
+
+    The penalty is finite: beyond a bound by a thousandth of a newton the error can be smaller by more.
+    """
+    for share in _WAYS_BACK:
+        trial = problem.clipped(force_N + share * (kept[1] - force_N))
+        found = evaluate(problem, trial)
+        if found.beyond_N == 0 and found.merit < kept[0].merit:
+            return found, trial
+    return kept
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -68,6 +68,17 @@ def track(
     ------
     ParameterError
         If reference or step are not usable numbers.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger_fast.toml")
+    >>> reference = tf.sample_reference(scenario)
+    >>> chain = tf.Chain.of(scenario.transmission, tf.Level.PRESLIDING)
+    >>> limits = tf.ForceLimits.of(scenario.transmission.actuator)
+    >>> found = tf.track(chain, reference.tension_N, reference.step_s, limits)
+    >>> print(found.status.value, bool(found.rms_error_N < 0.5 * found.clipped_rms_error_N))
+    optimal True
     """
     return track_robust(
         (chain,),

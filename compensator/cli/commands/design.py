@@ -26,7 +26,7 @@ def design(
     ] = False,
     pdf: PdfOption = False,
 ) -> int:
-    """Design and verify the actuator force, or the motor angle of a driven joint.
+    """Design and verify the force, or the motor angle of a joint.
 
     Computes force profiles that produce the desired output tension, by every compensator, and simulates each. For a
     joint between tendons: motor angles that produce the desired joint angle.

@@ -27,7 +27,7 @@ def simulate(
         bool, typer.Option("--check", help="Simulate with smaller steps as well and state the discretisation error.")
     ] = False,
 ) -> None:
-    """Simulate the chain under a force file, or a driven joint under a file of motor angles.
+    """Simulate a force file, or a joint under a file of motor angles.
 
     The run starts at rest at the scenario's initial tension; of a joint, where its reference starts.
     """

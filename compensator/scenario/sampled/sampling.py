@@ -44,6 +44,10 @@ class Reference:
         What the force does while the reference rests.
     raised_N : float
         Tension that it was raised to where less was asked for [N]; 0 where it is as the user wrote it.
+    step_s : float
+        Time step [s].
+    warnings : tuple of str
+        Doubts about it, one sentence each.
     """
 
     time_s: FloatArray
@@ -64,6 +68,11 @@ class Reference:
         return "reference" if self.raised_N == 0 else f"reference raised to {self.raised_N:.3g} N"
 
     @property
+    def share_of(self) -> str:
+        """What percentages refer to: "range", and whose where the reference is not as the user wrote it."""
+        return "range" if self.raised_N == 0 else f"range of the {self.name}"
+
+    @property
     def range_N(self) -> float:
         """Largest minus smallest reference tension [N]: what percentages refer to."""
         return float(np.ptp(self.tension_N))
@@ -74,6 +83,14 @@ def sample_reference(scenario: Scenario, *, strict: bool = False) -> Reference:
 
     InputError where the reference reaches 0 or below, or (only a warning unless `strict`) above the largest tension
     that the largest force delivers through the friction.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger.toml")
+    >>> reference = tf.sample_reference(scenario)
+    >>> reference.tension_N.shape, reference.step_s
+    ((4001,), 0.001)
     """
     spec, sampled, file = scenario.reference, _sample(scenario), scenario.source.name
     tension, initial, removed = sampled.tension_N, sampled.initial_tension_N, sampled.removed_noise_N

@@ -1,8 +1,9 @@
 from pathlib import Path
 
 import pytest
+import typer
 
-from tendonff.compensator.cli import run
+from tendonff.compensator.cli import app, run
 from tendonff.compensator.cli.options import opened
 from tendonff.compensator.files.text import InputError
 from tendonff.models.errors import ParameterError, TendonffError
@@ -84,3 +85,23 @@ def test_what_goes_wrong_becomes_a_message_and_an_exit_code(
     monkeypatch.setattr("tendonff.compensator.files.writing.write_text", fail)
     assert run(["new", str(tmp_path / "x.toml")]) == code
     assert message in stderr_of(capsys)
+
+
+def test_the_example_of_every_command_has_its_options_and_required_ones() -> None:
+    commands = typer.main.get_command(app).commands
+    assert len(commands) > 10
+    for name, command in commands.items():
+        words = command.epilog.split()
+        assert words[:3] == ["Example:", "tendonff", name]
+        options = {option: each for each in command.params for option in each.opts if option.startswith("--")}
+        used = {word for word in words if word.startswith("--")}
+        assert used <= options.keys(), name
+        assert {option for option, each in options.items() if each.required} <= used, name
+
+
+def test_every_command_stands_in_one_group_of_the_help(capsys: Capture) -> None:
+    assert run(["--help"]) == 0
+    said = capsys.readouterr().out
+    assert [line for line in said.splitlines() if line in ("Model:", "Decide:", "Rig:", "Deploy:")]
+    for name in typer.main.get_command(app).commands:
+        assert sum(line.startswith(f"  {name} ") for line in said.splitlines()) == 1, name

@@ -80,11 +80,12 @@ def test_of_profiles_that_do_equally_well_there_the_one_that_is_best_with_the_de
 ):
     """Of two profiles with the same two digits; a third digit would turn the choice round."""
     scenario = load_scenario(examples / "finger.toml")
-    bands = design(scenario, compensators=QUICK).expectation.bands
-    good, poor = bands["inverse"], bands["capstan"]
+    made = design(scenario, compensators=QUICK)
+    good, poor = made.expectation.bands["inverse"], made.expectation.bands["capstan"]
     less = replace(good.worst, rmse_percent_of_range=0.999 * good.worst.rmse_percent_of_range)
     doubt = Doubt.of(scenario.transmission, Uncertainty())
-    assert expectation_of(doubt, Level.PRESLIDING, {"a": replace(poor, worst=less), "b": good}).recommended == "b"
+    bands = {"a": replace(poor, worst=less), "b": good}
+    assert expectation_of(doubt, Level.PRESLIDING, bands, made.reference).recommended == "b"
 
 
 def test_the_band_holds_the_output_of_every_sample(finger, assumed):
@@ -102,6 +103,13 @@ def test_what_the_scenario_states_is_used_and_said(finger):
     assert "mu ±25 % (as [robust] states)" in headline(stated)
     worst = max(error_percent(finger, stated.forces_N["inverse"], factor) for factor in (0.75, 1.0, 1.25))
     assert stated.expectation.worst_percent["inverse"] == pytest.approx(worst, rel=1e-6)
+
+
+def test_a_headline_names_a_reference_that_was_raised(assumed):
+    found, label = assumed.expectation, assumed.recommended.label
+    raised = replace(found, reference=replace(found.reference, raised_N=2.5))
+    assert "% of range), peak" in found.headline(label, "stop")
+    assert "% of range of the reference raised to 2.5 N), peak" in raised.headline(label, "stop")
 
 
 def test_doubt_names_every_width(finger):

@@ -19,31 +19,63 @@ _UNSURE = 0.1  # of the angle: an uncertainty above that is worth a word
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stretch:
-    """A section of the path."""
+    """A section of the path.
+
+    Attributes
+    ----------
+    name : str
+        Name of the section.
+    start_m : float
+        Where it begins along the curve [m].
+    length_m : float
+        Its length [m].
+    angle_rad : float
+        Wrap angle; 0 for a straight.
+    uncertainty_rad : float
+        Half the width of the angle's 95 % interval.
+    """
 
     name: str
     start_m: float
     length_m: float
-    angle_rad: float  # wrap angle; 0 for a straight
-    uncertainty_rad: float  # half the width of the angle's 95 % interval
+    angle_rad: float
+    uncertainty_rad: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Centreline:
-    """A measured centreline."""
+    """A measured centreline.
+
+    Attributes
+    ----------
+    file : str
+        Name of the file.
+    points_m : numpy.ndarray
+        Shape (n, 3).
+    curve_m : numpy.ndarray
+        Shape (places, 3); the smooth curve.
+    length_m, turned_rad, spread_rad : numpy.ndarray
+        Shape (places,); along the curve: length, angle turned, and half the width of its 95 % interval.
+    noise_m : float
+        Standard deviation of the points across the curve.
+    inflation_rad : float
+        By how much noise had inflated the whole angle; taken off.
+    stretches : tuple of Stretch
+        Its sections, from the first point on.
+    notes : tuple of str
+        What was taken for granted when the file was read.
+    """
 
     file: str
-    points_m: FloatArray  # shape (n, 3)
-    curve_m: FloatArray  # shape (places, 3); the smooth curve
-    # length_m, turned_rad, spread_rad: shape (places,); along the curve: length, angle turned, and half the width of
-    # its 95 % interval
+    points_m: FloatArray
+    curve_m: FloatArray
     length_m: FloatArray
     turned_rad: FloatArray
     spread_rad: FloatArray
-    noise_m: float  # standard deviation of the points across the curve
-    inflation_rad: float  # by how much noise had inflated the whole angle; taken off
+    noise_m: float
+    inflation_rad: float
     stretches: tuple[Stretch, ...]
-    notes: tuple[str, ...] = ()  # what was taken for granted when the file was read
+    notes: tuple[str, ...] = ()
 
     @property
     def angle_rad(self) -> float:

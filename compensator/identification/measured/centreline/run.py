@@ -37,6 +37,20 @@ def read_centreline(file: str | os.PathLike[str], *, tolerance_rad: float = 0.05
     Raises
     ------
     InputError
+
+    Examples
+    --------
+    A quarter of a circle of 50 mm radius:
+
+    >>> import numpy as np, tempfile, pathlib
+    >>> import tendonff as tf
+    >>> place = np.linspace(0, np.pi / 2, 200)
+    >>> points = 0.05 * np.column_stack([np.sin(place), 1 - np.cos(place)])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = pathlib.Path(folder) / "points.csv"
+    ...     np.savetxt(file, points, delimiter=",", header="x_m,y_m", comments="")
+    ...     print(f"{tf.read_centreline(file).angle_rad:.2f} rad")
+    1.57 rad
     """
     path = Path(file)
     if not tolerance_rad > 0:

@@ -1,0 +1,43 @@
+"""The reference of scenario files holds every table and every key that the reader takes."""
+
+import dataclasses
+import runpy
+from pathlib import Path
+
+import pytest
+
+from tendonff.compensator.joint import reference as joint_reference
+from tendonff.compensator.scenario import joints, scenario
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = runpy.run_path(str(ROOT / "docs" / "scenario_reference.py"))
+READ = {
+    *scenario._TABLES.values(),
+    *scenario._OPTIONAL.values(),
+    *scenario._ON_REQUEST.values(),
+    *scenario._KINDS.values(),
+    *joints.KINDS.values(),
+    *(cls for cls in vars(joint_reference).values() if dataclasses.is_dataclass(cls) and cls.__name__[0] != "_"),
+}
+
+
+def test_every_table_that_is_read_is_in_it() -> None:
+    assert {cls for table in PAGE["TABLES"] for cls in table.classes} >= READ
+
+
+@pytest.mark.parametrize("table", PAGE["TABLES"], ids=lambda table: table.title)
+def test_every_key_has_a_meaning_and_its_own_default(table) -> None:
+    rows = {key: (unit, default, meaning) for key, unit, default, meaning in PAGE["rows"](table)}
+    keys = {field.name: field for cls in table.classes for field in dataclasses.fields(cls)}
+    assert rows.keys() == keys.keys() - set(table.unwritten)
+    for key, (_, default, meaning) in rows.items():
+        assert len(meaning) > 8, key
+        missing = keys[key].default is dataclasses.MISSING and keys[key].default_factory is dataclasses.MISSING
+        assert (default == "required") == missing, key
+
+
+def test_units_stand_in_their_own_column() -> None:
+    path = next(table for table in PAGE["TABLES"] if table.title == "[friction]")
+    rows = {key: (unit, meaning) for key, unit, _, meaning in PAGE["rows"](path)}
+    assert rows["stribeck_velocity_m_per_s"][0] == "m/s"
+    assert "[" not in rows["stribeck_velocity_m_per_s"][1]
