@@ -173,7 +173,7 @@ def test_the_commands_of_the_moving_finger_end_in_tested_c_and_its_numbers_are_t
     expected = found["expectation"]["worst_percent_of_range"][found["expectation"]["recommended"]]
     assert f"({expected:.2g} % of range)" in " ".join(text.split())
     ignored = found["ignored_motion"]["rmse_percent_of_range"]
-    assert f"would leave on this finger: {ignored:.1f} %" in " ".join(text.split())
+    assert f"design for the path at rest on this finger: {ignored:.1f} %" in " ".join(text.split())
 
 
 def test_the_table_of_moving_paths_is_what_the_package_gives():
