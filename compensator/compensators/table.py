@@ -289,10 +289,9 @@ def _longest_reach(samples: _Samples, bound: float) -> list[int]:
     while nodes[-1] < share.size - 1:
         first = nodes[-1]
         reach = first + 1
-        for last in range(share.size - 1, first + 1, -1):
-            # A few places refuse most lines, and only what passes there is looked at everywhere.
-            few = slice(first, last + 1, max(1, (last - first) // _GLANCE))
-            if all(_bends(samples, first, last, where) <= bound for where in (few, slice(first, last + 1))):
+        # A few places refuse most lines, and only what passes there is looked at everywhere.
+        for last in (share.size - 1 - np.flatnonzero(_glance(samples, first) <= bound)).tolist():
+            if _bends(samples, first, last) <= bound:
                 reach = last
                 break
         nodes.append(reach)
@@ -302,9 +301,20 @@ def _longest_reach(samples: _Samples, bound: float) -> list[int]:
 _GLANCE = 8  # places
 
 
-def _bends(samples: _Samples, first: int, last: int, where: slice) -> float:
+def _glance(samples: _Samples, first: int) -> FloatArray:
+    """How far the lines from one node leave the samples at a few places [N]: to the last sample, the one before ..."""
+    last = np.arange(samples.share.size - 1, first + 1, -1)
+    at = first + np.outer(last - first, np.arange(1, _GLANCE)) // _GLANCE
+    place = (samples.share[at] - samples.share[first]) / (samples.share[last] - samples.share[first])[:, None]
+    start, end = samples.force_N[:, first, None, None], samples.force_N[:, last, None]
+    left = _outside(start + place * (end - start), samples.low_N[:, at], samples.high_N[:, at])
+    found: FloatArray = left.max(axis=(0, 2))
+    return found
+
+
+def _bends(samples: _Samples, first: int, last: int) -> float:
     """How far a straight line between two nodes leaves the samples [N]."""
-    share, force_N = samples.share, samples.force_N
+    share, force_N, where = samples.share, samples.force_N, slice(first, last + 1)
     place = (share[where] - share[first]) / (share[last] - share[first])
     line = force_N[:, [first]] + place * (force_N[:, [last]] - force_N[:, [first]])
     return float(_outside(line, samples.low_N[:, where], samples.high_N[:, where]).max())
