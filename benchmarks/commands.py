@@ -1,6 +1,6 @@
 """CPU of whole commands, beside a process that imports casadi, scipy and matplotlib and draws three plain figures.
 
-    python benchmarks/commands.py              design finger, design finger_fast, compare exosuit, one move of explore
+    python benchmarks/commands.py              design finger, design finger_fast, compare exosuit
     python benchmarks/commands.py exosuit      those whose name contains the word
 
 Every command runs once to compile what it needs, and then as often as `_RUNS` says, in turn with the plain process; the
