@@ -5,10 +5,9 @@ not; smoothed, the same law does much better.
 """
 
 from collections.abc import Callable
+from itertools import accumulate
 
 import numpy as np
-from scipy.linalg.lapack import dtbtrs  # scipy.signal takes as long to import as all the rest
-from scipy.ndimage import uniform_filter1d
 
 from tendonff.compensator.compensators.base import Compensator, Problem
 from tendonff.compensator.compensators.plant import Plant
@@ -17,6 +16,7 @@ from tendonff.compensator.compensators.score import score
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.reporting.colours import PURPLE, Style
 from tendonff.models.capstan import CapstanLaw
+from tendonff.ocp.tracking.search import moving_mean
 
 Smoother = Callable[[FloatArray, float], FloatArray]
 
@@ -26,15 +26,12 @@ _TIMES = 12  # tried between a step and a quarter of the duration, in equal rati
 def lagged(exponent: FloatArray, steps: float) -> FloatArray:
     """First-order lag of ln(force/tension), shape (n,), over `steps`, which a controller can compute as it goes."""
     share = 1 / (1 + steps)
-    recursion = np.vstack([np.ones(len(exponent)), np.full(len(exponent), share - 1)])  # y_k - (1 - share) y_{k-1}
-    smooth, _ = dtbtrs(recursion, share * exponent, uplo="L")
-    return np.asarray(smooth).ravel()
+    return np.array(list(accumulate((share * exponent).tolist(), lambda before, now: now + (1 - share) * before)))
 
 
 def centred(exponent: FloatArray, steps: float) -> FloatArray:
     """Moving mean of ln(force/tension), shape (n,), over `steps` around each row, for a reference known beforehand."""
-    smooth: FloatArray = uniform_filter1d(exponent, max(1, round(steps)), mode="nearest")
-    return smooth
+    return moving_mean(exponent, max(1, round(steps)))
 
 
 class Smoothed(Compensator):

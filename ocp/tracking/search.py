@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from tendonff.models.layout import ChainInputs
 from tendonff.ocp.batch import Progress
@@ -120,8 +119,14 @@ def starts(problem: TrackingProblem, inverse_N: Array, law_N: Array) -> tuple[Ar
     lifted = problem.reference_N + adhesion
     exponent = np.log(np.maximum(inverse_N + adhesion, 1e-3 * lifted) / lifted)
     widths = np.geomspace(2, max(_WIDEST * knot_spacing(problem.reference_N), 3), _WIDTHS)
-    spread = [lifted * np.exp(uniform_filter1d(exponent, round(w), mode="nearest")) - adhesion for w in widths]
+    spread = [lifted * np.exp(moving_mean(exponent, round(w))) - adhesion for w in widths]
     return inverse_N, law_N, early, *spread
+
+
+def moving_mean(values: Array, rows: int) -> Array:
+    """Mean over so many rows around each one, shape (n,), the ends repeated; scipy.ndimage is slow to import."""
+    padded = np.pad(values, (rows // 2, rows - 1 - rows // 2), mode="edge")
+    return np.convolve(padded, np.full(rows, 1 / rows), "valid")
 
 
 def led_start(problem: TrackingProblem, inverse_N: Array, iterations: int) -> Array:
