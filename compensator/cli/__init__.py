@@ -80,24 +80,24 @@ _GROUPS: Mapping[str, Mapping[Callable[..., object], str]] = {
     "Model": {
         new: "mine.toml --for bowden",
         example: "finger",
-        path: "centreline.csv --out path",
+        path: "centreline.csv",
         simulate: "mine.toml --force force.csv --out run",
-        experiment: "mine.toml --out experiment",
+        experiment: "mine.toml",
     },
     "Decide": {
-        design: "mine.toml --out out",
-        compare: "mine.toml --out compare",
-        sweep: "mine.toml --samples 200 --out sweep",
+        design: "mine.toml",
+        compare: "mine.toml",
+        sweep: "mine.toml --samples 200",
         explore: "mine.toml",
     },
     "Rig": {
-        identify: "mine.toml --data log.csv --out fit",
-        adapt: "mine.toml --out adapt",
+        identify: "mine.toml --data log.csv",
+        adapt: "mine.toml",
     },
     "Deploy": {
-        table: "mine.toml --out table",
-        export_c: "mine.toml --out c",
-        export_fmu: "mine.toml --out fmu",
+        table: "mine.toml",
+        export_c: "mine.toml",
+        export_fmu: "mine.toml",
     },
 }
 """Commands by the part of the work that they belong to, each with the arguments of an example."""

@@ -38,7 +38,7 @@ ScenarioArgument = Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scen
 LevelOption = Annotated[
     Level | None, option("--level", None, "Fidelity level of the chain; default: the scenario's own.")
 ]
-OutFolderOption = Annotated[Path, option("--out", "DIR", "Folder for the results.")]
+OutFolderOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")]
 PdfOption = Annotated[bool, typer.Option("--pdf", help="Write each figure as PDF too, for a printed page.")]
 PrefixOption = Annotated[str, typer.Option("--prefix", metavar="NAME", help="Prefix of every C name and file.")]
 ForceOption = Annotated[

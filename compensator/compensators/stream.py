@@ -154,7 +154,8 @@ class Ramp:
         return np.array(found)
 
 
-RE_ENTRY_S = 0.1  # time in which the reference comes back from a held value to one that arrives again [s]
+RE_ENTRY_S = 0.1  # longest time in which the reference comes back from a held value to one that arrives again [s]
+RE_ENTRY_SHARE = 2  # samples of the way back for each that was lost: a single lost one costs next to nothing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -188,7 +189,7 @@ class StreamDesign:
 
     @property
     def re_entry(self) -> int:
-        """Samples of a re-entry."""
+        """Samples of the longest re-entry."""
         return max(1, round(RE_ENTRY_S / self.filter.step_s))
 
 
@@ -199,18 +200,19 @@ def smoothed(design: StreamDesign, reference_N: FloatArray, initial_N: float) ->
     """
     taps = design.filter.taps
     last = centre = min(max(initial_N, design.low_N), design.high_N)
-    offset, left, lost = 0.0, 0, False
+    held, left, span, lost = last, 0, design.re_entry, 0
     line = [centre] * design.line
     for given in reference_N.tolist():
         if math.isfinite(given):
             clamped = min(max(given, design.low_N), design.high_N)
             if lost:
-                offset, left, lost = last - clamped, design.re_entry, False
-            place = left / design.re_entry
-            last = clamped + offset * place**3 * (10 + place * (6 * place - 15))
+                span = min(max(RE_ENTRY_SHARE * lost, left), design.re_entry)
+                held, left, lost = last, span, 0
+            place = left / span
+            last = held + (clamped - held) * (1 - place**3 * (10 + place * (6 * place - 15))) if left else clamped
             left = max(left - 1, 0)
         else:
-            lost = True
+            lost = min(lost + 1, design.re_entry)
         centre = min(max(centre, last - design.band_N), last + design.band_N)
         line.append(centre)
     windows = np.lib.stride_tricks.sliding_window_view(np.array(line), len(taps))[1 : len(reference_N) + 1]

@@ -51,7 +51,7 @@ def expectation_figure(result: DesignData) -> Figure:
     tension, error = axes[:, 0]
     time, wanted, rows = result.reference.time_s, result.reference.tension_N, thinned(len(result.reference.time_s))
     best, found = result.recommended, result.expectation
-    none = result.on_level("none", result.level).output_N if "none" in result.profiles else None
+    none = result.on_level("none", result.level) if "none" in result.profiles else None
     for panel, base in ((tension, 0 * wanted), (error, wanted)):
         low, high = found.best.low_N - base, found.best.high_N - base
         panel.fill_between(
@@ -64,13 +64,22 @@ def expectation_figure(result: DesignData) -> Figure:
             label=f"{best.label}, all sampled parameters",
         )
         if none is not None:
-            label = "reference applied directly, nominal parameters"
-            panel.plot(time[rows], (none - base)[rows], color=GREY, linestyle=":", label=label)
+            label = f"reference applied directly: {none.score.percent} % of range"
+            panel.plot(time[rows], (none.output_N - base)[rows], color=GREY, linestyle=":", label=label)
         panel.plot(time[rows], (wanted - base)[rows], color=INK, linewidth=0.8, label="reference")
-    tension.set(ylabel="output tension [N]")
-    error.set(xlabel="time [s]", ylabel="error [N]")
+    tension.set(ylabel="output tension [N]", ylim=_around(np.append(found.best.low_N, found.best.high_N), wanted))
+    band = np.append(found.best.low_N - wanted, found.best.high_N - wanted)
+    error.set(xlabel="time [s]", ylabel="error [N]", ylim=_around(band, 0.01 * (wanted - wanted.mean())))
     legend_below(figure, tension, columns=3)
     return figure
+
+
+def _around(*shown: FloatArray) -> tuple[float, float]:
+    """Limits of an axis that show these and a margin; what else there is may leave the panel."""
+    values = np.concatenate(shown)
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    margin = 0.08 * max(high - low, 1e-9)
+    return low - margin, high + margin
 
 
 def contributions_figure(result: DesignData) -> Figure:

@@ -33,7 +33,7 @@ _MOVES_IN_A_HOLD = 0.05  # of the force's range: what is worth a word
 
 _CAPTIONS = {
     "expectation": "Output tension of the recommended profile over all sampled parameters (band), and of the reference "
-    "applied directly.",
+    "applied directly with nominal ones. Below: the error; a curve that leaves the panel is larger.",
     "contributions": "RMS error of the recommended profile at the worse end of each interval alone, all else nominal; "
     "the line is the worst case with all of them together.",
     "tension": "Reference and output tension of each profile with the design's own parameters. Below: the "

@@ -8,6 +8,7 @@ import numpy as np
 from tendonff.compensator.adapt.setup import Certified, certified, tuned_chain, tuning_of
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.profile import FloatArray
+from tendonff.compensator.compensators.score import scale_N
 from tendonff.compensator.export.golden import Course
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.scenario.settings import Adaptation
@@ -18,6 +19,8 @@ from tendonff.ocp.adaptation.tuning import Sensor, Tunable
 from tendonff.ocp.codegen.precision import Precision
 
 _RIG = 1.1  # factor on friction of the rig behind the golden vectors
+
+_FLOAT_SHARE, _DOUBLE_SHARE = 1e-3, 1e-9  # of the range, and of the largest force: differences from the model that pass
 
 _COAST_S = 0.05  # time in which joints whose angles are missing come to rest [s]
 
@@ -45,8 +48,7 @@ def adaptive_code(problem: Problem, settings: Adaptation, precision: Precision, 
     tuning = tuning_of(problem, settings)
     tuned = tuned_chain(problem, tuning)
     code = tuner_code(tuned, problem.reference.step_s, f"{prefix}_adaptive", precision, settings.delay_samples)
-    friction, load = problem.transmission.friction, problem.transmission.load
-    main = next(p for p in settings.parameters if p in _FRICTION)
+    load = problem.transmission.load
     tunes_load = Tunable.LOAD_STIFFNESS in settings.parameters
     return {
         "header": code.header,
@@ -61,13 +63,31 @@ def adaptive_code(problem: Problem, settings: Adaptation, precision: Precision, 
         "tuned_words": " and ".join(settings.parameters),
         "model_rows": code.model_rows,
         "inverse_rows": code.inverse_rows,
-        "mu_dynamic": friction.release_dynamic if main is Tunable.MU_RELEASE else friction.mu_dynamic,
-        "mu_index": settings.parameters.index(main),
+        "mu_dynamic": main_mu(problem, settings),
+        "mu_index": settings.parameters.index(_main(settings)),
         "tunes_load": tunes_load,
         "load_index": settings.parameters.index(Tunable.LOAD_STIFFNESS) if tunes_load else -1,
         "load_stiffness_N_per_m": load.stiffness_N_per_m,
         **({} if problem.chain.motion is not None else _bounds(certified(problem))),
     }
+
+
+def _main(settings: Adaptation) -> Tunable:
+    """The tuned friction that `<prefix>_adaptive_mu` tells."""
+    return next(p for p in settings.parameters if p in _FRICTION)
+
+
+def main_mu(problem: Problem, settings: Adaptation) -> float:
+    """Coefficient of the scenario that `<prefix>_adaptive_mu` tells [-]."""
+    friction = problem.transmission.friction
+    return friction.release_dynamic if _main(settings) is Tunable.MU_RELEASE else friction.mu_dynamic
+
+
+def adaptive_tolerance_N(course: Course, precision: Precision) -> float:
+    """Largest difference of the tuner's force from the model that passes [N]."""
+    if precision is Precision.FLOAT:
+        return _FLOAT_SHARE * scale_N(course.reference_N)
+    return _DOUBLE_SHARE * max(course.scale_N, 1.0)
 
 
 def _bounds(bounds: Certified) -> dict[str, object]:
@@ -91,8 +111,7 @@ def adaptive_golden(problem: Problem, settings: Adaptation, course: Course, prec
     tuning, step, start = tuning_of(problem, settings), problem.reference.step_s, float(reference_N[0])
     moved = replace(problem.transmission, motion=course.chain.motion)
     tuned = TunedChain.of(moved, problem.level, tuning.parameters)
-    main = next(p for p in settings.parameters if p in _FRICTION)
-    rig = SimulatedRig(tuned.with_factors({main: _RIG}), step, 1, start)
+    rig = SimulatedRig(tuned.with_factors({_main(settings): _RIG}), step, 1, start)
     run = SelfTuner(tuned, step, tuning, problem.limits, start).run(rig, reference_N, np.zeros(len(reference_N)))
     measured = rounded(run.measured, precision)
     tuner = SelfTuner(tuned, step, tuning, problem.limits, start)

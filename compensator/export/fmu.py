@@ -15,11 +15,12 @@ from pathlib import Path
 from tendonff._version import __version__
 from tendonff.compensator.adapt.setup import check_tuning
 from tendonff.compensator.compensators.base import CModule, Problem
-from tendonff.compensator.compensators.table import BuiltTable, table_of
+from tendonff.compensator.compensators.table import BuiltTable, accepted_range, table_of
 from tendonff.compensator.export.judgement import Judged, chosen, judge, profiles_of
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.export.modules import ADAPTIVE, PLANT, c_modules, check_prefix
 from tendonff.compensator.export.text.c_text import c_sources, harmless, table_context
+from tendonff.compensator.export.text.parameters import parameters_of
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_file
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
@@ -51,6 +52,8 @@ class _Variable:
     unit: str
     start: str
     is_parameter: bool = field(default=False, repr=False)  # the token is made of the rest
+    low: float | None = None  # what is accepted; None where nothing is refused
+    high: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -183,7 +186,9 @@ def _context(
     reference, level = problem.reference, problem.level
     rest = problem.chain.rest_state(reference.initial_tension_N)
     initial = repr(reference.initial_tension_N)
-    given = _Variable(name="reference", text="wanted output tension", unit="N", start=initial)
+    low, high = accepted_range(problem)
+    parameters = {parameter.name: parameter for parameter in parameters_of(problem)}
+    given = _Variable(name="reference", text="wanted output tension", unit="N", start=initial, low=low, high=high)
     force = _Variable(name="force", text="force of the actuator, within its limits", unit="N", start=initial)
     servo = scenario.transmission.actuator.drive is Drive.POSITION
     if servo:
@@ -197,7 +202,17 @@ def _context(
         words = f"last measurement: {sensor.words}"
         extras.append(_Variable(name="measured", text=words, unit=sensor.unit, start=first))
     elif kind is Kind.INVERSE:
-        extras.append(_Variable(name="mu", text="mu_dynamic", unit="", start=mu, is_parameter=True))
+        extras.append(
+            _Variable(
+                name="mu",
+                text="mu_dynamic",
+                unit="",
+                start=mu,
+                is_parameter=True,
+                low=parameters["mu_pull"].low,
+                high=parameters["mu_pull"].high,
+            )
+        )
     elif kind is Kind.PLANT:
         given = force if servo else _Variable(name="force", text="force of the actuator", unit="N", start=initial)
         near, far = repr(rest.near_position_m), repr(rest.far_position_m)
@@ -223,6 +238,7 @@ def _context(
         "joint_at": len(extras) if joints else -1,
         "taken": " or ".join(v.name for v in (given, *extras, *joints)),
         "initial": initial,
+        "initial_range": (low, high),
         "step": repr(scenario.run.step_s),
         "stop": repr(float(reference.time_s[-1])),
         "provenance": f' * Scenario "{name}", hash {scenario_hash(scenario)}, level {level}; tendonff {__version__}.',
@@ -231,9 +247,10 @@ def _context(
 
 def _joint_inputs(chain: Chain) -> list[_Variable]:
     joints = Joints.of(chain)
+    rows = zip(joints.names, joints.start_rad, joints.least_rad, joints.most_rad, strict=True)
     return [
-        _Variable(name=f"joint_{name}", text=f"angle of the joint {name}", unit="rad", start=repr(start))
-        for name, start in zip(joints.names, joints.start_rad, strict=True)
+        _Variable(name=f"joint_{name}", text=f"angle of the joint {name}", unit="rad", start=repr(start), low=a, high=b)
+        for name, start, a, b in rows
     ]
 
 

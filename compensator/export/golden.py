@@ -170,7 +170,7 @@ def _moving(problem: Problem, rows: NDArray[np.int_], count: int, precision: Pre
     chosen[-2:] = chosen[-3:-2]
     time = np.arange(count, dtype=np.float64) * problem.reference.step_s
     angle = rounded(motion.at(problem.reference.time_s[chosen]), precision)
-    return replace(problem.chain, motion=replace(motion, time_s=time, angle_rad=angle))
+    return replace(problem.chain, motion=replace(motion, time_s=time, angle_rad=angle, period_s=None))
 
 
 def _repeatable(problem: Problem, course: Course) -> Course:

@@ -206,13 +206,16 @@ def self_test_context(
     tolerances = _tolerances(course, precision, found["course"], unit)
     least, most = actuator.force_min_N, actuator.force_max_N
     exact = invert(jumps.chain, jumps.reference_N, step, initial_tension_N=float(jumps.reference_N[0]))
+    limited_N = problem.limits.apply(exact.force_N, step, float(jumps.reference_N[0]))  # columns may be commands [m]
     high, low_end = float(course.reference_N.max()), 1.02 * accepted_range(problem)[0]
     dropped = (np.array([high, drop, drop]) for drop in (low_end, 2 * low_end))  # the second: beyond doubt
     pushes = all((invert(still, fall, step, initial_tension_N=high).least_tension_N <= 0).any() for fall in dropped)
     change = actuator.force_rate_max_N_per_s * step
     ramps = live is not None and bool(np.any(np.abs(np.diff(live.plant_force_N)) > 0.999 * change))
+    far = float(course.reference_N[np.argmax(np.abs(course.reference_N - start))])
     return {
         "golden": golden,
+        "led_to": far if abs(far - start) > 1e-3 * start else None,
         "start_force_N": _start_force_N(problem, start),
         "live_ramps": ramps and servo_of(problem) is None,
         "limit_cases": limit_cases(least, most, change, precision),
@@ -228,8 +231,7 @@ def self_test_context(
             "position": tolerances["plant"] / stiffness + _summed_m(ends, precision),
         },
         "jump_bits": {
-            name: int(seen(exact.force_N, limited, least, most)) if name == "inverse" else 0
-            for name, limited in jumps.columns.items()
+            name: int(seen(exact.force_N, limited_N, least, most)) if name == "inverse" else 0 for name in jumps.columns
         },
         "plant_ends": (float(ends.near_position_m[-1]), float(ends.far_position_m[-1])),
         "settable": {

@@ -195,6 +195,8 @@ def law_of_the_chain(study: Study) -> Study:
         _start(study),
         validation=study.judges,
         biases=study.stage is not None and _biased(study.stage, records),
+        gain_uncertainty=study.scenario.measurement.gain_uncertainty,
+        kept_uncertainty=study.scenario.measurement.kept_uncertainty,
         offsets=not proximal and not any(r.zeroed for r in records),
         say=study.say,
     )
@@ -217,7 +219,8 @@ def _answer(study: Study) -> Identification:
     laws = compared(study.stage, chain, records)
     law: DynamicFit | StaticFit | None = chain
     if study.stage is not None and not any(law.chosen and law.stage == "dynamic" for law in laws):
-        law = study.stage.reported(scenario.transmission.friction.adhesion_N)
+        gains = scenario.measurement.gain_uncertainty
+        law = study.stage.reported(scenario.transmission.friction.adhesion_N, gains)
     if law is None:
         raise InputError("; ".join(("no law could be fitted to these files", *study.warnings)))
     chain = law if isinstance(law, DynamicFit) else None

@@ -42,6 +42,11 @@ class Measurement:
         Factor that turns a torque into a tension and an angle into a position [m], > 0.
     gear_ratio : float or None
         Revolutions of the motor for one of the drum [-], > 0.
+    gain_uncertainty : float
+        Half-width of the 95 % interval of each tension cell's gain as a share of it [-], >= 0; it widens the intervals
+        of what is fitted.
+    kept_uncertainty : float
+        The same for the tendon's values where the files do not tell them and the scenario's are kept [-], >= 0.
     input_offset_N, output_offset_N : float or None
         Reading of the cell without tension, after the scale [N], which is subtracted; default: found from slack
         samples.
@@ -81,6 +86,8 @@ class Measurement:
     torque_constant_N_m_per_A: float | None = None
     drum_radius_m: float | None = None
     gear_ratio: float | None = None
+    gain_uncertainty: float = 0.0
+    kept_uncertainty: float = 0.0
     input_offset_N: float | None = None
     output_offset_N: float | None = None
     tare_s: tuple[float, float] | None = None
@@ -106,6 +113,8 @@ class Measurement:
             require_given(name, getattr(self, name), hint="leave it out for none")
         for name in ("torque_constant_N_m_per_A", "drum_radius_m", "gear_ratio"):
             require_given(name, getattr(self, name), above=0, hint="leave it out where no column needs it")
+        for name in ("gain_uncertainty", "kept_uncertainty"):
+            require(name, getattr(self, name), least=0, hint="0.02 is +-2 %")
         self._check_cells()
         if self.tare_s is not None and not 0 <= self.tare_s[0] < self.tare_s[1]:
             raise ParameterError(

@@ -23,6 +23,9 @@ import numpy as np
 from tendonff.models.bounds import play
 from tendonff.models.capstan.spread_bounds import PLACES, PLAYS, sliding_exponent
 from tendonff.models.friction import LuGreBristle, equivalent_coefficient
+from tendonff.ocp.codegen.compiler import load_library
+from tendonff.ocp.codegen.engine import Engine, resolve_engine
+from tendonff.ocp.codegen.prototype import CFunction
 from tendonff.ocp.step.protocol import Array
 
 LIFTED_FLOOR_N = 1e-9
@@ -112,9 +115,9 @@ def _with_slopes(state: ca.SX, signals: ca.SX, parameters: ca.SX, start: ca.SX, 
     return _Step(
         start=ca.Function("start", [signals, parameters], [ca.vertcat(start, ca.vec(ca.jacobian(start, parameters)))]),
         step=ca.Function(
-            "step",
+            "tff_law_step",  # "step" is one of the C library's own
             [whole, signals, parameters],
-            [ca.vertcat(after, ca.vec(after_slopes)), ca.vertcat(output, output_slopes.T)],
+            [ca.densify(ca.vertcat(after, ca.vec(after_slopes))), ca.densify(ca.vertcat(output, output_slopes.T))],
             {"cse": True},
         ),
     )
@@ -172,22 +175,74 @@ def _bristle_step() -> _Step:
     return _with_slopes(f_s, signals, parameters, start, after, far + ca.sum1(after) + beside)
 
 
+_LOOP = """
+int tff_law_rows(long rows, double *state, const double *signals, const double *parameters, double *found)
+{{
+    double before[{states}], w[{reals} + 1];
+    const double *arg[{arguments}];
+    double *res[{results}];
+    casadi_int iw[{whole_numbers} + 1];
+    long k;
+    int i;
+    for (k = 0; k < rows; ++k) {{
+        for (i = 0; i < {states}; ++i)
+            before[i] = state[i];
+        arg[0] = before;
+        arg[1] = signals + k * {signals};
+        arg[2] = parameters;
+        res[0] = state;
+        res[1] = found + k * {found};
+        if (tff_law_step(arg, res, iw, w, 0) != 0)
+            return 1;
+    }}
+    return 0;
+}}
+"""
+
+
 @functools.lru_cache(maxsize=8)
 def _accumulated(law: _Step) -> ca.Function:
     return law.step.mapaccum("rows", CHUNK)
 
 
+@functools.lru_cache(maxsize=8)
+def _compiled(law: _Step) -> CFunction:
+    step, code = law.step, ca.CodeGenerator("law")
+    code.add(step)
+    source = code.dump() + _LOOP.format(
+        states=step.numel_in(0),
+        signals=step.numel_in(1),
+        found=step.numel_out(1),
+        arguments=step.sz_arg(),
+        results=step.sz_res(),
+        whole_numbers=step.sz_iw(),
+        reals=step.sz_w(),
+    )
+    return CFunction(load_library(source), source, "tff_law_rows")
+
+
 def _run(law: _Step, values: Mapping[StaticParameter, float], signals: Array) -> Response:
-    """Step through all rows, a chunk at a time: a function of one length is made once."""
-    numbers = ca.DM([values.get(k, NEUTRAL[k]) for k in ORDER])
-    run, state = _accumulated(law), law.start(signals[:, 0], numbers)
-    count = signals.shape[1]
+    """Step through all rows."""
+    numbers = np.array([values.get(k, NEUTRAL[k]) for k in ORDER])
+    state = np.array(law.start(signals[:, 0], numbers).full().ravel(order="F"))
+    if resolve_engine(Engine.AUTO) is Engine.CASADI:
+        rows = _accumulated_rows(law, numbers, state, signals)
+    else:
+        rows = np.empty((signals.shape[1], law.step.numel_out(1)))
+        columns = np.ascontiguousarray(signals.T, dtype=float)
+        _compiled(law)(rows=len(rows), state=state, signals=columns, parameters=numbers, found=rows)
+    return Response(prediction_N=rows[:, 0].copy(), slopes=rows[:, 1:].copy())
+
+
+def _accumulated_rows(law: _Step, numbers: Array, start: Array, signals: Array) -> Array:
+    """The same without a compiler, a chunk at a time: a function of one length is made once."""
+    run, state, count = _accumulated(law), ca.DM(start), signals.shape[1]
     # The last row is repeated to fill the last chunk, and its answers are dropped.
     whole = np.concatenate([signals, np.repeat(signals[:, -1:], -count % CHUNK, axis=1)], axis=1)
-    given, parts = ca.repmat(numbers, 1, CHUNK), []
-    for start in range(0, whole.shape[1], CHUNK):
-        states, found = run(state, whole[:, start : start + CHUNK], given)
+    given, parts = ca.repmat(ca.DM(numbers), 1, CHUNK), []
+    for first in range(0, whole.shape[1], CHUNK):
+        states, found = run(state, whole[:, first : first + CHUNK], given)
         state = states[:, -1]
         parts.append(np.asarray(found).T)
-    rows = np.concatenate(parts)[:count]
-    return Response(prediction_N=rows[:, 0].copy(), slopes=rows[:, 1:].copy())
+    rows: Array = np.concatenate(parts)[:count]
+    return rows

@@ -19,7 +19,7 @@ from tendonff.ocp.tracking.motion import limit_motion
 from tendonff.ocp.tracking.options import TrackOptions
 from tendonff.ocp.tracking.problem import TrackingProblem
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
-from tendonff.ocp.tracking.search import search
+from tendonff.ocp.tracking.search import led_start, search, starts
 from tendonff.ocp.tracking.sqp import SqpResult
 
 _BEYOND = 5e-4  # of the reference's range, as `MotionBound` counts: half a percent of the speed
@@ -186,8 +186,12 @@ def _solve(problem: TrackingProblem, inversion: Inversion, options: TrackOptions
     results: tuple[SqpResult, ...] = ()
     note = ""
     try:
-        begun = clipped if limits.motion.binds else inverse  # which breaks no bound of the motion
-        force, results = search(problem, begun, law, options.max_iterations, progress)
+        begun = starts(problem, clipped if limits.motion.binds else inverse, law)  # which breaks no bound of the motion
+        if not np.array_equal(clipped, problem.clipped(inverse)):  # a limit of the motion binds
+            led = limited(led_start(problem, inverse, options.max_iterations))
+            candidates.append((evaluate(problem, led), led))
+            begun = (led, *begun)
+        force, results = search(problem, begun, options.max_iterations, progress)
         candidates.append((evaluate(problem, force), force))
         if limits.motion.binds:  # the search may end beyond a limit of the motion
             kept = limited(force)

@@ -1,10 +1,12 @@
 """`tendonff adapt`: feedforward that tunes itself, on rigs that differ from the scenario."""
 
+from pathlib import Path
+
 from tendonff.compensator.cli.options import OutFolderOption, PdfOption, ScenarioArgument, opened
 from tendonff.compensator.cli.progress import progress, say, warn
 
 
-def adapt(scenario: ScenarioArgument, out: OutFolderOption, pdf: PdfOption = False) -> None:
+def adapt(scenario: ScenarioArgument, out: OutFolderOption = Path("adapt"), pdf: PdfOption = False) -> None:
     """Try self-tuning on rigs that differ from the scenario.
 
     Feedforward and feedback alone stand beside it.

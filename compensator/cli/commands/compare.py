@@ -1,5 +1,6 @@
 """`tendonff compare`: which model fidelity the task needs."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -10,7 +11,7 @@ from tendonff.compensator.cli.progress import progress, say, warn
 
 def compare(
     scenario: ScenarioArgument,
-    out: OutFolderOption,
+    out: OutFolderOption = Path("compare"),
     optimal: Annotated[
         bool, typer.Option("--optimal", help="Also search the optimal profile on each level, which takes longest.")
     ] = False,

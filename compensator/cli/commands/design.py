@@ -14,7 +14,7 @@ EXIT_SOLVE = 1  # what was written is the best that was found
 
 def design(
     scenario: ScenarioArgument,
-    out: OutFolderOption,
+    out: OutFolderOption = Path("out"),
     strict: Annotated[
         bool, typer.Option("--strict", help="Refuse a reference out of reach instead of coming closest to it.")
     ] = False,

@@ -11,7 +11,7 @@ _MEASURED = "Tensions of this test on a rig (time_s, any of tension_1_N to tensi
 
 def experiment(
     scenario: ScenarioArgument,
-    out: OutFolderOption,
+    out: OutFolderOption = Path("experiment"),
     measured: Annotated[Path | None, option("--measured", "FILE", _MEASURED)] = None,
     pdf: PdfOption = False,
 ) -> None:

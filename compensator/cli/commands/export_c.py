@@ -1,5 +1,6 @@
 """`tendonff export-c`: C99 for the controller."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -18,7 +19,7 @@ from tendonff.ocp.codegen.precision import Precision
 
 def export_c(
     scenario: ScenarioArgument,
-    out: OutFolderOption,
+    out: OutFolderOption = Path("c"),
     precision: Annotated[
         Precision, typer.Option("--precision", help="Real type of all arithmetic.")
     ] = Precision.DOUBLE,

@@ -1,5 +1,6 @@
 """`tendonff export-fmu`: co-simulation units."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -19,7 +20,7 @@ from tendonff.compensator.export.kinds import FmiVersion, Kind
 
 def export_fmu(
     scenario: ScenarioArgument,
-    out: OutFolderOption,
+    out: OutFolderOption = Path("fmu"),
     kind: Annotated[Kind, typer.Option("--kind", help="What the unit computes.")] = Kind.INVERSE,
     fmi: Annotated[FmiVersion | None, option("--fmi", None, "Version of FMI; default: both.")] = None,
     prefix: PrefixOption = "tff",

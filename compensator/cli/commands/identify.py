@@ -49,7 +49,7 @@ def _several(name: str, metavar: str, text: str) -> Any:
 
 def identify(
     scenario: ScenarioArgument,
-    out: OutFolderOption,
+    out: OutFolderOption = Path("fit"),
     data: Annotated[list[Path] | None, _several("--data", "D.csv", "Measured file to fit")] = None,
     validate: Annotated[
         list[Path] | None, _several("--validate", "V.csv", "Measured file that judges the laws")

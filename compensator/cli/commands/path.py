@@ -16,7 +16,7 @@ def path(
             metavar="POINTS.csv", help="Columns x_m,y_m,z_m (or x_mm, ...) along the tendon.", show_default=False
         ),
     ],
-    out: OutFolderOption,
+    out: OutFolderOption = Path("path"),
     tolerance: Annotated[
         float,
         typer.Option("--tolerance", metavar="RAD", help="Largest error of the angle up to any place by the sections."),

@@ -1,6 +1,7 @@
 """`tendonff sweep`: designs and scores over a grid, or over units that differ."""
 
 import math
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -11,7 +12,7 @@ from tendonff.compensator.cli.progress import progress, say
 
 def sweep(
     scenario: ScenarioArgument,
-    out: OutFolderOption,
+    out: OutFolderOption = Path("sweep"),
     over: Annotated[
         list[str] | None, option("--over", "KEY=FROM:TO:COUNT", "Vary a key of the scenario; may be repeated.")
     ] = None,

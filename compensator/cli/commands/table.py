@@ -1,5 +1,6 @@
 """`tendonff table`: compensation tables."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -33,7 +34,7 @@ def _numbers(text: str | None, option: str) -> tuple[float, ...]:
 
 def table(
     scenario: ScenarioArgument,
-    out: OutFolderOption,
+    out: OutFolderOption = Path("table"),
     level: LevelOption = None,
     bound: Annotated[float | None, option("--bound", "N", _BOUND)] = None,
     angles: Annotated[str | None, option("--angles", "A,A,...", "Wrap angles [rad]: a further axis.")] = None,

@@ -14,7 +14,7 @@ import numpy as np
 from tendonff._version import __version__
 from tendonff.compensator.compensators.base import CModule, Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
-from tendonff.compensator.compensators.stream import RE_ENTRY_S, SLACK, StreamDesign
+from tendonff.compensator.compensators.stream import RE_ENTRY_S, RE_ENTRY_SHARE, SLACK, StreamDesign
 from tendonff.compensator.compensators.table import BuiltTable, accepted_range
 from tendonff.compensator.export.adaptive import adaptive_code
 from tendonff.compensator.export.modules import ADAPTIVE_MODULES, PLANT, STREAM
@@ -222,16 +222,16 @@ def _context(
     free = 5 if chain.friction.weakening_speed_m_per_s is not None else 3
     free = 1 if joints else free
     state = {
-        "inverse": _padded(output + (2 * reals + (7 if ramp else 6) + free + past) * size + 12 + path[True], size),
-        "capstan": output + (5 if law.plays is None else 4 + 3 * PLAYS) * size,
-        "table": _padded(output + 4 * size + 4, size),
+        "inverse": _padded(output + (2 * reals + (7 if ramp else 6) + free + past) * size + 16 + path[True], size),
+        "capstan": _padded(output + (7 if law.plays is None else 6 + 3 * PLAYS) * size + 12, size),
+        "table": _padded(output + 6 * size + 16, size),
         "plant": _padded((2 * reals + (3 if servo else 2)) * size + 16 + path[False], size),
         "profile": _padded(output + 4, size),
         "bounds": _padded(4 * size + 4, size),
     }
     if design is not None and "stream" in names:
         line = design.line + 3 + (2 * (design.ahead + 1) + 2 if ramp else 0)
-        state["stream"] = _padded(output + state["inverse"] + line * size + (20 if ramp else 12), size)
+        state["stream"] = _padded(output + state["inverse"] + line * size + (24 if ramp else 16), size)
     return _naming(scenario, problem.level, precision, prefix) | {
         "joints": joints,
         "joint_parameter": f", const {prefix}_real joint_rad[]" if moving else "",
@@ -255,6 +255,7 @@ def _context(
         "adhesion": law.adhesion_N,
         "plays": _plays(law, transmission, precision),
         "re_entry": max(1, round(RE_ENTRY_S / step)),
+        "re_entry_share": RE_ENTRY_SHARE,
         **_start_context(chain),
         "servo": servo,
         "told": "command" if servo else "force",

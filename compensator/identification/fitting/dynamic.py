@@ -23,6 +23,7 @@ from tendonff.compensator.identification.fitting.uncertainty import (
     with_floors,
     with_other_laws,
     with_scatter,
+    with_taken_for_granted,
 )
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record
@@ -147,12 +148,15 @@ def fit_dynamic(
     validation: Sequence[Record] = (),
     biases: bool = False,
     offsets: bool = False,
+    gain_uncertainty: float = 0.0,
+    kept_uncertainty: float = 0.0,
     say: Callable[[str], None] = lambda _: None,
 ) -> DynamicFit:
     """Choose the law, then fit the chain at its presliding level, from coarse to fine.
 
     The files of `validation` judge the laws, or without them parts of the fitted ones in turn. With `biases` the input
-    cell's bias may be free, with `offsets` the output cell may have an offset that the files tell.
+    cell's bias may be free, with `offsets` the output cell may have an offset that the files tell. The uncertainties
+    are those of [measurement].
     """
     task = coarse.task.continued(coarse.solution)
     transmission, explain, tension = task.model.transmission, task.pieces[0].explain, _tension_N(task.pieces)
@@ -176,6 +180,9 @@ def fit_dynamic(
     files = file_estimates(quick, slopes, solution)
     solution, concentration = with_other_laws(with_common_errors(solution), slopes, every, quick)
     solution = with_floors(with_scatter(solution, files), mean_N)
+    solution = with_taken_for_granted(
+        solution, slopes, every, quick, gain_uncertainty=gain_uncertainty, kept_uncertainty=kept_uncertainty
+    )
     return DynamicFit(
         model=replace(task.model, count=transmission.path.segments),
         values=task.complete(solution.values),

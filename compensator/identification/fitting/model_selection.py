@@ -35,7 +35,7 @@ class StaticSelection:
     laws: tuple[CandidateLaw, ...]  # all that were compared
     tried: tuple[StaticFit, ...]  # the candidates, in the order of `laws`
 
-    def reported(self, adhesion_N: float) -> StaticFit:
+    def reported(self, adhesion_N: float, gain_uncertainty: float = 0.0) -> StaticFit:
         """The chosen law with what it leaves out in its errors.
 
         Adhesion and both biases act through their differences alone: where the biases were free, the adhesion is that
@@ -46,13 +46,22 @@ class StaticSelection:
         chosen = next(other for other, law in pairs if law.chosen)
         near = [pair for pair in pairs if pair[1].validation_percent <= TUNED.nearly_as_good * least]
         rivals = [fit for fit, law in near if fit is not chosen and not _is_beaten(fit, law, near)]
-        fit = _doubted(chosen, rivals)
+        fit = _with_gains(_doubted(chosen, rivals), gain_uncertainty)
         if P.OUTPUT_BIAS.value not in fit.solution.values:
             return fit
         more = dict.fromkeys(CONSTANTS, adhesion_N)
         found = {name: value + more.get(P(name), 0.0) for name, value in fit.solution.values.items()}
         values = {name: value + more.get(name, 0.0) for name, value in fit.values.items()}
         return replace(fit, values=values, solution=replace(fit.solution, values=found))
+
+
+def _with_gains(fit: StaticFit, gain_uncertainty: float) -> StaticFit:
+    """Widen friction by what is not known of the two cells' gains: their ratio is added to one exponent and taken off
+    the other.
+    """
+    signs = {P.PULL: 1.0, P.RELEASE: -1.0}
+    moved = np.array([signs.get(P(free), 0.0) for free in fit.solution.values]) * gain_uncertainty / 2 * math.sqrt(2)
+    return replace(fit, solution=replace(fit.solution, covariance=fit.solution.covariance + np.outer(moved, moved)))
 
 
 def _is_beaten(fit: StaticFit, law: CandidateLaw, others: Sequence[tuple[StaticFit, CandidateLaw]]) -> bool:

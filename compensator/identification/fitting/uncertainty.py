@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.compensator.identification.constants import TUNED
-from tendonff.compensator.identification.fitting.residuals import ChainResiduals
+from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record
-from tendonff.compensator.identification.parameters import Parameter
+from tendonff.compensator.identification.parameters import TENDON, Parameter
+from tendonff.compensator.scenario.measurement import Explain
 from tendonff.models.path import Section
 from tendonff.ocp.fits.least_squares import Residuals, Solution, block_covariance, gauss_newton_step
 
@@ -20,6 +21,9 @@ D = Parameter
 
 ALTERNATIVES = (D.ADHESION, D.STATIC_EXCESS, D.OUTPUT_BIAS)
 """Each may be missing in the law although it acts; they are averaged over by what the data say of them."""
+
+TRIED_GAIN = 0.01
+"""Change of a gain by which its effect is measured."""
 
 WATCHED = (D.MU_PULL, D.MU_RELEASE, D.ADHESION, D.BRISTLE, D.STIFFNESS)
 """Values whose differences between files are reported."""
@@ -102,6 +106,51 @@ def _newton(found: Residuals, columns: Sequence[int]) -> tuple[Array, float]:
     step = gauss_newton_step(found.values, found.slopes[:, columns])
     after = found.values + found.slopes[:, columns] @ step
     return step, max(float((after**2 / np.sqrt(1 + found.values**2)).sum()), 1e-300)
+
+
+def with_taken_for_granted(
+    solution: Solution,
+    found: Residuals,
+    names: Sequence[Parameter],
+    task: ChainResiduals,
+    *,
+    gain_uncertainty: float,
+    kept_uncertainty: float,
+) -> Solution:
+    """Add what the cells' gains and the tendon's kept values make doubtful, by their own 95 % half-widths.
+
+    The answer goes with such a number as a Gauss-Newton step does; what the files themselves say of it narrows its
+    doubt.
+    """
+    free = [names.index(D(n)) for n in solution.values]
+    kept = [n for n in names if n in TENDON and n not in solution.values] if kept_uncertainty > 0 else []
+    granted = [(found.slopes[:, names.index(n)] * task.fixed[n], kept_uncertainty / 2) for n in kept]
+    if gain_uncertainty > 0:
+        granted += [(slope, gain_uncertainty / 2) for slope in _by_gains(found, task)]
+    own, covariance = found.slopes[:, free], solution.covariance
+    for slope, deviation in granted:
+        wider, _ = block_covariance(replace(found, slopes=np.column_stack([own, slope])), robust=True)
+        moved = gauss_newton_step(found.values + slope, own) - gauss_newton_step(found.values, own)
+        covariance = covariance + np.outer(moved, moved) / (deviation**-2 + 1 / max(float(wider[-1, -1]), 1e-300))
+    return replace(solution, covariance=covariance)
+
+
+def _by_gains(found: Residuals, task: ChainResiduals) -> list[Array]:
+    """Slopes of the residuals over the logarithm of each cell's gain."""
+
+    def louder(run: FitPiece) -> FitPiece:
+        drive = replace(run.drive, input_N=run.drive.input_N * (1 + TRIED_GAIN))
+        return replace(run, drive=drive)
+
+    other = replace(task, pieces=[louder(run) for run in task.pieces], free=()).evaluate({})
+    slopes = [(found.values - other.values) / TRIED_GAIN]
+    if task.pieces[0].explain is Explain.OUTPUT:
+        parts = []
+        for run in task.pieces:
+            measured = run.measured[:: run.thin][run.good] / task.output_unit
+            parts += [measured, np.zeros_like(measured)] if run.with_elongation else [measured]
+        slopes.append(np.concatenate(parts))
+    return slopes
 
 
 def with_common_errors(solution: Solution) -> Solution:

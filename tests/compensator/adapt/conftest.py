@@ -40,7 +40,7 @@ void begin_at(tff_adaptive *self, double tension, const double *joint_rad)
     for (int k = 0; k < TFF_JOINTS; k++) {
         angle[k] = (tff_real)joint_rad[k];
     }
-    tff_adaptive_init_at(self, (tff_real)tension, angle);
+    tff_adaptive_init_at(self, (tff_real)tension, (tff_real)tension, angle);
 }
 #endif
 double mu(const tff_adaptive *self) { return (double)tff_adaptive_mu(self); }

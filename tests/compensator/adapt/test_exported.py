@@ -71,3 +71,53 @@ def test_the_whole_folder_passes_its_own_test(examples, tmp_path, precision):
     done = subprocess.run(["make", "test"], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
     assert "adaptive" in done.stdout
+
+
+TUNER = "tff_adaptive.c"
+MUTANTS = {
+    "bad references taken": ("(tff_is_within(reference", "(1 + tff_is_within(reference"),
+    "limits bypassed": ("force = tff_output_set(&self->output, ", "force = ("),
+    "status bits not set": ("self->output.status |= more;", ""),
+    "status bits not gathered": ("self->output.seen |= more;", ""),
+    "what is no number is heard": ("const int heard = ", "const int heard = 1 | "),
+    "a stuck sensor teaches": ("(stuck != 0) || (self->open", "(self->open"),
+    "a stuck sensor is not said": (
+        "(self->lost != 0) || (stuck != 0)) ? 1 : 0;\n    if (self->frozen",
+        "(self->lost != 0)) ? 1 : 0;\n    if (self->frozen",
+    ),
+    "a lost reference not noted": ("tff_entry_lose(&self->entry, 1);", ""),
+    "missed calls not noted": ("tff_entry_lose(&self->entry, samples);", ""),
+    "bad starts taken": (
+        "tension = (tension > TFF_REFERENCE_MAX_N)",
+        "tension = (1) ? tension : (tension > TFF_REFERENCE_MAX_N)",
+    ),
+    "bad forces of a start taken": (
+        "(tff_is_within(force, TFF_FORCE_MIN_N",
+        "(1 + tff_is_within(force, TFF_FORCE_MIN_N",
+    ),
+    "bad limits taken": ("if (good != 0) {\n        tff_output_use", "if (good >= 0) {\n        tff_output_use"),
+    "bad estimates restored": ("!= 0) ? good : 0;", ">= 0) ? good : 0;"),
+}
+
+
+def test_the_shipped_self_test_dies_with_every_safety_mutant_of_the_tuner(examples, tmp_path):
+    if shutil.which("cc") is None:
+        pytest.skip("cc is not installed")
+    scenario = load_scenario(examples / "finger_adaptive.toml")
+    start = Problem.of(scenario).reference.initial_tension_N
+    export_project(scenario, profile_N=np.full(3, start)).write(tmp_path)
+    flags = ("-std=c99", "-O0", "-w", "-ffp-contract=off")
+    others = [p.name for p in sorted(tmp_path.glob("*.c")) if p.name not in (TUNER, "example_main.c")]
+    subprocess.run(["cc", *flags, "-c", *others], cwd=tmp_path, check=True)
+    objects = [name.replace(".c", ".o") for name in others]
+    text = (tmp_path / TUNER).read_text()
+
+    def lives(changed):
+        (tmp_path / TUNER).write_text(changed)
+        subprocess.run(["cc", *flags, *objects, TUNER, "-lm", "-o", "st"], cwd=tmp_path, check=True)
+        return subprocess.run([tmp_path / "st"], capture_output=True, check=False).returncode == 0
+
+    assert lives(text)
+    for what, (old, _) in MUTANTS.items():
+        assert old in text, what
+    assert [what for what, (old, new) in MUTANTS.items() if lives(text.replace(old, new, 1))] == []

@@ -100,11 +100,11 @@ def seen_under(scenario, names):
     return found
 
 
-@pytest.mark.parametrize(("share", "most"), [(0.85, 0.6), (0.6, 0.95), (0.4, None)])
+@pytest.mark.parametrize(("share", "most"), [(0.85, 0.6), (0.6, 0.6), (0.4, None)])
 def test_a_speed_limit_is_kept_on_an_independent_plant_and_costs_less_than_clipping(
     cable, share, most, record_property
 ):
-    """At 40 % of the need nothing better than the clipped inverse is found; no profile can go below the lower bound."""
+    """At 40 % of the need no profile can have 0.6 of the clipped inverse's error: a lower bound stands in for it."""
     problem, free = answer(cable)
     speed = share * float(np.abs(np.diff(free.travel_m)).max()) / 1e-3
     names = ("inverse", "optimal") if most else ("inverse", "capstan", "optimal")
@@ -120,7 +120,7 @@ def test_a_speed_limit_is_kept_on_an_independent_plant_and_costs_less_than_clipp
     time_s = problem.reference.time_s
     fastest = respond(servo.transmission, time_s, speed * time_s, 40.0, masses=16, position=True).output_N
     missed = percent(np.maximum(problem.reference.tension_N - fastest, 0.0), problem.reference)
-    assert missed < best < 1.02 * clipped  # at full speed from the start the rise is missed by so much
+    assert 0.6 * clipped < missed < best < 1.25 * missed  # at full speed from the start the rise is missed by so much
 
 
 def test_a_torque_speed_line_is_kept_on_an_independent_plant_and_costs_less_than_clipping(cable, record_property):

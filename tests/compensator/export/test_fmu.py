@@ -131,6 +131,49 @@ def test_a_unit_knows_the_time_from_its_start(unit, tmp_path):
     slave.freeInstance()
 
 
+@pytest.mark.parametrize("fmi", FmiVersion)
+def test_a_state_survives_as_bytes_and_says_what_it_accepts(unit, fmi, tmp_path):
+    from fmpy import extract, read_model_description
+    from fmpy.fmi2 import FMU2Slave
+    from fmpy.fmi3 import FMU3Slave
+
+    path = unit(Kind.INVERSE, fmi)
+    described = read_model_description(str(path))
+    second = fmi is FmiVersion.V2
+    slave = (FMU2Slave if second else FMU3Slave)(
+        guid=described.guid if second else described.instantiationToken,
+        unzipDirectory=extract(str(path), str(tmp_path)),
+        modelIdentifier=described.coSimulation.modelIdentifier,
+    )
+    slave.instantiate()
+    if second:
+        slave.setupExperiment()
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    read, put = (slave.getReal, slave.setReal) if second else (slave.getFloat64, slave.setFloat64)
+
+    def forces(first):
+        found = []
+        for k in range(first, first + 40):
+            put([1], [30 + 0.1 * k])
+            slave.doStep(currentCommunicationPoint=k * 1e-3, communicationStepSize=1e-3)
+            found.append(read([4])[0])
+        return found
+
+    forces(0)
+    state = slave.getFMUState()
+    kept = slave.serializeFMUState(state)
+    expected = forces(40)
+    slave.setFMUState(slave.deserializeFMUState(kept))
+    assert forces(40) == expected
+    slave.terminate()
+    slave.freeInstance()
+    ranges = {v.name: (v.min, v.max) for v in described.modelVariables}
+    for name in ("reference", "initial_tension", "mu"):
+        low, high = map(float, ranges[name])
+        assert 0 <= low < high
+
+
 def test_communication_steps_of_several_samples_are_taken_sample_by_sample(unit, finger):
     coarse = play(unit(Kind.INVERSE, FmiVersion.V2), finger, Kind.INVERSE, step=4)
     assert len(coarse[1]) == ROWS // 4 + 1

@@ -39,7 +39,7 @@ def test_a_restart_in_motion_and_a_lost_reference_make_no_bump(
     )
     assert plain > 5  # what a start from rest does
     assert started < 0.3
-    assert later < 0.3
+    assert later < 1.5  # led from the measured tension to the reference
     assert moved > 3
     assert back < 1.5 + 0.2 * coulomb_N  # a reversal on the way asks for about 1 N a sample, and the drive turns too
     assert end < 1e-4

@@ -12,11 +12,13 @@ from tendonff.compensator.cli import run
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.profile import Profile
 from tendonff.compensator.export.c_project import export_project
+from tendonff.compensator.export.golden import golden_vectors
 from tendonff.compensator.export.judgement import judge, profiles_of
-from tendonff.compensator.export.self_test import Status, checksum, limit_cases
+from tendonff.compensator.export.self_test import Status, checksum, limit_cases, self_test_context
 from tendonff.compensator.scenario.reference import Shape, WaypointReference
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
+from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import invert
@@ -222,3 +224,32 @@ def test_what_single_precision_loses_is_measured_and_said(exported, finger):
 def warned(warnings):
     """Modules that are said to lose much in single precision."""
     return {warning.split()[0] for warning in warnings if "use --precision double" in warning}
+
+
+def test_golden_vectors_of_a_cycle_know_the_joints_beyond_its_period(examples):
+    """The course goes on after the scenario's reference: its model must be where its joints are told to be."""
+    scenario = load_scenario(examples / "finger_moving.toml")
+    problem = Problem.of(scenario)
+    motion = problem.chain.motion
+    rows = np.arange(60) * problem.reference.step_s
+    short = replace(motion, time_s=rows, angle_rad=motion.at(rows * 5), period_s=float(rows[-1]))
+    reference = problem.reference
+    sampled = replace(reference, time_s=rows, tension_N=30 + np.sin(2 * np.pi * rows / rows[-1]), periodic=True)
+    transmission = replace(problem.transmission, motion=short)
+    course = golden_vectors(
+        replace(problem, reference=sampled, transmission=transmission), None, Precision.DOUBLE
+    ).course
+    time = np.arange(len(course.reference_N)) * reference.step_s
+    assert time[-1] > 2 * rows[-1]
+    assert course.chain.motion.at(time) == pytest.approx(course.joint_rad, abs=1e-12)
+
+
+def test_bits_of_a_position_drive_are_told_by_forces_not_by_commands(finger):
+    """Jumps of a finger behind a stiff servo with a wide rate limit never meet it."""
+    bounds = {"force_max_N": 1e6, "force_rate_max_N_per_s": 1e9}
+    actuator = replace(finger.transmission.actuator, drive=Drive.POSITION, servo_stiffness_N_per_m=2e5, **bounds)
+    servo = replace(finger, transmission=replace(finger.transmission, actuator=actuator))
+    problem = Problem.of(servo)
+    golden = golden_vectors(problem, None, Precision.DOUBLE)
+    said = self_test_context(problem, None, np.full(3, 0.0), golden, Precision.DOUBLE, None)
+    assert not Status(said["jump_bits"]["inverse"]) & Status.RATE_LIMITED

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tendonff.models.capstan import CapstanLaw
+from tendonff.ocp.fits import static
 from tendonff.ocp.fits.static import ORDER, StaticParameter, input_from_output, output_from_input
 
 P = StaticParameter
@@ -41,6 +42,20 @@ def test_slopes_are_the_derivatives_of_the_prediction(law, name):
     ahead, behind = (law({**VALUES, name: VALUES[name] + sign * step}).prediction_N for sign in (1, -1))
     slopes = law(VALUES).slopes[:, ORDER.index(name)]
     np.testing.assert_allclose(slopes, (ahead - behind) / (2 * step), atol=2e-6 * max(1.0, np.abs(slopes).max()))
+
+
+@pytest.mark.compiler
+@pytest.mark.parametrize("law", [play, motion])
+def test_compiled_laws_answer_as_casadi_does(law, monkeypatch):
+    """Over more rows than one call of CasADi's takes."""
+    compiled = law(VALUES)
+    monkeypatch.setattr(static, "CHUNK", 256)
+    static._accumulated.cache_clear()
+    monkeypatch.setenv("TENDONFF_ENGINE", "casadi")
+    by_casadi = law(VALUES)
+    static._accumulated.cache_clear()
+    np.testing.assert_allclose(compiled.prediction_N, by_casadi.prediction_N, rtol=1e-12)
+    np.testing.assert_allclose(compiled.slopes, by_casadi.slopes, rtol=1e-9, atol=1e-12)
 
 
 def test_the_output_is_the_play_of_the_capstan_law():

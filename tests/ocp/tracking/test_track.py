@@ -200,14 +200,15 @@ def test_bad_options_are_refused_by_name_and_value(options: dict[str, float], te
 
 
 def test_the_descent_gains_on_the_best_start(generic: Transmission) -> None:
-    """Jumps spread astride the reversals are a fair start; the search must leave at most 0.6 of what it leaves."""
+    """Jumps spread astride the reversals are a fair start; the search must leave at most 0.7 of what it leaves."""
     chain, bounds = Chain.of(steady(generic), Level.VISCOELASTIC), limits(500.0)
     problem = problem_of(chain, bounds)
     inverse = invert(chain, reference(), STEP).force_N
-    begun = search.starts(problem, inverse, law_of(chain).input_history_N(reference()), 10)
-    assert len(begun) > 5
+    wanted = search.starts(problem, inverse, law_of(chain).input_history_N(reference()))
+    assert len(wanted) > 5
+    begun = [problem.clipped(force) for force in wanted]
     errors = [rms(simulate(chain, f, STEP, initial_tension_N=30.0).output_tension_N - reference()) for f in begun]
-    assert track(chain, reference(), STEP, bounds).rms_error_N < 0.6 * min(errors)
+    assert track(chain, reference(), STEP, bounds).rms_error_N < 0.7 * min(errors)
 
 
 def test_a_start_that_cannot_be_simulated_leaves_the_others(generic: Transmission) -> None:

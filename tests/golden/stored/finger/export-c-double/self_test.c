@@ -443,6 +443,34 @@ static void test_capstan(void)
         started = started && is_between((double)self.output.force, fmin(MOST_N, fmax(LEAST_N, 0.14009873128373479)), fmin(MOST_N, fmax(LEAST_N, 106.80431583643886)));
     }
     expect("capstan: a bad start is replaced and flagged", started);
+    {
+        const tff_real from = golden_reference[0];
+        const tff_real to = 47.0;
+        const double way = (double)to - (double)from;
+        int way_back = 1, n;
+        for (n = 0; n < 3; n++) { /* long lost, missed, lost for one sample */
+            const int span = (n == 2) ? 2 : 100;
+            tff_capstan led;
+            int m;
+            tff_capstan_init(&led, from);
+            (void)tff_capstan_step(&led, from);
+            for (m = 0; m < ((n == 0) ? 100 : (n - 1)); m++) {
+                (void)tff_capstan_step(&led, (tff_real)NAN);
+                way_back = way_back && ((led.output.status & TFF_INPUT_HELD) != 0u);
+            }
+            if (n == 1) {
+                tff_capstan_missed(&led, 100);
+            }
+            for (m = 0; m <= span; m++) {
+                double share;
+                (void)tff_capstan_step(&led, to);
+                share = ((double)led.entry.last - (double)from) / way;
+                way_back = way_back && is_between(share, 0.0, 1.0) && ((m > 0) || (fabs(share) <= (10.0 * ROUNDING))) && ((m < span) || (fabs(share - 1.0) <= (10.0 * ROUNDING)));
+            }
+        }
+        expect("capstan: what was lost or missed is led back", way_back);
+    }
+
     error = 0.0;
     tff_capstan_init(&self, jump_reference[0]);
     before = (double)self.output.force;
@@ -533,6 +561,34 @@ static void test_inverse(void)
         started = started && is_between((double)self.output.force, fmin(MOST_N, fmax(LEAST_N, 0.14009873128373479)), fmin(MOST_N, fmax(LEAST_N, 106.80431583643886)));
     }
     expect("inverse: a bad start is replaced and flagged", started);
+    {
+        const tff_real from = golden_reference[0];
+        const tff_real to = 47.0;
+        const double way = (double)to - (double)from;
+        int way_back = 1, n;
+        for (n = 0; n < 3; n++) { /* long lost, missed, lost for one sample */
+            const int span = (n == 2) ? 2 : 100;
+            tff_inverse led;
+            int m;
+            tff_inverse_init(&led, from);
+            (void)tff_inverse_step(&led, from);
+            for (m = 0; m < ((n == 0) ? 100 : (n - 1)); m++) {
+                (void)tff_inverse_step(&led, (tff_real)NAN);
+                way_back = way_back && ((led.output.status & TFF_INPUT_HELD) != 0u);
+            }
+            if (n == 1) {
+                tff_inverse_missed(&led, 100);
+            }
+            for (m = 0; m <= span; m++) {
+                double share;
+                (void)tff_inverse_step(&led, to);
+                share = ((double)led.entry.last - (double)from) / way;
+                way_back = way_back && is_between(share, 0.0, 1.0) && ((m > 0) || (fabs(share) <= (10.0 * ROUNDING))) && ((m < span) || (fabs(share - 1.0) <= (10.0 * ROUNDING)));
+            }
+        }
+        expect("inverse: what was lost or missed is led back", way_back);
+    }
+
     error = 0.0;
     tff_inverse_init(&self, jump_reference[0]);
     before = (double)self.output.force;
@@ -579,7 +635,37 @@ static void test_inverse(void)
         for (k = 0; k < TFF_INVERSE_REALS; k++) {
             same = same && is_near((double)self.x[k], (double)other.x[k]);
         }
-        expect("inverse: a start in motion without friction is one at rest", same);
+        expect("inverse: a start in motion without friction is one at rest", same && (other.entry.lost == 0));
+    }
+    {
+        tff_parameters given;
+        const tff_real forces[3] = { (tff_real)NAN, -1000000000.0, 1000000000.0 };
+        same = 1;
+        for (k = 0; k < 3; k++) {
+            tff_inverse_init_at(&other, golden_reference[0], forces[k]);
+            same = same && is_allowed((double)other.output.force, (double)other.output.force) && (((other.output.status & TFF_INPUT_HELD) != 0u));
+        }
+        expect("inverse: a start in motion with a force that means nothing is flagged", same);
+        tff_parameters_init(&given);
+        given.adhesion += 0.5;
+        given.force_max = 150.0;
+        tff_inverse_init(&other, golden_reference[0]);
+        same = (tff_inverse_use(&other, &given) == 1);
+        tff_inverse_set_mu(&other, 0.18000000000000002);
+        same = same && is_near((double)tff_inverse_mu(&other), 0.18000000000000002);
+        same = same && is_near((double)other.adhesion, (double)given.adhesion) && is_near((double)other.output.high, (double)given.force_max);
+        given.mu_pull = 0.18000000000000002;
+        given.mu_release = 0.18000000000000002;
+        tff_inverse_init(&self, golden_reference[0]);
+        same = same && (tff_inverse_use(&self, &given) == 1);
+        same = same && is_near((double)self.mu, (double)other.mu);
+        same = same && is_near((double)self.adhesion, (double)other.adhesion);
+        same = same && is_near((double)self.own.piece_adhesion_N, (double)other.own.piece_adhesion_N);
+        same = same && is_near((double)self.own.friction_mu_dynamic_pull, (double)other.own.friction_mu_dynamic_pull);
+        same = same && is_near((double)self.own.friction_mu_dynamic_release, (double)other.own.friction_mu_dynamic_release);
+        tff_inverse_set_mu(&other, (tff_real)NAN);
+        same = same && is_near((double)tff_inverse_mu(&other), 0.18000000000000002);
+        expect("inverse: another mu scales friction both ways and leaves adhesion and limits", same);
     }
     {
         tff_parameters given;
@@ -660,6 +746,34 @@ static void test_table(void)
         started = started && is_between((double)self.output.force, fmin(MOST_N, fmax(LEAST_N, 12.36271678479215)), fmin(MOST_N, fmax(LEAST_N, 48.697453953878778)));
     }
     expect("table: a bad start is replaced and flagged", started);
+    {
+        const tff_real from = golden_reference[0];
+        const tff_real to = 47.0;
+        const double way = (double)to - (double)from;
+        int way_back = 1, n;
+        for (n = 0; n < 3; n++) { /* long lost, missed, lost for one sample */
+            const int span = (n == 2) ? 2 : 100;
+            tff_table led;
+            int m;
+            tff_table_init(&led, from);
+            (void)tff_table_step(&led, from);
+            for (m = 0; m < ((n == 0) ? 100 : (n - 1)); m++) {
+                (void)tff_table_step(&led, (tff_real)NAN);
+                way_back = way_back && ((led.output.status & TFF_INPUT_HELD) != 0u);
+            }
+            if (n == 1) {
+                tff_table_missed(&led, 100);
+            }
+            for (m = 0; m <= span; m++) {
+                double share;
+                (void)tff_table_step(&led, to);
+                share = ((double)led.entry.last - (double)from) / way;
+                way_back = way_back && is_between(share, 0.0, 1.0) && ((m > 0) || (fabs(share) <= (10.0 * ROUNDING))) && ((m < span) || (fabs(share - 1.0) <= (10.0 * ROUNDING)));
+            }
+        }
+        expect("table: what was lost or missed is led back", way_back);
+    }
+
     error = 0.0;
     tff_table_init(&self, jump_reference[0]);
     before = (double)self.output.force;
@@ -720,6 +834,51 @@ static void test_stream(void)
     expect("stream: every force within the limits", allowed);
     tff_stream_init(&self, (tff_real)NAN);
     expect("stream: a bad start is replaced and flagged", (self.output.status == TFF_INPUT_HELD) && is_allowed((double)self.output.force, (double)self.output.force));
+    {
+        const tff_real from = golden_reference[0];
+        const tff_real to = 47.0;
+        const double way = (double)to - (double)from;
+        int way_back = 1, n;
+        for (n = 0; n < 3; n++) { /* long lost, missed, lost for one sample */
+            const int span = (n == 2) ? 2 : 100;
+            tff_stream led;
+            int m;
+            tff_stream_init(&led, from);
+            (void)tff_stream_step(&led, from);
+            for (m = 0; m < ((n == 0) ? 100 : (n - 1)); m++) {
+                (void)tff_stream_step(&led, (tff_real)NAN);
+                way_back = way_back && ((led.output.status & TFF_INPUT_HELD) != 0u);
+            }
+            if (n == 1) {
+                tff_stream_missed(&led, 100);
+            }
+            for (m = 0; m <= span; m++) {
+                double share;
+                (void)tff_stream_step(&led, to);
+                share = ((double)led.entry.last - (double)from) / way;
+                way_back = way_back && is_between(share, 0.0, 1.0) && ((m > 0) || (fabs(share) <= (10.0 * ROUNDING))) && ((m < span) || (fabs(share - 1.0) <= (10.0 * ROUNDING)));
+            }
+        }
+        expect("stream: what was lost or missed is led back", way_back);
+    }
+
+    {
+        tff_parameters given;
+        int taken;
+        tff_parameters_init(&given);
+        given.force_max = 150.0;
+        given.adhesion += 0.5;
+        tff_stream_init(&self, live_reference[0]);
+        taken = (tff_stream_use(&self, &given) == 1) && is_near((double)self.inverse.adhesion, (double)given.adhesion);
+        (void)tff_stream_step(&self, live_reference[0]);
+        taken = taken && is_near((double)self.output.high, (double)given.force_max);
+        given.force_max = (tff_real)NAN;
+        taken = taken && (tff_stream_use(&self, &given) == 0);
+        expect("stream: parameters that mean something are taken, others not", taken);
+        tff_stream_init_at(&self, live_reference[0], 100.0);
+        taken = is_near((double)self.output.force, 100.0) && is_near((double)self.entry.last, (double)live_reference[0]);
+        expect("stream: a start in motion keeps the force and is led to the reference", taken && (self.entry.lost == 100));
+    }
     expect("stream: stated lag", is_near((double)TFF_STREAM_LAG_S, 0.012));
 }
 

@@ -22,9 +22,15 @@ void tff_capstan_init(tff_capstan *self, tff_real initial_tension)
     self->output.seen = status;
     self->last = tension;
     self->wanted = tension;
+    tff_entry_init(&self->entry, tension);
     self->pull = 1.8744560875853382;
     self->release = 0.53348809109110329;
     self->adhesion = 0.0;
+}
+
+void tff_capstan_missed(tff_capstan *self, int32_t samples)
+{
+    tff_entry_lose(&self->entry, samples);
 }
 
 int32_t tff_capstan_use(tff_capstan *self, const tff_parameters *given)
@@ -45,17 +51,19 @@ tff_real tff_capstan_step(tff_capstan *self, tff_real reference)
     tff_real force;
 
     if (tff_is_within(reference, TFF_REFERENCE_MIN_N, TFF_REFERENCE_MAX_N) == 0) {
+        tff_entry_lose(&self->entry, 1);
         force = tff_output_hold(&self->output, TFF_INPUT_HELD);
     } else {
-        const tff_real lifted = reference + self->adhesion;
-        if (reference > self->last) {
+        const tff_real followed = tff_entry_take(&self->entry, reference);
+        const tff_real lifted = followed + self->adhesion;
+        if (followed > self->last) {
             self->wanted = (lifted * self->pull) - self->adhesion;
-        } else if (reference < self->last) {
+        } else if (followed < self->last) {
             self->wanted = (lifted * self->release) - self->adhesion;
         } else {
             /* the reference stands still: so does the force */
         }
-        self->last = reference;
+        self->last = followed;
         force = tff_output_set(&self->output, self->wanted);
     }
     return force;

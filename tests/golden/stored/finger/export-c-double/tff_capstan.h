@@ -22,10 +22,14 @@ typedef struct {
     tff_real pull;     /* e^{mu theta}, pulling */
     tff_real release;  /* e^{-mu theta}, releasing */
     tff_real adhesion; /* p [N] */
+    tff_entry entry;   /* last reference, and the way back to one that was lost */
 } tff_capstan;
 
 /* At rest under a uniform tension [N]. */
 void tff_capstan_init(tff_capstan *self, tff_real initial_tension);
+
+/* So many calls were missed: the next one leads back to the reference instead of jumping. */
+void tff_capstan_missed(tff_capstan *self, int32_t samples);
 
 /* Other parameters from the next sample on; 0 where they are not good and nothing changes. A change of friction is a jump
  * of the force while the reference moves, as fast as force_rate_max lets it. */

@@ -345,7 +345,7 @@ void tff_inverse_init_at(tff_inverse *self, tff_real tension, tff_real force)
         ratio = (ratio > 1.8744560875853382) ? 1.8744560875853382 : ratio;
         ratio = (ratio < 0.53348809109110329) ? 0.53348809109110329 : ratio;
         ratio = pow(ratio, 0.16666666666666666); /* over each mass */
-        for (j = TFF_INVERSE_COUNT - 1; j >= 0; j--) { /* towards the actuator */
+        for (j = 6 - 1; j >= 0; j--) { /* towards the actuator */
             const tff_real drop = lifted * (ratio - 1.0);
             self->x[22 + j] = drop;
             lifted += drop;
@@ -361,7 +361,15 @@ void tff_inverse_init_at(tff_inverse *self, tff_real tension, tff_real force)
             self->x_old[j] = self->x[j];
         }
         self->output.force = force;
+        if (tff_is_within(force, self->start, self->start) == 0) {
+            tff_inverse_missed(self, TFF_RE_ENTRY); /* what is measured is not what is wanted: led there */
+        }
     }
+}
+
+void tff_inverse_missed(tff_inverse *self, int32_t samples)
+{
+    tff_entry_lose(&self->entry, samples);
 }
 
 tff_real tff_inverse_step(tff_inverse *self, tff_real reference)
@@ -369,7 +377,7 @@ tff_real tff_inverse_step(tff_inverse *self, tff_real reference)
     tff_real force;
 
     if (tff_is_within(reference, TFF_REFERENCE_MIN_N, TFF_REFERENCE_MAX_N) == 0) {
-        tff_entry_lose(&self->entry);
+        tff_entry_lose(&self->entry, 1);
         force = tff_output_hold(&self->output, TFF_INPUT_HELD);
     } else if ((self->fresh == 2) && (tff_is_within(reference, self->start, self->start) != 0)) {
         self->fresh = 1; /* the sample at t = 0: at rest */

@@ -43,8 +43,12 @@ typedef struct {
 void tff_inverse_init(tff_inverse *self, tff_real initial_tension);
 
 /* In motion: under this output tension [N] while the actuator applies this force [N], as after a restart or another
- * controller. The difference is taken for friction as far as friction can hold it. */
+ * controller. The difference is taken for friction as far as friction can hold it, and the force is led to the reference
+ * as after a reference that was lost; where force and tension are the same, it is a start at rest. */
 void tff_inverse_init_at(tff_inverse *self, tff_real tension, tff_real force);
+
+/* So many calls were missed while the actuator held its force: the next one leads back to the reference instead of jumping. */
+void tff_inverse_missed(tff_inverse *self, int32_t samples);
 
 /* Force [N], within the actuator's limits, for the reference tension [N] at the end of this sample. The first call may
  * repeat the initial tension (the sample at t = 0) or give the first sample after it. */

@@ -77,14 +77,18 @@ tff_real tff_output_set(tff_output *self, tff_real wanted)
 void tff_entry_init(tff_entry *self, tff_real reference)
 {
     self->last = reference;
-    self->offset = 0.0;
+    self->held = reference;
+    self->span = TFF_RE_ENTRY;
     self->left = 0;
     self->lost = 0;
 }
 
-void tff_entry_lose(tff_entry *self)
+void tff_entry_lose(tff_entry *self, int32_t samples)
 {
-    self->lost = 1;
+    if (samples > 0) { /* more than the longest way back counts as that */
+        const int32_t more = (samples < TFF_RE_ENTRY) ? samples : TFF_RE_ENTRY;
+        self->lost = ((self->lost + more) < TFF_RE_ENTRY) ? (self->lost + more) : TFF_RE_ENTRY;
+    }
 }
 
 tff_real tff_entry_take(tff_entry *self, tff_real reference)
@@ -92,13 +96,17 @@ tff_real tff_entry_take(tff_entry *self, tff_real reference)
     tff_real followed = reference;
 
     if (self->lost != 0) {
+        const int32_t asked = TFF_RE_ENTRY_SHARE * self->lost;
+        const int32_t span = (asked > self->left) ? asked : self->left; /* never shorter than the way that it was on */
+        self->span = (span < TFF_RE_ENTRY) ? span : TFF_RE_ENTRY;
+        self->left = self->span;
+        self->held = self->last;
         self->lost = 0;
-        self->offset = self->last - reference;
-        self->left = TFF_RE_ENTRY;
     }
     if (self->left > 0) {
-        const tff_real place = (tff_real)self->left / (tff_real)TFF_RE_ENTRY;
-        followed += self->offset * place * place * place * (10.0 + (place * ((6.0 * place) - 15.0)));
+        const tff_real place = (tff_real)self->left / (tff_real)self->span;
+        const tff_real left = place * place * place * (10.0 + (place * ((6.0 * place) - 15.0)));
+        followed = self->held + ((reference - self->held) * (1.0 - left)); /* at first exactly what was held */
         self->left--;
     }
     self->last = followed;

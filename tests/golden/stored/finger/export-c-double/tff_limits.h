@@ -44,19 +44,21 @@ tff_real tff_output_hold(tff_output *self, uint32_t why);
 /* A reference that may be lost for a while; owned by the caller as part of a record. */
 typedef struct {
     tff_real last;   /* what was followed last [N] */
-    tff_real offset; /* that the way back started from [N] */
-    int32_t left;         /* samples of the way back that are left */
-    int32_t lost;         /* 1 while nothing good arrives */
+    tff_real held;   /* where the way back started [N] */
+    int32_t span;         /* samples of the way back */
+    int32_t left;         /* those that are left */
+    int32_t lost;         /* samples for which nothing good has arrived */
 } tff_entry;
 
-/* Samples of the way back to a reference that arrives again. */
+/* Samples of the way back to a reference that arrives again: so many for each that was lost, and at most. */
+#define TFF_RE_ENTRY_SHARE 2
 #define TFF_RE_ENTRY 100
 
 /* Start from a reference [N]. */
 void tff_entry_init(tff_entry *self, tff_real reference);
 
-/* Nothing good has arrived. */
-void tff_entry_lose(tff_entry *self);
+/* Nothing good has arrived for so many samples. */
+void tff_entry_lose(tff_entry *self, int32_t samples);
 
 /* What is to be followed [N]: the reference, or on the way back to it a course without a jump in velocity and
  * acceleration from where it was lost. */

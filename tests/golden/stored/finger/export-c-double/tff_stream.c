@@ -31,6 +31,12 @@ void tff_stream_init_at(tff_stream *self, tff_real tension, tff_real force)
 {
     tff_inverse_init_at(&self->inverse, tension, force);
     tff_stream_start(self);
+    tff_entry_lose(&self->entry, self->inverse.entry.lost);
+}
+
+void tff_stream_missed(tff_stream *self, int32_t samples)
+{
+    tff_entry_lose(&self->entry, samples);
 }
 
 /* A reference that can be followed: in range, and led back smoothly after it was lost. */
@@ -39,7 +45,7 @@ static uint32_t tff_stream_take(tff_stream *self, tff_real reference)
     uint32_t status = TFF_INPUT_HELD;
 
     if (tff_is_within(reference, -TFF_STREAM_LARGEST_N, TFF_STREAM_LARGEST_N) == 0) {
-        tff_entry_lose(&self->entry); /* not a number, or infinite: time goes on with the last one */
+        tff_entry_lose(&self->entry, 1); /* not a number, or infinite: time goes on with the last one */
     } else if (reference < TFF_REFERENCE_MIN_N) {
         (void)tff_entry_take(&self->entry, TFF_REFERENCE_MIN_N);
     } else if (reference > TFF_REFERENCE_MAX_N) {

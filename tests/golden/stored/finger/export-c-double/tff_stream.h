@@ -41,6 +41,9 @@ void tff_stream_init(tff_stream *self, tff_real initial_tension);
 /* In motion: under this output tension [N] while the actuator applies this force [N]. */
 void tff_stream_init_at(tff_stream *self, tff_real tension, tff_real force);
 
+/* So many calls were missed: the next one leads back to the reference instead of jumping. */
+void tff_stream_missed(tff_stream *self, int32_t samples);
+
 /* Other parameters from the next sample on, as tff_inverse_use. */
 int32_t tff_stream_use(tff_stream *self, const tff_parameters *given);
 

@@ -202,9 +202,15 @@ void tff_table_init(tff_table *self, tff_real initial_tension)
     self->output.seen = status;
     self->last = tension;
     self->wanted = tension;
+    tff_entry_init(&self->entry, tension);
     self->turn = tension;
     self->branch = 0;
     self->ratio = 1.0;
+}
+
+void tff_table_missed(tff_table *self, int32_t samples)
+{
+    tff_entry_lose(&self->entry, samples);
 }
 
 int32_t tff_table_use(tff_table *self, const tff_parameters *given)
@@ -222,12 +228,14 @@ tff_real tff_table_step(tff_table *self, tff_real reference)
     tff_real force;
 
     if (tff_is_within(reference, TFF_TABLE_MIN_N, TFF_TABLE_MAX_N) == 0) {
+        tff_entry_lose(&self->entry, 1);
         force = tff_output_hold(&self->output, TFF_INPUT_HELD);
     } else {
-        if (reference > self->last) {
-            tff_table_pull(self, reference);
-        } else if (reference < self->last) {
-            tff_table_release(self, reference);
+        const tff_real followed = tff_entry_take(&self->entry, reference);
+        if (followed > self->last) {
+            tff_table_pull(self, followed);
+        } else if (followed < self->last) {
+            tff_table_release(self, followed);
         } else {
             /* held: the same force */
         }

@@ -27,11 +27,15 @@ typedef struct {
     tff_real wanted; /* force before the limits [N] */
     tff_real turn;   /* where the reference turned, or would have to have turned [N] */
     tff_real ratio;  /* (force + adhesion)/(reference + adhesion) before the limits [-] */
+    tff_entry entry; /* last reference, and the way back to one that was lost */
     int32_t branch;       /* 1 pull, -1 release, 0 not moved yet */
 } tff_table;
 
 /* At rest under a uniform tension [N]. */
 void tff_table_init(tff_table *self, tff_real initial_tension);
+
+/* So many calls were missed: the next one leads back to the reference instead of jumping. */
+void tff_table_missed(tff_table *self, int32_t samples);
 
 /* Other limits from the next sample on; 0 where the parameters are not good and nothing changes. Friction and adhesion are
  * in the table: those of the record are not looked at. */

@@ -13,6 +13,9 @@
 #ifdef __FAST_MATH__
 #error "compile without -ffast-math: the guards against NaN need it to be recognised"
 #endif
+#if defined(__FINITE_MATH_ONLY__) && (__FINITE_MATH_ONLY__ > 0)
+#error "compile without -ffinite-math-only: it removes the guards against NaN"
+#endif
 
 typedef double tff_real;
 
