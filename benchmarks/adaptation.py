@@ -1,4 +1,4 @@
-"""Self-tuning on many rigs that differ at random from what the controller is told, wrong models not hidden.
+"""Self-tuning on many rigs that differ at random from the controller's model, wrong models included.
 
     python benchmarks/adaptation.py           200 rigs of each kind, about a minute
     TENDONFF_RIGS=2000 python benchmarks/adaptation.py

@@ -65,12 +65,12 @@ def plant_of(scenario: tf.Scenario, masses: int) -> Plant:
 
 
 def replayed(scenario: tf.Scenario, plant: Plant, force: Array, wanted: Array, first: int = 0) -> Score:
-    """What a force is worth on the plant, from a row on."""
+    """Error of a force on the plant, from a sample on."""
     return score(wanted[first:], plant.respond(force, scenario.run.step_s, float(wanted[0]))[first:, 1])
 
 
 def row(seed: int, number: int) -> dict[str, object]:
-    """One scenario: what was left out, and what each exported module is worth here and there."""
+    """Modules of a scenario left out, and errors of each exported module on both plants."""
     scenario = a_scenario(np.random.default_rng([seed, number]))
     try:
         exported = tf.export_c(scenario)
@@ -79,7 +79,7 @@ def row(seed: int, number: int) -> dict[str, object]:
     reference = tf.sample_reference(scenario).tension_N
     stream = json.loads(exported.files["design.json"])["stream"] or {"lag_s": 0.0}
     lag = round(stream["lag_s"] / scenario.run.step_s)
-    ahead = max(0, -lag)  # samples that the caller hands over before they are wanted
+    ahead = max(0, -lag)  # samples that the caller passes ahead of time
     given = np.pad(reference, (0, ahead), mode="edge")
     found: dict[str, object] = {}
     plants = {"same": plant_of(scenario, scenario.transmission.path.segments), "fine": plant_of(scenario, MASSES)}

@@ -1,4 +1,4 @@
-"""How well identification finds hidden rigs, and what a design from its answer is worth on them.
+"""Accuracy of identification on hidden rigs, and the error of a design from its result on them.
 
 Every rig is an independent plant (`plant.c`: 40 masses, its own discretisation) with parameters drawn at random around
 the nominal scenario. Two logs at 1 kHz, the suggested excitation and random strokes, get noise of 0.2 to 1 % of range,
@@ -109,7 +109,7 @@ def strokes(seed: int, seconds: float = 24.0) -> Array:
 
 
 def write_log(path: Path, rig: Rig, force_N: Array, seed: int, *, proximal: bool = False) -> None:
-    """What the rig's logger writes: noise, spikes, two gaps and missing cells; of the near end alone where asked."""
+    """Log of the rig: noise, spikes, two gaps and missing cells; of the near end alone on request."""
     channels = rig.plant.respond(force_N, SAMPLE_S, float(force_N[0]))
     channels[:, 1] += rig.output_offset_N
     rng = np.random.default_rng([seed, 9])
@@ -147,7 +147,7 @@ def left_percent(scenario: Scenario, plant: Plant, transmission: Transmission) -
 
 
 def study(nominal: Scenario, seed: int, group: str) -> dict[str, Any]:
-    """One rig: logs, fit, design."""
+    """Logs, fit and design of a rig."""
     rig = drawn(nominal.transmission, seed, mismatch=group == "mismatch")
     excitation = suggest(nominal)
     times = np.arange(0, excitation.time_s[-1], SAMPLE_S)
@@ -195,7 +195,7 @@ def _value(found: Identification, rig: Rig, name: str) -> dict[str, Any]:
 
 
 def line(row: dict[str, Any]) -> str:
-    """One rig in one line: error in % of the truth, a star where the interval misses it."""
+    """Result of a rig in one line: error in % of the truth, a star where the interval misses it."""
     shown = []
     for name, value in row["values"].items():
         size = value["truth"] if name != "adhesion_N" else 1.0

@@ -1,4 +1,4 @@
-"""What no estimator can do better: the Cramer-Rao bound of a rig's values from its logs.
+"""Cramer-Rao bound of a rig's values from its logs.
 
 All values are free, the output cell, both positions and the input cell have the rig's noise, and the true input is free
 at knots 0.04 s apart: it is known through its cell, and through what output and elongation say of it. Gaps and spikes

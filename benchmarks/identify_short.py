@@ -1,4 +1,4 @@
-"""What identification answers to short logs of rigs at the edge of what it can describe.
+"""Results of identification on short logs of rigs at the edge of its model class.
 
 Every rig is an independent plant (`plant.c`) around the finger of the examples: bristles from soft to stiff, friction
 from next to nothing to a tension ratio of seven, logs of 10 to 60 s at 40 to 1000 Hz. In some logs the output is read
@@ -115,7 +115,7 @@ def write_log(path: Path, log: Log, plant: Plant) -> None:
 
 
 def study(nominal: Scenario, seed: int) -> str:
-    """One log in a few lines."""
+    """Result of a log in a few lines."""
     log = drawn(nominal.transmission, seed)
     plant = Plant(transmission=log.hidden)
     theta = log.hidden.path.total_angle_rad

@@ -3,8 +3,8 @@
 Run: python benchmarks/mutants.py examples/finger.toml [--precision float] [--count 90] [--first 0]
 
 Safety mutants (limits, rate, clamps, guards, status bits, data) are listed below and must all die. Random mutants
-change one operator or constant of a module; one that survives counts as observable where its answers to a random course
-of references, jumps, holds and bad inputs differ from the original's by more than rounding.
+change one operator or constant of a module; one that survives counts as observable where its outputs on a random
+sequence of references, jumps, holds and bad inputs differ from the original's by more than rounding.
 """
 
 import argparse
@@ -27,7 +27,7 @@ DRIVER = Path(__file__).with_name("mutants.c")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mutant:
-    """One change of one file."""
+    """Change of a file."""
 
     file: str
     what: str
@@ -216,7 +216,7 @@ def passes(program: Path) -> bool:
 
 
 def answers(program: Path) -> list[list[float]]:
-    """What the driver prints."""
+    """Output of the driver."""
     try:
         said = subprocess.run([str(program)], capture_output=True, text=True, timeout=20, check=False).stdout
     except subprocess.TimeoutExpired:
@@ -225,7 +225,7 @@ def answers(program: Path) -> list[list[float]]:
 
 
 def differ(one: list[list[float]], two: list[list[float]], relative: float) -> bool:
-    """Whether two courses of answers differ by more than rounding."""
+    """Whether two sequences of outputs differ by more than rounding."""
     if len(one) != len(two):
         return True
     return any(

@@ -3,8 +3,8 @@
 Run: python benchmarks/mutate_python.py [--count 40] [--minutes 30] [--seed 1] [--only models/friction.py]
 
 A mutant changes one operator, comparison, constant or truth value of the code (decorators apart), in a copy of the
-repository, and is tried with the tests that name its file first, then with those of its folder. One that cannot be told
-from the original, as a tolerance or a cache, lives too. Says the share that dies with its 95 % interval.
+repository, and is tried with the tests that name its file first, then with those of its folder. One that does not
+differ from the original, as a tolerance or a cache, lives too. Reports the share that dies with its 95 % interval.
 """
 
 import argparse
@@ -32,7 +32,7 @@ OPERATORS: dict[type, str] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mutant:
-    """One change of one file."""
+    """Change of a file."""
 
     file: str
     line: int
@@ -95,7 +95,7 @@ def _between(change, raw: bytes, node: ast.AST, first: int, last: int, new: str)
 
 
 def tests_of(file: str) -> list[list[str]]:
-    """Tests that name the file, then those of its folder and of what stands on it."""
+    """Tests that name the file, then those of its folder and of its dependents."""
     part = Path(file)
     named = re.compile(rf"\b{part.parent.as_posix().replace('/', '.')}\.{part.stem}\b")
     every = sorted((ROOT / "tests" / part.parts[0]).rglob("test_*.py"))

@@ -6,8 +6,8 @@
 
 A plant is a chain of 40 masses at a tenth of the step: the design level, stiffer bristles (the viscoelastic level, or
 ten times as stiff where the design has stiff ones), and friction 10 % off either way. The rigs are the examples, some
-with another rate or largest force, and the first random rigs of `random_rigs` on which the clipped inverse leaves 0.5
-to 20 % of the range and friction does not weaken with speed, which no feedforward can hold.
+with another rate or largest force, and the first random rigs of `random_rigs` on which the clipped inverse has an
+error of 0.5 to 20 % of the range and friction does not weaken with speed, which no feedforward can hold.
 Errors are root mean squares in per cent of the reference's range; turns are those of the force by more than 0.6 % of
 it. Times are seconds of CPU; ours includes nothing cached but the compiled stepper.
 """
@@ -55,7 +55,7 @@ class Rig:
 
     @cached_property
     def problem(self) -> Problem:
-        """What the compensators get."""
+        """Problem of the compensators."""
         return Problem(transmission=self.transmission, level=self.level, reference=self.reference)
 
     @cached_property
@@ -83,7 +83,7 @@ class Rig:
         return found
 
     def turns(self, force: Array) -> int:
-        """How often the force turns."""
+        """Number of reversals of the force."""
         half = 0.003 * self.reference.range_N
         lazy = held_within(float(force[0]), force - half, force + half)
         way = np.sign(np.diff(lazy))

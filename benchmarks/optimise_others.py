@@ -37,7 +37,7 @@ OPTIONS = {"print_level": 0, "max_iter": 1000, "max_cpu_time": CPU_S, "mu_strate
 
 @dataclass(frozen=True)
 class Problem:
-    """One problem on one grid."""
+    """Problem on a grid."""
 
     rig: Transmission
     level: Level

@@ -1,4 +1,4 @@
-"""What preview is worth to the stream module where the force's rate binds, beside the profile that knows all.
+"""Gain from preview in the stream module where the force rate binds, compared with the optimal profile.
 
     python benchmarks/preview.py [PREVIEW_S ...]
 

@@ -2,7 +2,7 @@
 
 Run: python benchmarks/self_tests.py [--count 60] [--seed 1]
 
-Also says in how many of them a module would have done harm and was left out.
+Also counts those in which a module was worse than none and was left out.
 """
 
 import argparse
@@ -106,7 +106,7 @@ def a_scenario(chance: np.random.Generator) -> tf.Scenario:
 
 
 def self_test(exported: object) -> str:
-    """What fails, line by line; empty where nothing does."""
+    """Failures, line by line; empty where there are none."""
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) / "c"
         exported.write(folder)

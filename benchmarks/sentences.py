@@ -1,4 +1,4 @@
-"""What the optimal profile says of itself, checked on random rigs against simulations that it did not see.
+"""Statements of the optimal profile, checked on random rigs against independent simulations.
 
     TENDONFF_RIGS=60 python benchmarks/sentences.py
     TENDONFF_RIGS=40:60 python benchmarks/sentences.py      the last twenty of them
@@ -36,7 +36,7 @@ def rms(error: Array) -> float:
 
 
 def misleading(seed: int) -> list[str]:
-    """What a result says that is not so."""
+    """Statements of a result that do not hold."""
     rig, level, reference, step = random_problem(seed)
     chain, limits, start = Chain.of(rig, level), ForceLimits.of(rig.actuator), float(reference[0])
     found, law, span = track(chain, reference, step, limits), law_of(Chain.of(rig, level)), float(np.ptp(reference))

@@ -86,7 +86,7 @@ def force_at(t: ca.SX | Array | float) -> ca.SX | Array | float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Line:
-    """One way at one tolerance."""
+    """Method at a tolerance."""
 
     way: str
     setting: str

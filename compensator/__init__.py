@@ -1,4 +1,4 @@
-"""What the user meets: scenarios, designs, tables, reports, the command line."""
+"""User-facing layer: scenarios, designs, tables, reports, the command line."""
 
 # A bare `compensator` on sys.path would be a second copy with its own enums and exceptions.
 if __name__ != "tendonff.compensator":

@@ -1,4 +1,4 @@
-"""What is made while the pages are built: figures, lists from the code, and the formulas' typesetter."""
+"""Build steps of the pages: figures, lists from the code, and the formulas' typesetter."""
 
 import re
 import runpy
@@ -100,7 +100,7 @@ def on_post_build(config: "MkDocsConfig") -> None:
 
 
 def _directives(names: str) -> str:
-    """One directive for each public name; for the last page, for those that no other page has."""
+    """Directives for public names; on the last page, for those that no other page has."""
     if names != _OTHERS:
         return "\n".join(f"::: tendonff.{name}\n" for name in names.split())
     pages = " ".join(page.read_text(encoding="utf-8") for page in (ROOT / "docs" / "api").glob("*.md"))

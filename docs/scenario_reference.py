@@ -175,7 +175,7 @@ def rows(table: Table) -> Iterator[tuple[str, str, str, str]]:
 
 
 def described(cls: type) -> dict[str, str]:
-    """What docstrings say of a record's fields, its bases' included.
+    """Docstrings of a record's fields, its bases' included.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ class Piece:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class End:
-    """One end of the chain: a mass with a damper, what drives it and what it leans on.
+    """End of the chain: a mass with a damper, its drive and its support.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class End:
 
 
 def tension_sum(f_near: ca.SX, f_far: ca.SX, adhesion_N: ca.SX) -> ca.SX:
-    """What presses an element on its path, f_i + f_{i+1} + 2 p [N], eq. (4) with adhesion p.
+    """Normal force of an element on its path, f_i + f_{i+1} + 2 p [N], eq. (4) with load-independent friction p.
 
     In the inverse the tension that its bristle will add is not known yet, and left out.
     """

@@ -16,7 +16,7 @@ def at_least(x: ca.SX, floor: float) -> ca.SX:
 
 
 def play(memory: ca.SX, low: ca.SX, high: ca.SX) -> ca.SX:
-    """One update of the play operator: keep the memory unless a bound that the input sets now pushes it, low <= high.
+    """Update of the play operator: keep the memory unless a bound set by the present input pushes it, low <= high.
 
     `models.capstan` has the same for whole histories of numbers.
     """

@@ -111,7 +111,7 @@ class Chain:
         return self.elements.count
 
     def at_rest(self, angle_rad: Array | None = None) -> "Chain":
-        """The same chain with joints that stand still, at given angles, shape (joints,), or at those of the start."""
+        """Chain with joints at constant angles, shape (joints,), given or those of the start."""
         if self.motion is None:
             return self
         return replace(self, motion=self.motion.held(self.motion.angle_rad[0] if angle_rad is None else angle_rad))
@@ -167,7 +167,7 @@ class Chain:
         return {name: np.max(value) if isinstance(value, np.ndarray) else value for name, value in every.items()}
 
     def of_masses(self) -> dict[str, Array]:
-        """What differs from mass to mass, each of shape (N,): for chains that are not all alike."""
+        """Numbers that differ from mass to mass, each of shape (N,), for non-uniform chains."""
         e = self.elements
         known = {
             "piece_mass_kg": e.piece.mass_kg,
@@ -261,7 +261,7 @@ def chain_equations(chain: Chain) -> ChainEquations:
 
 
 def laws_at(chain: Chain, place: ca.SX) -> tuple[FrictionLaw, LinkLaw]:
-    """Laws of the masses and of the links where the path stands; fields are numbers, or one for each mass and link.
+    """Laws of the masses and of the links for a pose of the path; fields are numbers, or one for each mass and link.
 
     The place, shape (3 N + 3, 1), is a row of `PathRows.table`; without use where nothing moves.
     """

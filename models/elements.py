@@ -73,7 +73,7 @@ class Whole:
     link: LinkLaw  # with k2 = 0 where the level's link does not relax
 
     def value(self, name: str) -> float:
-        """One of the numbers, by the name of its field, in whichever record it stands."""
+        """Number by the name of its field, from the record that has it."""
         return float(getattr(self._record(name)[1], name))
 
     def changed(self, values: Mapping[str, object]) -> "Whole":
@@ -128,7 +128,7 @@ def _column(values: list[Any]) -> Any:
 
 
 class Sliding(Protocol):
-    """What slides where: a transmission, or one of several tendons."""
+    """Tendon on its path: of a transmission, or one of several tendons."""
 
     @property
     def path(self) -> Path:
@@ -136,11 +136,11 @@ class Sliding(Protocol):
 
     @property
     def tendon(self) -> Tendon:
-        """What slides."""
+        """Sliding part."""
 
     @property
     def friction(self) -> Friction:
-        """What holds it."""
+        """Part that supports it."""
 
 
 def whole_of(sliding: Sliding, level: Level) -> Whole:

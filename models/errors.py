@@ -1,4 +1,4 @@
-"""What can go wrong when a model is built: one exception per cause."""
+"""Exceptions of models, one per cause."""
 
 import math
 

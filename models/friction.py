@@ -197,7 +197,7 @@ class LuGreBristle:
         pull, release = section.dynamic_coefficients(*self.slip_coefficients)
         if section.kind is SectionKind.PULLEY:
             return self._with_coefficients(pull, pull, release, release)
-        # The static excess of the whole stays where a section says nothing about it.
+        # The static excess of the whole stays where a section has none.
         stick = pull * _ratio(self.mu_static_pull, self.mu_dynamic_pull)
         stick_release = release * _ratio(self.mu_static_release, self.mu_dynamic_release)
         return self._with_coefficients(

@@ -1,4 +1,4 @@
-"""Where everything stands in the chain's state and inputs: the one place that knows.
+"""Layout of the chain's state and inputs, defined in this place only.
 
 Python takes slices and names from `StateLayout`, generated C its offsets; a law with states of its own changes both.
 """
@@ -132,7 +132,7 @@ class ChainState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChainInputs:
-    """What acts on the chain from outside at successive instants, each array of shape (rows,)."""
+    """External inputs of the chain at successive instants, each array of shape (rows,)."""
 
     # near_force_N, far_force_N: f_c1, f_c2, motor forces away from the tendon
     # near_rest_m, far_rest_m: x_c1, x_c2, rest positions of the ends' springs

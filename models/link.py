@@ -36,7 +36,7 @@ class LinkLaw(Protocol):
         """Time derivatives of the states at elongation e [m]."""
 
     def unclipped_force(self, e: ca.SX, e_rate: ca.SX, states: States) -> ca.SX:
-        """What a link that can push would carry [N]."""
+        """Tension of a link that also carries compression [N]."""
 
     def implicit(self, e: ca.SX, base: States, step_s: ca.SX) -> States:
         """States at the end of a step of weight H that ends at elongation e."""
@@ -84,7 +84,7 @@ class ZenerLink:
         return force + self.damping_N_s_per_m * e_rate
 
     def implicit(self, e: ca.SX, base: States, step_s: ca.SX) -> States:
-        """Each relaxing branch over an implicit step, solved from its own `rate`, in which no other stands."""
+        """Each relaxing branch over an implicit step, solved from its own `rate`, which contains no other."""
         z = ca.SX.sym("z")
         rates = self.rate(e, (z,) * len(base))
         return tuple(

@@ -23,7 +23,7 @@ from tendonff.models.layout import Array
 MOST_TURNS = 100.0
 
 ANGLE_FLOOR_RAD = 1e-12
-"""Below this wrap angle there is no contact whose loss could be told."""
+"""Below this wrap angle the contact counts as lost."""
 
 
 COEFFICIENTS = ("mu_dynamic", "mu_static", "mu_dynamic_release", "mu_static_release")
@@ -31,7 +31,7 @@ COEFFICIENTS = ("mu_dynamic", "mu_static", "mu_dynamic_release", "mu_static_rele
 
 
 class SectionKind(StrEnum):
-    """What the tendon touches in a section."""
+    """Kind of contact of a section."""
 
     ARC = "arc"  # a curved guide on which the tendon slides; a straight is an arc of angle zero
     PULLEY = "pulley"  # a wheel on a bearing that turns with the tendon
@@ -135,7 +135,7 @@ class Section:
         return self.mu_dynamic, self.mu_dynamic if self.mu_dynamic_release is None else self.mu_dynamic_release
 
     def angle_at(self, joint_rad: ArrayLike) -> Array:
-        """Wrap angle phi(q) where its joint stands at these angles [rad], not below 0."""
+        """Wrap angle phi(q) at these angles of its joint [rad], not below 0."""
         bent: Array = np.maximum(self.angle_rad + self.angle_per_rad * np.asarray(joint_rad, dtype=np.float64), 0.0)
         return bent
 
@@ -167,7 +167,7 @@ class JointMotion:
         return np.column_stack([np.interp(time, self.time_s, column) for column in self.angle_rad.T])
 
     def held(self, angle_rad: Array) -> "JointMotion":
-        """Joints that stand still at angles, shape (joints,)."""
+        """Joints at constant angles, shape (joints,)."""
         return JointMotion(names=self.names, time_s=np.zeros(1), angle_rad=np.asarray(angle_rad, float)[None, :])
 
     @property

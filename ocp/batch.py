@@ -18,7 +18,7 @@ from tendonff.ocp.simulate import Simulation, simulate
 from tendonff.ocp.step.protocol import Array
 
 Progress = Callable[[int, int], None]
-"""Told parts done and parts in all."""
+"""Callback(completed, total)."""
 
 J = TypeVar("J")
 R = TypeVar("R")
@@ -26,7 +26,7 @@ R = TypeVar("R")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Done(Generic[R]):
-    """What became of one job."""
+    """Result of a job."""
 
     index: int  # its place in the list of jobs
     value: R | None  # its result; None where it failed
@@ -50,7 +50,7 @@ def run_jobs(
 
     By default one thread per core runs them, for compiled steps leave the interpreter free. For other processes or
     machines the function must be importable there, and jobs and results pickled; the executor stays open. Progress is
-    told jobs done and jobs in all, in this thread, whenever one ends.
+    Callback(completed, total) in this thread, whenever one ends.
     """
     if executor is None:
         with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as threads:
@@ -77,7 +77,7 @@ def run_jobs(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulationJob:
-    """Arguments of one `simulate`, which says what they are.
+    """Arguments of one call of `simulate`, documented there.
 
     Attributes
     ----------
@@ -119,7 +119,7 @@ def simulate_batch(
 ) -> list[Done[Simulation]]:
     """Simulate many jobs at once, as `run_jobs` does.
 
-    A run whose step could not be solved is a result whose outcome says so; errors are jobs that could not be run, such
+    A run whose step could not be solved is a result with that outcome; errors are jobs that could not be run, such
     as a force that is not finite.
 
     Examples

@@ -1,4 +1,4 @@
-"""How far a simulation can be trusted: against itself with half the step, and with a force that differs in last digits.
+"""Numerical accuracy of a simulation: against itself with half the step, and with a force that differs in last digits.
 
 Where a stiff bristle meets friction that falls with speed, neighbouring trajectories part: the result then depends on
 the step, the tolerance and the last digit of the force, and no solver converges point by point.
@@ -28,7 +28,7 @@ _LEAST_GAIN = 0.7
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepCheck:
-    """What runs with h, h/2 and h/4, and one with a nudged force, say about the run with h."""
+    """Accuracy of the run with h, from runs with h/2, h/4 and a perturbed force."""
 
     step_s: float  # h [s]
     range_N: float  # largest minus smallest output tension of the run with h
@@ -36,7 +36,7 @@ class StepCheck:
     rms_N: float
     peak_N: float
     error_N: float  # estimated rms error of the run with h, extrapolated with the observed order, from 0.5 to 2
-    spread_N: float  # largest distance at any instant between runs that a reproducible trajectory would not tell apart
+    spread_N: float  # largest distance at any instant between runs that agree for a reproducible trajectory
     reproducible: bool
 
     def percent(self, value_N: float) -> float:
@@ -111,7 +111,7 @@ class StepHalving:
         return rows.tension_N[:, -1]
 
     def result(self) -> StepCheck:
-        """What the rows so far say."""
+        """Result of the rows so far."""
         first, second = (math.sqrt(self._squares[parts] / max(self._rows, 1)) for parts in (2, 4))
         span = max(self._highest - self._lowest, 0.0)
         order = math.log2(first / second) if first > 0 and second > 0 else math.nan

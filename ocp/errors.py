@@ -1,10 +1,10 @@
-"""What can go wrong when a problem over a horizon is posed or solved: one exception per cause."""
+"""Exceptions of problems over a horizon, one per cause."""
 
 from tendonff.models.errors import TendonffError
 
 
 class SolveError(TendonffError, RuntimeError):
-    """A computation ended without the result that was asked for; the text is its diagnosis."""
+    """A computation ended without the requested result; the text is its diagnosis."""
 
 
 class CodeError(TendonffError, RuntimeError):

@@ -59,7 +59,7 @@ class Inversion:
 
     @property
     def recorded(self) -> Array:
-        """The states, shape (n, size); ParameterError where nobody asked for them."""
+        """The states, shape (n, size); ParameterError where they were not requested."""
         return require_recorded(self.states)
 
 
@@ -80,7 +80,7 @@ def invert(
     chain : Chain
         Its near end must act (k_c1 = 0).
     reference_N : ndarray, shape (n,)
-        Wanted output tension at 0, h, 2 h ... [N], > 0.
+        Reference of the output tension at 0, h, 2 h ... [N], > 0.
     step_s : float
         h [s], > 0.
     initial_tension_N : float, optional

@@ -26,7 +26,7 @@ _DEPTH = 4  # cycles that an acceleration looks back on
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Steadiness:
-    """How a search for a steady cycle ended.
+    """Outcome of a search for a steady cycle.
 
     Attributes
     ----------

@@ -51,12 +51,12 @@ class Sensitivity:
     ends_m: Array  # shape (n, 2); q_a, q_l
     tension_slopes: Array  # shape (n, links, directions); d tension/d direction; links is 1 (the output) or N + 1
     ends_slopes: Array | None  # shape (n, 2, directions); d (q_a, q_l)/d direction
-    watched_slopes: Array  # shape (w, N + 1, directions); of all links, in the rows that were asked for
+    watched_slopes: Array  # shape (w, N + 1, directions); of all links, in the requested rows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Directions:
-    """What the directions change: element numbers and start, or the knots of the force."""
+    """Quantities that the directions change: element numbers and start, or the knots of the force."""
 
     start: Array  # shape (state, directions)
     numbers: Array | None = None
@@ -107,7 +107,7 @@ def force_sensitivity(
     watched_rows: NDArray[np.int_] | None = None,
     engine: Engine = Engine.AUTO,
 ) -> Sensitivity:
-    """How the tensions change with the force at the knots of a piecewise linear profile, in N per N.
+    """Sensitivity of the tensions to the force at the knots of a piecewise linear profile, in N per N.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def parameter_sensitivity(
     all_links: bool = False,
     engine: Engine = Engine.AUTO,
 ) -> Sensitivity:
-    """How the tensions and the end positions change with parameters of the whole tendon, per SI unit of each.
+    """Sensitivity of tensions and end positions to parameters of the whole tendon, per SI unit of each.
 
     The chain is that of `whole`; what the ends are made of does not change. The force is f_c1 at 0, h, 2 h ..., shape
     (n,), and the start is at rest under `initial_tension_N`.

@@ -18,7 +18,7 @@ from tendonff.ocp.step.protocol import Array, Rows, Stepper, StepperMemory
 
 
 class Outcome(StrEnum):
-    """How a simulation ended."""
+    """Outcome of a simulation."""
 
     DONE = "done"  # all rows computed, every link in tension
     SLACK = "slack"  # all rows computed; some link went slack on the way
@@ -79,7 +79,7 @@ class Simulator:
     """A chain in motion: feed it inputs, chunk by chunk, in bounded memory.
 
     It starts at a state, with the inputs there in one row, and goes on in steps of h [s] > 0, else ParameterError.
-    CodeError if the compiled engine was asked for and no compiler works.
+    CodeError if the compiled engine was requested and no compiler works.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class Simulator:
         return ChainState.from_vector(self._memory.x, self._chain.layout, self._memory.time_s)
 
     def checkpoint(self) -> StepperMemory:
-        """What `restore` goes back to."""
+        """State to which `restore` returns."""
         return replace(self._memory, x=self._memory.x.copy(), x_old=self._memory.x_old.copy())
 
     def restore(self, memory: StepperMemory) -> None:
@@ -162,7 +162,7 @@ def simulate(
     Returns
     -------
     Simulation
-        Failed runs too: the outcome says so.
+        Failed runs return too, with their outcome.
 
     Raises
     ------

@@ -51,7 +51,7 @@ class UnstableStretch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StickSlipPrediction:
-    """What to expect of any feedforward along a reference.
+    """Prediction for any feedforward along a reference.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ def predict_stick_slip(
 ) -> StickSlipPrediction:
     """Linearise the chain along a reference and say where feedforward will not hold it.
 
-    The reference is the wanted output tension, shape (n,) [N], > 0. Without a force whose error is to be expected,
+    The reference is that of the output tension, shape (n,) [N], > 0. Without a force whose error is to be expected,
     shape (n,) [N], it is that of the exact inverse, which may be known already, with its states.
     """
     reference = np.asarray(reference_N, dtype=np.float64)

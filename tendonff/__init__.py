@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from tendonff._version import __version__
 
-if TYPE_CHECKING:  # what editors and type checkers read; `_HOMES` says the same to the interpreter
+if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the interpreter
     from tendonff.compensator.adapt.output import AdaptationStudy
     from tendonff.compensator.adapt.run import adapt
     from tendonff.compensator.compare.output import Comparison
@@ -181,7 +181,7 @@ _HOME_OF = {
 if not TYPE_CHECKING:  # hidden from type checkers, so that they refuse a name that does not exist
 
     def __getattr__(name: str) -> object:
-        """Import a public name when it is first asked for."""
+        """Import a public name on its first use."""
         if name not in _HOME_OF:
             raise AttributeError(f"module 'tendonff' has no attribute {name!r}; public names: {', '.join(__all__)}")
         module, defined = _HOME_OF[name]

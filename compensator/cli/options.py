@@ -1,4 +1,4 @@
-"""What several commands share: arguments and options, and the way they open a scenario and a folder for results."""
+"""Parts common to commands: arguments and options, opening a scenario and a folder for results."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 
 def option(name: str, metavar: str | None, text: str) -> Any:
-    """An option whose default is told in its text, if at all."""
+    """Option whose default is stated in its text, if at all."""
     return typer.Option(name, metavar=metavar, help=text, show_default=False)
 
 
 def named_numbers(
     name: str, texts: Sequence[str], form: str, example: str, *, is_named: bool = False
 ) -> list[tuple[str, float]]:
-    """What stands before the last "=" of each text of an option, and the number after it; a name may be missing."""
+    """Name before the last "=" of each text of an option, and the number after it; the name may be missing."""
     found = []
     for text in texts:
         before, _, number = text.rpartition("=")

@@ -1,4 +1,4 @@
-"""What commands say on the way: messages, warnings and a progress bar, all on standard error."""
+"""Output of commands while they run: messages, warnings and a progress bar, all on standard error."""
 
 import atexit
 import functools

@@ -109,7 +109,7 @@ def errors_figure(result: ComparisonData) -> Figure:
 
 
 def levels_figure(result: ComparisonData) -> Figure:
-    """What the levels do differently: the loop, and the tension in a hold."""
+    """Differences between the levels: the loop, and the tension in a hold."""
     figure, axes = new_figure(1, 2, height_in=3.2)
     loop, hold = axes[0]
     for name, traits in result.traits.items():

@@ -1,4 +1,4 @@
-"""What a fidelity level does differently from the others, as numbers, and what it costs.
+"""Differences between model levels, as numbers, and their cost.
 
 Two probes, the same for every level: a force that goes up, down, up and down at a steady rate (the loop of output over
 force, its dead zone, and how smoothly the output starts to move after a reversal), and a motor that pulls the tendon
@@ -29,7 +29,7 @@ _STIFF = 10.0  # holding motor against tendon
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelTraits:
-    """Answers to the probes.
+    """Responses to the probes.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class LevelTraits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelCost:
-    """What a level costs.
+    """Cost of a level.
 
     Attributes
     ----------
@@ -151,7 +151,7 @@ def _probe_forces(transmission: Transmission, law: CapstanLaw, reference: Refere
     highest, lowest = float(reference.tension_N.max()), float(reference.tension_N.min())
     high = min(float(law.input_for_N(max(highest, 1.1 * start), Branch.PULL)), actuator.force_max_N)
     low = float(law.input_for_N(min(lowest, 0.9 * start), Branch.RELEASE))
-    # A tenth of the tension is kept: near slack everything is different, and not what is asked here.
+    # A tenth of the tension is kept: near slack everything is different, and not the subject here.
     return max(low, actuator.force_min_N, 0.1 * start), max(high, 1.01 * start)
 
 

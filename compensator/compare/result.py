@@ -1,4 +1,4 @@
-"""What a comparison holds."""
+"""Result of a comparison."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -21,7 +21,7 @@ ENOUGH_PERCENT = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """One compensator, designed on one level, simulated on one plant.
+    """Compensator, designed on a level and simulated on a plant.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Entry:
         Delay of the output against the reference [s]; negative when it leads.
     spread_percent_of_range : float
         Largest RMS difference to simulations with half the step, the whole step, and a force that differs in the ninth
-        digit, which stands for a solver's tolerance [% of range]. Errors that differ by less are equal.
+        digit, which represents a solver's tolerance [% of range]. Errors that differ by less are equal.
     """
 
     compensator: str
@@ -100,11 +100,11 @@ class ComparisonData:
 
     @property
     def headline(self) -> str:
-        """What to expect on a rig of the best design on the recommended level, and what to do next."""
+        """Expected error on a rig of the best design on the recommended level, and the next command."""
         best = next(c for c in self.compensators if c.name == self.expectation.recommended)
         return self.expectation.headline(best.label, f"tendonff design {self.scenario.source.name} --out out")
 
     def entry(self, name: str, design_level: Level, plant_level: str) -> Entry:
-        """One cell of the matrix."""
+        """Cell of the matrix."""
         wanted = (name, design_level, plant_level)
         return next(e for e in self.entries if (e.compensator, e.design_level, e.plant_level) == wanted)

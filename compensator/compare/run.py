@@ -1,4 +1,4 @@
-"""How much model does the task need? Every compensator, designed on each level, tried on every level."""
+"""Model level needed for a task: every compensator, designed on each level, simulated on every level."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -34,7 +34,7 @@ from tendonff.ocp.crosscheck import NUDGE
 from tendonff.ocp.tracking.options import TrackOptions
 
 FEEDFORWARDS = tuple(c for c in COMPENSATORS if not isinstance(c, Optimal))
-"""What is compared unless more is asked for: a search on each level takes longer than all the rest."""
+"""Compensators compared by default: the optimal profile on each level takes longer than all the rest."""
 
 REFINEMENTS = (4, 2, 1)  # steps to a row of the profile; the first gives the figures, the others the spread
 
@@ -149,7 +149,7 @@ def recommend(
     bands: Mapping[tuple[str, Level], ErrorBand],
     doubt: str,
 ) -> tuple[str, Level]:
-    """Which level to design on, in one sentence; the most detailed level stands for the real transmission.
+    """Recommended design level, in one sentence; the most detailed level represents the real transmission.
 
     What counts is the error to expect on a rig: the worst over what may be the real transmission, by name of the
     compensator and design level; `doubt` names it in words.

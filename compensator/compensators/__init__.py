@@ -1,1 +1,1 @@
-"""Compensators: ways from a wanted tension to a force, one file each, and how well a force does."""
+"""Compensators: maps from a reference tension to a force, one file each, and the score of a force."""

@@ -1,4 +1,4 @@
-"""What a compensator is: a way from a wanted tension to the force of the actuator.
+"""Compensators: maps from a reference tension to the force of the actuator.
 
 A further compensator is one file beside this one and one line in `registry`; design, compare, explore and the exports
 then know it. `export-c` also needs its C template, named by `c_module`.
@@ -37,7 +37,7 @@ from tendonff.ocp.tracking.options import TrackOptions
 
 @dataclass(frozen=True, kw_only=True)  # without slots: what is computed once is kept in the instance
 class Problem:
-    """A wanted tension, the transmission that shall deliver it, and what is known of it.
+    """Reference tension, the transmission that shall deliver it, and its uncertainty.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ class Problem:
 
     @cached_property
     def limits(self) -> ForceLimits:
-        """What the actuator can do."""
+        """Limits of the actuator."""
         return ForceLimits.of(self.transmission.actuator)
 
     @cached_property
@@ -113,12 +113,12 @@ class Problem:
         wanted, step = reference.tension_N, reference.step_s
         holds = find_holds(wanted, step) if reference.hold is Hold.KEEP else ()
         kept = keep_force_to_end(self.chain, wanted, step, holds, initial_tension_N=reference.initial_tension_N)
-        # A chain that no force lets follow goes slack before: the inverse of the wanted tension then says why.
+        # A chain that no force lets follow goes slack before: the inverse of the reference then gives the reason.
         return kept if kept is not None and np.all(kept.followed_N > 0) else None
 
     @cached_property
     def followed_N(self) -> FloatArray:
-        """What inverse and optimisation follow: the wanted tension, but for stretches where the force is kept [N]."""
+        """Tension that inverse and optimisation follow: the reference, except where the force is kept [N]."""
         return self.reference.tension_N if self.kept is None else self.kept.followed_N
 
     @cached_property
@@ -155,7 +155,7 @@ class Problem:
         return self.in_cycle(limit, force_N)
 
     def in_cycle(self, causal: Callable[[FloatArray], FloatArray], rows: FloatArray) -> FloatArray:
-        """What a causal map makes of rows, shape (n,), from rest or, of a periodic reference, in its steady cycle."""
+        """Output of a causal map for rows, shape (n,), from rest or, for a periodic reference, in its steady cycle."""
         if not self.reference.periodic:
             return causal(rows)
         # Friction and limits forget within a cycle: the third period is that of the steady state.
@@ -166,7 +166,7 @@ class Problem:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CModule:
-    """What `export-c` makes of a compensator."""
+    """Form of a compensator in `export-c`."""
 
     name: str  # of the template, and of the C module after the prefix
     content: str  # what it is, in words
@@ -176,7 +176,7 @@ class CModule:
 
 
 class Compensator(ABC):
-    """A way from a wanted tension to a force.
+    """Map from a reference tension to a force.
 
     Attributes
     ----------
@@ -227,7 +227,7 @@ class Answers:
 
     @property
     def warnings(self) -> list[str]:
-        """What the user should know of all of them."""
+        """Warnings of all of them."""
         notes = [note for profile in self.profiles.values() for note in profile.warnings]
         return [*notes, *(f"{name}: {reason}" for name, reason in (self.refused | self.failed).items())]
 
@@ -274,7 +274,7 @@ def with_motion(problem: Problem, name: str, profile: Profile) -> Profile:
     """A profile with the travel on the design model and, for a position drive, the command.
 
     A force F and a command x_c1 behind the servo's stiffness k_c1 are two names of one motion, x_c1 = q_a + F/k_c1: so
-    every compensator answers with a force, and here it becomes the command, relative to the start at rest. "none" knows
+    every compensator returns a force, and here it becomes the command, relative to the start at rest. "none" knows
     of no friction: its command is that of springs in series.
     """
     actuator, start = problem.transmission.actuator, problem.reference.initial_tension_N

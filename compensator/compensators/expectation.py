@@ -1,4 +1,4 @@
-"""What to expect of a profile on a rig: its errors over all transmissions that may be the real one.
+"""Expected error of a profile on a rig: its errors over all admitted transmissions.
 
 One set of plants and one rule for every command: the plants have `FINE_SEGMENTS` masses, the number that is shown is
 the worst RMS error over them, and the best profile is the one with the smallest such number.
@@ -43,7 +43,7 @@ class ErrorBand:
         Largest error at any time on any plant [N].
     amplification : float
         Largest swing of the output over the swing of the reference, less 1 [-]. Positive is over-compensation: the
-        output moves more than was asked for. That is the dangerous side: in a loop it adds energy that friction,
+        output moves more than requested. That is the dangerous side: in a loop it adds energy that friction,
         overestimated, does not take away.
     amplified_sample : Sample
         The one with that swing.
@@ -75,7 +75,7 @@ class ErrorBand:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contribution:
-    """What one uncertain number does alone.
+    """Effect of a single uncertain number.
 
     Attributes
     ----------
@@ -126,7 +126,7 @@ class Expectation:
 
     @property
     def contributions(self) -> tuple[Contribution, ...]:
-        """What each uncertain number does to the recommended profile, largest first."""
+        """Effect of each uncertain number on the recommended profile, largest first."""
         rms = self.best.rms_N()
         found = [
             Contribution(key=spread.name, rmse_N=float(np.max(rms[list(self.doubt.ends(k))])))
@@ -135,7 +135,7 @@ class Expectation:
         return tuple(sorted(found, key=lambda each: -each.rmse_N))
 
     def headline(self, label: str, next_command: str) -> str:
-        """What to expect, of a profile of that label, and what to do next."""
+        """Expected error of the profile of that label, and the next command."""
         worst = self.best.worst
         if not math.isfinite(worst.rmse_N):
             return f"No profile can be simulated on every plant of {self.doubt}. Next: {next_command}"

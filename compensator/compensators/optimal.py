@@ -89,14 +89,14 @@ def counted(problem: Problem) -> tuple[Chain, ...]:
 
 
 def _purpose(problem: Problem) -> tuple[str, ...]:
-    """What a profile was not made for: an uncertain position drive."""
+    """Warning that an uncertain position drive was not part of the design of a profile."""
     if problem.is_robust and problem.transmission.actuator.drive is Drive.POSITION:
         return ("optimal: made for the nominal parameters: over [robust] the search compares forces, not commands",)
     return ()
 
 
 def tracking_warnings(tracking: Tracking) -> tuple[str, ...]:
-    """What limits the optimal profile, in the user's terms."""
+    """Active limits of the optimal profile, by the scenario's keys."""
     if tracking.status is TrackStatus.EXACT:
         return ()
     found = [] if tracking.status is TrackStatus.OPTIMAL else [f"optimal: {tracking.message}"]

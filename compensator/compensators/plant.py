@@ -44,7 +44,7 @@ class Slack:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Response:
-    """What a plant does under a profile, at the rows of the reference.
+    """Response of a plant to a profile, at the samples of the reference.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class Plant:
 
     @classmethod
     def by_force(cls, transmission: Transmission, level: Level, joints: JointMotion | None = None) -> "Plant":
-        """The plant in front of its servo: whatever its drive, it is told a force."""
+        """Plant in front of its servo: whatever its drive, its input is a force."""
         actuator = replace(transmission.actuator, drive=Drive.FORCE, servo_stiffness_N_per_m=None)
         return cls(replace(transmission, actuator=actuator), level, joints=joints)
 
@@ -121,13 +121,13 @@ class Plant:
     def respond(self, profile: Profile, reference: Reference) -> Response:
         """Simulate the plant under a profile.
 
-        A position drive is told the profile's command, any other its force. The run starts at rest at the reference's
+        A position drive takes the profile's command, any other its force. The run starts at rest at the reference's
         initial tension; that of a periodic reference is in its steady cycle.
 
         Raises
         ------
         SolveError
-            If the drive is told a position and the profile has no command.
+            If the drive takes a position and the profile has no command.
         """
         own, actuator = self.chain, self.transmission.actuator
         step, start = reference.step_s / self.refinement, reference.initial_tension_N
@@ -169,7 +169,7 @@ class Plant:
 def behind_servo(
     chain: Chain, actuator: Actuator, initial_tension_N: float, command_m: FloatArray
 ) -> tuple[Chain, FloatArray]:
-    """The chain behind the servo of a position drive, and the force on it that stands for a command: k_c1 x_c1.
+    """The chain behind the servo of a position drive, and the force on it that represents a command: k_c1 x_c1.
 
     The command x_c1, shape (n,), counts from the rest under the initial tension [m].
     """

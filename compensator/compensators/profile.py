@@ -1,4 +1,4 @@
-"""The answer of a compensator: the force of the actuator over time, or its command, and what it is worth."""
+"""Profile of a compensator: the force of the actuator over time, or its command, and its quality."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -14,11 +14,11 @@ FloatArray = NDArray[np.float64]
 
 
 class ProfileStatus(StrEnum):
-    """What a profile is worth."""
+    """Score of a profile."""
 
     GOOD = "good"  # what the compensator is meant to give
-    DOUBTFUL = "doubtful"  # usable, but the message says what is missing
-    FAILED = "failed"  # not to be sent to an actuator; the message says why
+    DOUBTFUL = "doubtful"  # usable; the message states what is missing
+    FAILED = "failed"  # not to be sent to an actuator; the message states the reason
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

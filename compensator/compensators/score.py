@@ -14,7 +14,7 @@ from tendonff.models.path import JointMotion
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """How far the delivered tension is from the wanted one.
+    """Error of the delivered tension against the reference.
 
     Attributes
     ----------
@@ -32,13 +32,13 @@ class Score:
 
     @property
     def percent(self) -> str:
-        """Error in % of range with three digits; what is below 0.001 % is rounding and said to be so."""
+        """Error in % of range with three digits; below 0.001 % it is rounding and printed as such."""
         value = self.rmse_percent_of_range
         return f"{value:.3g}" if value >= 1e-3 else "< 0.001"
 
 
 def scale_N(reference_N: FloatArray) -> float:
-    """What percentages of a reference refer to: its range, or the height of a constant one [N]."""
+    """Scale of percentages of a reference: its range, or the value of a constant one [N]."""
     span = float(np.ptp(reference_N))
     return span if span > 0 else float(np.max(np.abs(reference_N)))
 
@@ -78,7 +78,7 @@ def harm_warnings(scores: Mapping[str, Score], reference_N: FloatArray) -> list[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verified:
-    """One compensator's profile on one plant.
+    """Profile of a compensator simulated on a plant.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ _CAUSES = {
 
 
 def slack_warnings(slack: Mapping[tuple[str, str], Slack]) -> list[str]:
-    """One line for each cause of slack, by compensator and plant, on all profiles under which it comes about."""
+    """Messages for each cause of slack, by compensator and plant, naming all profiles that cause it."""
     lines = []
     for end, cause in _CAUSES.items():
         those = {key: one for key, one in slack.items() if one.end == end}
@@ -152,7 +152,7 @@ def slack_warnings(slack: Mapping[tuple[str, str], Slack]) -> list[str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IgnoredMotion:
-    """What it costs to design for the mean pose of joints that move.
+    """Cost of designing for the mean pose of joints that move.
 
     Attributes
     ----------

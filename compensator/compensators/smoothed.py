@@ -1,4 +1,4 @@
-"""What a practitioner builds: the capstan law with its sign change smoothed, over the smoothing time that does best.
+"""Hand-built baseline: the capstan law with its sign change smoothed, at the best smoothing time.
 
 The baseline that a model has to beat. The jumps of the inverted law are what a stiff tendon wants and a real one does
 not; smoothed, the same law does much better.

@@ -40,7 +40,7 @@ class StreamFilter:
     """A symmetric filter, whose lag is the same for all frequencies, and the samples of the reference handed over
     ahead.
 
-    Of all symmetric filters of a length that leave a constant (and, where asked, a parabola) as it is, the one that
+    Of all symmetric filters of a length that pass a constant (and, on request, a parabola) unchanged, the one that
     passes the least noise to the force: white noise in the reference reaches the force through the inertia of the
     moving masses, with the gain 1 + (w/w_m)^2, w_m^2 = 1/(m (1/k_load + 1/k_1)).
     """
@@ -101,11 +101,11 @@ SLACK = 1 / 16  # part of the largest change a sample by which a ramp under way 
 class Ramp:
     """Preview against a rate limit: how far ahead the inverse runs, and what is made of it.
 
-    At a reversal the exact force changes faster than the actuator can, and the output stands still until the force has
+    At a reversal the exact force changes faster than the actuator can, and the output does not move until the force has
     arrived. With preview the inverse runs ahead of the time that its forces are due at, so that what cannot be reached
-    in time is seen. The force then leaves its course at once, at the largest rate, and the output stands still before
+    in time is seen. The force then leaves its course at once, at the largest rate, and the output rests before
     the reference turns as well as after. Before that the force goes beyond its course for a moment, so that the output
-    stands between the level that it set out from and the one at which the reference turns.
+    rests between the level that it set out from and the one at which the reference reverses.
     """
 
     samples: int  # samples between the newest force of the inverse and the one that is due, >= 1
@@ -163,7 +163,7 @@ class StreamDesign:
     """Everything that the stream module is made of."""
 
     filter: StreamFilter
-    band_N: float  # half of the width of the dead band [N]
+    band_N: float  # half of the width of the deadband [N]
     # low_N, high_N: range that references are clamped to [N]
     low_N: float
     high_N: float
@@ -234,7 +234,7 @@ def stream_force(design: StreamDesign, problem: Problem, reference_N: FloatArray
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """One filter, tried on the scenario's reference with the noise of a converter."""
+    """Filter and its errors on the scenario's reference with the noise of a converter."""
 
     design: StreamDesign
     score: Score  # output tension against the reference, delayed by the stated lag
@@ -255,7 +255,7 @@ def choose_stream(problem: Problem, stream: Stream, *, with_ramps: bool = True) 
 
     With ramps, preview also helps against a rate limit that binds.
     """
-    step, still = problem.reference.step_s, problem.chain.motion is None  # nobody knows where joints will be
+    step, still = problem.reference.step_s, problem.chain.motion is None  # future joint angles are unknown
     binds = with_ramps and still and rate_binds(problem)
     ahead = min(round(stream.preview_s / step), _FURTHEST if binds else 2 * _LONGEST)
     longest = min(ahead or int(stream.lag_max_s / step * (1 + 1e-9)), _LONGEST)
@@ -286,7 +286,7 @@ def choose_stream(problem: Problem, stream: Stream, *, with_ramps: bool = True) 
 
 
 def over_preview(problem: Problem, design: StreamDesign, previews_s: Sequence[float]) -> tuple[Candidate, ...]:
-    """What further preview, longer than the filter [s], would buy with a design where the rate limit binds."""
+    """Gain from preview longer than the filter [s] where the rate limit binds."""
     best = []
     for preview in previews_s:
         ahead = round(preview / problem.reference.step_s)

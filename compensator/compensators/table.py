@@ -1,6 +1,6 @@
 """The compensation table as a compensator, and how a table is made from the chain itself.
 
-Reversals out of full slip are played backwards through the exact inverse: the reference rises (or falls) far enough
+Reversals out of full slip are simulated by the exact inverse: the reference rises (or falls) far enough
 that everything slips, turns, and the force that the chain then needs is what the table stores. Masses are left out, so
 that a table holds no inertia; friction, creep and viscous drag are those at the sweep's rate.
 """
@@ -24,7 +24,7 @@ from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import invert
 
 BOUND_SHARE = 0.005
-"""Interpolation error that a table may have unless told otherwise, as a share of the reference's range."""
+"""Default bound of the interpolation error of a table, as a share of the reference's range."""
 
 _TINY_MASS_KG = 1e-9
 SLOWEST_N_PER_S, FASTEST_N_PER_S = 1e-6, 1e9
@@ -174,7 +174,7 @@ class _Samples:
 
 
 def usual_rate(reference_N: FloatArray, step_s: float) -> float:
-    """Median rate of a reference, shape (n,), while it moves [N/s]: what a table is made for unless told otherwise."""
+    """Median rate of a reference, shape (n,), while it moves [N/s]: the default rate of a table."""
     rates = np.abs(np.diff(reference_N)) / step_s
     moving = rates[rates > 1e-6 * max(float(rates.max(initial=0.0)), 1e-12)]
     usual = float(np.median(moving)) if moving.size else 1.0
@@ -284,7 +284,7 @@ def _table(
 
 
 def _errors(table: LookupTable, references: FloatArray, samples: _Samples, branch: Branch) -> FloatArray:
-    """How far the interpolated force leaves the swept one, within the resolution [N]."""
+    """Largest difference of interpolated and swept force, within the resolution [N]."""
     shape = samples.force_N.shape
     grid_t = np.broadcast_to(references[:, None], shape).ravel()
     grid_s = np.broadcast_to(samples.share, shape).ravel()

@@ -1,4 +1,4 @@
-"""Transmissions that may be the real one, by what the scenario says of its uncertainty."""
+"""Transmissions admitted by the uncertainty that the scenario states."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,7 +18,7 @@ _NAMED = 3  # spreads that a sentence names
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sample:
-    """One transmission that the uncertainty admits.
+    """Transmission admitted by the uncertainty.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class Doubt:
 
     @classmethod
     def of(cls, transmission: Transmission, uncertainty: Uncertainty) -> "Doubt":
-        """What may be the real transmission; where all is said to be certain, it is `ASSUMED` instead."""
+        """Uncertainty of the transmission; `ASSUMED` where the scenario states none."""
         is_assumed = uncertainty.is_certain or uncertainty.samples == 1
         stated = ASSUMED if is_assumed else uncertainty
         samples = sample_transmissions(transmission, stated)

@@ -1,4 +1,4 @@
-"""What each profile asks of the drive: stroke, speed, force, power, and the motor's torque, against their limits."""
+"""Demand of each profile on the drive: stroke, speed, force, power and motor torque, against their limits."""
 
 import math
 from dataclasses import dataclass
@@ -81,7 +81,7 @@ def drive_columns(result: DesignData) -> dict[str, FloatArray]:
 
 
 def drive_summary(result: DesignData) -> dict[str, object]:
-    """What `summary.json` says of the drive, by name of the compensator."""
+    """Entries of `summary.json` on the drive, by name of the compensator."""
     motor, found = result.scenario.transmission.actuator.motor, dict[str, object]()
     for use in drive_use(result):
         entry: dict[str, object] = {

@@ -226,7 +226,7 @@ def error_figure(result: DesignData) -> Figure:
 def _draw(
     panel: Axes, result: DesignData, curves: dict[str, FloatArray], label: Callable[[Compensator], str] | None = None
 ) -> None:
-    """Draw a curve of each compensator; one that hides another is told from it by width and in the legend."""
+    """Draw a curve of each compensator; one that hides another differs by width and in the legend."""
     rows = thinned(len(result.reference.time_s))
     for name, look in _looks(result, curves, label).items():
         panel.plot(result.reference.time_s[rows], curves[name][rows], **look)
@@ -235,7 +235,7 @@ def _draw(
 def _looks(
     result: DesignData, curves: dict[str, FloatArray], label: Callable[[Compensator], str] | None = None
 ) -> dict[str, dict[str, Any]]:
-    """What matplotlib is told to draw each compensator: a curve under another is wide, the other's legend says so."""
+    """Line style of each compensator for matplotlib: a curve under another is wide, and the other's legend notes it."""
     hidden = coinciding(curves, max((float(np.ptp(curve)) for curve in curves.values()), default=0.0))
     names, looks = {c.name: c for c in result.compensators}, {}
     for name in curves:

@@ -94,7 +94,7 @@ def require_path_at_rest(scenario: Scenario) -> None:
 def study_online(scenario: Scenario, optimum_percent: float | None = None) -> Online:
     """Try filters on the scenario's reference with the noise of a converter; SolveError if none can be simulated.
 
-    Beside them stands the RMS error of the optimal profile on the same model [% of range], where it is given.
+    Shown beside them: the RMS error of the optimal profile on the same model [% of range], where it is given.
     """
     require_path_at_rest(scenario)
     problem = Problem.of(scenario)

@@ -48,7 +48,7 @@ _CAPTIONS = {
 
 
 def headline(result: DesignData) -> str:
-    """What to expect on a rig, and what to do next."""
+    """Expected error on a rig, and the next command."""
     found, best = result.expectation, result.recommended
     label = best.label
     file = result.scenario.source.name
@@ -57,7 +57,7 @@ def headline(result: DesignData) -> str:
 
 
 def fine_print(result: DesignData) -> str:
-    """What the model says of itself."""
+    """Numerical and model-internal results."""
     best = result.recommended
     own = (
         f"With exactly the design's parameters the RMS error is {result.on_proof(best.name).score.percent} % "
@@ -169,7 +169,7 @@ def _holds(result: DesignData) -> tuple[Block, ...]:
 
 
 def _positions(result: DesignData) -> tuple[Block, ...]:
-    """Errors of the load's position, where that is wanted."""
+    """Errors of the load's position, where the reference is a position."""
     if result.reference.position_m is None:
         return ()
     span = float(np.ptp(result.reference.position_m))
@@ -241,7 +241,7 @@ _BEYOND = 1.005  # of a limit: rounding
 
 
 def _solver(result: DesignData) -> tuple[Block, ...]:
-    """How the optimal-control problem ended; nothing where none was solved."""
+    """Outcome of the optimal-control problem; nothing where none was solved."""
     tracking = result.tracking
     if tracking is None:
         return ()
@@ -254,7 +254,7 @@ def _solver(result: DesignData) -> tuple[Block, ...]:
 
 
 def _robust_section(result: DesignData) -> tuple[Section, ...]:
-    """What uncertainty does to each profile, and which number does most of it."""
+    """Effect of uncertainty on each profile, and its largest contribution."""
     found, labels = result.expectation, {c.name: c.label for c in result.compensators}
     rows: list[tuple[Cell, ...]] = []
     for name, band in found.bands.items():

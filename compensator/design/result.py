@@ -1,4 +1,4 @@
-"""What a design holds."""
+"""Result of a design."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -68,7 +68,7 @@ class DesignData:
 
     @property
     def tracking(self) -> Tracking | None:
-        """How the optimal-control problem ended; None where none was solved."""
+        """Outcome of the optimal-control problem; None where none was solved."""
         return next((p.tracking for p in self.profiles.values() if p.tracking is not None), None)
 
     @property
@@ -82,13 +82,13 @@ class DesignData:
         return not self.failed and all(profile.status is not ProfileStatus.FAILED for profile in self.profiles.values())
 
     def on_level(self, name: str, level: Level) -> Verified:
-        """What a compensator delivers on a level."""
+        """Output of a compensator on a level."""
         return next(v for v in self.verified if v.compensator == name and v.plant.level is level)
 
     def scores(self, name: str) -> list[Score]:
-        """What a compensator is worth on every level, then on the finer chain."""
+        """Score of a compensator on every level, then on the finer chain."""
         return [*(self.on_level(name, level).score for level in Level), self.on_proof(name).score]
 
     def on_proof(self, name: str) -> Verified:
-        """What a compensator delivers on the finer chain."""
+        """Output of a compensator on the finer chain."""
         return next(v for v in self.proof if v.compensator == name)

@@ -49,7 +49,7 @@ def design(
     strict : bool, optional
         Refuse a reference out of the actuator's reach, instead of designing the best achievable profile.
     progress : callable, optional
-        Told parts done and parts in all.
+        Callback(completed, total).
 
     Examples
     --------
@@ -142,7 +142,7 @@ def _promises(designed: Sequence[Verified], proof: Sequence[Verified], *, is_com
 
 
 def _file_warnings(scenario: Scenario, problem: Problem) -> list[str]:
-    """Noise of a CSV reference that no filter was asked for, else a force rate that swings between its samples."""
+    """Noise of an unfiltered CSV reference, else a force rate that ripples between its samples."""
     spec, reference = scenario.reference, problem.reference
     if not isinstance(spec, CsvReference):
         return []
@@ -159,7 +159,7 @@ def _file_warnings(scenario: Scenario, problem: Problem) -> list[str]:
 
 
 def _hold_notes(problem: Problem) -> list[str]:
-    """What keeping the force in the holds costs."""
+    """Cost of keeping the force in the holds."""
     kept = problem.kept
     if kept is None or problem.reference.hold is not Hold.KEEP:
         return []

@@ -1,7 +1,7 @@
 """The state machine of the two-motor test, as data: the ten states, and how they follow one another.
 
 The paper shows its work flow as a picture (Fig. 7) whose text cannot be read. The cycle here is chosen to do what the
-paper says of it: motor 1 acts first and motor 2 second, the acting motor holds in S4 and S9, and the tendon reverses
+paper states: motor 1 acts first and motor 2 second, the acting motor holds in S4 and S9, and the tendon reverses
 its direction, and with it the friction, in S5 and in S7 and nowhere else.
 
 ====  ========  ========  ==================================================================  ========
@@ -42,7 +42,7 @@ _HIGH_SHARE = 0.75  # of force_max_N: leaves room for an own table and for overs
 _CROSSING_MARGIN = 1.5  # a release goes this much further in T + p than the reversal needs to cross the path
 _MOST_STEPS = 500_000  # half a minute, twenty times a usual test
 _LEAST_LOW_SHARE = 0.03  # of the high tension, where the wrap angle is too large for a reversal to cross
-_REACH_MARGIN = 1.1  # S2 and S7 go this much further than the static law says the sliding needs to reach the other end
+_REACH_MARGIN = 1.1  # S2 and S7 go this much further than the quasi-static law needs for sliding to reach the other end
 _LEAST_RAMP = 1.05  # factor of tension that S3 and S8 still have to go
 _PAUSE_S = 0.2  # of S1 and S10
 _PATIENCE = 3.0  # a ramp's longest time over its planned time
@@ -50,7 +50,7 @@ _PATIENCE = 3.0  # a ramp's longest time over its planned time
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StatePass:
-    """How the machine went through one state.
+    """Record of a state of the machine.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class StatePass:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Schedule:
-    """What the machine did, to be played again on other models."""
+    """Record of the machine, to be repeated on other models."""
 
     passes: tuple[StatePass, ...]
     rates: FloatArray  # shape (n, 2); rates of both commands in each step, N/s or m/s
@@ -163,7 +163,7 @@ def ten_states(
 ) -> tuple[ExperimentState, ...]:
     """The cycle of the module's table, between two tensions [N] to which the acting motor moves its own end.
 
-    The static law of the path says how far S2 and S7 have to go.
+    The quasi-static law of the path gives the travel of S2 and S7.
     """
     law, actuator = CapstanLaw.of(transmission), transmission.actuator
     span = high_N - low_N
@@ -215,7 +215,7 @@ def ten_states(
 
 
 class Machine:
-    """The state machine in one state: says what the commands do next, from the end tensions it is shown."""
+    """The state machine in one state: gives the next commands from the end tensions."""
 
     def __init__(self, state: ExperimentState, plan: Plan) -> None:
         step_s = plan.step_s

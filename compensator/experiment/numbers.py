@@ -1,4 +1,4 @@
-"""What the two-motor test shows, as numbers.
+"""Numbers of the two-motor test.
 
 The paper prints pictures of this test and no numbers, so there is nothing to compare these with but the static law and
 the models among themselves.
@@ -34,13 +34,13 @@ MEANINGS = {
     "bristle_stiffness_factor": "factor on the bristles of the quasi-static run, which stands for the static law",
     "refinement": "difference of seven tensions to the run with more masses, the discretisation error, RMS and largest",
 }
-"""What each number of the test means, in one line; most are fields of the classes below."""
+"""Meaning of each number of the test, in one line; most are fields of the classes below."""
 _LEAST_CHANGE = 0.01  # of range: an output that changes less has no transient to speak of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Relaxation:
-    """What changes at the held end during a hold: the tension of a held position, the travel of a held force."""
+    """Change at the held end during a hold: the tension of a held position, the travel of a held force."""
 
     change_N: float
     change_percent_of_range: float
@@ -49,7 +49,7 @@ class Relaxation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Transient:
-    """How the far motor's end follows when the tendon reverses."""
+    """Response of the far motor's end when the tendon reverses."""
 
     change_N: float  # change of the output tension over the state: of the end whose motor loads
     width_s: float  # the rest of the change is slip on all levels
@@ -58,7 +58,7 @@ class Transient:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Switch:
-    """How smoothly a motor changed its mode."""
+    """Smoothness of a mode change of a motor."""
 
     into: str  # the state that began
     # departure of any tension, one step after the switch, from the straight line through the two rows before
@@ -228,7 +228,7 @@ def refinement(coarse: ExperimentRun, fine: ExperimentRun) -> Refinement:
 
 
 def warnings_of(result: ExperimentData) -> list[str]:
-    """What the user should know about the test."""
+    """Warnings of the test."""
     lead = result.runs[result.lead]
     notes = [
         f"{done.state.name} ended after {done.state.at_most_s:g} s without {done.state.until}: give it more time"

@@ -1,4 +1,4 @@
-"""What a two-motor test holds."""
+"""Result of a two-motor test."""
 
 from dataclasses import dataclass
 
@@ -53,7 +53,7 @@ class ExperimentRun:
     def tension_N(self) -> FloatArray:
         """Tensions at the seven sections of the path, shape (n, 7) [N].
 
-        Link i of N masses stands at the angle i theta/N; between links ln T is taken as linear, which it is in slip.
+        Link i of N masses is at the angle i theta/N; between links ln T is taken as linear, which it is in slip.
         """
         links = self.link_tension_N.shape[1]
         if links == SECTIONS:

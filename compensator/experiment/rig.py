@@ -66,7 +66,7 @@ class Plan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigRows:
-    """What the rig did over some steps."""
+    """Motion of the rig over some steps."""
 
     tension_N: FloatArray  # shape (n, N + 1)
     position_m: FloatArray  # shape (n, 2); of motors 1 and 2, positive towards motor 1's side
@@ -165,7 +165,7 @@ class Rig:
         return Simulator(chain, self._plan.step_s, state, self._inputs(self._command[None, :], np.zeros((1, 2))))
 
     def _inputs(self, commands: FloatArray, speeds: FloatArray) -> ChainInputs:
-        """What the two motors do: a force, or a rest position, whose speed the damper feels."""
+        """Commands of the two motors: a force, or a rest position, to whose speed the damper refers."""
         values = {}
         for k, (side, pull) in enumerate((("near", -1), ("far", 1))):
             mode = self._modes[k]

@@ -1,6 +1,6 @@
 """Run the two-motor test: the machine on one model, its schedule on the others.
 
-The machine runs on the scenario's own fidelity level. What it did (modes, times, ramps) is played on the other levels
+The machine runs on the scenario's own fidelity level. Its record (modes, times, ramps) is repeated on the other levels
 and on a finer chain, so that all of them receive the same commands. Where a motor changes its mode, every model starts
 the new command from its own end tension and position, as a real rig does from its sensors; its next force ramp takes
 the same time and ends at the same force as the machine's.
@@ -29,7 +29,7 @@ _QUASI_STATIC_FACTOR = 1000.0
 
 
 def run_machine(plan: Plan, level: Level) -> tuple[Schedule, ExperimentRun]:
-    """Run the state machine on one model; what it did, to be played on other models, and the run."""
+    """Run the state machine on one model; its record, to be repeated on other models, and the run."""
     rig = Rig(plan, level, plan.states[0].modes)
     pieces, jumps = [rig.now()], []
     passes: list[StatePass] = []

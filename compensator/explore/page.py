@@ -52,7 +52,7 @@ link.download = name; link.click(); URL.revokeObjectURL(link.href);"""
 
 
 class ExplorerPage:
-    """One visitor's page."""
+    """Page of a visitor."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario, self._explorer = scenario, Explorer(scenario)
@@ -127,7 +127,7 @@ class ExplorerPage:
         return ExploreParameters(**values, pose_deg={name: float(s.value) for name, s in self._poses.items()})
 
     def update(self) -> None:
-        """Compute with the sliders where they stand, and show it; what cannot be computed is said in words."""
+        """Compute with the present slider values and show the result, or a message where that fails."""
         self._waiting = False
         parameters, knows = self.parameters(), bool(self._knows.active)
         try:
@@ -194,7 +194,7 @@ class ExplorerPage:
             renderer.glyph.line_alpha = _STALE if stale else 1.0
 
     def fit_scales(self) -> None:
-        """Scales that hold all curves; they stay until this is asked for again, so that changes can be seen."""
+        """Set scales that hold all curves; they are fixed until the next call, so that changes can be seen."""
         for key, panel in self._panels.items():
             _, x, y, *_ = _PANELS[key]
             for axis, name in ((panel.x_range, x), (panel.y_range, y)):
@@ -264,7 +264,7 @@ def make_server(scenario: Scenario, port: int) -> Server:
     InputError if the port is taken, TendonffError if the scenario itself cannot be computed.
     """
     explorer = Explorer(scenario)
-    explorer.at(explorer.start)  # what is wrong with the scenario is said here, not in the browser
+    explorer.at(explorer.start)  # errors of the scenario are reported here, not in the browser
 
     def page(document: Document) -> None:
         ExplorerPage(scenario).add_to(document)

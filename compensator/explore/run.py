@@ -1,4 +1,4 @@
-"""What the interactive page lets one change of a scenario, which is then designed and simulated."""
+"""Parameters that the interactive page changes in a scenario, its design and simulation."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -124,7 +124,7 @@ def _in_proportion(value: float, old: float, new: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Course:
-    """One compensator over time, thinned for the screen."""
+    """Curves of a compensator over time, thinned for the screen."""
 
     # time_s, force_N, output_N, error_N: shape (n,)
     time_s: FloatArray
@@ -136,7 +136,7 @@ class Course:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exploration:
-    """One scenario with a few parameters changed."""
+    """Scenario with a few parameters changed."""
 
     reference: Reference
     courses: Mapping[str, Course]  # by name of the compensator
@@ -148,7 +148,7 @@ _MOST_POINTS = 1500
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Curve:
-    """What the page can show: a compensator, or the one that tunes itself."""
+    """Curves that the page can show: of a compensator, or of the self-tuning one."""
 
     name: str
     label: str
@@ -194,7 +194,7 @@ class Explorer:
         return Exploration(reference=problem.reference, courses=courses, notes=tuple(notes))
 
     def worst_case(self, parameters: ExploreParameters, *, design_knows: bool = True) -> str:
-        """What to expect of the fast curves over the scenario's uncertainty about the changed transmission."""
+        """Expected error of the fast curves over the scenario's uncertainty about the changed transmission."""
         problem, plant = self._posed(parameters, design_knows=design_knows)
         doubt = Doubt.of(plant, self._scenario.robust)
         labels = {curve.name: curve.label for curve in FAST}
@@ -220,7 +220,7 @@ class Explorer:
 def _course(
     problem: Problem, plant: Transmission, curve: Curve, settings: Adaptation | None, notes: list[str]
 ) -> Course:
-    """One curve on the plant; what the reader should know goes to `notes`."""
+    """Curve on the plant; warnings go to `notes`."""
     reference = problem.reference
     if curve.compensator is None:
         force, output = _tuned(problem, plant, settings or Adaptation(sensor=Sensor.ACTUATOR_POSITION))

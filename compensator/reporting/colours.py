@@ -14,7 +14,7 @@ GREY = "#7F7F7F"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Style:
-    """How a compensator is drawn everywhere."""
+    """Drawing style of a compensator."""
 
     color: str
     linestyle: str  # "-", "--", "-." or ":"

@@ -2,7 +2,7 @@
 
 A command fills a `Report` and writes it beside its other files, inside the folder that appears whole or not at all.
 Figures come from `plots.new_figure`; the page carries them inside, as vector graphics. Nothing on the page is loaded
-from elsewhere, no script runs but that of an interactive view that was asked for, and whatever a scenario or a file
+from elsewhere, no script runs except that of a requested interactive view, and whatever a scenario or a file
 name holds is shown as text. The page carries no date: equal results give equal pages.
 """
 
@@ -48,7 +48,7 @@ def is_aligned(column: Sequence[Cell]) -> bool:
 def column_decimals(cells: Sequence[Cell], digits: int = 3, least: float = 0.0) -> int | None:
     """Decimals that a column of numbers is shown with; None where its magnitudes span too much for one choice.
 
-    The smallest number shows two digits, with three decimals at most; below `least` numbers need not be told apart.
+    The smallest number shows two digits, with three decimals at most; below `least` numbers need not differ.
     """
     sizes = [max(abs(c), least) for c in cells if isinstance(c, float) and math.isfinite(c) and c != 0]
     if not sizes or any(isinstance(c, str) for c in cells):
@@ -100,7 +100,7 @@ class Table:
     # numbers are aligned to the right, those of one column with the same number of decimals; None is a dash
     rows: Sequence[Sequence[Cell]]
     digits: int = 3  # significant digits of a float
-    least: float = 0.0  # smaller floats are shown as less than it, and set no decimals. Default 0: all are told apart
+    least: float = 0.0  # smaller floats are shown as less than it, and set no decimals. Default 0: all differ
 
     def __post_init__(self) -> None:
         for k, row in enumerate(self.rows):
@@ -137,7 +137,7 @@ Block = Text | Table | Picture | PictureFile | Interactive
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Section:
-    """A heading and what stands under it."""
+    """Heading and its content."""
 
     title: str
     blocks: Sequence[Block]
@@ -153,7 +153,7 @@ class FileNote:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Provenance:
-    """What it takes to make the result again."""
+    """Data needed to reproduce the result."""
 
     scenario: Scenario | JointScenario  # shown whole, with its hash
     command: str = ""  # command line, without the folders of this machine: "tendonff design finger.toml --out DIR"
@@ -163,7 +163,7 @@ class Provenance:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
-    """One page for one result."""
+    """Page for a result."""
 
     title: str
     summary: str  # the answer in one or two sentences: it stands on top
@@ -232,7 +232,7 @@ def render_report(report: Report, files: Mapping[Figure, Path] = MappingProxyTyp
 
 
 def _prepared(block: Block, numbers: Iterator[int], files: Mapping[Figure, Path]) -> dict[str, object]:
-    """What the template prints of a block; figures take the next number."""
+    """Template data of a block; figures take the next number."""
     match block:
         case Text():
             return {"kind": "text", "text": block.text}
@@ -300,7 +300,7 @@ def versions() -> tuple[tuple[str, str], ...]:
 
 
 def summary_head(scenario: Scenario | JointScenario) -> dict[str, object]:
-    """How every `summary.json` begins."""
+    """Common first keys of every `summary.json`."""
     return {
         "schema": 1,
         "scenario": scenario.name,

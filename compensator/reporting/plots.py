@@ -1,4 +1,4 @@
-"""One way to make a figure: the look, the colours and the file of every picture that tendonff draws.
+"""Common style, colours and file format of every figure that tendonff draws.
 
 Colours are Okabe and Ito's, which stay apart for colour-blind readers; curves that are compared differ in line style
 as well, so that they stay apart in a black-and-white print. Figures carry no date: equal results give equal files.
@@ -61,7 +61,7 @@ _STYLE: dict[Any, Any] = {
 }
 
 
-# what matplotlib is told to leave out of a file, by its kind: dates and versions
+# metadata that matplotlib omits from a file, by its kind: dates and versions
 UNDATED: dict[str, dict[str, Any]] = {
     "png": {"Software": None},
     "pdf": {"CreationDate": None, "ModDate": None},
@@ -200,7 +200,7 @@ def save_figure(figure: Figure, path: Path, formats: Sequence[str] = (), *, pdf:
 def bode_figure(gains: "Mapping[str, NDArray[np.complex128]]", frequencies_Hz: FloatArray, *, ylabel: str) -> Figure:
     """Size and phase of complex gains over frequency [Hz], shape (n,), > 0, rising: one curve for each, by label.
 
-    `ylabel` says what the gain is, with its unit.
+    `ylabel` names the gain, with its unit.
     """
     with figure_style():
         figure, axes = new_figure(2, 1, share_x=True, height_in=4.4)

@@ -57,7 +57,7 @@ def reference_doubts(
 
 
 def out_of_reach(transmission: Transmission, time_s: float, peak_N: float) -> str:
-    """What the peak of a reference needs where that is more than the actuator gives; empty where it is not."""
+    """Message on the force needed at the peak of a reference, where the actuator cannot give it; else empty."""
     actuator, most = transmission.actuator, largest_tension(transmission)
     if peak_N <= most:
         return ""

@@ -1,4 +1,4 @@
-"""Table [experiment]: the two-motor test, its sizes and, if wanted, a state machine of one's own.
+"""Table [experiment]: the two-motor test, its sizes and, optionally, a user-defined state machine.
 
 The states are columns of equal length, one entry a state, so that the table reads like a table::
 
@@ -22,7 +22,7 @@ from tendonff.models.errors import ParameterError, require, require_given, requi
 
 
 class MotorMode(StrEnum):
-    """What a motor does in a state."""
+    """Mode of a motor in a state."""
 
     ACT = "A"  # its force f_c is commanded, k_c = 0
     LOAD = "L"  # f_c = 0; a spring k towards the commanded rest position x_c
@@ -42,7 +42,7 @@ class MotorMode(StrEnum):
 
 
 class Hold(StrEnum):
-    """What the acting motor of the ten-state cycle holds in S4 and S9."""
+    """Quantity that the acting motor of the ten-state cycle holds in S4 and S9."""
 
     POSITION = "position"
     FORCE = "force"
@@ -78,7 +78,7 @@ class EndTension:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExperimentState:
-    """One state of the machine.
+    """State of the machine.
 
     Attributes
     ----------

@@ -12,7 +12,7 @@ from tendonff.models.errors import ParameterError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConstantJoint:
-    """A joint that stands still.
+    """Joint at a constant angle.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ class Explain(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measurement:
-    """How measured files are to be read; the defaults are the file contract.
+    """Format of measured files; the defaults are the file contract.
 
     Attributes
     ----------

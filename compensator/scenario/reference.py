@@ -41,33 +41,33 @@ def require_waypoints(times_s: tuple[float, ...], name: str, values: tuple[float
 
 
 class Hold(StrEnum):
-    """What the force does while the reference rests."""
+    """Force while the reference rests."""
 
     EXACT = "exact"  # what the exact inverse asks for, which may let the force go through the whole dead zone
     KEEP = "keep"  # it stays: inside the dead zone nothing need move
 
 
 class Quantity(StrEnum):
-    """What is wanted at the far end."""
+    """Quantity of the reference at the far end."""
 
     TENSION = "tension"
     POSITION = "position"  # of the load, relative to the start; the tension follows from the load's own balance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wish:
-    """What every kind of reference may say besides.
+class Request:
+    """Keys common to every kind of reference.
 
     Attributes
     ----------
     quantity : Quantity
         What is given: a tension, or a position of the load.
     periodic : bool
-        Whether it is one period of a cycle that goes on for ever.
+        Whether it is one period of a periodic reference.
     hold : Hold
-        What the force does while the reference rests.
+        Force while the reference rests.
     least_tension_N : float or None
-        Tension that is kept where less is wanted [N], > 0; default: 2 % of the range, where the reference touches 0.
+        Tension to which a lower reference is raised [N], > 0; default: 2 % of the range, where the reference touches 0.
     """
 
     quantity: Quantity = Quantity.TENSION
@@ -76,7 +76,7 @@ class Wish:
     least_tension_N: float | None = None
 
     def _check(self, tensions: str | None = None, positions: str | None = None) -> None:
-        """What all kinds ask for; of the series of those names exactly that of the wanted quantity is given."""
+        """Check the common keys; of the series of those names exactly that of the reference's quantity is given."""
         require_given("least_tension_N", self.least_tension_N, above=0, hint="a tendon cannot push")
         if self.periodic and self.hold is Hold.KEEP:
             raise ParameterError('hold = "keep" is for references that come to rest; leave it out with periodic = true')
@@ -94,12 +94,12 @@ class Wish:
 
     @property
     def wants_position(self) -> bool:
-        """The load's position is wanted."""
+        """Whether the reference is the load's position."""
         return self.quantity is Quantity.POSITION
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SineReference(Wish):
+class SineReference(Request):
     """T_ref(t) = T0 + min(t/fade_in_s, 1) sum_i amplitudes_N[i] sin(2 pi frequencies_Hz[i] t).
 
     Parameters
@@ -107,7 +107,7 @@ class SineReference(Wish):
     initial_tension_N : float
         Tension T0 at rest and in the middle of the oscillation [N], >= 0.
     amplitudes_N, amplitudes_m : tuple of float
-        Amplitude of each sine, of the tension [N] or of the load's position [m], as `quantity` says.
+        Amplitude of each sine, of the tension [N] or of the load's position [m], according to `quantity`.
     frequencies_Hz : tuple of float
         Frequency of each sine [Hz], > 0; as many as amplitudes.
     duration_s : float
@@ -125,7 +125,7 @@ class SineReference(Wish):
 
     @property
     def amplitudes(self) -> tuple[float, ...]:
-        """Amplitudes of the wanted quantity [N or m]."""
+        """Amplitudes of the reference's quantity [N or m]."""
         return (self.amplitudes_m if self.wants_position else self.amplitudes_N) or ()
 
     def __post_init__(self) -> None:
@@ -146,7 +146,7 @@ class SineReference(Wish):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WaypointReference(Wish):
+class WaypointReference(Request):
     """Tensions at given times, joined by lines or smooth steps.
 
     Parameters
@@ -154,7 +154,7 @@ class WaypointReference(Wish):
     times_s : tuple of float
         Times of the waypoints [s], rising from 0.
     tensions_N, positions_m : tuple of float
-        Tension [N], >= 0, or the load's position relative to the start [m] at each of them, as `quantity` says.
+        Tension [N], >= 0, or the load's position relative to the start [m] at each of them, according to `quantity`.
     shape : Shape
         Course between them: linear or smooth.
     initial_tension_N : float, optional
@@ -174,7 +174,7 @@ class WaypointReference(Wish):
 
     @property
     def values(self) -> tuple[float, ...]:
-        """Values of the wanted quantity [N or m]."""
+        """Values of the reference's quantity [N or m]."""
         return (self.positions_m if self.wants_position else self.tensions_N) or ()
 
     def __post_init__(self) -> None:
@@ -197,7 +197,7 @@ class Interpolation(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CsvReference(Wish):
+class CsvReference(Request):
     """Samples from a file with the columns time_s, tension_N.
 
     Parameters

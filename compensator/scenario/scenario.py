@@ -60,14 +60,14 @@ _OPTIONAL: dict[str, type] = {
 _ON_REQUEST: dict[str, type] = {"adaptation": Adaptation}  # tables whose absence means that there is none of it
 
 _HELD_BY_JOINT = {"mass_kg": 1e-3, "stiffness_N_per_m": 1e3, "damping_N_s_per_m": 0.0}
-"""What a load has that a joint moves: numbers without effect."""
+"""Numbers of a load without effect where a joint moves it."""
 
 _REQUIRED_TABLES = ("path", "tendon", "friction", "actuator", "load", "reference", "run")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
-    """Everything that a scenario file says: one field for each table, but the five of the transmission are one.
+    """Content of a scenario file: one field for each table, except that the five of the transmission are one.
 
     Parameters
     ----------
@@ -210,7 +210,7 @@ _NO_TOML = (
     (r"(\w+)\s*=\s*([-+]?\.\d+)", "; a digit before the point: {0} = 0{1}"),
     (r"(\w+)\s*=\s*([-+]?\d+)\.", "; a digit after the point: {0} = {1}.0"),
 )
-"""What people write that is no TOML, and what to write instead."""
+"""Common mistakes in TOML, and their corrections."""
 
 
 def _advice(text: str, error: str) -> str:
@@ -391,7 +391,7 @@ def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | Non
     transmission = scenario.transmission
     tables: dict[str, object] = {key: getattr(transmission, key) for key in _TABLES if key != "run"}
     tables["reference"] = reference
-    unwritten = {"stream": Stream(), "optimal": TrackOptions()}  # what says nothing new: so older hashes stay
+    unwritten = {"stream": Stream(), "optimal": TrackOptions()}  # defaults: so older hashes stay
     own = {key: getattr(scenario, key) for key in ("run", *_OPTIONAL, *_ON_REQUEST)}
     tables |= {key: value for key, value in own.items() if key not in unwritten or value != unwritten[key]}
     parts = [f"schema = {SCHEMA}\nname = {toml_value(scenario.name)}\n"]

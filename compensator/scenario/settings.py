@@ -1,4 +1,4 @@
-"""Tables [run], [stream] and [adaptation], and what became of keys of [optimal]."""
+"""Tables [run], [stream] and [adaptation], and messages for removed keys of [optimal]."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from tendonff.ocp.adaptation.tuning import MAX_DELAY, Sensor, Tunable, check_par
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
-    """How the scenario is computed.
+    """Numerical settings of the scenario.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """From a TOML table to a frozen dataclass, with messages for people.
 
-The dataclass says everything: its fields are the keys, their annotations the types, its docstring what each key is,
+The dataclass is the single source: its fields are the keys, their annotations the types, its docstring their meaning,
 and its `__post_init__` the bounds. Nothing is repeated here.
 """
 
@@ -129,7 +129,7 @@ def toml_table(instance: object, name: str = "", *, without: tuple[str, ...] = (
 
 
 def descriptions(cls: type) -> dict[str, str]:
-    """What each field is: the `Parameters` section of the numpydoc docstring."""
+    """Meaning of each field: the `Parameters` section of the numpydoc docstring."""
     found: dict[str, str] = {}
     section = cleandoc(cls.__doc__ or "").partition("Parameters\n----------\n")[2]
     for names, text in re.findall(r"^(\w[\w, ]*?)(?: : .*)?\n((?:[ ]+.*(?:\n|$))+)", section, flags=re.MULTILINE):

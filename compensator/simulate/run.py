@@ -33,7 +33,7 @@ class SimulatedForce:
 
     rows: int  # rows written
     warnings: tuple[str, ...]  # what the user should know
-    # estimate of the discretisation error, and whether the run is reproducible, in words, when it was asked for
+    # estimate of the discretisation error, and whether the run is reproducible, in words, on request
     check: str | None
 
 
@@ -96,7 +96,7 @@ def read_force(path: Path, column: str | None = None, drive: Drive = Drive.FORCE
 
 
 def doubts_of(scenario: Scenario, profile: ForceProfile) -> tuple[str, ...]:
-    """What to ask about a scenario and a force file, which is simulated all the same."""
+    """Questions about a scenario and a force file, which is simulated nevertheless."""
     doubts = scenario_doubts(scenario)
     if profile.is_command:
         return doubts

@@ -1,4 +1,4 @@
-"""What the tables of a scenario hold."""
+"""Result of `table`."""
 
 from dataclasses import dataclass
 
@@ -37,7 +37,7 @@ class AngleTable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TablesData:
-    """Tables of a scenario: the first for its own wrap angle and rate, or for the axes that were asked for.
+    """Tables of a scenario: the first for its own wrap angle and rate, or for the requested axes.
 
     Attributes
     ----------
@@ -76,5 +76,5 @@ class TablesData:
 
     @property
     def headline(self) -> str:
-        """What to expect on a rig, in one sentence."""
+        """Expected error on a rig, in one sentence."""
         return self.expectation.headline("compensation table", f"tendonff export-c {self.scenario.source.name} --out c")

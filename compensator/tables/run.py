@@ -28,7 +28,7 @@ def make_tables(
     rates_N_per_s: Sequence[float] = (),
     pose_rad: Mapping[str, float] = MappingProxyType({}),
 ) -> Tables:
-    """Tables over the axes that were asked for, and the scores of the scenario's own.
+    """Tables over the requested axes, and the scores of the scenario's own.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def make_tables(
     rates_N_per_s : sequence of float, optional
         Rates of the reference [N/s], > 0; a further column of the file.
     pose_rad : mapping of str to float, optional
-        Angles of joints that stand still for the table, by name [rad].
+        Angles of joints, constant for the table, by name [rad].
 
     Examples
     --------

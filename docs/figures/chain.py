@@ -1,4 +1,4 @@
-"""What the chain adds to the capstan law: presliding and stress relaxation."""
+"""Effects of the chain beyond the capstan law: presliding and stress relaxation."""
 
 import casadi as ca
 import numpy as np

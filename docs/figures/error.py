@@ -1,4 +1,4 @@
-"""What a wrong friction coefficient costs: one force profile on plants with other coefficients."""
+"""Cost of a wrong friction coefficient: one force profile on plants with other coefficients."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""How many masses a design needs: the inverse with N masses, played on a chain of 160."""
+"""Number of masses of a design: the inverse with N masses, simulated on a chain of 160."""
 
 from pathlib import Path
 

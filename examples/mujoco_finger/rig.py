@@ -1,7 +1,7 @@
 """A finger of MuJoCo's whose flexor is a tendonff plant, stepped together, and a controller beside it.
 
 MuJoCo moves the bones and knows the tendon's geometry; the tension in each part of the tendon comes from a chain of
-tendonff, which is told the joint angles. The controller runs the exported C inverse: fewer masses, a longer step.
+tendonff, which takes the joint angles. The controller runs the exported C inverse: fewer masses, a longer step.
 """
 
 import math
@@ -38,11 +38,11 @@ class Controller(StrEnum):
     Attributes
     ----------
     PLAIN
-        The wanted tension itself.
+        Reference applied directly.
     AT_REST
         The exact inverse for the pose of the start.
     MEASURED
-        The exact inverse as exported C, told the joint angles of the moment.
+        Exact inverse as exported C, with the present joint angles.
     """
 
     PLAIN = "reference applied directly"
@@ -119,14 +119,14 @@ def transmission(motion: JointMotion) -> Transmission:
 
 
 def wanted(time_s: Array) -> Array:
-    """The tension wanted at the insertion [N]."""
+    """Reference tension at the insertion [N]."""
     fade = np.minimum(time_s / 0.5, 1.0) ** 2
     course: Array = START_N + fade * (7 * np.sin(2 * np.pi * 0.6 * time_s) + 3 * np.sin(2 * np.pi * 1.7 * time_s))
     return course
 
 
 def pushed(time_s: float) -> Array:
-    """Torques with which somebody else moves the finger, of which the controller knows nothing [N m]."""
+    """External torques that move the finger, unknown to the controller [N m]."""
     fade = min(time_s / 0.5, 1.0) ** 2
     waves = [0.12 * math.sin(2 * math.pi * 0.9 * time_s), 0.06 * math.sin(2 * math.pi * 1.3 * time_s + 1.0)]
     return fade * np.array(waves)
@@ -150,7 +150,7 @@ def wrap_angles(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, list
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """What happened, rows at the controller's steps."""
+    """Record of a run, rows at the controller's steps."""
 
     time_s: Array
     wanted_N: Array
@@ -160,7 +160,7 @@ class Run:
 
     @property
     def error_percent(self) -> float:
-        """RMS error of the tension at the insertion, % of the range of the wanted one."""
+        """RMS error of the tension at the insertion, % of the range of the reference."""
         return float(100 * np.sqrt(np.mean((self.tension_N - self.wanted_N) ** 2)) / np.ptp(self.wanted_N))
 
 

@@ -6,7 +6,7 @@
                                                                  releasing: T_in + p = (T_out + p) e^{-mu theta}
 
 For a tendon that is driven at one end, without inertia, bristles and creep, the law holds for any history: the output
-is the play of the input, ln(T_out + p) = Play[ln(T_in + p)] with dead band mu_pull theta + mu_release theta. Plays
+is the play of the input, ln(T_out + p) = Play[ln(T_in + p)] with deadband mu_pull theta + mu_release theta. Plays
 compose along the path, so the tension profile is the memory of the input. Eq. (4) of Palli, Borghesan, Melchiorri
 (ICRA 2010) for one-way slip; the play law is derived in the same notation. With spread bounds several plays act, and
 slip sets in gradually: `spread_bounds`.
@@ -72,8 +72,8 @@ def _angles(transmission: Transmission, joint_rad: Mapping[str, float]) -> list[
 def section_exponents(
     transmission: Transmission, joint_rad: Mapping[str, float] = NO_JOINTS
 ) -> tuple[list[float], list[float]]:
-    """Mu phi of each section when pulling and when releasing, by the dynamic coefficients; joints stand at zero unless
-    said.
+    """Mu phi of each section when pulling and when releasing, by the dynamic coefficients; joints are at zero by
+    default.
     """
     parts, angles = transmission.path.parts, _angles(transmission, joint_rad)
     usual = transmission.friction.mu_dynamic, transmission.friction.release_dynamic
@@ -101,7 +101,7 @@ class ExponentLine:
 def exponent_lines(
     transmission: Transmission, joint_rad: Mapping[str, float] = NO_JOINTS
 ) -> tuple[ExponentLine, ExponentLine]:
-    """Lines when pulling and when releasing; joints stand at zero unless said."""
+    """Lines when pulling and when releasing; joints are at zero by default."""
     angles = _angles(transmission, joint_rad)
     pull, release = (
         ExponentLine(
@@ -154,7 +154,7 @@ class CapstanLaw:
 
     @classmethod
     def of(cls, transmission: Transmission, joint_rad: Mapping[str, float] = NO_JOINTS) -> "CapstanLaw":
-        """Law of a transmission: dynamic coefficients over the whole wrap angle; joints stand at zero unless said."""
+        """Law of a transmission: dynamic coefficients over the whole wrap angle; joints are at zero by default."""
         pull, release = section_exponents(transmission, joint_rad)
         return cls(
             pull_exponent=math.fsum(pull),
@@ -233,7 +233,7 @@ class CapstanLaw:
         return lifted * math.exp(exponent) - self.adhesion_N
 
     def input_history_N(self, output_N: ArrayLike, initial_input_N: float | None = None) -> Array:
-        """Input tension for a wanted output history: the branch of its last change, held while it stands still.
+        """Input tension for a reference of the output: the branch of its last change, held while it is constant.
 
         At each reversal the answer jumps by the factor e^{(mu_pull + mu_release) theta} in T + p; an actuator's rate
         limit decides what is left of that. With spread bounds it jumps by the band of the narrowest play alone. The

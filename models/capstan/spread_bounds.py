@@ -1,7 +1,7 @@
-"""The static law whose slip sets in gradually: several plays with spread bounds.
+"""Quasi-static law whose slip sets in gradually: several plays with spread bounds.
 
 The mean of plays whose bounds lie evenly around those of the capstan law is a generalised Prandtl-Ishlinskii operator.
-Where the single play holds the output over the whole dead band and then lets it slip, its plays slip one after the
+Where the single play holds the output over the whole deadband and then lets it slip, its plays slip one after the
 other, as a tendon does on a path that it does not touch evenly. In gross sliding, all plays slipping, the tensions have
 the ratio e^{mu theta} of the single play. Bounds are multiples of u = T_in + p::
 
@@ -82,7 +82,7 @@ class SpreadPlays:
 
 
 def _input_for(wanted: float, w: Array, bounds: Array, *, rising: bool) -> float:
-    """Input at which the first plays slip on their bounds, and the others hold, with the wanted mean."""
+    """Input at which the first plays slip on their bounds, and the others hold, with the given mean."""
     holding, slipping, u = float(w.sum()), 0.0, 0.0
     for k in range(PLAYS):
         holding -= w[k]

@@ -1,4 +1,4 @@
-"""What a transmission is made of: path, tendon, friction, drive and load, and how well they are known."""
+"""Parts of a transmission: path, tendon, friction, drive and load, and their uncertainty."""
 
 from tendonff.models.parameters.transmission import Actuator, Friction, Load, Path, Tendon, Transmission
 

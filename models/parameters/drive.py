@@ -13,7 +13,7 @@ from tendonff.models.errors import ParameterError, require_given
 
 
 class Drive(StrEnum):
-    """What the actuator is told."""
+    """Command of the actuator: force or position."""
 
     FORCE = "force"  # its force f_c1: a current loop
     POSITION = "position"  # its position x_c1, behind the servo's stiffness k_c1: a position servo
@@ -36,7 +36,7 @@ class Motor:
     speed_max_rad_per_s : float
         Largest speed of the motor [rad/s], > 0.
     torque_rated_N_m : float, optional
-        Torque that it can hold for ever [N m], > 0: what the rms torque is compared with.
+        Continuous torque [N m], > 0, limit of the RMS torque.
     stall_torque_N_m, no_load_speed_rad_per_s : float, optional
         Ends of the torque-speed line at the supply voltage [N m, rad/s], > 0; both or none.
     """
@@ -94,7 +94,7 @@ class Motor:
 
     @property
     def at_the_drum(self) -> dict[str, float]:
-        """What an actuator has of its motor, by the actuator's keys."""
+        """Values of the actuator that follow from its motor, by the actuator's keys."""
         return {key: getattr(self, key) for key in ("mass_kg", "force_max_N", "speed_max_m_per_s")}
 
     def torque_limit_N_m(self, speed_rad_per_s: float) -> float:
@@ -110,7 +110,7 @@ class Motor:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rope:
-    """What a data sheet says of a tendon: stiffness and mass follow.
+    """Data sheet of a tendon, from which stiffness and mass follow.
 
     Parameters
     ----------

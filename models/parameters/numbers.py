@@ -75,7 +75,7 @@ def with_numbers(transmission: Transmission, values: Mapping[str, float]) -> Tra
             place, name = key.rsplit(".", 1)
             changes.setdefault(place, {})[name] = round(value) if is_whole(transmission, key) else value
     changed = transmission
-    # Inner tables first: what follows from a motor must not undo what is said of the actuator itself.
+    # Inner tables first: what follows from a motor must not override the actuator's own keys.
     for place, given in sorted(changes.items(), key=lambda item: -item[0].count(".")):
         changed = _replaced(changed, place, _with_followers(_record(transmission, place), given))
     for key in FACTORS:

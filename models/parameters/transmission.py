@@ -207,7 +207,7 @@ class Actuator:
     travel_min_m, travel_max_m : float, optional
         Range of its position relative to the start [m], travel_min_m <= 0 <= travel_max_m; default: none.
     drive : Drive, optional
-        What it is told: force (default) or position.
+        Its command: force (default) or position.
     servo_stiffness_N_per_m : float, optional
         Stiffness k_c1 of a position drive between its command x_c1 and its end [N/m], > 0.
     coulomb_N : float, optional
@@ -281,7 +281,7 @@ class Actuator:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Load:
-    """What the tendon pulls at its far end: a mass on a spring, or a joint that moves it.
+    """Load at the far end: a mass on a spring, or a joint that moves the end.
 
     Parameters
     ----------
@@ -294,7 +294,7 @@ class Load:
     joint : str, optional
         A joint that moves the far end, which then neither hangs on the spring nor has a motion of its own.
     moment_arm_m : float, optional
-        The far end stands at its start minus moment_arm_m times the joint's travel [m].
+        The far end is at its start minus moment_arm_m times the joint's travel [m].
     """
 
     mass_kg: float

@@ -42,7 +42,7 @@ def _machine_flags() -> tuple[str, ...]:
 
 
 def _candidates() -> list[tuple[str, ...]]:
-    """Commands that may be C compilers: what the environment variable CC says, or else whatever is there."""
+    """Commands that may be C compilers: the environment variable CC, else the usual names."""
     if wanted := os.environ.get("CC", "").strip():
         if path := shutil.which(wanted):  # also one with blanks in its path
             return [(path,)]
@@ -91,7 +91,7 @@ def _works(compiler: tuple[str, ...]) -> bool:
 
 
 def run_compiler(compiler: tuple[str, ...], arguments: Sequence[str], folder: Path | None = None) -> str | None:
-    """Run the C compiler that `find_compiler` gave; None where it succeeds, else what it said."""
+    """Run the C compiler of `find_compiler`; None where it succeeds, else its messages."""
     environment = dict(os.environ)
     if compiler[1:3] == _PACKAGED[:2]:  # it would leave its caches where it runs
         for name in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"):
@@ -119,7 +119,7 @@ def _cache_folder() -> Path:
 
 
 def _is_private(folder: Path) -> bool:
-    """Whether it is the user's, and for nobody else to write to."""
+    """Whether it is the user's, and not writable by others."""
     if os.name != "posix":
         return True
     found = folder.stat()

@@ -1,4 +1,4 @@
-"""What advances the chain: compiled C, or CasADi's own evaluation."""
+"""Engines that advance the chain: compiled C, or CasADi's own evaluation."""
 
 import functools
 import os
@@ -9,7 +9,7 @@ from tendonff.ocp.errors import CodeError
 
 
 class Engine(StrEnum):
-    """What advances the chain; all give the same results to 1e-9 N on ordinary runs.
+    """Engine that advances the chain; all give the same results to 1e-9 N on ordinary runs.
 
     Where the tendon sticks and slips on stiff bristles, or a step must be split, they may part ways.
     """

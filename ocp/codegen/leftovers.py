@@ -40,7 +40,7 @@ def _host() -> str:
 
 
 def _runs(process: int) -> bool:
-    """Whether a process exists; where that cannot be told (not on POSIX) it does."""
+    """Whether a process exists; assumed where that is unknown (not on POSIX)."""
     if os.name != "posix":
         return True
     try:

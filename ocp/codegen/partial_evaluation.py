@@ -25,7 +25,7 @@ Values = tuple[float, ...]
 
 @dataclass(frozen=True, slots=True)
 class _Node:
-    """One value: a constant per weight, an argument, or an operation on earlier nodes."""
+    """Value: a constant per weight, an argument, or an operation on earlier nodes."""
 
     op: int | None
     operands: tuple["_Node", ...] = ()
@@ -70,7 +70,7 @@ class PartialEvaluator:
         return len(next(iter(self.parameters.values()), (0.0,)))
 
     def fold(self, law: Law, name: str | None = None, fixed: Mapping[str, float] | None = None) -> FoldedLaw:
-        """One law as C, under its own name or another; known values of `fixed` win over `parameters`."""
+        """C text of a law, under its own name or another; known values of `fixed` override `parameters`."""
         name = name or law.name
         known = dict(self.parameters) | {key: (value,) * self.weights for key, value in (fixed or {}).items()}
         results = _Tape(self.reorder, self.floors, self.steady).run(law, known, self.weights)

@@ -17,7 +17,7 @@ from tendonff.ocp.errors import CodeError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Law:
-    """One law: named scalar inputs, named scalar outputs."""
+    """Law with named scalar inputs and named scalar outputs."""
 
     # name, comment: identifier, and what it computes with source
     name: str
@@ -32,7 +32,7 @@ class Law:
 
 @dataclass(frozen=True, slots=True)
 class Operator:
-    """One operation of a CasADi tape."""
+    """Operation of a CasADi tape."""
 
     text: str  # C, with {0} and {1} for operands, {f} for the suffix of maths functions, {zero} and {one} for literals
     evaluate: Callable[..., float]  # what it gives for numbers
@@ -85,7 +85,7 @@ OPERATORS: dict[int, Operator] = {
 
 
 def operator(op: int, law: str) -> Operator:
-    """What is known about an operation of a CasADi tape.
+    """Known properties of an operation of a CasADi tape.
 
     Raises
     ------

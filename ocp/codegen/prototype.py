@@ -13,7 +13,7 @@ _ARRAYS = {"int": np.intc, "double": np.float64}
 
 
 class CFunction:
-    """One function of a library, with types from its prototype.
+    """Function of a library, with types from its prototype.
 
     Numbers are converted, arrays must have the prototype's type and be contiguous, and what points to a record is given
     by reference. A call names every argument, so that none can stand in another's place.

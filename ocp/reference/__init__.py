@@ -1,1 +1,1 @@
-"""References that are derived from the wanted one: of a motion of the load, with kept holds."""
+"""References derived from the given one: of a motion of the load, with kept holds."""

@@ -7,7 +7,7 @@ force leaves the output within its drift, spares the actuator the way there and 
 same direction finds the path as it was.
 
 What the chain delivers under such a force is a reference of its own, whose exact inverse is that force. So a caller
-hands the *followed* reference to whatever it would have given the wanted one.
+hands the *followed* reference to whatever it would have given the original one.
 """
 
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ class KeptForce:
     force_N: Array  # shape (n,); force [N]
     followed_N: Array  # shape (n,); output tension of the design's own chain under it [N]
     holds: tuple[tuple[int, int], ...]  # first and last row of each stretch of constant force
-    drift_N: float  # largest distance of the followed from the wanted tension [N]: what keeping costs
+    drift_N: float  # largest distance of the followed tension from the reference [N]: the cost of keeping
 
 
 def find_holds(reference_N: Array, step_s: float) -> tuple[tuple[int, int], ...]:

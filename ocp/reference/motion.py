@@ -14,7 +14,7 @@ def tension_of_motion(
     """Output tension under which the load takes a course, x_c2 and f_c2 at rest [N], shape (n,).
 
     m dv/dt = f - k q - b v, counted from the rest under the initial tension [N]. The derivatives are those of the
-    simulation, so that the chain, driven by the inverse of this tension, moves its load as wanted to rounding.
+    simulation, so that the chain, driven by the inverse of this tension, moves its load as requested to rounding.
 
     The position, shape (n,), is relative to the start [m], positive towards the actuator, at 0, h, 2 h ... A periodic
     course is one period of a cycle, its last row the first of the next.

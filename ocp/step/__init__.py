@@ -1,1 +1,1 @@
-"""One implicit time step: scheme, laws, engines."""
+"""Implicit time step: scheme, laws, engines."""

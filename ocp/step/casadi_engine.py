@@ -35,7 +35,7 @@ _SLACK = 20.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepExpressions:
-    """One implicit step in symbols: unknown velocities, what is known before, and what follows."""
+    """Implicit step in symbols: unknown velocities, known values, and results."""
 
     # v, base, u, H: velocities at the end of the step, base of the scheme, inputs, weight of the rates
     v: ca.SX
@@ -50,7 +50,7 @@ class StepExpressions:
 
 
 def step_expressions(chain: Chain) -> StepExpressions:
-    """One implicit step of a chain; its numbers may be CasADi scalars."""
+    """Implicit step of a chain; its numbers may be CasADi scalars."""
     n, layout, piece, near, far = chain.count, chain.layout, chain.elements.piece, chain.near, chain.far
     v, base, u, H = (
         ca.SX.sym("v", n + 2),
@@ -83,7 +83,7 @@ def step_expressions(chain: Chain) -> StepExpressions:
     )
     mass = ca.vertcat(near.mass_kg, column(piece.mass_kg, n), far.mass_kg)
     balance = mass / H * (v - v_base) - sums
-    if chain.far_joint is not None:  # the joint says how fast the far end moves
+    if chain.far_joint is not None:  # the joint gives the speed of the far end
         balance[n + 1] = far.mass_kg / H * (v[n + 1] - drift[n + 1])
     start = ca.substitute(unclipped, ca.vertcat(v, drift), ca.SX.zeros(2 * n + 4))
     largest = ca.norm_inf(ca.vertcat(start, mass * v_base / H))
@@ -106,7 +106,7 @@ def column(value: object, n: int) -> ca.DM:
 
 
 def path_moves(chain: Chain, places: Array, step_s: float, *, fresh: bool) -> Array:
-    """How the path moves in each step, from rows of `PathRows.table`, the first one step before the start.
+    """Motion of the path in each step, from rows of `PathRows.table`, the first one step before the start.
 
     Returns
     -------
@@ -132,7 +132,7 @@ def _kept(old: Array, now: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Outcome:
-    """One implicit step that was tried: whether it is solved, its end, its tensions, its balances."""
+    """Attempted implicit step: whether it is solved, its end, its tensions, its balances."""
 
     solved: bool
     x: Array
@@ -233,7 +233,7 @@ class CasadiStepper:
     def _advance_one(
         self, memory: StepperMemory, old: Array, now: Array, move: Array, places: Array
     ) -> tuple[_Outcome, int]:
-        """One step, split into implicit Euler pieces where it does not converge, and whether it was split."""
+        """Step, split into implicit Euler pieces where it does not converge, and whether it was split."""
         x, n = memory.x, self._chain.count
         change = np.zeros_like(x) if memory.fresh else x - memory.x_old
         base = self._keep(x, move[4 * n + 5 : 5 * n + 5])

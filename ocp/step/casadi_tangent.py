@@ -46,7 +46,7 @@ class CasadiTangent:
         Returns
         -------
         rows : Rows
-            With states; fewer than asked for where a step fails.
+            With states; fewer than requested where a step fails.
         tension_slopes : ndarray, shape (rows, N + 1, d)
         ends_slopes : ndarray, shape (rows, 2, d)
         """

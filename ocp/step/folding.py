@@ -1,4 +1,4 @@
-"""What is known of a chain before a controller runs: parameters to fold into the laws, row by row of the scheme."""
+"""Parameters of a chain known before a controller runs, to fold into the laws, row by row of the scheme."""
 
 import itertools
 from collections.abc import Mapping
@@ -38,7 +38,7 @@ def chain_evaluator(
     floors: Mapping[str, float] | None = None,
     whole: bool = True,
 ) -> PartialEvaluator:
-    """What folds the laws of a chain for the rows of a scheme.
+    """Parameters that fold the laws of a chain for the rows of a scheme.
 
     On a path in sections (`contact`) a link is the whole tendon, or with `whole` unset its ratio is unknown. Numbers
     that are `free` are known at run time only; of some of them the caller keeps `floors`.

@@ -1,4 +1,4 @@
-"""What joints do to a chain, as numbers for a controller: wrap angles of its bends, lengths of its links.
+"""Effect of joints on a chain, as numbers for a controller: wrap angles of its bends, lengths of its links.
 
 Masses of one section are alike, and so are links of one kind: what a controller keeps is one record each, and which
 mass and which link belongs to which.

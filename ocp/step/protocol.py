@@ -1,4 +1,4 @@
-"""What an engine that advances the chain takes and gives; see `c_engine` and `casadi_engine`."""
+"""Interface of an engine that advances the chain; see `c_engine` and `casadi_engine`."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 @dataclass(slots=True, kw_only=True)
 class StepperMemory:
-    """What a multi-step scheme remembers between chunks; advanced in place."""
+    """Memory of a multi-step scheme between chunks; advanced in place."""
 
     # x, x_old: shape (size,); state now and one step earlier, in the order of `StateLayout`
     x: Array
@@ -33,7 +33,7 @@ def require_recorded(states: Array | None) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rows:
-    """What one chunk of steps gave."""
+    """Result of a chunk of steps."""
 
     tension_N: Array  # shape (rows, N + 1)
     ends_m: Array  # shape (rows, 2); positions q_a, q_l
@@ -47,13 +47,13 @@ class Rows:
 
     @property
     def recorded(self) -> Array:
-        """The states, shape (rows, size); ParameterError where nobody asked for them."""
+        """The states, shape (rows, size); ParameterError where they were not requested."""
         return require_recorded(self.states)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InverseRows:
-    """What the exact inverse gave for references at the ends of successive steps."""
+    """Result of the exact inverse for references at the ends of successive steps."""
 
     # force_N, least_tension_N: shape (rows,); motor force, and smallest tension along the path
     force_N: Array
@@ -63,14 +63,14 @@ class InverseRows:
 
 
 class Stepper(Protocol):
-    """One engine, made for one chain and step."""
+    """Engine for a given chain and step."""
 
     def advance(self, memory: StepperMemory, inputs: ChainInputs, record: bool) -> Rows:
         """Advance `memory` over `inputs`; fewer rows come back where a step fails for good."""
 
 
 class Inverse(Protocol):
-    """One engine's exact inverse, made for one chain and step."""
+    """Exact inverse of an engine, for a given chain and step."""
 
     def invert(self, x: Array, time_s: float, reference: Array, record: bool) -> InverseRows:
         """Force, least tension and states for tensions [N] at the ends of the steps that follow the state x."""

@@ -32,7 +32,7 @@ ends would be made one over vectors, and cost more than the rest."""
 
 
 _OF_MASSES = ("friction_", "piece_mass")
-"""How the names of what each mass may have for itself begin."""
+"""Prefixes of the names of numbers that each mass may have for itself."""
 
 Compliances = Mapping[str, str | tuple[str, str]]
 
@@ -54,7 +54,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OnJoints:
-    """What a controller keeps of a path in sections."""
+    """Data of a path in sections that a controller stores."""
 
     types: str  # prefix of the C names of the path itself
     own: tuple[str, ...]  # numbers of friction that differ from bend to bend, or with the joints
@@ -65,7 +65,7 @@ class OnJoints:
 
 
 def law_calls(prefix: str, laws: Mapping[str, FoldedLaw]) -> Callable[..., str]:
-    """How generated code calls its laws: see `StepCode.call`.
+    """Convention by which generated code calls its laws: see `StepCode.call`.
 
     Laws of an end mass that differ between the ends are named with "_near" or "_far" behind.
     """
@@ -89,7 +89,7 @@ def law_calls(prefix: str, laws: Mapping[str, FoldedLaw]) -> Callable[..., str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepCode:
-    """What the templates need to know."""
+    """Values for the templates."""
 
     prefix: str  # prefix of every C name
     precision: Precision
@@ -154,7 +154,7 @@ class StepCode:
         return (base, *links, *own, *((name, f"{n} + 2") for name in masses), *extra)
 
     def render(self, template: str) -> str:
-        """One of the templates in `ocp/step/templates`, filled in."""
+        """Template of `ocp/step/templates`, filled in."""
         limits, precision, states = self.limits, self.precision, self.layout
         enter = f"const {self.prefix}_weights *const c = given;\n    (void)c;"
         if self.host:  # a copy that nothing can change lets the compiler keep the numbers in registers

@@ -172,7 +172,7 @@ def step_code(
     free: tuple[str, ...] = (),
     tuned: bool = False,
 ) -> StepCode:
-    """What the templates need to know of a chain on a controller; `tuned` for one of the schemes of a tuner."""
+    """Values for the templates of a chain on a controller; `tuned` for one of the schemes of a tuner."""
     on_joints = None
     if contact is not None:
         types = prefix.rpartition("_")[0]
@@ -210,7 +210,7 @@ def _text(folded: tuple[FoldedLaw, ...], contact: Contact | None) -> str:
 
 
 def compliances_of(chain: Chain, precision: Precision, load: str = "") -> Compliances:
-    """What a lasting newton does to the load (default: its number) and to the states of a link [m/N], as C text.
+    """Static compliance of the load (default: its number) and of the states of a link [m/N], as C text.
 
     Of links it is that of an inner one and that of one at an end; where links differ, of the whole. A float holds a
     position of centimetres to nanometres only, which a stiff bristle turns into newtons over a hold. Relative to what

@@ -150,7 +150,7 @@ def identify(
 
 
 def _say_files(line: str) -> None:
-    """What was read and what is asked about it; the names of stages stay silent."""
+    """Print findings and questions about the files; names of stages are not printed."""
     if " samples over " in line:
         say(line)
     elif line.startswith(DOUBT):

@@ -1,4 +1,4 @@
-"""What a sweep tries: points of a grid over scenario keys, or units drawn from the stated uncertainty."""
+"""Plan of a sweep: points of a grid over scenario keys, or units drawn from the stated uncertainty."""
 
 import re
 from dataclasses import dataclass, replace
@@ -39,7 +39,7 @@ class Axis:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unit:
-    """One thing to try."""
+    """Point of the plan."""
 
     index: int
     values: tuple[float, ...]  # of the varied keys

@@ -1,4 +1,4 @@
-"""What a sweep holds, and its rows on disk while it runs, so that one that was killed goes on where it stopped."""
+"""Result of a sweep, and its rows on disk while it runs, so that a killed sweep resumes."""
 
 import json
 import os
@@ -16,7 +16,7 @@ from tendonff.compensator.files.writing import atomic_file
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.parameters.numbers import FACTORS
 
-YIELD_PERCENT = (0.5, 1.0, 2.0, 5.0, 10.0)  # errors whose yields are told [% of range]
+YIELD_PERCENT = (0.5, 1.0, 2.0, 5.0, 10.0)  # errors whose yields are reported [% of range]
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 
@@ -28,7 +28,7 @@ def key_label(key: str) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """One unit and how well every compensator does on it."""
+    """Unit and the score of every compensator on it."""
 
     index: int
     values: tuple[float, ...]  # of the varied keys
@@ -46,7 +46,7 @@ class SweepData:
     """Scores over units."""
 
     scenario: Scenario
-    options: str  # what the command was asked for, in words
+    options: str  # options of the command, in words
     keys: tuple[str, ...]  # varied keys of the scenario, or factors on its parameters
     compensators: tuple[str, ...]
     rows: tuple[Row, ...]  # in the order of their index
@@ -92,7 +92,7 @@ class SweepData:
 
     @property
     def headline(self) -> str:
-        """What to expect, in two sentences."""
+        """Expected error, in two sentences."""
         best = min(self.compensators, key=lambda name: self.quantiles(name)[-1])
         if self.expectation is not None:
             best = self.expectation.recommended

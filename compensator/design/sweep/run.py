@@ -30,7 +30,7 @@ from tendonff.ocp.errors import SolveError
 def executor_of(address: str | None) -> Iterator[Executor | None]:
     """An executor on the cluster at an address such as tcp://host:8786, which stays up; None for this machine.
 
-    InputError if Dask is not installed, or no cluster answers.
+    InputError if Dask is not installed, or no cluster responds.
     """
     if address is None:
         yield None
@@ -48,7 +48,7 @@ def executor_of(address: str | None) -> Iterator[Executor | None]:
 
 
 DEFAULT = tuple(c.name for c in COMPENSATORS if c.name != "table")
-"""Compensators that a sweep scores unless told otherwise."""
+"""Compensators that a sweep scores by default."""
 
 _UNITS_OF_JOB = 4
 _JOBS_OF_WAVE = 32  # then the rows are stored

@@ -26,7 +26,7 @@ _RIPPLE = 0.25  # of the mean rate, in a tenth of the moving rows; smooth refere
 class Samples:
     """A trace as the file has it, in SI units."""
 
-    # time_s, value: shape (rows,); time [s], which rises from 0, and the wanted quantity [N or m]
+    # time_s, value: shape (rows,); time [s], which rises from 0, and the reference's quantity [N or m]
     time_s: FloatArray
     value: FloatArray
     notes: tuple[str, ...]  # what the user should know of the file
@@ -73,7 +73,7 @@ def read_samples(spec: CsvReference, path: Path, step_s: float) -> Samples:
 
 
 def _gaps(time: FloatArray, name: str) -> list[str]:
-    """What is missing of a logged trace, and what stands in for it."""
+    """Gaps of a logged trace, and their replacement."""
     intervals = np.diff(time)
     usual = float(np.median(intervals))
     wide = np.flatnonzero(intervals > _GAP_ROWS * usual)
@@ -88,7 +88,7 @@ def _gaps(time: FloatArray, name: str) -> list[str]:
 
 
 def interpolate(samples: Samples, time_s: FloatArray, kind: Interpolation) -> FloatArray:
-    """The wanted quantity at times within those of the samples [s], shape (n,)."""
+    """Quantity of the reference at times within those of the samples [s], shape (n,)."""
     if kind is Interpolation.LINEAR or len(samples.time_s) == 2:
         return np.interp(time_s, samples.time_s, samples.value)
     from scipy.interpolate import PchipInterpolator
@@ -150,7 +150,7 @@ def noise_advice(
             return None  # the filter's own overshoot would be judged, not the noise
         quiet = force_of(smooth)
         force_noise = float(np.sqrt(np.mean((force_of(tension) - quiet) ** 2)))
-        # Percentiles: a jump at the start makes one huge force that says nothing of the rest.
+        # Percentiles: a jump at the start makes one huge force, unrelated to the rest.
         spread = float(np.subtract(*np.percentile(quiet, (99, 1))))
         if force_noise > _WORTH_A_WARNING * spread:
             break
@@ -170,7 +170,7 @@ def _cutoff_at_the_noise_floor(tension: FloatArray, rate: float) -> float | None
     """Frequency where the spectrum of the samples flattens out into noise [Hz]; None when there is no floor above 0.
 
     The floor is the median power of the upper third of the spectrum below the rate at which the samples really vary;
-    the cut-off is where the smoothed spectrum last stands ten times above it.
+    the cut-off is where the smoothed spectrum is last ten times above it.
     """
     from scipy import signal
 

@@ -31,7 +31,7 @@ def moved_by_file(scenario: Scenario, path: Path) -> Scenario:
 
 
 def posed(scenario: Scenario, angles_rad: Mapping[str, float]) -> Scenario:
-    """The scenario with joints that stand still at angles [rad] by name; the others do what it says.
+    """Scenario with joints at constant angles [rad] by name; the others keep its motion.
 
     InputError where there is no joint of a name.
     """

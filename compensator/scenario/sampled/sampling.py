@@ -21,7 +21,7 @@ from tendonff.compensator.scenario.scenario import Scenario
 
 _MAX_STEPS = 50_000_000
 _LONG_RUN = 200_000
-_LEAST_SHARE = 0.02  # of the range: a taut tendon where no tension is wanted
+_LEAST_SHARE = 0.02  # of the range: a taut tendon where the reference is zero
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,13 +37,13 @@ class Reference:
     removed_noise_N, sample_interval_s : float
         Root mean square of what the low-pass took away [N], and usual time between the samples of a file [s]; else 0.
     position_m : ndarray, shape (n + 1,), or None
-        Wanted position of the load relative to the start [m], where that is wanted.
+        Reference position of the load relative to the start [m], where the reference is a position.
     periodic : bool
         One period of a cycle: the last row is the first of the next.
     hold : Hold
         What the force does while the reference rests.
     raised_N : float
-        Tension that it was raised to where less was asked for [N]; 0 where it is as the user wrote it.
+        Tension to which a lower reference was raised [N]; 0 where it is as the user wrote it.
     step_s : float
         Time step [s].
     warnings : tuple of str
@@ -64,12 +64,12 @@ class Reference:
 
     @property
     def name(self) -> str:
-        """What errors refer to: the reference as the user wrote it, or the raised one."""
+        """Reference of the errors: as the user wrote it, or raised."""
         return "reference" if self.raised_N == 0 else f"reference raised to {self.raised_N:.3g} N"
 
     @property
     def share_of(self) -> str:
-        """What percentages refer to: "range", and whose where the reference is not as the user wrote it."""
+        """Scale of percentages: "range", and of which reference where it is not as the user wrote it."""
         return "range" if self.raised_N == 0 else f"range of the {self.name}"
 
     @property
@@ -121,7 +121,7 @@ def initial_tension(scenario: Scenario) -> float:
 
 
 def work_ahead(duration_s: float, step_s: float) -> tuple[str, ...]:
-    """What to say before a long run starts; nothing for an ordinary one."""
+    """Announcement of a long run; nothing for an ordinary one."""
     if not duration_s > _LONG_RUN * step_s:
         return ()
     note = (
@@ -139,7 +139,7 @@ def _sample(scenario: Scenario) -> Reference:
         case SineReference():
             time = _grid(spec.duration_s, step, file)
             highest = max(spec.frequencies_Hz)
-            if not highest * step < 0.5:  # sampled, it would be another sine, slower than the one asked for
+            if not highest * step < 0.5:  # sampled, it would be another sine, slower than the given one
                 raise InputError(
                     f"{file} [reference]: frequencies_Hz must be < {0.5 / step:g} (half the rate of "
                     f"step_s = {step:g}), got {highest:g}; use a step of {0.02 / highest:.2g} s or less: "
@@ -186,7 +186,7 @@ def _sample(scenario: Scenario) -> Reference:
 
 
 def _closed(course: FloatArray, file: str) -> FloatArray:
-    """One period, its last row the first of the next."""
+    """Period of the reference, its last sample the first of the next."""
     first, last, span = float(course[0]), float(course[-1]), float(np.ptp(course))
     if abs(last - first) > 1e-3 * span:
         raise InputError(
