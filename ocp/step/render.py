@@ -64,6 +64,21 @@ class OnJoints:
     factors: bool = False  # friction carries factors that are known at run time only
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Roots:
+    """How the tensions of a joint's tendons are found."""
+
+    # moves, tolerance: most moves of a search, and the relative move that counts as none [-]
+    moves: int = 60
+    tolerance: float = 1e-10
+    loose_N: float = 1e-6  # tension at the drum of an end that hangs loose
+
+    def texts(self, precision: Precision) -> dict[str, str]:
+        """C texts of these, and of numbers that the search needs."""
+        known = {"tolerance": self.tolerance, "loose": self.loose_N, "large": 1e30, "two": 2.0, "three": 3.0}
+        return {"moves": str(self.moves)} | {name: literal(value, precision) for name, value in known.items()}
+
+
 def law_calls(prefix: str, laws: Mapping[str, FoldedLaw]) -> Callable[..., str]:
     """How generated code calls its laws: see `StepCode.call`.
 
@@ -110,6 +125,7 @@ class StepCode:
     on_joints: OnJoints | None = None  # for a controller, where the path moves or has sections
     held: bool = False  # a servo's stiffness holds the near end, whose rounding counts too
     joint_numbers: tuple[str, ...] = ()  # of a driven joint between two chains
+    roots: Roots | None = None  # of a driven joint on a controller, whose inverse is all that is wanted
 
     def call(
         self,
@@ -255,6 +271,8 @@ class StepCode:
             minus_one=number(-1.0),
             bdf2_carry=number(BDF2_CARRY),
             bdf2_weight=number(BDF2_WEIGHT),
+            on_joint=self.roots is not None,
+            root=(self.roots or Roots()).texts(precision),
             counted=self.host or limits.evaluations > 0,
             limits=asdict(limits) | {"rounding": number(limits.rounding), "tolerance": number(limits.tolerance_N)},
             easy={"contraction": number(EASY_CONTRACTION), "moves": EASY_MOVES, "goal": number(EASY_GOAL)},
