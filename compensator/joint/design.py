@@ -132,17 +132,30 @@ def rounded(values: FloatArray, resolution: float) -> FloatArray:
     return values if resolution == 0 else np.round(values / resolution) * resolution
 
 
-def commanded(drive: JointDrive, motor_rad: FloatArray, step_s: float) -> FloatArray:
-    """Commands whose answer is the wanted angle: the servo's lag taken back, the speed within its limit."""
+def commanded(drive: JointDrive, motor_rad: FloatArray, step_s: float, *, live: bool = False) -> FloatArray:
+    """Commands whose answer is the wanted angle: the servo's lag taken back, the speed within its limit.
+
+    Live, the rate of a motor is known from the samples so far alone, as on a controller.
+    """
     command = motor_rad
     if drive.servo_time_s > 0:
-        command = motor_rad + drive.servo_time_s * np.gradient(motor_rad, step_s, axis=0)
+        rate = _rate_so_far(motor_rad, step_s) if live else np.gradient(motor_rad, step_s, axis=0)
+        command = motor_rad + drive.servo_time_s * rate
     if drive.speed_max_rad_per_s is None:
         return command
     most, limited = drive.speed_max_rad_per_s * step_s, command.copy()
     for row in range(1, len(command)):
         limited[row] = limited[row - 1] + np.clip(command[row] - limited[row - 1], -most, most)
     return limited
+
+
+def _rate_so_far(values: FloatArray, step_s: float) -> FloatArray:
+    """Rates at the ends of steps that start at rest, of second order [1/s]."""
+    change = np.diff(values, axis=0, prepend=values[:1])
+    before = np.roll(change, 1, axis=0)
+    before[0] = 0.0
+    rate: FloatArray = (1.5 * change - 0.5 * before) / step_s
+    return rate
 
 
 def joint_load(mechanism: Mechanism, sampled: SampledJoint, step_s: float) -> FloatArray:
@@ -175,7 +188,7 @@ def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Prog
     done, total = 0, 10
     try:
         problem = joint_problem(mechanism, scenario.run.level, sampled.motion)
-        inversion, notes = _inverse(scenario, sampled, problem)
+        inversion, notes = inverse_of(scenario, sampled, problem)
     except ParameterError as error:
         raise InputError(f"{scenario.source.name}: {error}") from None
     if inversion.status is JointStatus.FAILED:
@@ -183,12 +196,16 @@ def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Prog
     if inversion.status is JointStatus.WOULD_PUSH and strict and drive.kind is DriveKind.PAIR:
         raise InputError(f"{scenario.source.name}: {inversion.message}")
     motors = {
-        "linear": _linear(scenario, sampled),
+        "linear": linear_motor_rad(scenario, sampled),
         "static": _static(scenario, sampled),
         "inverse": inversion.motor_rad,
     }
     plant = JointPlant(
-        mechanism=mechanism, scenario=scenario, sampled=sampled, masses=_verifying(mechanism), refinement=REFINEMENT
+        mechanism=mechanism,
+        scenario=scenario,
+        sampled=sampled,
+        masses=verifying_masses(mechanism),
+        refinement=REFINEMENT,
     )
     profiles, commands = {}, {}
     for name, motor in motors.items():
@@ -242,13 +259,15 @@ def _after(found: JointInversion, lead: int) -> JointInversion:
     )
 
 
-def _verifying(mechanism: Mechanism) -> int:
+def verifying_masses(mechanism: Mechanism) -> int:
+    """Masses of each tendon of the mechanism that commands are judged on."""
     return max(VERIFYING_MASSES, *(2 * tendon.path.segments for tendon in mechanism.tendons))
 
 
-def _inverse(
+def inverse_of(
     scenario: JointScenario, sampled: SampledJoint, problem: JointProblem
 ) -> tuple[JointInversion, tuple[str, ...]]:
+    """The exact inverse, of a cycle in its steady state, and what the user should know."""
     step = scenario.run.step_s
     if not scenario.reference.periodic:
         return invert_joint(problem, sampled.angle_rad, step, contact_N_m=sampled.contact_N_m), ()
@@ -258,7 +277,7 @@ def _inverse(
     return found, (f"after {cycles} cycles the motor angle still changes; the profile is that of the last one",)
 
 
-def _linear(scenario: JointScenario, sampled: SampledJoint) -> FloatArray:
+def linear_motor_rad(scenario: JointScenario, sampled: SampledJoint) -> FloatArray:
     """The ratio alone: what the path leaves to the drum; with a wanted torque, what springs without friction take."""
     mechanism, joint = scenario.mechanism, scenario.mechanism.joint.name
     if scenario.reference.quantity is JointQuantity.TORQUE:
