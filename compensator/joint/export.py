@@ -25,6 +25,7 @@ from tendonff.compensator.joint.design import (
     JointPlant,
     commanded,
     inverse_of,
+    known_by_ratio,
     linear_motor_rad,
     verifying_masses,
 )
@@ -357,8 +358,7 @@ def _judge(scenario: JointScenario, sampled: SampledJoint, told_rad: FloatArray)
         masses=verifying_masses(mechanism),
         refinement=REFINEMENT,
     )
-    ratio = replace(mechanism.drive, servo_time_s=0.0)
-    plain = commanded(ratio, linear_motor_rad(scenario, sampled), step)
+    plain = commanded(known_by_ratio(mechanism.drive), linear_motor_rad(scenario, sampled), step)
     errors = []
     for command in (told_rad, plain):
         error = (plant.reached(plant.respond(command)) - sampled.wanted)[sampled.lead :]
@@ -423,12 +423,12 @@ def _context(
         "masses": masses,
         "states": layout.size,
         "memory": memory,
-        "state_bytes": 8 * -(-((2 * (2 * layout.size + memory) + 37) * size + 40) // 8),
+        "state_bytes": 8 * -(-((2 * (2 * layout.size + memory) + 41) * size + 40) // 8),
         "others": others,
         "other_parameter": f", const {prefix}_real other_rad[]" if others else "",
         "re_entry": max(1, round(RE_ENTRY_S / step)),
         "push": _PUSH_N if precision is Precision.DOUBLE else 100 * _PUSH_N,
-        "moves": MOVES,
+        "moves": MOVES[precision],
         "example_rows": max(20, min(4000, round(2.0 / step))),
     }
 
@@ -493,6 +493,7 @@ def _described(
         *(str(count), str(int(loop)), text(least), text(most)),
         *(text(drive.pretension_N or 0.0), text(drive.least_tension_N or 0.0), both(compliance), both(scale)),
         *(text(change), text(drive.torque_max_N_m or 1e30), text(drive.servo_time_s / step)),
+        *(text(drive.play_rad / 2), text(drive.turning_rad)),
     ]
     if others:
         numbers.append("{ " + ", ".join(others if len(others) > 1 else [*others, *others]) + " }")
@@ -518,11 +519,13 @@ def _golden_context(
     scenario: JointScenario, problem: JointProblem, course: _Course, found: _Answers | None, precision: Precision
 ) -> dict[str, object]:
     drive, step = scenario.mechanism.drive, scenario.run.step_s
-    rad, newton = _DOUBLE_RAD, _DOUBLE_N
+    rad, told, newton = _DOUBLE_RAD, 4 * _DOUBLE_RAD, _DOUBLE_N
     if precision is Precision.FLOAT:
-        rad, newton = _UNMEASURED_RAD, _UNMEASURED_N
+        # A reversal that rounding tells a sample later crosses the play that much later.
+        rad, told, newton = _UNMEASURED_RAD, 4 * _UNMEASURED_RAD + drive.play_rad, _UNMEASURED_N
         if found is not None:
             rad = 1e-5 + 3 * float(np.abs(found.motor_rad - course.motor_rad).max())
+            told = 1e-5 + 3 * float(np.abs(found.command_rad - course.command_rad).max())
             newton = 1e-3 + 3 * float(np.abs(found.tension_N - course.tension_N).max())
     seen = 0
     limit = drive.speed_max_rad_per_s
@@ -546,6 +549,7 @@ def _golden_context(
         "command_rad": course.command_rad,
         "tension_N": course.tension_N,
         "tolerance_rad": f"{rad:.3g}",
+        "tolerance_command": f"{told:.3g}",
         "tolerance_N": f"{newton:.3g}",
         "change_rad": f"{1e30 if limit is None else limit * step:.9g}",
         "back_rad": f"{1e-3 + 2 * float(np.ptp(beyond)):.3g}",

@@ -23,8 +23,8 @@ from tendonff.ocp.step.folding import scheme_rows
 from tendonff.ocp.step.laws import ElementLaws, twins_of
 from tendonff.ocp.step.render import Roots, StepCode
 
-MOVES = 20
-"""Most moves of one search for a tension in exported code."""
+MOVES = {Precision.DOUBLE: 60, Precision.FLOAT: 30}
+"""Most moves of one search for a tension in exported code: where friction kinks, it halves a bracket."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,7 +151,7 @@ def other_joints(problems: Sequence[JointProblem]) -> tuple[str, ...]:
 
 def _roots(precision: Precision) -> Roots:
     single = precision is Precision.FLOAT
-    return Roots(moves=MOVES, tolerance=2e-6 if single else 1e-10, loose_N=2e-4 if single else 1e-6)
+    return Roots(moves=MOVES[precision], tolerance=2e-6 if single else 1e-10, loose_N=2e-4 if single else 1e-6)
 
 
 def _shared(chains: Sequence[Chain]) -> dict[str, float]:

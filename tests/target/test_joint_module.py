@@ -6,7 +6,7 @@ import pytest
 from tendonff.compensator.joint.export import joint_sources
 from tendonff.compensator.joint.scenario import load_joint_scenario, sample_joint
 
-MOST = 9000
+MOST = {"m4f": 9000, "m7": 11000}
 
 
 @pytest.fixture
@@ -28,10 +28,10 @@ def module(toolbox, examples, tmp_path):
 
 @pytest.mark.parametrize("board", ["m4f", "m7"])
 @pytest.mark.parametrize("example", ["hand_joint", "instrument_pair"])
-def test_a_step_of_a_joint_takes_at_most_9000_instructions(toolbox, module, board, example, record_property):
+def test_a_step_of_a_joint_takes_at_most_9000_instructions_in_float(toolbox, module, board, example, record_property):
     """Six masses a tendon of the hand, eight of the instrument in two sections; the most of all calls, and of those on
     a fast way to and fro. Its sine is another one on the host: the commands agree to rounding."""
-    board = getattr(toolbox, board)
+    ceiling, board = MOST[board], getattr(toolbox, board)
     source = module(board, example)
     there, _ = toolbox.on_board(board, source, source, kinds=("joint",))
     here = toolbox.on_host(source, source, board.precision, kinds=("joint",))
@@ -39,4 +39,4 @@ def test_a_step_of_a_joint_takes_at_most_9000_instructions(toolbox, module, boar
     assert np.abs(there.shown - here.shown).max() < (1e-4 if board is toolbox.m4f else 1e-9)
     _, most, mean = there.counts["joint"]
     record_property("figure", f"{board.name}, {example}: {mean:.0f} instructions a step, {most} at most")
-    assert most <= MOST
+    assert most <= ceiling

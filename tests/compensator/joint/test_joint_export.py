@@ -62,7 +62,7 @@ def changed(source: Path, target: Path, *changes: tuple[str, str], head: str = "
 @pytest.fixture(scope="module")
 def several(tmp_path_factory: pytest.TempPathFactory) -> tuple[JointScenario, ...]:
     """Joints that differ: loop behind a slow servo, pair in sections, loop that bends with two joints, loop through
-    slack, one tendon against a spring, lengths from a table with two relaxation times each."""
+    slack, one tendon against a spring, lengths from a table with relaxation and the Stribeck effect."""
     folder, examples = tmp_path_factory.mktemp("several"), Path(__file__).parents[3] / "examples"
     hand, pair = examples / "hand_joint.toml", examples / "instrument_pair.toml"
     path = hand.read_text("utf-8").partition("[path]")[2].partition("[tendon]")[0]
@@ -70,10 +70,15 @@ def several(tmp_path_factory: pytest.TempPathFactory) -> tuple[JointScenario, ..
     (folder / "lengths.csv").write_text(
         "angle_rad,length_m\n" + "".join(f"{a:.9g},{0.2 - 8e-3 * a - 1e-3 * a * a:.9g}\n" for a in q)
     )
+    stribeck = "mu_static_release = 0.17\nmu_dynamic_release = 0.16\nstribeck_velocity_m_per_s = 5e-3"
     wrist = '[joints.wrist]\nkind = "sine"\namplitudes_rad = [0.3]\nfrequencies_Hz = [0.9]\n'
     end = pair.read_text("utf-8").partition('name = "close"')[2].partition("[drive]")[0]
     return (
-        changed(hand, folder / "a.toml", ("gear_ratio = 1.0 ", "servo_time_s = 0.02\ngear_ratio = 2.0 ")),
+        changed(
+            hand,
+            folder / "a.toml",
+            ("gear_ratio = 1.0 ", "servo_time_s = 0.02\nbacklash_rad = 0.02\ngear_ratio = 2.0 "),
+        ),
         changed(pair, folder / "b.toml"),
         changed(
             hand,
@@ -101,7 +106,7 @@ def several(tmp_path_factory: pytest.TempPathFactory) -> tuple[JointScenario, ..
             ("joints.knuckle", "joints.table"),
             ("moment_arm_m = 0.008 ", 'lengths = "lengths.csv" '),
             ("relaxing_stiffness_N_per_m = 0.0", "relaxing_stiffness_N_per_m = 4e3\nrelaxation_time_s = 0.4"),
-            ("mu_static = 0.2", "mu_static = 0.23\nmu_dynamic_release = 0.16\nmu_static_release = 0.17\nstribeck_velocity_m_per_s = 5e-3"),
+            ("mu_static = 0.2", f"mu_static = 0.23\n{stribeck}"),
         ),
     )
 
