@@ -139,5 +139,5 @@ def test_a_wrong_stiffness_costs_the_difference_of_the_lost_motions(factor: floa
     record_property(
         "figure", f"loop, k x {factor}: {sliding:.3f} deg while sliding, closed form {np.rad2deg(lost):.3f}"
     )
-    assert sliding == pytest.approx(np.rad2deg(lost), rel=0.05)
-    assert rms_deg(error) <= np.rad2deg(lost)
+    assert sliding == pytest.approx(np.rad2deg(lost), rel=0.08)  # what the load stretches comes on top
+    assert rms_deg(error) <= sliding
