@@ -104,7 +104,10 @@ class JointPlant:
 
 
 def driven(drive: JointDrive, command_rad: FloatArray, step_s: float) -> FloatArray:
-    """Angles that motors reach for commands, shape (rows, motors): sampled, rounded, delayed by the servo's lag."""
+    """Angles of the drums at the commanded shaft, shape (rows, motors), for commands.
+
+    These are sampled, rounded, delayed by the servo's lag, and taken through the play of the gear.
+    """
     command = np.asarray(command_rad, dtype=np.float64)
     time = np.arange(len(command)) * step_s
     if drive.command_interval_s is not None and drive.command_interval_s > step_s:
@@ -114,7 +117,7 @@ def driven(drive: JointDrive, command_rad: FloatArray, step_s: float) -> FloatAr
     else:
         command = rounded(command, drive.resolution_rad)
     if drive.servo_time_s == 0:
-        return command
+        return played(command, drive.play_rad)
     keep = math.exp(-step_s / drive.servo_time_s)
     # First order, exact for commands that go straight between rows.
     lag = drive.servo_time_s
@@ -124,7 +127,38 @@ def driven(drive: JointDrive, command_rad: FloatArray, step_s: float) -> FloatAr
         slope = (command[row] - command[row - 1]) / step_s
         now = command[row] - slope * lag + (now - command[row - 1] + slope * lag) * keep
         reached[row] = now
-    return reached
+    return played(reached, drive.play_rad)
+
+
+def played(motor_rad: FloatArray, play_rad: float) -> FloatArray:
+    """Angles of drums that stand until their motors, in the middle at first, have crossed the play (play operator)."""
+    if play_rad == 0:
+        return motor_rad
+    drum = np.empty_like(motor_rad)
+    now = drum[0] = motor_rad[0]
+    for row, motor in enumerate(motor_rad):
+        now = drum[row] = np.clip(now, motor - play_rad / 2, motor + play_rad / 2)
+    return drum
+
+
+def crossed(drum_rad: FloatArray, drive: JointDrive) -> FloatArray:
+    """Angles of motors that have crossed the play wherever their drums turn back."""
+    if drive.play_rad == 0:
+        return drum_rad
+    motor = np.empty_like(drum_rad)
+    furthest, side = drum_rad[0].copy(), np.zeros(drum_rad.shape[1])
+    for row, drum in enumerate(drum_rad):
+        turned = np.abs(drum - furthest) > drive.turning_rad
+        ahead = (drum - furthest) * side > 0
+        side = np.where(turned & ~ahead, np.sign(drum - furthest), side)
+        furthest = np.where(ahead | turned, drum, furthest)
+        motor[row] = drum + side * drive.play_rad / 2
+    return motor
+
+
+def known_by_ratio(drive: JointDrive) -> JointDrive:
+    """A drive without what a controller that knows the ratio alone does not know either."""
+    return replace(drive, servo_time_s=0.0, backlash_rad=0.0)
 
 
 def rounded(values: FloatArray, resolution: float) -> FloatArray:
@@ -132,17 +166,30 @@ def rounded(values: FloatArray, resolution: float) -> FloatArray:
     return values if resolution == 0 else np.round(values / resolution) * resolution
 
 
-def commanded(drive: JointDrive, motor_rad: FloatArray, step_s: float) -> FloatArray:
-    """Commands whose answer is the wanted angle: the servo's lag taken back, the speed within its limit."""
-    command = motor_rad
+def commanded(drive: JointDrive, motor_rad: FloatArray, step_s: float, *, live: bool = False) -> FloatArray:
+    """Commands whose answer is the wanted angle: play and lag of the servo taken back, the speed within its limit.
+
+    Live, the rate of a motor is known from the samples so far alone, as on a controller.
+    """
+    command = crossed(motor_rad, drive)
     if drive.servo_time_s > 0:
-        command = motor_rad + drive.servo_time_s * np.gradient(motor_rad, step_s, axis=0)
+        rate = _rate_so_far(motor_rad, step_s) if live else np.gradient(motor_rad, step_s, axis=0)
+        command = command + drive.servo_time_s * rate
     if drive.speed_max_rad_per_s is None:
         return command
     most, limited = drive.speed_max_rad_per_s * step_s, command.copy()
     for row in range(1, len(command)):
         limited[row] = limited[row - 1] + np.clip(command[row] - limited[row - 1], -most, most)
     return limited
+
+
+def _rate_so_far(values: FloatArray, step_s: float) -> FloatArray:
+    """Rates at the ends of steps that start at rest, of second order [1/s]."""
+    change = np.diff(values, axis=0, prepend=values[:1])
+    before = np.roll(change, 1, axis=0)
+    before[0] = 0.0
+    rate: FloatArray = (1.5 * change - 0.5 * before) / step_s
+    return rate
 
 
 def joint_load(mechanism: Mechanism, sampled: SampledJoint, step_s: float) -> FloatArray:
@@ -182,7 +229,7 @@ def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Prog
     done, total = 0, 10
     try:
         problem = joint_problem(mechanism, scenario.run.level, sampled.motion)
-        inversion, notes = _inverse(scenario, sampled, problem)
+        inversion, notes = inverse_of(scenario, sampled, problem)
     except ParameterError as error:
         raise InputError(f"{scenario.source.name}: {error}") from None
     if inversion.status is JointStatus.FAILED:
@@ -190,17 +237,20 @@ def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Prog
     if inversion.status is JointStatus.WOULD_PUSH and strict and drive.kind is DriveKind.PAIR:
         raise InputError(f"{scenario.source.name}: {inversion.message}")
     motors = {
-        "linear": _linear(scenario, sampled),
+        "linear": linear_motor_rad(scenario, sampled),
         "static": _static(scenario, sampled),
         "inverse": inversion.motor_rad,
     }
     plant = JointPlant(
-        mechanism=mechanism, scenario=scenario, sampled=sampled, masses=_verifying(mechanism), refinement=REFINEMENT
+        mechanism=mechanism,
+        scenario=scenario,
+        sampled=sampled,
+        masses=verifying_masses(mechanism),
+        refinement=REFINEMENT,
     )
     profiles, commands = {}, {}
     for name, motor in motors.items():
-        # A controller that knows the ratio alone does not know its servo either.
-        command = commanded(drive if name != "linear" else replace(drive, servo_time_s=0.0), motor, step)
+        command = commanded(drive if name != "linear" else known_by_ratio(drive), motor, step)
         commands[name] = command
         run = plant.respond(command)
         reached, kept = plant.reached(run), slice(sampled.lead, None)
@@ -249,13 +299,15 @@ def _after(found: JointInversion, lead: int) -> JointInversion:
     )
 
 
-def _verifying(mechanism: Mechanism) -> int:
+def verifying_masses(mechanism: Mechanism) -> int:
+    """Masses of each tendon of the mechanism that commands are judged on."""
     return max(VERIFYING_MASSES, *(2 * tendon.path.segments for tendon in mechanism.tendons))
 
 
-def _inverse(
+def inverse_of(
     scenario: JointScenario, sampled: SampledJoint, problem: JointProblem
 ) -> tuple[JointInversion, tuple[str, ...]]:
+    """The exact inverse, of a cycle in its steady state, and what the user should know."""
     step = scenario.run.step_s
     if not scenario.reference.periodic:
         return invert_joint(problem, sampled.angle_rad, step, contact_N_m=sampled.contact_N_m), ()
@@ -265,7 +317,7 @@ def _inverse(
     return found, (f"after {cycles} cycles the motor angle still changes; the profile is that of the last one",)
 
 
-def _linear(scenario: JointScenario, sampled: SampledJoint) -> FloatArray:
+def linear_motor_rad(scenario: JointScenario, sampled: SampledJoint) -> FloatArray:
     """The ratio alone: what the path leaves to the drum; with a wanted torque, what springs without friction take."""
     mechanism, joint = scenario.mechanism, scenario.mechanism.joint.name
     if scenario.reference.quantity is JointQuantity.TORQUE:

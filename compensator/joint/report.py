@@ -64,6 +64,14 @@ def joint_report(result: JointDesignData, figures: Mapping[str, Figure]) -> Repo
     )
 
 
+def _backlash_of_joint(result: JointDesignData) -> float:
+    """Half the play of the gear, as an angle of the joint at the start [rad]."""
+    mechanism = result.scenario.mechanism
+    arms = mechanism.arms_at(float(result.sampled.angle_rad[0]))
+    drum = mechanism.drum_radius_m[0] / mechanism.drive.gear_ratio
+    return 0.5 * mechanism.drive.play_rad * drum / abs(arms[0])
+
+
 def _sheet(result: JointDesignData) -> Table:
     """Closed forms, in words."""
     sheet = result.sheet
@@ -71,6 +79,11 @@ def _sheet(result: JointDesignData) -> Table:
     if sheet is not None:
         rows = [
             ("lost motion of the joint, either way", math.degrees(sheet.lost_motion_rad), "deg"),
+            *(
+                [("backlash of the gear, either way", math.degrees(play), "deg")]
+                if (play := _backlash_of_joint(result))
+                else []
+            ),
             ("friction that the drum feels, either way", sheet.drive_torque_N_m, "N m"),
             ("the same as a force", sheet.drive_force_N, "N"),
             ("least tension at the joint, turning without load", sheet.least_tension_N, "N"),

@@ -236,6 +236,10 @@ class JointTendon:
         return travel
 
 
+TURNING = 0.05
+"""Share of its play by which a drum turns back before the motor crosses it [-]: rounding is no reversal."""
+
+
 class DriveKind(StrEnum):
     """Who holds the tendons.
 
@@ -281,6 +285,9 @@ class JointDrive:
         Step of the command at the motor [rad], >= 0: 2 pi/4096 for 12 bits a turn.
     command_interval_s : float, optional
         Time between two commands [s], > 0; default: one a step.
+    backlash_rad : float, optional
+        Play of the gear, in series with the drum of a loop [rad of the commanded shaft], >= 0: the drum stands, held by
+        its tendons, until the motor has crossed it. A pair's tensions keep its gears on one side.
     homing_rad : float, optional
         Size of the stroke to both sides [rad of the joint], >= 0, that wipes out before a run what friction has stored.
     """
@@ -298,6 +305,7 @@ class JointDrive:
     servo_time_s: float = 0.0
     resolution_rad: float = 0.0
     command_interval_s: float | None = None
+    backlash_rad: float = 0.0
     homing_rad: float = 0.0
 
     def __post_init__(self) -> None:
@@ -305,7 +313,7 @@ class JointDrive:
         for radius in self.drum_radius_m:
             require("drum_radius_m", radius, above=0, hint="half the drum's diameter plus half the tendon's")
         require("gear_ratio", self.gear_ratio, above=0, hint="turns of the motor for one of the drum")
-        for name in ("inertia_kg_m2", "coulomb_N_m", "servo_time_s", "resolution_rad", "homing_rad"):
+        for name in ("inertia_kg_m2", "coulomb_N_m", "servo_time_s", "resolution_rad", "backlash_rad", "homing_rad"):
             require(name, getattr(self, name), least=0, hint="leave it out for none")
         for name in ("torque_constant_N_m_per_A", "speed_max_rad_per_s", "torque_max_N_m", "command_interval_s"):
             require_given(name, getattr(self, name), above=0, hint="leave it out if it is not known")
@@ -317,6 +325,16 @@ class JointDrive:
             if self.least_tension_N is None or self.pretension_N is not None:
                 raise ParameterError('a drive of kind = "pair" needs least_tension_N, and no pretension_N')
             require("least_tension_N", self.least_tension_N, above=0, hint="a tendon cannot push; try 2")
+
+    @property
+    def play_rad(self) -> float:
+        """Play between motor and drum that has an effect [rad of the commanded shaft]."""
+        return self.backlash_rad if self.kind is DriveKind.LOOP else 0.0
+
+    @property
+    def turning_rad(self) -> float:
+        """Way back of a drum from where it went furthest that counts as a reversal [rad of the commanded shaft]."""
+        return max(TURNING * self.play_rad, self.resolution_rad)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

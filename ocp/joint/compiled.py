@@ -15,7 +15,7 @@ from tendonff.ocp.step.laws import ElementLaws
 
 
 class _TendonStruct(ctypes.Structure):
-    """`tff_tendon` of mechanism.c.j2."""
+    """`tff_tendon` of sides.c.j2."""
 
     _fields_ = (
         ("chain", ctypes.c_void_p),
@@ -29,7 +29,7 @@ class _TendonStruct(ctypes.Structure):
 
 
 class _JointStruct(ctypes.Structure):
-    """`tff_joint` of mechanism.c.j2."""
+    """`tff_hinge` of sides.c.j2."""
 
     _fields_ = tuple((name, ctypes.c_double) for name in JOINT_NUMBERS)
 

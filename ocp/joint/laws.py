@@ -5,6 +5,8 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
+from tendonff.models.assembly import NORMAL_FORCE_FLOOR_N, near_tension, tension_sum
+from tendonff.models.bounds import at_least
 from tendonff.models.chain import Chain
 from tendonff.models.joint.balance import JointLaw
 from tendonff.models.layout import fields_of
@@ -41,14 +43,34 @@ def link_back(laws: ElementLaws) -> Law:
 
 
 def path_mass_back(laws: ElementLaws) -> Law:
-    """Friction and inertia that a mass adds to the tension, with slopes over its speed and the load side's tension."""
-    law = laws.path_mass_inverse(drop=True)
+    """Friction and inertia that a mass adds to the tension, with slopes over its speed and the load side's tension.
+
+    The normal force f_n = A(v, f_far) + S(v, f_n), S being the states' force, gives its slopes without those of its
+    root: fewer operations, and no branches.
+    """
+    law, friction = laws.path_mass_inverse(drop=True), laws.friction
     known = {s.name(): s for s in law.inputs}
-    drop = law.outputs["drop"]
-    slopes = {"by_v": ca.jacobian(drop, known["v"]), "by_far": ca.jacobian(drop, known["f_far"]) + 1}
+    v, f_far, step = known["v"], known["f_far"], known["H"]
+    inertia = known["piece_mass_kg"] / step * (v - known["v_base"])
+    own = near_tension(f_far, friction.viscous_force(v), inertia)
+    far_sum = tension_sum(f_far, own, known["piece_adhesion_N"])
+    states = tuple(law.outputs[name] for name in friction.states)
+    base = tuple(known[f"{name}_base"] for name in friction.states)
+    f_n = ca.SX.sym("f_n")
+    force = friction.state_force(friction.implicit(v, base, step, f_n))
+    found = at_least(far_sum + friction.state_force(states), NORMAL_FORCE_FLOOR_N)
+    by_f_n, by_v = ca.substitute([ca.jacobian(force, f_n), ca.jacobian(force, v)], [f_n], [found])
+    rest = 1 - by_f_n
+    # Behind the mass is own + S, S = f_n - A, and f_n changes by (dA + dS at this f_n)/(1 - dS/df_n).
+    slopes = {
+        "by_v": ca.jacobian(own, v) + (by_v + by_f_n * ca.jacobian(far_sum, v)) / rest,
+        "by_far": ca.jacobian(own, f_far) + by_f_n * ca.jacobian(far_sum, f_far) / rest,
+    }
     comment = "Friction and inertia of a mass [N], slopes of the tension behind it, and the states of its friction."
-    states = {name: value for name, value in law.outputs.items() if name != "drop"}
-    return replace(law, name="path_mass_back", comment=comment, outputs={"drop": drop, **slopes, **states})
+    every = {name: value for name, value in law.outputs.items() if name != "drop"}
+    return replace(
+        law, name="path_mass_back", comment=comment, outputs={"drop": law.outputs["drop"], **slopes, **every}
+    )
 
 
 def representative(chains: tuple[Chain, ...]) -> Chain:

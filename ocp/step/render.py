@@ -64,6 +64,21 @@ class OnJoints:
     factors: bool = False  # friction carries factors that are known at run time only
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Roots:
+    """How the tensions of a joint's tendons are found."""
+
+    # moves, tolerance: most moves of a search, and the relative move that counts as none [-]
+    moves: int = 60
+    tolerance: float = 1e-10
+    loose_N: float = 1e-6  # tension at the drum of an end that hangs loose
+
+    def texts(self, precision: Precision) -> dict[str, str]:
+        """C texts of these, and of numbers that the search needs."""
+        known = {"tolerance": self.tolerance, "loose": self.loose_N, "large": 1e30, "two": 2.0, "three": 3.0}
+        return {"moves": str(self.moves)} | {name: literal(value, precision) for name, value in known.items()}
+
+
 def law_calls(prefix: str, laws: Mapping[str, FoldedLaw]) -> Callable[..., str]:
     """Convention by which generated code calls its laws: see `StepCode.call`.
 
@@ -110,6 +125,8 @@ class StepCode:
     on_joints: OnJoints | None = None  # for a controller, where the path moves or has sections
     held: bool = False  # a servo's stiffness holds the near end, whose rounding counts too
     joint_numbers: tuple[str, ...] = ()  # of a driven joint between two chains
+    roots: Roots | None = None  # of a driven joint on a controller, whose inverse is all that is wanted
+    record: tuple[str, ...] = ()  # numbers of its tendons that its laws take from a record
 
     def call(
         self,
@@ -144,7 +161,9 @@ class StepCode:
         links = ((name, f"{n} + 1") for name in ("start", "force", "slope"))
         own = [(f"new_{name}", n) for name in self.layout.friction_states]
         own += [(f"new_{name}", "1") for name in self.layout.end_states]
-        masses = ("v", "trial", "residual", "lower", "diag", "upper", "move")
+        masses: tuple[str, ...] = ("v", "trial", "residual", "lower", "diag", "upper", "move")
+        if self.roots is not None:
+            links, masses = ((name, f"{n} + 1") for name in ("start", "force")), ("v",)
         extra: list[tuple[str, str]] = []
         if self.moving:
             extra += [("gain", f"{n} + 1"), ("ratio", f"{n} + 1"), ("drift", f"{n} + 2")]
@@ -157,9 +176,11 @@ class StepCode:
         """Template of `ocp/step/templates`, filled in."""
         limits, precision, states = self.limits, self.precision, self.layout
         enter = f"const {self.prefix}_weights *const c = given;\n    (void)c;"
-        if self.host:  # a copy that nothing can change lets the compiler keep the numbers in registers
+        if (
+            self.host and self.roots is None
+        ):  # a copy that nothing can change lets the compiler keep the numbers in registers
             enter = f"const {self.prefix}_weights local = given[0], *const c = &local;"
-        real, restrict = precision.value, "restrict " if self.host else ""
+        real, restrict = precision.value, "restrict " if self.host and self.roots is None else ""
         own = ("piece_mass_kg", *self.friction_numbers) if self.moving and self.host else ()
         on_joints = self.on_joints
         contact = f"const {self.prefix}_contact *contact, " if on_joints else ""
@@ -189,13 +210,13 @@ class StepCode:
             solve="solve_host.c.j2" if self.host else "solve_target.c.j2",
             host=self.host,
             view="" if self.host else "w->",
-            apart=f"{self.prefix.upper()}_APART " if self.host else "",
+            apart=f"{self.prefix.upper()}_APART " if self.host and self.roots is None else "",
             moving=self.moving,
             call=self.call,
             rate=lambda i, drift: (
                 f"v[{i}] - v[{i} + 1]" if not self.moving else f"(v[{i}] - v[{i} + 1]) + {drift}[{i}]"
             ),
-            row_of=lambda k: k if on_joints else f"2 * ({k})",
+            row_of=lambda k: k if on_joints or self.roots else f"2 * ({k})",
             link_loops=_ALL_LINKS if self.moving else _HOST_LINKS if self.host else _LINKS_BY_KIND,
             link_of_i="c" if self.moving else "l",
             ratio_given=lambda record, i="i": f"ratio[{i}]" if self.moving and record == "c" else f"{record}->ratio",
@@ -247,6 +268,7 @@ class StepCode:
             input_names=INPUT_NAMES,
             held=self.held,
             joint_numbers=self.joint_numbers,
+            record=self.record,
             shifted=self.compliances is not None,
             compliances=self.compliances,
             zero=number(0.0),
@@ -255,6 +277,8 @@ class StepCode:
             minus_one=number(-1.0),
             bdf2_carry=number(BDF2_CARRY),
             bdf2_weight=number(BDF2_WEIGHT),
+            on_joint=self.roots is not None,
+            root=(self.roots or Roots()).texts(precision),
             counted=self.host or limits.evaluations > 0,
             limits=asdict(limits) | {"rounding": number(limits.rounding), "tolerance": number(limits.tolerance_N)},
             easy={"contraction": number(EASY_CONTRACTION), "moves": EASY_MOVES, "goal": number(EASY_GOAL)},

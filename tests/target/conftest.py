@@ -199,7 +199,7 @@ def _sources(source: Path, folder: Path, kinds: tuple[str, ...]) -> list[str | P
     return [
         f"-DMODULE={kinds[0]}",
         own if own.exists() else HERE / "bench_one.c",
-        *(source / f"tff_{name}.c" for name in modules if name != "path" or (source / "tff_path.c").exists()),
+        *(made for name in modules if (made := source / f"tff_{name}.c").exists()),
     ]
 
 

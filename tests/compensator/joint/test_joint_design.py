@@ -174,6 +174,26 @@ def test_the_lag_of_a_servo_is_taken_back() -> None:
     assert np.abs(led).max() < 1e-4
 
 
+def test_the_play_of_a_gear_is_crossed_at_every_reversal() -> None:
+    time = np.arange(0, 2, 1e-3)
+    wanted = (np.sin(3 * time) * np.minimum(time, 1) ** 2)[:, None]
+    loose = drive(backlash_rad=0.04)
+    late = driven(loose, wanted, 1e-3) - wanted
+    led = driven(loose, commanded(loose, wanted, 1e-3), 1e-3) - wanted
+    assert np.abs(late).max() == pytest.approx(0.02)
+    turning = loose.turning_rad
+    assert np.abs(led).max() <= turning + 1e-12
+    assert np.abs(led[np.abs(np.gradient(wanted[:, 0])) > 1e-3]).max() < 1e-12
+    slow = drive(backlash_rad=0.04, speed_max_rad_per_s=4.0)
+    assert np.abs(np.diff(commanded(slow, wanted, 1e-3), axis=0)).max() <= 4e-3 * (1 + 1e-9)
+
+
+def test_tensions_keep_the_gears_of_a_pair_on_one_side() -> None:
+    pair = JointDrive(kind=DriveKind.PAIR, drum_radius_m=(8e-3,), least_tension_N=2.0, backlash_rad=0.04)
+    wanted = np.sin(np.arange(0, 2, 1e-2))[:, None]
+    assert np.array_equal(driven(pair, commanded(pair, wanted, 1e-2), 1e-2), wanted)
+
+
 def test_a_servo_hears_rounded_commands_at_its_own_pace() -> None:
     time = np.arange(0, 1, 1e-3)
     wanted = (0.3 * time)[:, None]
