@@ -5,12 +5,14 @@ the answer to that.
 """
 
 import math
+from dataclasses import replace
 
 import newton
 import numpy as np
 import warp as wp
 
-from benchmarks.yardstick.case import Array, Case
+from benchmarks.yardstick.answers import answer as answer_of
+from benchmarks.yardstick.case import Array, Case, Phase, Section, error_percent
 
 PINHOLES, SPAN_M, ROW_S = 9, 0.05, 2e-3
 
@@ -105,3 +107,58 @@ def respond(rig: Rig, case: Case) -> tuple[dict[str, Array], dict[str, Array]]:
         "joint_torque_N_m": found[:, behind] * [s.arm_m for s in case.path],
     }
     return outputs, recorded
+
+
+def history(
+    *, mu: float = 0.2, pinholes: int = PINHOLES, stiffer: float = 1.0, both: bool = False, seed: int = 0
+) -> float:
+    """Error of a random history of the near end's travel, over pi rad, against the law for the tension it gave [%]."""
+    stiffness, start, rng = 2e4 * stiffer, 30.0, np.random.default_rng(seed)
+    times = np.linspace(0.0, 3.0, 13)
+    ways = [np.append(0.0, rng.uniform(-0.8, 1.2, 12)) * start / stiffness for _ in range(2)]
+    row = {"time_s": times.tolist(), "near": {"tension_N": (0 * times).tolist()}, "far": {"held": True}}
+    raw = {
+        "name": "random history",
+        "physics": "",
+        "source": "",
+        "kind": "tendon",
+        "answer": "cones",
+        "tolerance_percent": 1.0,
+        "stiffness_N_per_m": stiffness,
+        "start_N": start,
+        "row_s": ROW_S,
+        "outputs": ["far_tension_N"],
+    }
+    far = Phase(
+        time_s=times, ends={"near": row["near"], "far": {"travel_m": (-0.4 * ways[1]).tolist()} if both else {}}
+    )
+    path = (Section(angle_rad=math.pi, length_m=1.0, mu=mu),)
+    case = Case(key="", path=path, phases=(far,), raw=raw, **{k: raw[k] for k in HEAD})
+    rig = Rig(math.pi, mu, stiffness, start, pinholes)
+    found = [rig.step()]
+    for t in case.time_s:
+        rig.place["near"] = float(np.interp(t, times, ways[0]))
+        rig.place["far"] = -float(np.interp(t, times, -0.4 * ways[1])) if both else 0.0
+        found.append(rig.step())
+    tension = np.array(found[1:])
+    judged = replace(case, recorded={"near": tension[:, 0]})
+    return error_percent(case, {"far_tension_N": tension[:, -1]}, answer_of(judged))
+
+
+def main() -> None:
+    """Print the errors of random histories in five settings: the median of three."""
+    for name, setting in SETTINGS.items():
+        print(f"{name:24} {np.median([history(seed=seed, **setting) for seed in range(3)]):.2f} % of range", flush=True)
+
+
+HEAD = ("name", "physics", "source", "kind", "tolerance_percent")
+SETTINGS: dict[str, dict[str, float]] = {
+    "9 pinholes": {},
+    "both ends moved": {"both": True},
+    "25 pinholes": {"pinholes": 25},
+    "mu theta 1.26": {"mu": 0.4},
+    "ten times stiffer": {"stiffer": 10.0},
+}
+
+if __name__ == "__main__":
+    main()

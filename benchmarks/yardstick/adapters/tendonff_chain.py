@@ -3,7 +3,7 @@
 import numpy as np
 
 import tendonff as tf
-from benchmarks.yardstick.case import Array, Case, Section
+from benchmarks.yardstick.case import Array, Case, Phase, Section
 from tendonff.models.joint.parameters import Arm, DriveKind, DrivenJoint, JointDrive, JointTendon
 from tendonff.models.layout import ChainInputs, ChainState
 from tendonff.models.path import JointMotion
@@ -126,19 +126,19 @@ def _hold(end: dict[str, object], chain: tf.Chain, name: str) -> float:
     return HELD_N_PER_M if end else (chain.far.stiffness_N_per_m if name == "far" else LOAD_N_PER_M)
 
 
-def _inputs(phase: object, t: Array, chain: tf.Chain, state: ChainState, tension: Array) -> dict[str, Array | float]:
+def _inputs(phase: Phase, t: Array, chain: tf.Chain, state: ChainState, tension: Array) -> dict[str, Array | float]:
     """What acts on the ends: forces, or rest positions of springs that carry the tension at the phase's start."""
     found: dict[str, Array | float] = {}
-    ends = phase.ends  # type: ignore[attr-defined]
+    ends = phase.ends
     for name, sign, at, carried in (
         ("near", 1, state.near_position_m, tension[0]),
         ("far", -1, state.far_position_m, tension[-1]),
     ):
         spring = getattr(chain, name).stiffness_N_per_m
         if "tension_N" in ends[name]:
-            found[f"{name}_force_N"] = np.interp(t, phase.time_s, ends[name]["tension_N"])  # type: ignore[attr-defined]
+            found[f"{name}_force_N"] = np.interp(t, phase.time_s, ends[name]["tension_N"])
             continue
-        led = np.interp(t, phase.time_s, ends[name]["travel_m"]) if "travel_m" in ends[name] else 0.0  # type: ignore[attr-defined]
+        led = np.interp(t, phase.time_s, ends[name]["travel_m"]) if "travel_m" in ends[name] else 0.0
         found[f"{name}_rest_m"] = at + sign * carried / spring + led
     return found
 
