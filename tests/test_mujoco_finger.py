@@ -5,7 +5,19 @@ import pytest
 
 mujoco = pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
 
-from examples.mujoco_finger.rig import JOINTS, MODEL, RADII_M, Controller, run, sections, wrap_angles  # noqa: E402
+from examples.mujoco_finger.passive import PassiveTendon, tendon_jacobian  # noqa: E402
+from examples.mujoco_finger.rig import (  # noqa: E402
+    JOINTS,
+    MODEL,
+    RADII_M,
+    Controller,
+    run,
+    sections,
+    settled,
+    transmission,
+    wrap_angles,
+)
+from tendonff.models.path import JointMotion  # noqa: E402
 
 
 @pytest.mark.parametrize("knuckle", [-0.2, 0.4, 1.2])
@@ -37,3 +49,45 @@ def test_the_inverse_with_measured_joints_follows_where_plain_force_and_the_desi
     assert errors[Controller.MEASURED] < 0.1
     assert errors[Controller.PLAIN] > 15
     assert errors[Controller.AT_REST] > 15
+
+
+@pytest.mark.slow
+def test_as_a_passive_force_it_gives_no_more_work_than_it_got_in_a_thousand_random_motions() -> None:
+    """Work at the joints: at most that of the actuator plus what the tendon stored at the start."""
+    model = mujoco.MjModel.from_xml_path(str(MODEL))
+    rows, start, stiffness = 20, 20.0, 3e4  # the tendon's in `rig.py`
+    random, worst = np.random.default_rng(4), -np.inf
+    time = np.arange(rows + 1) * model.opt.timestep
+    angles = np.tile(settled(model).qpos, (rows + 1, 1))
+    rig = transmission(JointMotion(names=JOINTS, time_s=time, angle_rad=angles))
+    flat = PassiveTendon(model, settled(model), rig, start_N=start, force_N=lambda _: start, masses=12)
+    with flat as tendon:
+        for _ in range(1000):
+            tendon.restart()
+            data, top = settled(model), start * random.uniform(0.3, 3.0)
+            tendon.force_N = lambda t, top=top: float(np.interp(t, [0.0, 0.005], [start, top]))
+            data.qvel[:] = random.normal(0.0, 20.0, 2)
+            given = gained = 0.0
+            torque, force = tendon.torque_N_m(model, data), start
+            for _ in range(rows):
+                q, at, pulled, pushes = data.qpos.copy(), tendon.actuator_m, force, torque
+                mujoco.mj_step(model, data)
+                tendon.follow(data)
+                torque, force = tendon.torque_N_m(model, data), tendon.force_N(data.time)
+                given += float((torque + pushes) / 2 @ (data.qpos - q))
+                gained += (force + pulled) / 2 * (tendon.actuator_m - at)
+            worst = max(worst, given - gained - start**2 / (2 * stiffness))
+    assert worst < 0
+
+
+def test_the_jacobian_of_a_tendon_is_that_of_mujoco_s_own_finite_difference() -> None:
+    model = mujoco.MjModel.from_xml_path(str(MODEL))
+    data = mujoco.MjData(model)
+    data.qpos[:] = (0.5, 0.3)
+    mujoco.mj_forward(model, data)
+    here, found = float(data.ten_length[0]), tendon_jacobian(model, data, 0)
+    for k in range(2):
+        data.qpos[:] = (0.5, 0.3)
+        data.qpos[k] += 1e-6
+        mujoco.mj_forward(model, data)
+        assert found[k] == pytest.approx((float(data.ten_length[0]) - here) / 1e-6, rel=1e-4)

@@ -14,14 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from examples.mujoco_finger.exported import ExportedInverse
+from examples.mujoco_finger.passive import PassiveTendon
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
-from tendonff.models.layout import ChainInputs
 from tendonff.models.parameters import Actuator, Friction, Load, Tendon, Transmission
 from tendonff.models.parameters import Path as TendonPath
 from tendonff.models.path import JointMotion, Section
 from tendonff.ocp.inverse import invert
-from tendonff.ocp.simulate import Simulator
 
 Array = NDArray[np.float64]
 
@@ -179,41 +178,36 @@ def run(controller: Controller, duration_s: float = DURATION_S) -> Run:
     rows = round(duration_s / STEP_S) + 1
     fine = model.opt.timestep
     substeps = round(STEP_S / fine)
-    # What the joints do becomes known as they do it: the array is filled on the way, a step ahead of its use.
+    # What the joints do becomes known as they do it: the tendon fills the array on the way.
     true = np.tile(data.qpos, ((rows - 1) * substeps + 1, 1))
     time: Array = np.arange(rows, dtype=np.float64) * STEP_S
     rig = transmission(JointMotion(names=JOINTS, time_s=np.arange(len(true)) * fine, angle_rad=true))
-    plant = Chain.of(rig, Level.PRESLIDING, PLANT_MASSES)
-    # the link behind the last mass on a joint's pulley pulls at the bone behind the joint
-    section_of = plant.elements.path.section_of
-    names = [section.name for section in rig.path.parts]
-    pulls = [int(np.flatnonzero(section_of == names.index(joint)).max()) + 1 for joint in JOINTS]
     reference = wanted(time)
     at_rest = invert(Chain.of(rig, Level.PRESLIDING).at_rest(), reference, STEP_S).force_N
     inverse = ExportedInverse(rig, START_N, STEP_S) if controller is Controller.MEASURED else None
     if inverse is not None:
         inverse.step(START_N, data.qpos)  # where the joints stand
-    tendon = Simulator(plant, fine, plant.rest_state(START_N), ChainInputs.of(1, near_force_N=START_N))
-    force = START_N
-    forces, tensions, tension = [force], [START_N], np.full(PLANT_MASSES + 1, START_N)
-    for k in range(rows - 1):
-        before = force
-        if inverse is None:
-            force = float((reference if controller is Controller.PLAIN else at_rest)[k + 1])
-        else:  # encoders: angle and speed now, from which the angle at the end of the step
-            force = inverse.step(float(reference[k + 1]), data.qpos + STEP_S * data.qvel)
-        for j in range(substeps):
-            data.qfrc_applied[:] = pushed(data.time) - np.array(data.ten_J).ravel() * tension[pulls]
-            mujoco.mj_step(model, data)
-            true[k * substeps + j + 1 :] = data.qpos
-            now = before + (force - before) * (j + 1) / substeps
-            tension = tendon.advance(ChainInputs.of(1, near_force_N=now)).tension_N[-1]
-        forces.append(force)
-        tensions.append(float(tension[-1]))
+    forces, tensions = np.full(rows, START_N), [START_N]
+
+    def force_N(now: float) -> float:
+        """Straight between the controller's samples, of which the coming one is known."""
+        return float(np.interp(now, time, forces))
+
+    with PassiveTendon(model, data, rig, start_N=START_N, force_N=force_N, masses=PLANT_MASSES) as tendon:
+        for k in range(1, rows):
+            if inverse is None:
+                forces[k:] = (reference if controller is Controller.PLAIN else at_rest)[k]
+            else:  # encoders: angle and speed now, from which the angle at the end of the step
+                forces[k:] = inverse.step(float(reference[k]), data.qpos + STEP_S * data.qvel)
+            for _ in range(substeps):
+                data.qfrc_applied[:] = pushed(data.time)
+                mujoco.mj_step(model, data)
+            tendon.follow(data)
+            tensions.append(float(tendon.tension_N[-1]))
     return Run(
         time_s=time,
         wanted_N=reference,
-        force_N=np.array(forces),
+        force_N=forces,
         tension_N=np.array(tensions),
         joint_rad=true[::substeps].copy(),
     )

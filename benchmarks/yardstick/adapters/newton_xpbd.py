@@ -1,0 +1,164 @@
+"""Newton's massless tendon through frictional pinholes (XPBD on the CPU), both ends led.
+
+An end that is given a tension is led by what the tension of its span lacks; what it then had is recorded, and judged is
+the answer to that.
+"""
+
+import math
+from dataclasses import replace
+
+import newton
+import numpy as np
+import warp as wp
+
+from benchmarks.yardstick.answers import answer as answer_of
+from benchmarks.yardstick.case import Array, Case, Phase, Section, error_percent
+
+PINHOLES, SPAN_M, ROW_S = 9, 0.05, 2e-3
+
+
+class Rig:
+    """A tendon between two led ends, bent by the same angle at each pinhole."""
+
+    def __init__(self, angle_rad: float, mu: float, stiffness_N_per_m: float, start_N: float, pinholes: int) -> None:
+        wp.config.quiet = True
+        self.spans, bend = pinholes + 1, angle_rad / pinholes
+        heading = np.arange(self.spans) * bend
+        steps = SPAN_M * np.column_stack([np.cos(heading), np.zeros(self.spans), np.sin(heading)])
+        self.points = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
+        self.out = {"near": -steps[0] / SPAN_M, "far": steps[-1] / SPAN_M}
+        self.compliance = 1 / (stiffness_N_per_m * self.spans)
+        builder = newton.ModelBuilder(up_axis=newton.Axis.Z, gravity=(0.0, 0.0, 0.0))
+        places = {"near": self.points[0], "far": self.points[-1], "guide": np.zeros(3)}
+        self.body = {}
+        for name, place in places.items():
+            body = builder.add_body(xform=wp.transform(p=wp.vec3(*map(float, place))), mass=0.0, is_kinematic=True)
+            builder.add_shape_sphere(body, radius=0.001)
+            self.body[name] = body
+        kinds = newton.TendonGuideType
+        span = {"compliance": self.compliance, "rest_length": SPAN_M - start_N * self.compliance}
+        route = [newton.TendonGuide(body=self.body["near"], guide_type=kinds.ANCHOR, axis=(0.0, 1.0, 0.0))]
+        for point in self.points[1:-1]:
+            place = tuple(map(float, point))
+            guide = {"guide_type": kinds.PINHOLE, "mu": mu, "offset": place, "axis": (0.0, 1.0, 0.0)}
+            route.append(newton.TendonGuide(body=self.body["guide"], **guide, **span))
+        route.append(newton.TendonGuide(body=self.body["far"], guide_type=kinds.ANCHOR, axis=(0.0, 1.0, 0.0), **span))
+        builder.add_tendon(route)
+        with wp.ScopedDevice("cpu"):
+            self.model = builder.finalize()
+            self.solver = newton.solvers.SolverXPBD(self.model, iterations=2)
+            self.states = [self.model.state(), self.model.state()]
+            self.control = self.model.control()
+        self.start, self.place = places, {"near": 0.0, "far": 0.0}
+
+    def step(self) -> Array:
+        """Lead the ends to their places, positive outwards, and return the tension of each span [N]."""
+        now, after = self.states
+        with wp.ScopedDevice("cpu"):
+            poses = now.body_q.numpy()
+            for name, outwards in self.out.items():
+                poses[self.body[name], :3] = self.start[name] + outwards * self.place[name]
+            now.body_q.assign(poses)
+            now.clear_forces()
+            self.solver.step(now, after, self.control, None, ROW_S)
+            self.states = [after, now]
+            left, right = (
+                getattr(self.solver, f"tendon_segment_attachment_{side}").numpy().astype(float) for side in "lr"
+            )
+            rest = self.solver.tendon_segment_rest_length.numpy().astype(float)
+        tension: Array = np.maximum(np.linalg.norm(right - left, axis=1) - rest, 0.0) / self.compliance
+        return tension
+
+
+def answer(case: Case) -> tuple[dict[str, Array], dict[str, Array]] | None:
+    """Outputs of a case and the tensions that its ends had; None where the tendon of Newton has no such physics."""
+    plain = case.kind == "tendon" and "joint" not in case.raw and "relaxing_stiffness_N_per_m" not in case.raw
+    if not plain or any(s.bearing is not None for s in case.path):
+        return None
+    pinholes = PINHOLES if len(case.path) == 1 else round(sum(s.angle_rad for s in case.path) / 0.1)
+    guide, angle = case.path[0], sum(s.angle_rad for s in case.path)
+    mu = guide.mu if guide.mu_release is None else (guide.mu + guide.mu_release) / 2
+    rig = Rig(angle, mu, case.raw["stiffness_N_per_m"], case.raw["start_N"], pinholes)
+    return respond(rig, case)
+
+
+def respond(rig: Rig, case: Case) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Lead a rig through a case."""
+    given = {(end, q): case.drive(end, q) for end in ("near", "far") for q in ("tension_N", "travel_m")}
+    sign, at = {"near": 1, "far": -1}, {"near": 0, "far": -1}
+    tension, rows, travel = rig.step(), [], []
+    for k in range(len(case.time_s)):
+        for end in ("near", "far"):
+            if not np.isnan(given[end, "tension_N"][k]):
+                rig.place[end] += (given[end, "tension_N"][k] - tension[at[end]]) * rig.compliance
+            elif not np.isnan(given[end, "travel_m"][k]):
+                rig.place[end] = sign[end] * given[end, "travel_m"][k]
+        tension = rig.step()
+        rows.append(tension)
+        travel.append(rig.place["near"])
+    found = np.array(rows)
+    edges = np.cumsum([s.angle_rad for s in case.path])
+    behind = [math.floor(edge / edges[-1] * (rig.spans - 1) + 0.5) for edge in edges]
+    recorded = {end: found[:, at[end]] for end in ("near", "far") if not np.isnan(given[end, "tension_N"]).all()}
+    outputs = {
+        "near_tension_N": found[:, 0],
+        "far_tension_N": found[:, -1],
+        "near_travel_m": np.array(travel) - travel[0],
+        "joint_torque_N_m": found[:, behind] * [s.arm_m for s in case.path],
+    }
+    return outputs, recorded
+
+
+def history(
+    *, mu: float = 0.2, pinholes: int = PINHOLES, stiffer: float = 1.0, both: bool = False, seed: int = 0
+) -> float:
+    """Error of a random history of the near end's travel, over pi rad, against the law for the tension it gave [%]."""
+    stiffness, start, rng = 2e4 * stiffer, 30.0, np.random.default_rng(seed)
+    times = np.linspace(0.0, 3.0, 13)
+    ways = [np.append(0.0, rng.uniform(-0.8, 1.2, 12)) * start / stiffness for _ in range(2)]
+    row = {"time_s": times.tolist(), "near": {"tension_N": (0 * times).tolist()}, "far": {"held": True}}
+    raw = {
+        "name": "random history",
+        "physics": "",
+        "source": "",
+        "kind": "tendon",
+        "answer": "cones",
+        "tolerance_percent": 1.0,
+        "stiffness_N_per_m": stiffness,
+        "start_N": start,
+        "row_s": ROW_S,
+        "outputs": ["far_tension_N"],
+    }
+    far = Phase(
+        time_s=times, ends={"near": row["near"], "far": {"travel_m": (-0.4 * ways[1]).tolist()} if both else {}}
+    )
+    path = (Section(angle_rad=math.pi, length_m=1.0, mu=mu),)
+    case = Case(key="", path=path, phases=(far,), raw=raw, **{k: raw[k] for k in HEAD})
+    rig = Rig(math.pi, mu, stiffness, start, pinholes)
+    found = [rig.step()]
+    for t in case.time_s:
+        rig.place["near"] = float(np.interp(t, times, ways[0]))
+        rig.place["far"] = -float(np.interp(t, times, -0.4 * ways[1])) if both else 0.0
+        found.append(rig.step())
+    tension = np.array(found[1:])
+    judged = replace(case, recorded={"near": tension[:, 0]})
+    return error_percent(case, {"far_tension_N": tension[:, -1]}, answer_of(judged))
+
+
+def main() -> None:
+    """Print the errors of random histories in five settings: the median of three."""
+    for name, setting in SETTINGS.items():
+        print(f"{name:24} {np.median([history(seed=seed, **setting) for seed in range(3)]):.2f} % of range", flush=True)
+
+
+HEAD = ("name", "physics", "source", "kind", "tolerance_percent")
+SETTINGS: dict[str, dict[str, float]] = {
+    "9 pinholes": {},
+    "both ends moved": {"both": True},
+    "25 pinholes": {"pinholes": 25},
+    "mu theta 1.26": {"mu": 0.4},
+    "ten times stiffer": {"stiffer": 10.0},
+}
+
+if __name__ == "__main__":
+    main()
