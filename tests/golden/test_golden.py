@@ -30,6 +30,8 @@ UNITS = (("finger", "inverse"), ("finger", "plant"))
 # Profiles that are searched, since the rate limit binds: near an optimum the error is flat, so that rounding moves the
 # profile further than other results. Measured: 6e-11 in the design, 4e-6 in the matrix, which has stiffer levels too.
 SEARCHED = {"finger_fast": 5e-5}
+# A fit of files that no model explains, whose least squares are flat. Measured: 1e-5 in the error that remains.
+UNEXPLAINED = 1e-4
 DIAGNOSTICS = {"largest_growth_per_s": 2e-6}  # written to a millionth
 TORQUES = (
     "--input-column=input_torque_Nm",
@@ -230,7 +232,7 @@ def test_identify_gives_what_is_stored_on_a_band(command, golden, measured_data)
     data, judge = (measured_data / "band_capstan" / f"dataset4_{name}.csv" for name in ("harmonic", "step"))
     command("identify", "finger", "--data", data, "--validate", judge, "--out", "out")
     stored = golden("finger/identify-band-capstan")
-    stored.data(Path("out/fit.json"), left_out=OF_THE_DATA, alone=True)
+    stored.data(Path("out/fit.json"), UNEXPLAINED, left_out=OF_THE_DATA, alone=True)
     stored.data(Path("out/fitted.toml"), alone=True)
 
 
