@@ -81,7 +81,7 @@ def pretension_figure(result: JointDesignData) -> Figure:
     slack = [sheet.slack_torque_N_m for _, sheet in result.sheets]
     left, right = axes[0]
     left.plot(friction, lost, color=INK)
-    left.set(xlabel="friction at the drum, +- [N m]", ylabel="lost motion, +- [deg]")
+    left.set(xlabel="friction at the drum, ± [N m]", ylabel="lost motion, ± [deg]")
     right.plot(tension, slack, color=INK)
     right.set(xlabel="pre-tension [N]", ylabel="torque that makes slack [N m]")
     sheet = result.sheet
