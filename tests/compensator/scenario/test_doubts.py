@@ -183,3 +183,11 @@ def test_doubts_said_before_the_work_are_not_said_again_after_it(
     for _ in range(2):  # and each command says them anew
         assert run(["simulate", str(tmp_path / "odd.toml"), *files]) == 0
         assert capsys.readouterr().err.count("[actuator] mass_kg = 150: grams?") == 1
+
+
+def test_a_filtered_peak_out_of_reach_is_said_without_the_filter(tmp_path: Path) -> None:
+    """Which takes a second to import; what a mean over half its period keeps is no spike."""
+    time = np.arange(0, 2.0005, 1e-3)
+    rows = "time_s,tension_N\n" + "".join(f"{t:.3f},{30 + 170 * (0.8 < t < 1.2)}\n" for t in time)
+    found = first_look(from_file(tmp_path, rows, cutoff_Hz="5"))
+    assert [doubt for doubt in found if "the peak of 200 N" in doubt and doubt.endswith("(before the low-pass at 5 Hz)")]
