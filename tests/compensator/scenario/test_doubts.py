@@ -190,4 +190,6 @@ def test_a_filtered_peak_out_of_reach_is_said_without_the_filter(tmp_path: Path)
     time = np.arange(0, 2.0005, 1e-3)
     rows = "time_s,tension_N\n" + "".join(f"{t:.3f},{30 + 170 * (0.8 < t < 1.2)}\n" for t in time)
     found = first_look(from_file(tmp_path, rows, cutoff_Hz="5"))
-    assert [doubt for doubt in found if "the peak of 200 N" in doubt and doubt.endswith("(before the low-pass at 5 Hz)")]
+    assert [
+        doubt for doubt in found if "the peak of 200 N" in doubt and doubt.endswith("(before the low-pass at 5 Hz)")
+    ]
