@@ -25,7 +25,8 @@ typedef struct {
     int n;
     double h, k1, k2, tau, c, mass, viscous, sigma, adhesion; /* of the whole tendon */
     double ma, ba, ml, bl, kl, anchor;       /* anchor: tension of the load's spring at q_l = 0 */
-    double mu_pull, mu_release, angle;
+    double mu_pull, mu_release, angle, gear; /* gear: dry friction of the drive [N] */
+    double gear_force, spot[MAX];            /* spot: factor on friction of each mass, 0 means 1 */
     double v[MAX], e[MAX], z[MAX], fs[MAX], qa, ql, tension;
 } rig;
 
@@ -35,14 +36,18 @@ void rig_start(rig *r, double tension)
     for (i = 0; i < n + 2; i++) r->v[i] = 0;
     for (i = 0; i <= n; i++) { double k = r->k1 * n * ((i == 0 || i == n) ? 2 : 1); r->e[i] = r->z[i] = tension / k; }
     for (i = 0; i < n; i++) r->fs[i] = 0;
-    r->qa = r->ql = 0; r->tension = tension;
+    r->qa = r->ql = 0; r->tension = tension; r->gear_force = 0;
 }
 
 void rig_advance(rig *r, double force_from, double force_to, int steps)
 {
     int n = r->n, i, s;
-    double a[MAX], b[MAX], d[MAX], x[MAX], k[MAX], f0[MAX], g[MAX], h = r->h;
-    double bar_pull = tanh(r->mu_pull * r->angle / n / 2), bar_release = tanh(r->mu_release * r->angle / n / 2);
+    double a[MAX], b[MAX], d[MAX], x[MAX], k[MAX], f0[MAX], g[MAX], h = r->h, bar_pull[MAX], bar_release[MAX];
+    for (i = 1; i <= n; i++) {
+        double spot = r->spot[i - 1] > 0 ? r->spot[i - 1] : 1;
+        bar_pull[i] = tanh(spot * r->mu_pull * r->angle / n / 2);
+        bar_release[i] = tanh(spot * r->mu_release * r->angle / n / 2);
+    }
     for (s = 1; s <= steps; s++) {
         double force = force_from + (force_to - force_from) * s / steps;
         for (i = 0; i <= n; i++) {            /* tension at the end of the step: f0 + g (v_i - v_{i+1}) */
@@ -53,8 +58,12 @@ void rig_advance(rig *r, double force_from, double force_to, int steps)
             k[i] = f0[i] + g[i] * (r->v[i] - r->v[i + 1]); /* with the last velocities: for the normal force */
         }
         d[0] = r->ma / h + r->ba + g[0]; b[0] = -g[0]; x[0] = r->ma / h * r->v[0] + force - f0[0]; a[0] = 0;
+        if (r->gear > 0) { /* a bristle of 10 um */
+            double stiff = r->gear / 1e-5, keep = 1 / (1 + stiff * h * fabs(r->v[0]) / r->gear);
+            d[0] += keep * stiff * h; x[0] -= keep * r->gear_force;
+        }
         for (i = 1; i <= n; i++) {
-            double normal = k[i - 1] + k[i] + 2 * r->adhesion, v = r->v[i], bar = v >= 0 ? bar_pull : bar_release;
+            double normal = k[i - 1] + k[i] + 2 * r->adhesion, v = r->v[i], bar = v >= 0 ? bar_pull[i] : bar_release[i];
             double sigma = r->sigma / n, most = bar * (normal > 1e-9 ? normal : 1e-9);
             double keep = 1 / (1 + sigma * h * fabs(v) / most); /* f_s = keep (f_s + sigma h v) */
             a[i] = -g[i - 1]; b[i] = -g[i];
@@ -68,9 +77,13 @@ void rig_advance(rig *r, double force_from, double force_to, int steps)
         x[n + 1] /= d[n + 1];
         for (i = n; i >= 0; i--) x[i] = (x[i] - b[i] * x[i + 1]) / d[i];
         for (i = 1; i <= n; i++) {
-            double normal = k[i - 1] + k[i] + 2 * r->adhesion, v = r->v[i], bar = v >= 0 ? bar_pull : bar_release;
+            double normal = k[i - 1] + k[i] + 2 * r->adhesion, v = r->v[i], bar = v >= 0 ? bar_pull[i] : bar_release[i];
             double sigma = r->sigma / n, most = bar * (normal > 1e-9 ? normal : 1e-9);
             r->fs[i - 1] = (r->fs[i - 1] + sigma * h * x[i]) / (1 + sigma * h * fabs(v) / most);
+        }
+        if (r->gear > 0) {
+            double stiff = r->gear / 1e-5;
+            r->gear_force = (r->gear_force + stiff * h * x[0]) / (1 + stiff * h * fabs(x[0]) / r->gear);
         }
         for (i = 0; i <= n; i++) {
             double rate = x[i] - x[i + 1], w = h / (r->tau + h);
@@ -88,7 +101,7 @@ void rig_advance(rig *r, double force_from, double force_to, int steps)
 _MOST = 128
 _NUMBERS = (
     *("h", "k1", "k2", "tau", "c", "mass", "viscous", "sigma", "adhesion", "ma", "ba", "ml", "bl", "kl", "anchor"),
-    *("mu_pull", "mu_release", "angle"),
+    *("mu_pull", "mu_release", "angle", "gear", "gear_force"),
 )
 
 
@@ -96,7 +109,7 @@ class _Rig(ctypes.Structure):
     _fields_ = (
         ("n", ctypes.c_int),
         *((name, ctypes.c_double) for name in _NUMBERS),
-        *((name, ctypes.c_double * _MOST) for name in ("v", "e", "z", "fs")),
+        *((name, ctypes.c_double * _MOST) for name in ("spot", "v", "e", "z", "fs")),
         *((name, ctypes.c_double) for name in ("qa", "ql", "tension")),
     )
 
@@ -116,6 +129,8 @@ class Rig:
     bristle: float = 1.0
     stiffness: float = 1.0
     load: float = 1.0
+    release: float = 1.0  # on friction when releasing, beside `mu`
+    gear_N: float = 0.0  # dry friction of the drive
     masses: int = 40
     step_s: float = 1e-5
     true_tension_N: float | None = None
@@ -142,8 +157,9 @@ class Rig:
             t.load.stiffness_N_per_m * self.load,
             start,
             t.friction.mu_dynamic * self.mu,
-            t.friction.release_dynamic * self.mu,
+            t.friction.release_dynamic * self.mu * self.release,
             t.path.total_angle_rad,
+            self.gear_N,
         )
         _library().rig_start(ctypes.byref(self._rig), ctypes.c_double(start))
 
@@ -152,6 +168,24 @@ class Rig:
         t = self.transmission
         self._rig.mu_pull, self._rig.mu_release = t.friction.mu_dynamic * mu, t.friction.release_dynamic * mu
         self._rig.kl = t.load.stiffness_N_per_m * load
+
+    def set_release(self, factor: float) -> None:
+        """Change the friction of the releasing direction alone, as a factor on the scenario's."""
+        self._rig.mu_release = self.transmission.friction.release_dynamic * factor
+
+    def lubricate(self, first: float, last: float, factor: float) -> None:
+        """Another friction on a stretch of the path, from the actuator, as shares of its angle."""
+        for k in range(self.masses):
+            if first <= (k + 0.5) / self.masses < last:
+                self._rig.spot[k] = factor
+
+    def stretch(self, longer_m: float) -> None:
+        """Make the tendon longer at rest, at once."""
+        for k in range(self.masses + 1):
+            end = 0.5 if k in (0, self.masses) else 1.0
+            part = end * longer_m / self.masses
+            self._rig.e[k] -= part
+            self._rig.z[k] -= part
 
     def advance(self, force_from: float, force_to: float, duration_s: float) -> None:
         """The actuator's force goes straight from one value to the other."""

@@ -17,6 +17,9 @@ from tendonff.models.parameters import Transmission
 
 STIFFNESS_SPREAD = 0.2
 RECOMMENDED_SHARE = 0.5
+DEFAULT_SHARE = 0.125
+"""Of the bound: takes out what tuning cannot and passes little of the sensor's noise."""
+
 _FREQUENCIES = 4000
 
 
@@ -33,6 +36,11 @@ class FeedbackCertificate:
     def recommended_gain_per_s(self) -> float:
         """Half the bound."""
         return RECOMMENDED_SHARE * self.largest_gain_per_s
+
+    @property
+    def default_gain_per_s(self) -> float:
+        """Gain where the scenario states none."""
+        return DEFAULT_SHARE * self.largest_gain_per_s
 
     @property
     def holds(self) -> bool:

@@ -42,6 +42,7 @@ class Change(StrEnum):
     MU_STEP = "mu_step"  # in the middle of the run, at once
     MU_DRIFT = "mu_drift"  # linearly over the whole run
     LOAD_STEP = "load_step"
+    POSTURE = "posture"  # the load swings about the scenario's, once in four seconds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +55,12 @@ class Variation:
     bristle: float = 1.0
     stiffness: float = 1.0
     load: float = 1.0
+    release: float = 1.0  # factor on friction when releasing, beside `mu`
+    gear: float = 0.0  # dry friction of the drive as a share of the range of the reference
+    gain: float = 1.0  # of the sensor
+    delay_s: float | None = None  # true age of a measurement when it arrives; None: as told
+    joints_late_s: float = 0.0  # how much too late the controller knows the joints
+    stretch_m: float = 0.0  # how much longer the tendon gets in mid-run, within half a second
     change: Change = Change.NOTHING
     start: float = 1.0  # true tension at the start over the one that the controller is told
     offset: float = 0.0  # sensor offset as a share of the range that the measurement covers
@@ -65,8 +72,8 @@ def friction_off(mu: float) -> Variation:
     return Variation(name=f"friction {100 * (mu - 1):+.0f} %".replace("-", "\N{MINUS SIGN}"), mu=mu)
 
 
-def variations(sensor: Sensor) -> tuple[Variation, ...]:
-    """The plants of the study, the scenario's own first.
+def variations(sensor: Sensor, *, moving: bool = False) -> tuple[Variation, ...]:
+    """The plants of the study, the scenario's own first; `moving`: joints move the path.
 
     An offset means nothing for a position that is relative to the start, but drift of its zero does.
     """
@@ -84,6 +91,15 @@ def variations(sensor: Sensor) -> tuple[Variation, ...]:
         Variation(name="as the scenario"),
         *map(friction_off, (0.6, 0.8, 0.9, 1.1, 1.2, 1.4)),
         *others,
+        Variation(name="friction releasing \N{MINUS SIGN}30 %", release=0.7),
+        Variation(name="friction +20 %, releasing \N{MINUS SIGN}30 %", mu=1.2, release=0.7 / 1.2),
+        Variation(name="tendon stretches by 1 mm, friction +10 %", mu=1.1, stretch_m=1e-3),
+        Variation(name="a lubricated spot in mid-run takes 10 % of friction", mu=0.9, change=Change.MU_STEP),
+        Variation(name="load changes with posture by 30 %", load=1.3, change=Change.POSTURE),
+        Variation(name="dry friction of the drive 3 % of range", gear=0.03),
+        Variation(name="sensor gain +3 %", gain=1.03),
+        Variation(name="measurement 3 ms later than told", delay_s=3e-3),
+        *((Variation(name="joint angles 10 ms late", joints_late_s=0.01),) if moving else ()),
         Variation(name="friction steps by +20 %", mu=1.2, change=Change.MU_STEP),
         Variation(name="friction drifts by +30 % in a minute", mu=1.3, change=Change.MU_DRIFT, duration_s=DRIFT_S),
         Variation(name="load steps by \N{MINUS SIGN}33 %", mu=1.2, load=2 / 3, change=Change.LOAD_STEP),

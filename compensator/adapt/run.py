@@ -21,7 +21,14 @@ from tendonff.compensator.adapt.result import (
     moving_rms,
     variations,
 )
-from tendonff.compensator.adapt.setup import certified, check_tuning, learnt, tuned_chain, tuning_of
+from tendonff.compensator.adapt.setup import (
+    certified,
+    check_tuning,
+    integral_gain_per_s,
+    learnt,
+    tuned_chain,
+    tuning_of,
+)
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.files.progress import Progress, silent
@@ -35,9 +42,11 @@ from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig, TunedRun, Tun
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable, Tuning
 
 PLANT_MASSES = 40
-PLANT_SUBSTEPS = 4
+PLANT_SUBSTEPS = 2
 _SEGMENTS_OF_A_DRIFT = 120
-_VARIED = (Tunable.MU, Tunable.TENDON_STIFFNESS, Tunable.LOAD_STIFFNESS)
+_VARIED = (Tunable.MU_PULL, Tunable.MU_RELEASE, Tunable.TENDON_STIFFNESS, Tunable.LOAD_STIFFNESS)
+_STRETCHES_S = 0.5  # time in which a tendon gets longer
+_POSTURE_S = 4.0  # period of a load that changes with posture
 
 
 def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy:
@@ -66,9 +75,9 @@ def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy
     problem = Problem.of(scenario)
     reference, tuning = problem.reference, tuning_of(problem, settings)
     known = learnt(problem, tuning)
-    certificate = _certificate(scenario, settings)
+    certificate = _certificate(problem, settings)
     bounds = None if problem.chain.moving else certified(problem)
-    every = variations(settings.sensor)
+    every = variations(settings.sensor, moving=problem.chain.moving)
     cases: list[Case] = []
     for one in every:  # one after the other: CasADi's symbols are not safe in threads
         cases.append(_case(problem, tuning, certificate, one))
@@ -88,12 +97,11 @@ def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy
     )
 
 
-def _certificate(scenario: Scenario, settings: Adaptation) -> FeedbackCertificate | None:
+def _certificate(problem: Problem, settings: Adaptation) -> FeedbackCertificate | None:
     if settings.sensor is not Sensor.OUTPUT_TENSION:
         return None
-    return feedback_certificate(
-        scenario.transmission, scenario.run.step_s, settings.delay_samples, settings.integral_gain_per_s
-    )
+    gain = integral_gain_per_s(problem, settings)
+    return feedback_certificate(problem.transmission, problem.reference.step_s, settings.delay_samples, gain)
 
 
 def _advice(problem: Problem, settings: Adaptation, widest: Case) -> tuple[str, float] | None:
@@ -101,19 +109,19 @@ def _advice(problem: Problem, settings: Adaptation, widest: Case) -> tuple[str, 
 
     A unit that tunes friction alone cannot know what else is off: it says DOUBT, and the study finds the reason.
     """
-    if len(settings.parameters) > 1:
+    if {Tunable.LOAD_STIFFNESS, Tunable.TENDON_STIFFNESS} & set(settings.parameters):
         return None
     found = []
     for second in (Tunable.LOAD_STIFFNESS, Tunable.TENDON_STIFFNESS):
         if second is Tunable.LOAD_STIFFNESS and problem.chain.far_joint is not None:
             continue
-        pair = replace(settings, parameters=(*settings.parameters, second))
+        pair = replace(settings, parameters=(Tunable.MU, second))
         case = _case(problem, tuning_of(problem, pair), None, widest.variation, (Scheme.SELF_TUNING,))
         found.append((case.traces[Scheme.SELF_TUNING].settled_percent, second))
     left, second = min(found)
     if left > 0.5 * widest.traces[Scheme.SELF_TUNING].settled_percent:
         return None
-    return f'parameters = ["{settings.parameters[0]}", "{second}"]', left
+    return f'parameters = ["{Tunable.MU}", "{second}"]', left
 
 
 def _case(
@@ -130,6 +138,9 @@ def _case(
     load = np.ones(rows) * one.load
     if one.change is Change.MU_DRIFT:
         mu = 1 + (one.mu - 1) * np.linspace(0, 1, rows)
+    elif one.change is Change.POSTURE:
+        swing = 2 * np.pi * np.arange(rows) * reference.step_s / _POSTURE_S
+        load = 1 + (one.load - 1) * np.sin(swing)
     elif one.change is not Change.NOTHING:
         (mu if one.change is Change.MU_STEP else load)[: rows // 2] = 1.0
     traces = {}
@@ -170,21 +181,36 @@ def _run(
     bristle = {"bristle_stiffness_N_per_m": one.bristle * plant.whole.value("bristle_stiffness_N_per_m")}
     plant = replace(plant, whole=plant.whole.changed(bristle))
     noise = np.random.default_rng(0).normal(size=len(mu)) * tuning.noise + one.offset * tuning.span
-    segments = 1 if one.change is Change.NOTHING else _SEGMENTS_OF_A_DRIFT
+    segments = 1 if one.change is Change.NOTHING and not one.stretch_m else _SEGMENTS_OF_A_DRIFT
     cuts = np.linspace(0, len(mu), segments + 1, dtype=int)
-    tuner = SelfTuner(tuned, reference.step_s, tuning, problem.limits, start)
+    tuner = SelfTuner(tuned, reference.step_s, tuning, problem.limits, start, joints_late_s=one.joints_late_s)
+    late = 0 if one.delay_s is None else round(one.delay_s / reference.step_s)
+    middle = len(mu) // 2
+    stretching = slice(middle, middle + round(_STRETCHES_S / reference.step_s))
     rig: SimulatedRig | None = None
     runs = []
     for first, last in pairwise(cuts):
         values = {
-            Tunable.MU: float(mu[first]),
+            Tunable.MU_PULL: float(mu[first]),
+            Tunable.MU_RELEASE: float(mu[first]) * one.release,
             Tunable.LOAD_STIFFNESS: float(load[first]),
             Tunable.TENDON_STIFFNESS: one.stiffness,
         }
         chain = plant.with_factors(values)
         if rig is None:
-            rig = SimulatedRig(chain, reference.step_s, PLANT_SUBSTEPS, start * one.start)
+            rig = SimulatedRig(
+                chain,
+                reference.step_s,
+                PLANT_SUBSTEPS,
+                start * one.start,
+                sensor_gain=one.gain,
+                delay_samples=tuning.delay_samples + late,
+                gear_N=one.gear * reference.range_N,
+            )
         rig.change(chain)
+        if one.stretch_m:
+            covered = max(min(last, stretching.stop) - max(first, stretching.start), 0)
+            rig.stretch(one.stretch_m * covered / (stretching.stop - stretching.start))
         part = slice(first, last)
         runs.append(tuner.run(rig, wanted[1:][part], noise[part], adapt=scheme is Scheme.SELF_TUNING))
     return TunedRun.joined(runs)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tendonff.compensator.adapt.feedback import feedback_certificate
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.files.reading import InputError
@@ -57,8 +58,18 @@ def tuning_of(problem: Problem, settings: Adaptation) -> Tuning:
         step_s=reference.step_s,
         lowest=low,
         highest=high,
-        integral_gain_per_s=settings.integral_gain_per_s,
+        integral_gain_per_s=integral_gain_per_s(problem, settings),
     )
+
+
+def integral_gain_per_s(problem: Problem, settings: Adaptation) -> float:
+    """Gain of the integral action [1/s]: the stated one, or a share of what is certified; 0 from the position."""
+    if settings.integral_gain_per_s is not None:
+        return settings.integral_gain_per_s
+    if settings.sensor is not Sensor.OUTPUT_TENSION:
+        return 0.0
+    transmission, step = problem.transmission, problem.reference.step_s
+    return feedback_certificate(transmission, step, settings.delay_samples, 0.0).default_gain_per_s
 
 
 def tuned_chain(problem: Problem, tuning: Tuning) -> TunedChain:

@@ -155,6 +155,7 @@ class Ramp:
 
 
 RE_ENTRY_S = 0.1  # longest time in which the reference comes back from a held value to one that arrives again [s]
+_MARGIN = 0.25  # of the scenario's range, by which live references may leave it
 RE_ENTRY_SHARE = 2  # samples of the way back for each that was lost: a single lost one costs next to nothing
 
 
@@ -250,6 +251,18 @@ class StreamChoice:
     resolution_N: float  # step of the converter that the noise was made for [N]
 
 
+def followed_range(problem: Problem) -> tuple[float, float]:
+    """References that a live module follows by default: those of the scenario and a margin [N].
+
+    A sensor or a bus that reads full scale must not be followed where the scenario never goes.
+    """
+    low, high = accepted_range(problem)
+    tension = problem.reference.tension_N
+    least, most = float(np.min(tension)), float(np.max(tension))
+    margin = _MARGIN * max(most - least, _MARGIN * most)
+    return max(low, least - margin), min(high, most + margin)
+
+
 def choose_stream(problem: Problem, stream: Stream, *, with_ramps: bool = True) -> StreamChoice | None:
     """Try filters of all lengths that lag or preview admit, and pick one; None where no force can be simulated.
 
@@ -260,7 +273,7 @@ def choose_stream(problem: Problem, stream: Stream, *, with_ramps: bool = True) 
     ahead = min(round(stream.preview_s / step), _FURTHEST if binds else 2 * _LONGEST)
     longest = min(ahead or int(stream.lag_max_s / step * (1 + 1e-9)), _LONGEST)
     corner = corner_per_sample(problem.transmission, step)
-    low, high = accepted_range(problem)
+    low, high = followed_range(problem)
     candidates: list[Candidate] = []
 
     def attempt(each: StreamFilter, ramp: Ramp | None) -> None:

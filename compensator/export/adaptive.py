@@ -14,7 +14,7 @@ from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.scenario.settings import Adaptation
 from tendonff.ocp.adaptation.code import TunedChain
 from tendonff.ocp.adaptation.target import tuner_code
-from tendonff.ocp.adaptation.tuner import REALS, SelfTuner, SimulatedRig
+from tendonff.ocp.adaptation.tuner import INTEGRAL, REALS, SelfTuner, SimulatedRig
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable
 from tendonff.ocp.codegen.precision import Precision
 
@@ -56,6 +56,7 @@ def adaptive_code(problem: Problem, settings: Adaptation, precision: Precision, 
         "tuning": tuning,
         "coast": math.exp(-problem.reference.step_s / _COAST_S),
         "tuning_reals": REALS,
+        "tuning_integral": INTEGRAL,
         "tuning_value": lambda name: getattr(tuning, name),
         "sensor_index": int(tuning.sensor is Sensor.ACTUATOR_POSITION),
         "sensor_words": tuning.sensor.words,
@@ -65,6 +66,8 @@ def adaptive_code(problem: Problem, settings: Adaptation, precision: Precision, 
         "inverse_rows": code.inverse_rows,
         "mu_dynamic": main_mu(problem, settings),
         "mu_index": settings.parameters.index(_main(settings)),
+        "mu_dynamic_release": other_mu(problem, settings),
+        "release_index": -1 if other_mu(problem, settings) is None else settings.parameters.index(Tunable.MU_RELEASE),
         "tunes_load": tunes_load,
         "load_index": settings.parameters.index(Tunable.LOAD_STIFFNESS) if tunes_load else -1,
         "load_stiffness_N_per_m": load.stiffness_N_per_m,
@@ -81,6 +84,13 @@ def main_mu(problem: Problem, settings: Adaptation) -> float:
     """Coefficient of the scenario that `<prefix>_adaptive_mu` tells [-]."""
     friction = problem.transmission.friction
     return friction.release_dynamic if _main(settings) is Tunable.MU_RELEASE else friction.mu_dynamic
+
+
+def other_mu(problem: Problem, settings: Adaptation) -> float | None:
+    """Coefficient that `<prefix>_adaptive_mu_release` tells beside the other [-]; None without that function."""
+    if not {Tunable.MU_PULL, Tunable.MU_RELEASE} <= set(settings.parameters):
+        return None
+    return problem.transmission.friction.release_dynamic
 
 
 def adaptive_tolerance_N(course: Course, precision: Precision) -> float:

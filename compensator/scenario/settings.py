@@ -79,19 +79,21 @@ class Adaptation:
     delay_samples : int, optional
         Age of a measurement when it arrives, in steps, 0 to 63. Default 0.
     parameters : tuple of Tunable, optional
-        What is tuned: "mu", or "mu_pull" and "mu_release"; with "load_stiffness" or "tendon_stiffness". Default mu.
+        What is tuned, one or two: "mu", "mu_pull", "mu_release", "load_stiffness", "tendon_stiffness". Default mu_pull
+        and mu_release.
     range : tuple of float, optional
         Bounds of each estimate relative to the scenario's value [-]. Default 0.5 to 2.
     integral_gain_per_s : float, optional
-        Integral action on the logarithm of the measured output tension [1/s], >= 0. Default 0: none.
+        Integral action on the logarithm of the measured output tension [1/s], >= 0; 0 for none. Default: an eighth of
+        what is certified where the output tension is measured, else none.
     """
 
     sensor: Sensor
     noise: float = 0.0
     delay_samples: int = 0
-    parameters: tuple[Tunable, ...] = (Tunable.MU,)
+    parameters: tuple[Tunable, ...] = (Tunable.MU_PULL, Tunable.MU_RELEASE)
     range: tuple[float, ...] = (0.5, 2.0)
-    integral_gain_per_s: float = 0.0
+    integral_gain_per_s: float | None = None
 
     def __post_init__(self) -> None:
         require("noise", self.noise, least=0, hint="the standard deviation of the sensor in N or m")
@@ -101,8 +103,8 @@ class Adaptation:
             raise ParameterError(
                 f"range must be two numbers around 1, > 0 and <= 10, got {list(self.range)}; try [0.5, 2.0]"
             )
-        require("integral_gain_per_s", self.integral_gain_per_s, least=0, hint="use 0 for none")
-        if self.integral_gain_per_s > 0 and self.sensor is Sensor.ACTUATOR_POSITION:
+        require("integral_gain_per_s", self.integral_gain_per_s or 0.0, least=0, hint="use 0 for none")
+        if (self.integral_gain_per_s or 0.0) > 0 and self.sensor is Sensor.ACTUATOR_POSITION:
             raise ParameterError(
                 f"integral_gain_per_s must be 0 for actuator_position, got {self.integral_gain_per_s}; "
                 "integral action needs the output tension"

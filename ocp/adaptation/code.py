@@ -184,7 +184,7 @@ def _host_text(tuned: TunedChain) -> str:
     laws = ElementLaws.of(chain, folded=True)
     every = (*laws.simulation(), *laws.inverse(), *laws.tangent())
     templates = ("kernel.c.j2", "inverse.c.j2", "weigh.c.j2", "tangent.c.j2")
-    scheme = host_source(chain, every, templates, ways_differ=Tunable.MU not in tuned.parameters)
+    scheme = host_source(chain, every, templates, ways_differ=True)  # as they may in a rig
     printer = PartialEvaluator(prefix=PREFIX, precision=precision, parameters={})
     own = {law.name: printer.fold(law) for law in tuner_laws(tuned)}
     slopes = chain.rest_state(1.0).vector() - chain.rest_state(0.0).vector()

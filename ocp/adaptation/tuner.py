@@ -34,6 +34,11 @@ REALS = (
 )
 """Fields of `Tuning` that the C record takes as reals, in its order."""
 
+INTEGRAL = ("integral_gain", "drift_share", "drift_level")
+"""Those of the integral action, behind the samples of a rest."""
+
+
+_GEAR_TRAVEL_M = 5e-5  # over which the dry friction of a rig's drive turns round
 
 _PER_PARAMETER = ("factors", "deviation", "slopes")
 _FOUND = ("force_N", "tension_N", *_PER_PARAMETER, "moved", "residual", "measured")
@@ -48,7 +53,7 @@ class _TuningStruct(ctypes.Structure):
         ("delay", ctypes.c_int),
         *((name, ctypes.c_double) for name in REALS),
         ("rest_samples", ctypes.c_int),
-        ("integral_gain", ctypes.c_double),
+        *((name, ctypes.c_double) for name in INTEGRAL),
     )
 
 
@@ -64,6 +69,11 @@ class _RigStruct(ctypes.Structure):
         ("tension", ctypes.c_double),
         ("start", ctypes.c_double),
         ("output", ctypes.c_double),
+        ("gain", ctypes.c_double),
+        ("delay", ctypes.c_int),
+        ("gear", ctypes.c_double),
+        ("gear_force", ctypes.c_double),
+        ("gear_stiffness", ctypes.c_double),
     )
 
 
@@ -94,15 +104,57 @@ class TunedRun:
 class SimulatedRig:
     """A chain in the loop, of any size, at rest under a uniform tension at first.
 
-    The step is that of the controller, and the simulation takes so many substeps in it.
+    Parameters
+    ----------
+    chain : Chain
+    step_s : float
+        Step of the controller [s].
+    substeps : int
+        Steps of the simulation in one of them.
+    initial_tension_N : float
+    sensor_gain : float, optional
+        What the sensor says over what is true [-].
+    delay_samples : int, optional
+        True age of a measurement when it arrives; default: that of the tuner.
+    gear_N : float, optional
+        Dry friction of the drive, beside that of the chain [N].
     """
 
-    def __init__(self, chain: Chain, step_s: float, substeps: int, initial_tension_N: float) -> None:
+    def __init__(
+        self,
+        chain: Chain,
+        step_s: float,
+        substeps: int,
+        initial_tension_N: float,
+        *,
+        sensor_gain: float = 1.0,
+        delay_samples: int | None = None,
+        gear_N: float = 0.0,
+    ) -> None:
         self.chain, self.rows = chain, 0
         self.x = rest_on_spring(chain, initial_tension_N)
         self.x_old = self.x.copy()
         start = float(self.x[chain.layout.part("q_a")][0])
-        self.struct = _RigStruct(step_s / substeps, substeps, 1, initial_tension_N, start, initial_tension_N)
+        self.late, self._delay, self._gain = np.empty(0), delay_samples, sensor_gain
+        drive = (gear_N, 0.0, gear_N / _GEAR_TRAVEL_M)
+        state = (1, initial_tension_N, start, initial_tension_N)
+        self.struct = _RigStruct(step_s / substeps, substeps, *state, sensor_gain, 0, *drive)
+
+    def sensed_through(self, delay_samples: int, first: float) -> None:
+        """Fill the line of measurements on their way, once; `first` is what the sensor says at rest."""
+        if not self.late.size:
+            self.struct.delay = delay_samples if self._delay is None else self._delay
+            self.late = np.full(self.struct.delay + 1, self._gain * first)
+
+    def stretch(self, longer_m: float) -> None:
+        """Make the tendon longer at rest, at once."""
+        chain, layout = self.chain, self.chain.layout
+        slopes = chain.rest_state(1.0).vector() - chain.rest_state(0.0).vector()
+        share = slopes / slopes[layout.part("e")].sum()
+        for name in ("e", *layout.link_states):
+            part = layout.part(name)
+            self.x[part] -= longer_m * share[part]
+            self.x_old[part] -= longer_m * share[part]
 
     def change(self, chain: Chain) -> None:
         """Another chain of the same size and laws from here on; the spring of the load keeps its anchor."""
@@ -114,6 +166,8 @@ class SimulatedRig:
 class SelfTuner:
     """The exact inverse of a chain that tunes itself to a measurement, at rest under a uniform tension at first.
 
+    `joints_late_s` is how much too late it knows the joints' angles [s].
+
     Raises
     ------
     CodeError
@@ -121,7 +175,14 @@ class SelfTuner:
     """
 
     def __init__(
-        self, tuned: TunedChain, step_s: float, tuning: Tuning, limits: ForceLimits, initial_tension_N: float
+        self,
+        tuned: TunedChain,
+        step_s: float,
+        tuning: Tuning,
+        limits: ForceLimits,
+        initial_tension_N: float,
+        *,
+        joints_late_s: float = 0.0,
     ) -> None:
         if tuned.parameters != tuning.parameters:
             raise ParameterError(
@@ -136,14 +197,14 @@ class SelfTuner:
             tuning.delay_samples,
             *(getattr(tuning, name) for name in REALS),
             tuning.rest_samples,
-            tuning.integral_gain,
+            *(getattr(tuning, name) for name in INTEGRAL),
         )
         change = limits.rate_N_per_s * step_s
         self._limits = _LimitsStruct(limits.minimum_N, limits.maximum_N, change)
         self._memory = np.empty(2 * self._code.work_reals(n=tuned.chain.count))
         self._state = ctypes.create_string_buffer(self._code.size())
-        first = 0.0 if tuning.sensor is Sensor.ACTUATOR_POSITION else initial_tension_N
-        self._late = np.full(tuning.delay_samples + 1, first)
+        self._first = 0.0 if tuning.sensor is Sensor.ACTUATOR_POSITION else initial_tension_N
+        self._delay, self._joints_late_s = tuning.delay_samples, joints_late_s
         self._code.begin(
             self=self._state,
             chain=ctypes.byref(self._numbers),
@@ -155,7 +216,7 @@ class SelfTuner:
 
     def _places(self, first: int, name: str, rows: int = 0) -> dict[str, Array]:
         """Argument that says where the path is from a row on; none where nothing moves."""
-        found = places_of(self._chain, first * self._step_s, self._step_s, rows)
+        found = places_of(self._chain, first * self._step_s - self._joints_late_s, self._step_s, rows)
         return dict(zip((name,), found, strict=False))
 
     def step(self, reference_N: float, measured: float) -> float:
@@ -216,6 +277,7 @@ class SelfTuner:
         reference, noise = (np.ascontiguousarray(a, dtype=np.float64) for a in (reference_N, noise))
         found = {name: np.empty((rows, count) if name in _PER_PARAMETER else rows) for name in _FOUND}
         status = np.zeros(rows, dtype=np.intc)
+        rig.sensed_through(self._delay, self._first)
         fine = rig.struct.step_s
         plant_places = places_of(rig.chain, rig.rows * self._step_s, fine, rows * rig.struct.substeps)
         places = self._places(self._rows, "places", rows) | dict(zip(("plant_places",), plant_places, strict=False))
@@ -232,7 +294,7 @@ class SelfTuner:
             x_old=rig.x_old,
             plant_memory=np.empty(self._code.work_reals(n=rig.chain.count)),
             memory=self._memory,
-            late=self._late,
+            late=rig.late,
             reference=reference,
             noise=noise,
             rows=rows,

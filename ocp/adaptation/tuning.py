@@ -22,6 +22,8 @@ QUICK_S = 0.02
 SLOW_S = 0.5
 HOLD_SPANS = 2.0
 REST_S = 0.3
+DRIFT_S = 0.1
+SIGNIFICANT = 2.0
 GATE = 0.01
 """Share of full speed below which nothing is learnt."""
 
@@ -105,6 +107,8 @@ class Tuning:
     hold_travel: float
     rest_samples: int  # samples of a rest that allows a new start
     integral_gain: float  # share of the logarithmic error that is integrated per sample [-]; 0 for none
+    drift_share: float  # by which the mean of that error follows a sample [-]
+    drift_level: float  # mean of the error that noise alone may make, unit of the sensor
     # noise, span, step_s: what the others were computed from: noise and range of the measurement, unit of the sensor,
     # and h [s]
     noise: float
@@ -178,6 +182,8 @@ class Tuning:
             hold_travel=HOLD_SPANS * span,
             rest_samples=max(round(REST_S / step_s), 1),
             integral_gain=integral_gain_per_s * step_s,
+            drift_share=(drift := min(step_s / DRIFT_S, 1.0)),
+            drift_level=SIGNIFICANT * noise * math.sqrt(drift / (2 - drift)),
             noise=noise,
             span=span,
             step_s=step_s,

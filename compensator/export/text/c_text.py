@@ -230,7 +230,7 @@ def _context(
         "bounds": _padded(4 * size + 4, size),
     }
     if design is not None and "stream" in names:
-        line = design.line + 3 + (2 * (design.ahead + 1) + 2 if ramp else 0)
+        line = design.line + 5 + (2 * (design.ahead + 1) + 2 if ramp else 0)
         state["stream"] = _padded(output + state["inverse"] + line * size + (24 if ramp else 16), size)
     return _naming(scenario, problem.level, precision, prefix) | {
         "joints": joints,

@@ -5,6 +5,8 @@ from dataclasses import asdict, dataclass
 import casadi as ca
 
 from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.stream import followed_range
+from tendonff.compensator.compensators.table import accepted_range
 from tendonff.models.bounds import at_least
 from tendonff.models.elements import whole_of
 from tendonff.models.friction import COEFFICIENT_FLOOR
@@ -43,6 +45,7 @@ def parameters_of(problem: Problem) -> tuple[Parameter, ...]:
     mu, back, adhesion = friction.mu_dynamic, friction.release_dynamic, friction.adhesion_N
     most = max(min(_MU_MAX, _EXPONENT_MAX / max(problem.transmission.path.total_angle_rad, 1.0)), mu, back)
     most_adhesion = max(_ADHESION_MAX_N, adhesion)
+    accepted, followed = accepted_range(problem), followed_range(problem)
     rows = (
         ("mu_pull", "", "mu_dynamic, tendon moving towards the actuator", mu, 0.0, most),
         ("mu_release", "", "mu_dynamic, tendon moving towards the load", back, 0.0, most),
@@ -50,6 +53,8 @@ def parameters_of(problem: Problem) -> tuple[Parameter, ...]:
         ("force_min", "N", "least force of the actuator", low, low, high),
         ("force_max", "N", "largest force of the actuator", high, low, high),
         ("force_rate_max", "N/s", "largest change of the force per second", rate, 0.0, rate),
+        ("reference_min", "N", "least reference that is followed live", followed[0], *accepted),
+        ("reference_max", "N", "largest reference that is followed live", followed[1], *accepted),
     )
     return tuple(
         Parameter(name=name, unit=unit, text=text, value=value, low=least, high=largest)

@@ -34,7 +34,7 @@ def test_every_plant_is_in_the_summary_and_in_the_table(out, summary):
     assert {row["plant"] for row in rows} == set(names)
     assert set(rows[0]) == {
         *("plant", "time_s", "reference_N", "tension_feedforward_N", "tension_self_tuning_N"),
-        *("true_mu_factor", "mu_factor"),
+        *("true_mu_factor", "mu_pull_factor", "mu_release_factor"),
     }
     assert {"report.html", "overview.svg", "drift.svg"} <= {path.name for path in out.iterdir()}
 
@@ -51,7 +51,14 @@ def test_friction_that_is_off_is_tuned_away(summary, percent):
 def test_a_drift_by_30_percent_in_a_minute_is_followed(summary):
     drift = summary["plants"]["friction drifts by +30 % in a minute"]["self_tuning"]
     assert drift["settled_rmse_percent_of_range"] < 0.5
-    assert drift["factors_at_end"]["mu"] == pytest.approx(1.3, rel=0.02)
+    assert drift["factors_at_end"] == pytest.approx({"mu_pull": 1.3, "mu_release": 1.3}, rel=0.02)
+
+
+def test_friction_of_one_direction_is_tuned_away(summary):
+    plant = summary["plants"]["friction releasing \N{MINUS SIGN}30 %"]
+    assert plant["feedforward"]["settled_rmse_percent_of_range"] > 8
+    assert plant["self_tuning"]["settled_rmse_percent_of_range"] < 0.5
+    assert plant["self_tuning"]["factors_at_end"] == pytest.approx({"mu_pull": 1.0, "mu_release": 0.7}, rel=0.02)
 
 
 def test_nothing_in_the_study_gets_worse_and_what_was_doubted_is_said(summary):
@@ -91,9 +98,10 @@ def test_every_plant_on_which_self_tuning_is_worse_is_named_with_both_figures():
 
 
 def test_what_the_reference_teaches_is_said_with_a_time(summary):
-    (sentence,) = summary["information"]["sentences"]
-    assert sentence.startswith("this reference identifies mu within 3 % after")
-    assert summary["information"]["known_after_s"]["mu"] < 1
+    pull, release = summary["information"]["sentences"]
+    assert pull.startswith("this reference identifies mu_pull within 3 % after")
+    assert release.startswith("this reference identifies mu_release within 3 % after")
+    assert summary["information"]["known_after_s"]["mu_pull"] < 1
     assert summary["feedback"] is None
 
 

@@ -11,7 +11,13 @@ import pytest
 from benchmarks.independent_plant import Plant
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.score import scale_N, score
-from tendonff.compensator.compensators.stream import StreamDesign, StreamFilter, choose_stream, smoothed
+from tendonff.compensator.compensators.stream import (
+    StreamDesign,
+    StreamFilter,
+    choose_stream,
+    followed_range,
+    smoothed,
+)
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.host import run_on_host
 from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_hash, scenario_to_toml
@@ -166,3 +172,28 @@ def test_the_exported_module_follows_a_noisy_gait_on_a_plant_apart(finger, strea
     assert lag_s <= 0.015
     assert error <= largest_percent
     assert noise <= 6
+
+
+def test_a_live_reference_is_followed_no_farther_than_the_scenario_and_a_quarter_of_its_range(examples):
+    """A sensor that reads full scale is not: the drive could hold 120 N, the scenario asks for 47."""
+    problem = Problem.of(load_scenario(examples / "finger.toml"))
+    low, high = followed_range(problem)
+    tension = problem.reference.tension_N
+    least, most = float(tension.min()), float(tension.max())
+    assert low == pytest.approx(least - 0.25 * (most - least))
+    assert high == pytest.approx(most + 0.25 * (most - least))
+    held = replace(problem.reference, tension_N=np.full(len(tension), 30.0))
+    low, high = followed_range(replace(problem, reference=held))
+    assert low < 30 < high < 60
+
+
+def test_what_was_lost_for_a_sample_is_back_after_two_and_nothing_leaves_what_was_held_and_what_arrives():
+    design = StreamDesign(filter=a_filter(0), band_N=0.0, low_N=1.0, high_N=100.0)
+    given = np.array([10.0, 10.0, np.nan, 20.0, 20.0, 20.0])
+    assert smoothed(design, given, 10.0) == pytest.approx([10, 10, 10, 10, 15, 20])
+    long = np.concatenate([np.full(5, 10.0), np.full(400, np.nan), np.full(150, 20.0)])
+    found = smoothed(design, long, 10.0)
+    assert np.all(np.diff(found) >= 0)
+    assert np.abs(np.diff(found)).max() < 0.2
+    assert found[404] == 10
+    assert found[405 + design.re_entry] == 20

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tendonff.compensator.adapt.feedback import feedback_certificate
 from tendonff.compensator.adapt.setup import tuned_chain, tuning_of
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.files.reading import InputError
@@ -46,7 +47,22 @@ def test_the_example_tunes_friction_from_the_position(examples):
     adaptation = load_scenario(examples / "finger_adaptive.toml").adaptation
     assert adaptation is not None
     assert adaptation.sensor is Sensor.ACTUATOR_POSITION
-    assert adaptation.parameters == (Tunable.MU,)
+    assert adaptation.parameters == (Tunable.MU_PULL, Tunable.MU_RELEASE)
+
+
+def test_both_directions_are_tuned_and_an_integral_is_certified_where_nothing_else_is_said(finger):
+    """An eighth of what is certified, from the tension; none from the position; 0 is none."""
+    given = {"output_tension": "noise = 0.1", "actuator_position": "", "none": "integral_gain_per_s = 0.0"}
+    gains = {}
+    for sensor, more in given.items():
+        name = "output_tension" if sensor == "none" else sensor
+        scenario = parse_scenario(f'{finger}\n[adaptation]\nsensor = "{name}"\ndelay_samples = 2\n{more}\n')
+        assert scenario.adaptation.parameters == (Tunable.MU_PULL, Tunable.MU_RELEASE)
+        tuning = tuning_of(Problem.of(scenario), scenario.adaptation)
+        gains[sensor] = tuning.integral_gain / scenario.run.step_s
+        assert parse_scenario(scenario_to_toml(scenario)).adaptation == scenario.adaptation
+    certified = feedback_certificate(scenario.transmission, scenario.run.step_s, 2, 0.0).largest_gain_per_s
+    assert gains == pytest.approx({"output_tension": certified / 8, "actuator_position": 0, "none": 0})
 
 
 @pytest.mark.parametrize(

@@ -194,7 +194,7 @@ def test_a_calibration_tool_reads_the_description_and_finds_every_member(example
     text = found.read_text()
     addresses = [int(a, 16) - base for a in re.findall(r"VALUE (0x[0-9A-Fa-f]+) rig_real", text)]
     size = 4 if precision is Precision.FLOAT else 8
-    assert addresses == [size * k for k in range(6)]
+    assert addresses == [size * k for k in range(len(parameters_of(Problem.of(scenario))))]
     assert ("FLOAT32_IEEE COLUMN_DIR" in text) == (precision is Precision.FLOAT)
     members = [p.name for p in parameters_of(Problem.of(scenario))]
     assert re.findall(r"begin CHARACTERISTIC rig_(\w+)", text) == members

@@ -350,7 +350,7 @@ static void limits(void)
 
 static int is_same(const tff_parameters *one, const tff_parameters *two)
 {
-    return is_near((double)one->mu_pull, (double)two->mu_pull) && is_near((double)one->mu_release, (double)two->mu_release) && is_near((double)one->adhesion, (double)two->adhesion) && is_near((double)one->force_min, (double)two->force_min) && is_near((double)one->force_max, (double)two->force_max) && is_near((double)one->force_rate_max, (double)two->force_rate_max);
+    return is_near((double)one->mu_pull, (double)two->mu_pull) && is_near((double)one->mu_release, (double)two->mu_release) && is_near((double)one->adhesion, (double)two->adhesion) && is_near((double)one->force_min, (double)two->force_min) && is_near((double)one->force_max, (double)two->force_max) && is_near((double)one->force_rate_max, (double)two->force_rate_max) && is_near((double)one->reference_min, (double)two->reference_min) && is_near((double)one->reference_max, (double)two->reference_max);
 }
 
 static void parameters(void)
@@ -362,7 +362,7 @@ static void parameters(void)
     int k, refused = 1, taken;
 
     tff_parameters_init(&self);
-    expect("parameters: the scenario's", (tff_parameters_are_good(&self) == 1) && is_near((double)self.mu_pull, 0.20000000000000001) && is_near((double)self.mu_release, 0.20000000000000001) && is_near((double)self.adhesion, 0.0) && is_near((double)self.force_min, 0.0) && is_near((double)self.force_max, 200.0) && is_near((double)self.force_rate_max, 100000.0));
+    expect("parameters: the scenario's", (tff_parameters_are_good(&self) == 1) && is_near((double)self.mu_pull, 0.20000000000000001) && is_near((double)self.mu_release, 0.20000000000000001) && is_near((double)self.adhesion, 0.0) && is_near((double)self.force_min, 0.0) && is_near((double)self.force_max, 200.0) && is_near((double)self.force_rate_max, 100000.0) && is_near((double)self.reference_min, 5.7798712817485942) && is_near((double)self.reference_max, 55.244025743650283));
     before = self;
     for (k = 0; k < 3; k++) {
         refused = refused && (tff_parameters_set_mu(&self, bad[k], self.mu_release) == 0) && (tff_parameters_set_mu(&self, self.mu_pull, bad[k]) == 0);
@@ -822,13 +822,13 @@ static void test_stream(void)
         const double force = (double)tff_stream_step(&self, 160.04642732733097);
         allowed = allowed && is_allowed(force, before);
         before = force;
-        clamped = clamped && is_near((double)self.entry.last, 106.69761821822065) && ((self.output.status & TFF_INPUT_HELD) != 0u);
+        clamped = clamped && is_near((double)self.entry.last, 55.244025743650283) && ((self.output.status & TFF_INPUT_HELD) != 0u);
     }
     for (k = 0; k < 4; k++) {
         const double force = (double)tff_stream_step(&self, (tff_real)-1);
         allowed = allowed && is_allowed(force, before);
         before = force;
-        clamped = clamped && is_near((double)self.entry.last, 0.14023897025398877) && ((self.output.status & TFF_INPUT_HELD) != 0u);
+        clamped = clamped && is_near((double)self.entry.last, 5.7798712817485942) && ((self.output.status & TFF_INPUT_HELD) != 0u);
     }
     expect("stream: references out of range are clamped and flagged", clamped);
     expect("stream: every force within the limits", allowed);
@@ -872,6 +872,9 @@ static void test_stream(void)
         taken = (tff_stream_use(&self, &given) == 1) && is_near((double)self.inverse.adhesion, (double)given.adhesion);
         (void)tff_stream_step(&self, live_reference[0]);
         taken = taken && is_near((double)self.output.high, (double)given.force_max);
+        taken = taken && (tff_parameters_set_references(&given, 0.14023897025398877, 106.69761821822065) == 1);
+        taken = taken && (tff_parameters_set_references(&given, 106.69761821822065, 0.14023897025398877) == 0);
+        taken = taken && (tff_stream_use(&self, &given) == 1) && is_near((double)self.high, 106.69761821822065) && is_near((double)self.low, 0.14023897025398877);
         given.force_max = (tff_real)NAN;
         taken = taken && (tff_stream_use(&self, &given) == 0);
         expect("stream: parameters that mean something are taken, others not", taken);

@@ -14,6 +14,8 @@ void tff_parameters_init(tff_parameters *self)
     self->force_min = 0.0;
     self->force_max = 200.0;
     self->force_rate_max = 100000.0;
+    self->reference_min = 5.7798712817485942;
+    self->reference_max = 55.244025743650283;
 }
 
 /* 1 where low <= value <= high, 0 elsewhere and for NaN. */
@@ -26,12 +28,15 @@ int32_t tff_parameters_are_good(const tff_parameters *self)
 {
     int32_t good = tff_parameters_within(self->force_min, self->force_min, self->force_max);
 
+    good *= tff_parameters_within(self->reference_min, self->reference_min, self->reference_max);
     good *= tff_parameters_within(self->mu_pull, 0.0, 2.0);
     good *= tff_parameters_within(self->mu_release, 0.0, 2.0);
     good *= tff_parameters_within(self->adhesion, 0.0, 1000.0);
     good *= tff_parameters_within(self->force_min, 0.0, 200.0);
     good *= tff_parameters_within(self->force_max, 0.0, 200.0);
     good *= tff_parameters_within(self->force_rate_max, 0.0, 100000.0);
+    good *= tff_parameters_within(self->reference_min, 0.14023897025398877, 106.69761821822065);
+    good *= tff_parameters_within(self->reference_max, 0.14023897025398877, 106.69761821822065);
     return good;
 }
 
@@ -70,5 +75,14 @@ int32_t tff_parameters_set_limits(tff_parameters *self, tff_real force_min, tff_
     wanted.force_min = force_min;
     wanted.force_max = force_max;
     wanted.force_rate_max = force_rate_max;
+    return tff_parameters_take(self, &wanted);
+}
+
+int32_t tff_parameters_set_references(tff_parameters *self, tff_real reference_min, tff_real reference_max)
+{
+    tff_parameters wanted = *self;
+
+    wanted.reference_min = reference_min;
+    wanted.reference_max = reference_max;
     return tff_parameters_take(self, &wanted);
 }

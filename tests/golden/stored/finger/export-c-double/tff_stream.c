@@ -13,6 +13,8 @@ static void tff_stream_start(tff_stream *self)
     int32_t j;
 
     self->output = self->inverse.output;
+    self->low = 5.7798712817485942;
+    self->high = 55.244025743650283;
     tff_entry_init(&self->entry, self->inverse.start);
     for (j = 0; j < TFF_STREAM_LINE; j++) {
         self->line[j] = self->inverse.start;
@@ -46,10 +48,10 @@ static uint32_t tff_stream_take(tff_stream *self, tff_real reference)
 
     if (tff_is_within(reference, -TFF_STREAM_LARGEST_N, TFF_STREAM_LARGEST_N) == 0) {
         tff_entry_lose(&self->entry, 1); /* not a number, or infinite: time goes on with the last one */
-    } else if (reference < TFF_REFERENCE_MIN_N) {
-        (void)tff_entry_take(&self->entry, TFF_REFERENCE_MIN_N);
-    } else if (reference > TFF_REFERENCE_MAX_N) {
-        (void)tff_entry_take(&self->entry, TFF_REFERENCE_MAX_N);
+    } else if (reference < self->low) {
+        (void)tff_entry_take(&self->entry, self->low);
+    } else if (reference > self->high) {
+        (void)tff_entry_take(&self->entry, self->high);
     } else {
         (void)tff_entry_take(&self->entry, reference);
         status = TFF_OK;
@@ -76,7 +78,16 @@ static tff_real tff_stream_smooth(const tff_stream *self)
 
 int32_t tff_stream_use(tff_stream *self, const tff_parameters *given)
 {
-    return tff_inverse_use(&self->inverse, given);
+    const int32_t good = tff_inverse_use(&self->inverse, given);
+
+    if (good != 0) {
+        self->low = given->reference_min;
+        self->high = given->reference_max;
+        if (tff_is_within(self->entry.last, self->low, self->high) == 0) {
+            tff_entry_lose(&self->entry, TFF_RE_ENTRY); /* led inside */
+        }
+    }
+    return good;
 }
 
 tff_real tff_stream_step(tff_stream *self, tff_real reference)

@@ -3,7 +3,7 @@
  * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 416ccb25f27050fb, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The licence of tendonff does not cover what it writes: this file is yours.
- * The reference is clamped to its range, held where it is not a number, led back smoothly when it arrives again, freed of
+ * The reference is clamped to a range (the scenario's and a margin, or what `use` says), held where it is not a number, led back smoothly when it arrives again, freed of
  * the last bit by a dead band, smoothed by a symmetric filter with the same lag for all frequencies, and handed to the
  * exact inverse, whose force stays within the limits of force and rate.
  */
@@ -31,6 +31,8 @@ typedef struct {
     tff_inverse inverse;
     tff_real line[TFF_STREAM_LINE]; /* what has arrived, as a ring [N] */
     tff_entry entry; /* last reference, and the way back to one that was lost */
+    tff_real low;    /* references are clamped to [N] */
+    tff_real high;
     tff_real centre; /* of the dead band [N] */
     int32_t newest;       /* place in the ring */
 } tff_stream;

@@ -1,0 +1,227 @@
+"""The exported self-tuning C, blind, on three rigs of 40 masses whose laws, scheme and step are others.
+
+    python benchmarks/self_tuning.py [--sensor output_tension] [--gain 40] [--parameters mu_pull,mu_release] [CASE ...]
+
+Two sines, 8 s, 1 kHz, 2 ms of delay, noise of 0.5 % of range or of travel. Errors are RMS after 2 s in % of range
+(after the change and 2 s where something changes in mid-run: those of the last second are stated too); *worst* is the
+largest ratio to the plain inverse over any second, of seconds in which more than 0.5 % of range is left.
+"""
+
+import argparse
+import ctypes
+import importlib.util
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.export.modules import ADAPTIVE_MODULES
+from tendonff.compensator.export.text.c_text import c_sources
+from tendonff.compensator.scenario.reference import SineReference
+from tendonff.compensator.scenario.scenario import Scenario, load_scenario
+from tendonff.compensator.scenario.settings import Adaptation
+from tendonff.models.fidelity import Level
+from tendonff.ocp.adaptation.tuning import Sensor, Tunable
+from tendonff.ocp.codegen.compiler import load_library
+from tendonff.ocp.codegen.precision import Precision
+
+ROOT = Path(__file__).parents[1]
+DURATION_S, STEP_S, NOISE = 8.0, 1e-3, 0.005
+RIGS = {"finger": (30.0, (12.0, 5.0)), "bowden": (100.0, (45.0, 20.0)), "surgical": (12.0, (5.0, 2.0))}
+DRIVER = """
+tff_adaptive *made(void) { return (tff_adaptive *)calloc(1, sizeof(tff_adaptive)); }
+void begin(tff_adaptive *self, double tension) { tff_adaptive_init(self, (tff_real)tension); }
+double step(tff_adaptive *self, double wanted, double measured) { return tff_adaptive_step(self, wanted, measured); }
+unsigned status(const tff_adaptive *self) { return self->output.status; }
+double value(const tff_adaptive *self, int k) { return tff_adaptive_tuner_value(&self->tuner, k); }
+double estimate(const tff_adaptive *self, int k) { return self->tuner.f[k]; }
+double gain(const tff_adaptive *self) { return self->tuner.gain; }
+double level(const tff_adaptive *self) { return self->tuner.level; }
+"""
+
+
+def _rig_module() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("independent_rig", ROOT / "tests" / "independent_rig.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["independent_rig"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+INDEPENDENT: Any = _rig_module()
+
+
+@dataclass
+class World:
+    """Case: deviations of the rig and its sensor."""
+
+    hidden: dict[str, float] = field(default_factory=dict)
+    change: Callable[[Any, float], None] | None = None
+    gear_share: float = 0.0  # dry friction of the drive, of the range
+    gain: float = 1.0  # of the sensor
+    delay: int = 2
+
+
+def _lubricated(rig: Any, t: float) -> None:
+    if abs(t - 4.0) < STEP_S / 2:
+        rig.lubricate(0.4, 0.65, 0.6)
+
+
+def _stretched(rig: Any, t: float) -> None:
+    if 3.0 <= t < 3.5:
+        rig.stretch(1e-3 * STEP_S / 0.5)
+
+
+def _posture(rig: Any, t: float) -> None:
+    load = 1 + 0.3 * np.sin(2 * np.pi * 0.25 * t)
+    rig.set(mu=rig.mu, load=float(load))
+
+
+def _step(rig: Any, t: float) -> None:
+    if abs(t - 4.0) < STEP_S / 2:
+        rig.set(mu=1.2, load=1.0)
+
+
+CASES: dict[str, World] = {
+    "as told": World(),
+    "friction -20 %": World({"mu": 0.8}),
+    "friction +20 %": World({"mu": 1.2}),
+    "release -30 %": World({"release": 0.7}),
+    "friction +20 %, release -30 %": World({"mu": 1.2, "release": 0.7}),
+    "stretched by 1 mm": World({"mu": 1.1}, change=_stretched),
+    "lubricated spot": World({"mu": 1.0}, change=_lubricated),
+    "friction steps by 20 %": World(change=_step),
+    "posture": World(change=_posture),
+    "posture, friction +20 %": World({"mu": 1.2}, change=_posture),
+    "gear friction 3 %": World(gear_share=0.03),
+    "gain of the sensor +3 %": World(gain=1.03),
+    "delay of 5": World(delay=5),
+    "friction +20 %, delay of 5": World({"mu": 1.2}, delay=5),
+    "bristles twice as stiff": World({"bristle": 2.0}),
+    "friction +20 %, bristles twice as stiff": World({"mu": 1.2, "bristle": 2.0}),
+    "load +20 %": World({"load": 1.2}),
+    "tendon -20 %": World({"stiffness": 0.8}),
+}
+
+
+def scenario_of(name: str, sensor: Sensor, parameters: tuple[Tunable, ...], gain_per_s: float | None) -> Scenario:
+    """An example on two sines, with self-tuning."""
+    tension, amplitudes = RIGS[name]
+    scenario = load_scenario(ROOT / "examples" / f"{name}.toml")
+    sines = SineReference(
+        initial_tension_N=tension,
+        frequencies_Hz=(0.5, 1.3),
+        amplitudes_N=amplitudes,
+        duration_s=DURATION_S,
+        fade_in_s=0.5,
+    )
+    run = replace(scenario.run, step_s=STEP_S, level=Level.PRESLIDING)
+    span = (
+        2
+        * sum(amplitudes)
+        * (1.0 if sensor is Sensor.OUTPUT_TENSION else 1.5 / scenario.transmission.load.stiffness_N_per_m)
+    )
+    gain = {} if gain_per_s is None else {"integral_gain_per_s": gain_per_s}
+    adaptation = Adaptation(sensor=sensor, parameters=parameters, noise=NOISE * span, delay_samples=2, **gain)
+    return replace(scenario, reference=sines, run=run, adaptation=adaptation)
+
+
+class Tuner:
+    """The compiled C module."""
+
+    def __init__(self, library: ctypes.CDLL, tension_N: float, deaf: bool) -> None:
+        for name in ("step", "value", "estimate", "gain", "level"):
+            getattr(library, name).restype = ctypes.c_double
+        library.made.restype, library.status.restype = ctypes.c_void_p, ctypes.c_uint
+        self._c, self._deaf, self._self = library, deaf, ctypes.c_void_p(library.made())
+        library.begin(self._self, ctypes.c_double(tension_N))
+        self.log: list[tuple[float, ...]] = []
+
+    def step(self, reference_N: float, measured: float) -> float:
+        """Force at the end of the step."""
+        given = float("nan") if self._deaf else measured
+        force = float(self._c.step(self._self, ctypes.c_double(reference_N), ctypes.c_double(given)))
+        numbers = [getattr(self._c, n)(self._self, k) for n in ("value", "estimate") for k in (0, 1)]
+        self.log.append((*numbers, self._c.gain(self._self), self._c.level(self._self)))
+        return force
+
+    @property
+    def status(self) -> int:
+        """Bits of the last step."""
+        return int(self._c.status(self._self))
+
+
+def compiled(scenario: Scenario, problem: Problem) -> ctypes.CDLL:
+    """The adaptive module with its driver."""
+    texts = c_sources(scenario, problem, ADAPTIVE_MODULES, Precision.DOUBLE, "tff")
+    names = ("parameters", "limits", "adaptive")
+    order = ("types.h", *(f"{name}.h" for name in names), *(f"{name}.c" for name in names))
+    own = "\n".join(texts[f"tff_{name}"] for name in order)
+    lines = [line for line in own.splitlines() if not line.startswith('#include "')]
+    return load_library("\n".join(["#include <stdlib.h>", *lines, DRIVER]))
+
+
+def play(library: ctypes.CDLL, scenario: Scenario, problem: Problem, world: World, *, deaf: bool) -> tuple[Any, ...]:
+    """Error over time, in % of range, status, and what was found."""
+    assert scenario.adaptation is not None
+    reference, sensor = problem.reference, scenario.adaptation.sensor
+    start, scale = reference.initial_tension_N, float(np.ptp(reference.tension_N))
+    hidden = dict(world.hidden) | ({"gear_N": world.gear_share * scale} if world.gear_share else {})
+    rig = INDEPENDENT.Rig(scenario.transmission, start, step_s=2e-5, **hidden)
+    tuner = Tuner(library, start, deaf)
+
+    def measure(r: Any) -> float:
+        return world.gain * (r.tension_N if sensor is Sensor.OUTPUT_TENSION else r.position_m)
+
+    noise = scenario.adaptation.noise * np.random.default_rng(0).normal(size=len(reference.tension_N))
+    tension, status = INDEPENDENT.closed_loop(
+        rig, tuner, reference.tension_N, measure, noise, delay=world.delay, change=world.change
+    )
+    return 100 * (tension - reference.tension_N) / scale, status, np.array(tuner.log)
+
+
+def rms(error: np.ndarray) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(error**2)))
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # type: ignore[union-attr]
+    parser.add_argument("cases", nargs="*", default=list(CASES))
+    parser.add_argument("--sensor", default=Sensor.OUTPUT_TENSION, type=Sensor)
+    parser.add_argument("--rigs", default=",".join(RIGS))
+    parser.add_argument("--parameters", default="mu_pull,mu_release")
+    parser.add_argument("--gain", type=float, default=None, help="integral action [1/s]; default: the scenario's")
+    options = parser.parse_args()
+    for name in options.rigs.split(","):
+        parameters = tuple(Tunable(p) for p in options.parameters.split(","))
+        scenario = scenario_of(name, options.sensor, parameters, options.gain)
+        problem = Problem.of(scenario)
+        library = compiled(scenario, problem)
+        for case in options.cases:
+            world = CASES[case]
+            plain, _, _ = play(library, scenario, problem, world, deaf=True)
+            error, status, log = play(library, scenario, problem, world, deaf=False)
+            late, second = round(2 / STEP_S), round(1 / STEP_S)
+            seconds = [slice(k, k + second) for k in range(0, len(error) - second, second // 4)]
+            ratios = [rms(error[s]) / rms(plain[s]) for s in seconds if rms(error[s]) > 0.5]
+            print(
+                f"{name:9} {options.sensor:17} {case:40} plain {rms(plain[late:]):6.2f}  "
+                f"tuned {rms(error[late:]):6.2f}  "
+                f"last {rms(error[-second:]):6.2f} worst {max(ratios, default=0):5.2f}  frozen "
+                f"{100 * np.mean((status & 64) > 0):3.0f} %  doubt {100 * np.mean((status & 256) > 0):3.0f} %  "
+                f"{np.round(log[-1, :2], 3)} gain {log[-1, 4]:.3f}",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()
