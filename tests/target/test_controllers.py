@@ -11,7 +11,7 @@ import pytest
 
 from tendonff.ocp.codegen.precision import Precision
 
-CEILINGS = {"inverse": 3000, "capstan": 200, "table": 200, "plant": 120_000}
+CEILINGS = {"inverse": 3000, "capstan": 200, "table": 220, "plant": 120_000}
 HOST_CEILINGS = {"inverse": 1500, "capstan": 200, "table": 200}
 
 

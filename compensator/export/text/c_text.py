@@ -209,6 +209,7 @@ def _context(
     others = (STREAM, PLANT, *ADAPTIVE_MODULES)
     followers = [m for m in modules if not m.plays_back and m not in others]  # of a reference, without delay
     output = max(size, 4) + 8 + 3 * size
+    entry = _padded(2 * size + 12, size)
     past = 2 * count + 2 if precision is Precision.FLOAT else 0
     joints = Joints.of(chain) if chain.moving else None  # else all masses are alike and nothing moves
     moving = joints is not None and bool(joints.names)
@@ -222,16 +223,19 @@ def _context(
     free = 5 if chain.friction.weakening_speed_m_per_s is not None else 3
     free = 1 if joints else free
     state = {
-        "inverse": _padded(output + (2 * reals + (7 if ramp else 6) + free + past) * size + 16 + path[True], size),
-        "capstan": _padded(output + (7 if law.plays is None else 6 + 3 * PLAYS) * size + 12, size),
-        "table": _padded(output + 6 * size + 16, size),
+        "inverse": _padded(
+            output + (2 * reals + (5 if ramp else 4) + free + past) * size + entry + 4 + path[True], size
+        ),
+        "capstan": _padded(output + (5 if law.plays is None else 4 + 3 * PLAYS) * size + entry, size),
+        "table": _padded(output + 4 * size + entry + 4, size),
         "plant": _padded((2 * reals + (3 if servo else 2)) * size + 16 + path[False], size),
         "profile": _padded(output + 4, size),
         "bounds": _padded(4 * size + 4, size),
     }
     if design is not None and "stream" in names:
-        line = design.line + 5 + (2 * (design.ahead + 1) + 2 if ramp else 0)
-        state["stream"] = _padded(output + state["inverse"] + line * size + (24 if ramp else 16), size)
+        line = design.line + 3 + (2 * (design.ahead + 1) + 2 if ramp else 0)
+        places = _padded(4, size) + 8 if ramp else 4
+        state["stream"] = _padded(output + state["inverse"] + line * size + entry + places, size)
     return _naming(scenario, problem.level, precision, prefix) | {
         "joints": joints,
         "joint_parameter": f", const {prefix}_real joint_rad[]" if moving else "",

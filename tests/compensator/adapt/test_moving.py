@@ -35,7 +35,9 @@ def test_friction_that_is_off_is_tuned_away_while_joints_move(moving, monkeypatc
 
     names = ("friction \N{MINUS SIGN}20 %", "friction +20 %", "load +20 %", "friction drifts by +30 % in a minute")
     every = run.variations
-    monkeypatch.setattr(run, "variations", lambda sensor: tuple(v for v in every(sensor) if v.name in names))
+    monkeypatch.setattr(
+        run, "variations", lambda *given, **named: tuple(v for v in every(*given, **named) if v.name in names)
+    )
     study = adapt(moving)
     errors = {case.variation.name: {s: t.settled_percent for s, t in case.traces.items()} for case in study.cases}
     for name in names[:2]:
