@@ -30,7 +30,7 @@ CENTRE_RAD, MID_STROKE_RAD = -0.524, 0.25
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """One file, filtered without phase lag, every fourth row.
+    """File, filtered without phase lag, every fourth row.
 
     Attributes
     ----------
@@ -119,7 +119,7 @@ def fitted(law: Law, start: tuple[float, ...], runs: list[Run]) -> Callable[[Run
 
 
 def sign_map(runs: list[Run]) -> Callable[[Run], Array]:
-    """Friction looked up by joint position and direction, off in a dead band of speed, as industrial drives have it."""
+    """Friction looked up by joint position and direction, off in a deadband of speed, as industrial drives have it."""
     edges = np.linspace(-1.1, 0.05, 24)
     excess = np.concatenate([run.input_N_m - run.output_N_m for run in runs])
     angle, speed = (np.concatenate([getattr(run, n) for run in runs]) for n in ("angle_rad", "speed_rad_per_s"))
@@ -141,7 +141,7 @@ def sign_map(runs: list[Run]) -> Callable[[Run], Array]:
 
 
 def features(run: Run) -> Array:
-    """What the network sees: torque, angle, speed, and angle and speed up to 0.3 s ago."""
+    """Inputs of the network: torque, angle, speed, and angle and speed up to 0.3 s ago."""
     columns = [run.output_N_m, run.angle_rad, run.speed_rad_per_s]
     for lag in (2, 5, 15):
         past = np.maximum(np.arange(len(run.angle_rad)) - lag, 0)
@@ -190,7 +190,7 @@ def main() -> int:
         print(f"{options.data} has no CSV files in identify/ and validate/; --upstream CLONE makes them")
         return 2
     models = {name: fitted(law, start, runs["identify"]) for name, (law, start) in LAWS.items()}
-    models |= {"sign map with dead band": sign_map(runs["identify"]), "network": network(runs["identify"])}
+    models |= {"sign map with deadband": sign_map(runs["identify"]), "network": network(runs["identify"])}
     width = float(np.ptp(np.concatenate([run.input_N_m for run in runs["validate"]])))
     print("| compensator | files it was fitted on | unseen files | unseen, mid-stroke |\n|---|---|---|---|")
     rows = []

@@ -60,7 +60,7 @@ INDEPENDENT: Any = _rig_module()
 
 @dataclass
 class World:
-    """One case: what of the rig and its sensor differs."""
+    """Case: deviations of the rig and its sensor."""
 
     hidden: dict[str, float] = field(default_factory=dict)
     change: Callable[[Any, float], None] | None = None

@@ -88,7 +88,7 @@ def text_of(table: dict[str, dict[str, float | None]], cases: list[Case], names:
 
 
 def draw(table: dict[str, dict[str, float | None]], cases: list[Case], names: list[str], file: Path) -> None:
-    """One row a case, one mark an adapter, a bar up to the tolerance."""
+    """Rows of cases, marks of adapters, bars up to the tolerance."""
     from matplotlib.figure import Figure  # only the figure needs it
 
     figure = Figure(figsize=(8, 5), layout="constrained")

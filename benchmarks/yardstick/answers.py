@@ -14,7 +14,7 @@ SLACK_LN = -40.0
 
 
 def answer(case: Case) -> dict[str, Array]:
-    """What the outputs of a case have to be."""
+    """Required outputs of a case."""
     return _ANSWERS[case.raw["answer"]](case)
 
 

@@ -63,7 +63,7 @@ class Phase:
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """One case.
+    """Case.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class Case:
         return np.arange(round(last / self.raw["row_s"]) + 1) * float(self.raw["row_s"])
 
     def drive(self, end: str, quantity: str) -> Array:
-        """What an end is given on each row; NaN where it is not."""
+        """Given quantity of an end on each row; NaN where there is none."""
         t, begin = self.time_s, -1.0
         found = np.full(len(t), np.nan)
         for phase in self.phases:

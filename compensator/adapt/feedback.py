@@ -39,7 +39,7 @@ class FeedbackCertificate:
 
     @property
     def default_gain_per_s(self) -> float:
-        """What is taken where the scenario states no gain."""
+        """Gain where the scenario states none."""
         return DEFAULT_SHARE * self.largest_gain_per_s
 
     @property

@@ -1,4 +1,4 @@
-"""What a study of the self-tuning compensator holds, and the plants it is tried on, which differ from the scenario."""
+"""Result of a study of the self-tuning compensator, and its plants, which differ from the scenario."""
 
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -36,7 +36,7 @@ def moving_rms(error: FloatArray, step_s: float) -> FloatArray:
 
 
 class Change(StrEnum):
-    """What of a plant changes during the run; all else differs from the start."""
+    """Property of a plant that changes during the run; all others differ from the start."""
 
     NOTHING = "nothing"
     MU_STEP = "mu_step"  # in the middle of the run, at once
@@ -47,7 +47,7 @@ class Change(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variation:
-    """One plant: factors on the scenario's values, and what is wrong with the start and the sensor."""
+    """Plant: factors on the scenario's values, and errors of the start and the sensor."""
 
     name: str
     # mu, bristle, stiffness, load: factors on friction coefficients, bristle stiffness, k1 and k2, and k_l
@@ -114,7 +114,7 @@ def variations(sensor: Sensor, *, moving: bool = False) -> tuple[Variation, ...]
 
 
 class Scheme(StrEnum):
-    """What is compared."""
+    """Compared scheme."""
 
     FEEDFORWARD = "feedforward"  # the exact inverse at the scenario's values
     FEEDBACK = "feedback"  # the same with integral action on the measured output tension
@@ -123,7 +123,7 @@ class Scheme(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trace:
-    """One scheme on one plant."""
+    """Scheme on a plant."""
 
     tension_N: FloatArray  # shape (n,); output tension at the samples of the case [N]
     # factors, deviation: shape (n, parameters); estimates and their standard deviations
@@ -139,7 +139,7 @@ class Trace:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """One plant with every scheme."""
+    """Plant with every scheme."""
 
     variation: Variation
     # time_s, reference_N, mu_factor: shape (n,); the reference of this case, and the plant's true factor on mu

@@ -105,7 +105,7 @@ def _certificate(problem: Problem, settings: Adaptation) -> FeedbackCertificate 
 
 
 def _advice(problem: Problem, settings: Adaptation, widest: Case) -> tuple[str, float] | None:
-    """What to tune beside friction, and what that leaves on the worst plant [%]; None where it is no use.
+    """Parameter to tune beside friction, and the error with it on the worst plant [%]; None where it does not help.
 
     A unit that tunes friction alone cannot know what else is off: it says DOUBT, and the study finds the reason.
     """

@@ -1,4 +1,4 @@
-"""What a scenario's self-tuning is made of: the recursion's numbers, what the reference teaches, the interval."""
+"""Parts of a scenario's self-tuning: the recursion's numbers, the information of the reference, the interval."""
 
 from dataclasses import dataclass
 
@@ -78,7 +78,7 @@ def tuned_chain(problem: Problem, tuning: Tuning) -> TunedChain:
 
 
 def learnt(problem: Problem, tuning: Tuning) -> Information:
-    """What the reference teaches, on the scenario's own plant without noise."""
+    """Information of the reference, on the scenario's own plant without noise."""
     tuned, reference = tuned_chain(problem, tuning), problem.reference
     start = reference.initial_tension_N
     tuner = SelfTuner(tuned, reference.step_s, tuning, problem.limits, start)

@@ -252,7 +252,7 @@ class StreamChoice:
 
 
 def followed_range(problem: Problem) -> tuple[float, float]:
-    """References that a live module follows unless it is told otherwise: those of the scenario and a margin [N].
+    """References that a live module follows by default: those of the scenario and a margin [N].
 
     A sensor or a bus that reads full scale must not be followed where the scenario never goes.
     """

@@ -1,1 +1,1 @@
-"""What runs elsewhere: C for controllers and FMUs for simulators, printed from the same laws as everything else."""
+"""Exports: C for controllers and FMUs for simulators, printed from the same laws as everything else."""

@@ -1,4 +1,4 @@
-"""What an export adds for a scenario with [adaptation]: tuner, certified interval, an inverse whose mu can be set."""
+"""Additions of an export for a scenario with [adaptation]: tuner, certified interval, an inverse with adjustable mu."""
 
 import math
 from dataclasses import dataclass, replace
@@ -44,7 +44,7 @@ class AdaptiveGolden:
 
 
 def adaptive_code(problem: Problem, settings: Adaptation, precision: Precision, prefix: str) -> dict[str, object]:
-    """What the templates of tuner and interval need."""
+    """Values for the templates of tuner and interval."""
     tuning = tuning_of(problem, settings)
     tuned = tuned_chain(problem, tuning)
     code = tuner_code(tuned, problem.reference.step_s, f"{prefix}_adaptive", precision, settings.delay_samples)
@@ -101,7 +101,7 @@ def adaptive_tolerance_N(course: Course, precision: Precision) -> float:
 
 
 def _bounds(bounds: Certified) -> dict[str, object]:
-    """What the templates of the interval need; joints that move the path leave no total angle to make one of."""
+    """Values for the templates of the interval; a path that joints move has no total angle to make one of."""
     interval = bounds.interval
     low, high = interval.low_law, interval.high_law
     ratios = {

@@ -39,7 +39,7 @@ from tendonff.ocp.step.joints import Joints
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exported:
-    """What an export holds, before it is written."""
+    """Content of an export, before it is written."""
 
     files: dict[str, str]  # text by file name
     built: BuiltTable | None  # None on a path that joints move: no table holds it

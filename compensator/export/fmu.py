@@ -45,7 +45,7 @@ _MACHINES = {"x86_64": "x86_64", "AMD64": "x86_64", "aarch64": "aarch64", "arm64
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Variable:
-    """One line of the model description."""
+    """Line of the model description."""
 
     name: str
     text: str
@@ -150,7 +150,7 @@ def build_fmu(
 def _judged(
     problem: Problem, built: BuiltTable | None, module: CModule, *, force_export: bool
 ) -> tuple[tuple[Judged, ...], tuple[str, ...]]:
-    """What the unit is worth, as `export-c` judges it; the adaptive one counts as the inverse that it tunes."""
+    """Error of the unit, as judged by `export-c`; the adaptive one counts as the inverse that it tunes."""
     if module == PLANT:
         return (), ()
     name = "inverse" if module == ADAPTIVE else module.name

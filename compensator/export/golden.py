@@ -64,7 +64,7 @@ class Course:
 
     @property
     def inputs_N(self) -> dict[str, FloatArray]:
-        """What each module with answers is given, by name [N]."""
+        """Inputs of each module with outputs, by name [N]."""
         rows = len(self.columns.get("plant", ()))
         return {name: self.plant_force_N[:rows] if name == "plant" else self.reference_N for name in self.columns}
 
@@ -118,7 +118,7 @@ def _following(problem: Problem, reference_N: FloatArray, chain: Chain | None) -
 
 
 def _answered(followed: Problem, table: LookupTable | None, precision: Precision) -> Course:
-    """What each module that follows a reference answers; without a table those that need none."""
+    """Outputs of each module that follows a reference; without a table those that need none."""
     columns = {}
     for compensator, module in exportable(followed.transmission, moving=followed.chain.motion is not None):
         is_table = isinstance(compensator, CompensationTable)

@@ -1,4 +1,4 @@
-"""What the exported modules are worth on the scenario's reference, against the reference applied directly."""
+"""Errors of the exported modules on the scenario's reference, against the reference applied directly."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -19,7 +19,7 @@ UNCOMPENSATED = "none"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judged:
-    """One module on the chain of the export's level."""
+    """Module on the chain of the export's level."""
 
     module: str  # name of the module; "none" for the reference itself as force
     score: Score | None  # against the reference; None where the plant could not be simulated under this force
@@ -56,7 +56,7 @@ def judge(problem: Problem, profiles: Mapping[str, Profile]) -> tuple[Judged, ..
 def profiles_of(
     problem: Problem, built: BuiltTable | None, optimal: Profile | None = None, names: Sequence[str] = ()
 ) -> dict[str, Profile]:
-    """What each module, or some, tells the actuator at the samples of the reference, for `judge`.
+    """Commands of each module, or some, at the samples of the reference, for `judge`.
 
     A module reads the reference live: it keeps no force in a hold, and does not know where the reference ends. Table
     and profile are those that are exported; a profile of another length than the reference is left out.
@@ -75,9 +75,9 @@ def profiles_of(
 
 
 def driven(problem: Problem, name: str, profile: Profile) -> Profile:
-    """What the actuator makes of a module's profile: the limits of its motion, which no module knows, bind as well.
+    """Profile of a module as applied by the actuator, within the limits of its motion, which modules do not include.
 
-    A position drive is told the command as it is.
+    A position drive takes the command unchanged.
     """
     if problem.transmission.actuator.drive is Drive.POSITION:
         return profile if profile.command_m is not None else with_motion(problem, name, profile)

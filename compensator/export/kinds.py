@@ -4,7 +4,7 @@ from enum import StrEnum
 
 
 class Kind(StrEnum):
-    """What the unit computes."""
+    """Kind of computation of the unit."""
 
     INVERSE = "inverse"  # reference tension in, force out, within the actuator's limits
     PLANT = "plant"  # force in, output tension and end positions out

@@ -10,7 +10,7 @@ from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.drive import Drive
 
 STREAM = CModule(name="stream", content="exact inverse behind a filter, for references that arrive live")
-"""What is exported for references that are not known in advance."""
+"""Modules exported for references that are not known in advance."""
 
 PLANT = CModule(name="plant", content="the chain itself")  # what is exported beside the compensators, for tests
 

@@ -1,4 +1,4 @@
-"""What the shipped self test is told: courses with their answers, tolerances, bounds and checksums.
+"""Data of the shipped self test: sequences with their results, tolerances, bounds and checksums.
 
 Limits, status bits and checksums are computed apart from the C.
 """
@@ -42,7 +42,7 @@ class Status(IntFlag):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitCase:
-    """One call of the limiter."""
+    """Call of the limiter."""
 
     # before_N, wanted_N: last output, and the force that is asked for [N]
     before_N: float
@@ -134,7 +134,7 @@ _SLACK_ROWS = 200
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FloatLoss:
-    """What single precision costs a module along the golden course."""
+    """Error of a module in single precision along the golden sequence."""
 
     module: str
     # rms_N, peak_N: difference from the model in double precision [N]
@@ -144,7 +144,7 @@ class FloatLoss:
 
 
 def float_losses(course: Course, found_N: Mapping[str, FloatArray], problem: Problem) -> tuple[FloatLoss, ...]:
-    """What single precision costs each module, from the answers of the exported code to the course [N].
+    """Error of each module in single precision, from the outputs of the exported code on the sequence [N].
 
     Commands [m] count as the tension that they are worth at rest.
     """
@@ -164,7 +164,7 @@ def float_losses(course: Course, found_N: Mapping[str, FloatArray], problem: Pro
 
 
 def per_newton(problem: Problem) -> float:
-    """What the actuator is told for one newton more at rest: 1, or the command of a position drive [m/N]."""
+    """Change of the command for one newton more at rest: 1, or that of a position drive [m/N]."""
     stiffness = servo_of(problem)
     return 1.0 if stiffness is None else problem.chain.rest_state(1.0).near_position_m + 1 / stiffness
 
@@ -187,7 +187,7 @@ def self_test_context(
     precision: Precision,
     found_N: Sequence[Mapping[str, FloatArray]] | None,
 ) -> dict[str, object]:
-    """What the template of the self test needs.
+    """Values for the template of the self test.
 
     Answers of the exported code to course, jumps and live course are None where they were not measured.
     """
@@ -246,7 +246,7 @@ def self_test_context(
 
 
 def _summed_m(run: Simulation, precision: Precision) -> float:
-    """What rounding may add up to in a position, which is the sum of one change a row [m]."""
+    """Bound of accumulated rounding in a position, which is the sum of one change a row [m]."""
     if precision is Precision.DOUBLE:
         return 0.0
     largest = max(float(np.abs(end).max()) for end in (run.near_position_m, run.far_position_m))

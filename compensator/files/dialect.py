@@ -1,4 +1,4 @@
-"""How a table of text is written: its separator, its decimal mark, and where header, units and numbers stand.
+"""Dialect of a text table: its separator, its decimal mark, and the lines of header, units and numbers.
 
 Spreadsheets, loggers and oscilloscopes write the same numbers in many ways. What the text tells is taken from it and
 said in notes; what it does not tell is asked about.
@@ -27,7 +27,7 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dialect:
-    """How a table is written."""
+    """Dialect of a table."""
 
     separator: str = ","  # character between cells; a space stands for any number of them
     decimal: str = "."  # decimal mark, "." or ","
@@ -120,7 +120,7 @@ def _dialect_of(lines: Sequence[str], expected: Sequence[str], given: Sequence[s
 
 
 def _without_header(cells: dict[int, list[str]], separator: str, given: Sequence[str], file: str) -> Dialect:
-    """How a text is written whose columns the user names: everything is a row of numbers."""
+    """Dialect of a text whose columns the user names: every line is a row of numbers."""
     first, *_ = rows = list(cells.values())
     if len(first) != len(given):
         raise InputError(f"{file} row 1 has {len(first)} cells, --columns names {len(given)}; give a name for each")

@@ -1,11 +1,11 @@
-"""How long work reports its progress."""
+"""Progress of long work."""
 
 from collections.abc import Callable
 
 Progress = Callable[[int, int], None]  # told parts done and parts in all
 
 DOUBT = "doubt: "
-"""How a line begins that asks about the data, among those that say what is being done."""
+"""Beginning of a line that asks about the data, among those that report progress."""
 
 
 def silent(_done: int, _total: int) -> None:

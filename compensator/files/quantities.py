@@ -1,4 +1,4 @@
-"""Columns with a meaning: found by their own name, by the user's, or by a name that tells quantity and unit."""
+"""Columns with a meaning: found by their own name, by the user's, or by a name that states quantity and unit."""
 
 import math
 import re
@@ -32,7 +32,7 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quantities:
-    """What was read of a file."""
+    """Data read from a file."""
 
     values: dict[str, FloatArray]  # shape (rows,); in SI units, by `Quantity.name`
     notes: tuple[str, ...]  # what was taken for granted; empty for a file in the plain form
@@ -72,7 +72,7 @@ def read_quantities(
     """Read quantities from a table, the first of which must increase from row to row unless `rises` is false, or start
     at 0 too; an optional one of which the table has no column is left out.
 
-    InputError if a column or its unit cannot be told, with the way to say it; or what `read_csv` refuses.
+    InputError if a column or its unit is ambiguous, with the option that states it; or what `read_csv` refuses.
     """
     named = [q.column for q in wanted if q.column is not None]
     dialect = table_dialect(path, (*named, *(q.name for q in (*wanted, *optional))))
@@ -108,7 +108,7 @@ def _dated(path: Path, dialect: Dialect, column: str) -> FloatArray | None:
 
 
 def guess(dialect: Dialect, quantity: Quantity) -> tuple[str, float, str] | None:
-    """The one column whose name tells quantity and unit, what its unit is in SI, and what to say; None for none."""
+    """Column whose name states quantity and unit, its unit in SI, and a message; None for none."""
     meant = [(name, unit) for name, unit in _meant(dialect, quantity) if unit in quantity.units]
     if quantity.si == "s":
         meant += [(name, "s") for name, unit in _meant(dialect, quantity) if not unit and dialect.is_dated(name)]

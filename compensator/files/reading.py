@@ -90,7 +90,7 @@ def check_increasing(
     starts_at_zero: bool,
     others: Mapping[str, FloatArray] = MappingProxyType({}),
 ) -> None:
-    """Refuse a clock that stands still, runs back, or starts elsewhere than at 0; its first row is row `first`.
+    """Refuse a clock that stops, runs back, or starts elsewhere than at 0; its first row is row `first`.
 
     Where another column could be the clock, the message asks whether the two are reversed.
     """
@@ -111,7 +111,7 @@ def check_increasing(
 
 
 def nearest_column(name: str, names: Sequence[str]) -> str:
-    """What the file's columns have instead of a missing one."""
+    """Columns of the file that may replace a missing one."""
     return suggestion(name, [other or "(empty)" for other in names])
 
 
@@ -194,7 +194,7 @@ def _parse_rows(path: Path, dialect: Dialect, wanted: Sequence[str]) -> dict[str
 
 
 def _cell(path: Path, row: int, name: str, text: str, dialect: Dialect) -> float:
-    """One finite number, or a message that quotes the cell."""
+    """Finite number, or a message that quotes the cell."""
     if not text.strip():
         raise InputError(f"{path.name} row {row}: {name} is empty; every row needs a number")
     try:

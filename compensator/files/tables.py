@@ -28,7 +28,7 @@ def read_table(path: Path, expected: Sequence[str] = (), header: Sequence[str] =
 
 
 def table_dialect(path: Path, expected: Sequence[str] = ()) -> Dialect:
-    """How a table is written; one that is no text is in the plain form, with its own names and units."""
+    """Dialect of a table; one that is no text is in the plain form, with its own names and units."""
     return read_table(path, expected).dialect if is_packed(path) else find_dialect(path, expected)
 
 

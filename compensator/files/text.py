@@ -34,7 +34,7 @@ class InputError(TendonffError, ValueError):
 
 @contextmanager
 def discreetly() -> Iterator[None]:
-    """Refuse files without quoting them: those that a scenario names, which may come from somebody else."""
+    """Refuse files without quoting them: those that a scenario names, which may come from others."""
     try:
         yield
     except InputError as error:
@@ -72,7 +72,7 @@ class _Bounded(gzip.GzipFile):
 
 
 def require_file(path: Path) -> None:
-    """Refuse folders, and pipes and devices, which may wait or go on for ever; a missing file is for `open` to name."""
+    """Refuse folders, and pipes and devices, which may never end; a missing file is for `open` to name."""
     try:
         mode = path.stat().st_mode
     except (OSError, ValueError):

@@ -40,7 +40,7 @@ def compiled_writer() -> Writer | None:
     """Function that writes rows of numbers as CSV lines into a buffer and returns the bytes used.
 
     The buffer must hold `BYTES_PER_NUMBER` a number and `BYTES_MORE`. Every number reads back as the same double. None
-    where no C compiler works, or it knows no integers of 128 bits.
+    where no C compiler works, or it has no integers of 128 bits.
     """
     if resolve_engine(Engine.AUTO) is not Engine.COMPILED:
         return None

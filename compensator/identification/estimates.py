@@ -1,4 +1,4 @@
-"""Estimates in the words of the scenario file; why a value is not identifiable, and what would tell it."""
+"""Estimates in the words of the scenario file; why a value is not identifiable, and what would identify it."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -24,7 +24,7 @@ P, D = StaticParameter, Parameter
 
 LOAD_TERMS = (P.PULL, P.RELEASE, P.ADHESION)
 BY_STATIC = {p.spec.static: p for p in PARAMETERS if p.spec.static is not None}
-"""What the static laws call these values."""
+"""Names of these values in the static laws."""
 
 
 NOT_FITTED = "not fitted: --static"
@@ -45,7 +45,7 @@ Answer = tuple[tuple[Estimate, ...], tuple[str, ...], Array]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExcitationSummary:
-    """What was measured."""
+    """Measured quantities."""
 
     positions: bool  # both ends' positions
     hold_s: float  # longest hold of the input tension
@@ -57,7 +57,7 @@ class ExcitationSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Rig:
-    """What the estimates are compared with, and told about."""
+    """Scenario values for comparison, and messages on the estimates."""
 
     scenario: Scenario
     now: ExcitationSummary
@@ -76,7 +76,7 @@ class _Rig:
         return f"of the whole path with {shown} (mean)" if shown else ""
 
     def of_sections(self) -> list[Estimate]:
-        """What single sections have of their own, which no fit moves."""
+        """Values of single sections, which no fit changes."""
         return [
             Estimate(name=f"{section.name}: {name}", value=value, why=SECTION_KEPT, scenario=value)
             for section in self.scenario.transmission.path.sections
@@ -129,7 +129,7 @@ class _Rig:
         return f"{doubt}repeat with full strokes in both directions at several loads"
 
     def _unmeasured(self, name: Parameter, doubt: str) -> str:
-        """Which sensor would tell a value; empty where it is not for want of one."""
+        """Sensor that would identify a value; empty where it is not for want of one."""
         if self.now.proximal and (name is D.STIFFNESS or name.signed):
             return f"{doubt}nothing was measured at the far end; measure the output tension to tell {name}"
         if name in TENDON and not self.now.positions and not self.now.proximal:
@@ -226,7 +226,7 @@ def _static(rig: _Rig, fit: StaticFit) -> list[Estimate]:
 
 
 def _without_load(rig: _Rig, fit: StaticFit) -> Estimate:
-    """Friction that remains at zero output tension, p (e^{mu theta} - 1), which is told better than its two factors."""
+    """Friction at zero output tension, p (e^{mu theta} - 1), which is better identified than its two factors."""
     solution, names = fit.solution, list(fit.solution.values)
     a, p = solution.values[P.PULL.value], solution.values[P.ADHESION.value]
     gradient = np.zeros(len(names))
@@ -320,7 +320,7 @@ def _exponents(rig: _Rig, estimates: Sequence[Estimate]) -> list[Estimate]:
 
 
 def summarise_excitation(records: Sequence[Record]) -> ExcitationSummary:
-    """What was measured in these records."""
+    """Measured quantities of these records."""
     speeds = [
         float(np.percentile(np.abs(np.gradient(p.input_m, r.step_s)), 95))
         for r in records

@@ -46,7 +46,7 @@ CHANNELS = {
     Explain.INPUT: ("input tension", "output tension", 1.0, "N"),
     Explain.POSITION: ("actuator position", "input tension", 1e3, "mm"),
 }
-"""What is explained, what it is explained from, and the factor and unit of its axis."""
+"""Predicted channel, its input, and the factor and unit of its axis."""
 
 
 def _title(piece: PieceComparison) -> str:

@@ -1,4 +1,4 @@
-"""What is said beside the estimates: about the files, the law, and what the answer does not hold."""
+"""Messages beside the estimates: on the files, the law, and the limits of the result."""
 
 from collections.abc import Sequence
 
@@ -42,7 +42,7 @@ def moved_inside(comparisons: Sequence[PieceComparison]) -> list[tuple[str, floa
 
 
 def about_delay(delay: Delay | None) -> str:
-    """What to say where one channel is read later than the other; empty where none is."""
+    """Message where one channel is read later than the other; empty where none is."""
     if delay is None or not delay.identified:
         return ""
     return (
@@ -52,7 +52,7 @@ def about_delay(delay: Delay | None) -> str:
 
 
 def about_uneven_path(chain: DynamicFit | None, theta: float) -> str:
-    """What to say where the elongation fits an uneven path better; empty where it does not."""
+    """Message where the elongation fits an uneven path better; empty where it does not."""
     if chain is None or chain.concentration == 0:
         return ""
     near = float(np.clip((1 + chain.concentration) / 2, 0, 1))
@@ -77,7 +77,7 @@ def about_moments(outcome: Outcome) -> str:
 
 
 def about_issues(records: Sequence[Record]) -> list[str]:
-    """What was found in the files, one line each; a kind that many files share takes one line for all of them."""
+    """Findings in the files, one line each; a kind common to many files takes one line for all of them."""
     lines = []
     for issue in DataIssue:
         found = [(r.name, f.text) for r in records for f in r.findings if f.issue is issue]
@@ -113,7 +113,7 @@ def about_no_law(
 
 
 def about_fitted(fitted: Fitted, records: Sequence[Record]) -> list[str]:
-    """What the law has that a design does not, or not in all of its profiles."""
+    """Parts of the law that a design, or some of its profiles, do not include."""
     found = []
     if fitted.chain_percent is not None:
         found.append(
@@ -138,7 +138,7 @@ def about_fitted(fitted: Fitted, records: Sequence[Record]) -> list[str]:
 
 
 def _positions_wanted(records: Sequence[Record]) -> str:
-    """What would let a law for a driven output be tried, where it was not."""
+    """Columns needed to fit a law for a driven output, where it was not."""
     if all(r.has_input_position for r in records):
         return ""
     unread = sorted({name for r in records for name in r.unread})

@@ -1,6 +1,6 @@
-"""What becomes of the law that won: its errors and curves beside the others', and the scenario that goes on with it.
+"""Results of the selected law: its errors and curves beside the others', and the scenario with its values.
 
-The scenario takes every value of the law that was fitted; what simulating it again leaves is told as well.
+The scenario takes every value of the law that was fitted; the error of its re-simulation is reported too.
 """
 
 import math
@@ -43,7 +43,7 @@ REPLAY_STEP_S = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """How the chosen law does."""
+    """Errors of the chosen law."""
 
     files: tuple[FileResult, ...]
     fit_percent: float

@@ -273,7 +273,7 @@ class Parameter(_Specified, Enum):
         return Unknown(name=self, start=start, low=low, high=high, scale=step)
 
     def size(self, value: float, mean_N: float) -> float:
-        """What its standard error is judged against, the mean output tension being `mean_N`."""
+        """Scale of its standard error, the mean output tension being `mean_N`."""
         return (self.spec.size * (mean_N if self.spec.scale is Scale.TENSION else 1.0)) or abs(value)
 
     def floor(self, value: float, mean_N: float) -> float:
@@ -304,7 +304,7 @@ Values = Mapping[Parameter, float]
 
 
 def _direction(parameter: Parameter, values: Values) -> Numbers:
-    """How the tendon's numbers, and the cells' readings, change with a parameter."""
+    """Sensitivity of the tendon's numbers, and of the cells' readings, to a parameter."""
     excess = 1 + values[STATIC_EXCESS]
     if parameter is MU_PULL:
         return {Number.MU_DYNAMIC_PULL: 1.0, Number.MU_STATIC_PULL: excess}

@@ -1,4 +1,4 @@
-"""What identification answers, as data and as `fit.json`."""
+"""Result of identification, as data and as `fit.json`."""
 
 import math
 from collections import Counter
@@ -23,17 +23,17 @@ RULE = (
     "the simplest law whose error on held-out data is within 2 % of the least; a further value is kept where it "
     "reduces that error significantly"
 )
-"""How a law is chosen."""
+"""Choice of a law."""
 
 
 def is_known(standard_error: float, size: float) -> bool:
-    """Whether a value of a size is known well enough to be told; what is not a number is not."""
+    """Whether a value of a size is identifiable; what is not a number is not."""
     return standard_error < TUNED.identifiable_share * size
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
-    """One value."""
+    """Estimated value."""
 
     name: str  # key of the scenario file, or what it is
     value: float  # estimate; the scenario's value where it was not fitted
@@ -48,14 +48,14 @@ class Estimate:
 
     @property
     def standing(self) -> str:
-        """What became of a value that the data do not tell by itself."""
+        """Treatment of a value that is not identifiable by itself."""
         if self.fitted:
             return "doubtful, fitted with the others"
         return "kept" if self.scenario is None or math.isclose(self.value, self.scenario) else "set"
 
     @property
     def advice(self) -> str:
-        """What to measure, where the reason ends with it."""
+        """Measurement to add, where the reason ends with it."""
         return self.why.rpartition("; ")[2] if "; " in self.why and not self.identifiable else ""
 
     @property
@@ -78,7 +78,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CandidateLaw:
-    """One of the laws that were compared."""
+    """Compared law."""
 
     name: str
     stage: str  # "static" or "dynamic"
@@ -91,7 +91,7 @@ class CandidateLaw:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileResult:
-    """One measured file."""
+    """Measured file."""
 
     role: str  # "fit" or "validate"
     error: FileError
@@ -120,7 +120,7 @@ class PieceComparison:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdentificationData:
-    """Everything that a set of measurements told about a scenario."""
+    """Everything that a set of measurements identifies of a scenario."""
 
     scenario: Scenario  # with what was identified put in
     asked: Measurement  # how the files were to be read

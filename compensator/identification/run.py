@@ -44,7 +44,7 @@ from tendonff.ocp.fits.static import StaticParameter
 P, D = StaticParameter, Parameter
 
 STILL_RAD = 0.05
-"""A joint whose angle has less range than this stands still."""
+"""A joint whose angle has less range than this is at rest."""
 
 
 def identify(
@@ -74,7 +74,7 @@ def identify(
     conditions : mapping of str to str, optional
         Labels by file name: estimates are reported for each label.
     say, confirm : callable, optional
-        Told what is being done; asked before a fit that takes very many steps (the default declines).
+        Callback for messages; also confirms a fit that takes very many steps (the default declines).
 
     Raises
     ------
@@ -324,14 +324,14 @@ def _positions_of(records: Sequence[Record]) -> list[str]:
 
 
 def _foreign(scenario: Scenario, records: Sequence[Record]) -> str:
-    """What to say where the measured tensions are far from those of the scenario; empty where they are not."""
+    """Message where the measured tensions are far from those of the scenario; empty where they are not."""
     names = ("input_N", "output_N") if all(r.has_output for r in records) else ("input_N",)
     largest = max(float(np.abs(r.joined(name)).max()) for r in records for name in names)
     return magnitude_warning(largest, scenario.transmission.actuator.force_max_N)
 
 
 def _start(study: Study) -> dict[Parameter, float]:
-    """What the static stage hands on."""
+    """Results of the static stage."""
     if study.stage is None:
         return {}
     values = study.stage.fit.values

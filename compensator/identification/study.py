@@ -1,4 +1,4 @@
-"""What travels through the stages of identification: the question, the records, and what was found so far."""
+"""Data passed through the stages of identification: the request, the records, and the results so far."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,7 +17,7 @@ from tendonff.models.errors import ParameterError
 from tendonff.ocp.errors import SolveError
 
 FAILURES = (SolveError, ParameterError, np.linalg.LinAlgError)
-"""What ends a law or a stage, but never the identification."""
+"""Errors that end a law or a stage, but never the identification."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +39,7 @@ class Study:
     conditions : mapping of str to str
         Labels by file name.
     say : callable
-        Told what is being done.
+        Callback for messages on the work in progress.
     explain : Explain
         Channel that the laws explain.
     coarse : CoarseFit, optional
@@ -51,7 +51,7 @@ class Study:
     chain : DynamicFit, optional
         The chain; None where it was not tried, or failed.
     warnings : tuple of str
-        What the user is told beside the estimates.
+        Messages beside the estimates.
     """
 
     scenario: Scenario

@@ -33,7 +33,7 @@ PRIOR = 1e-2
 """Information that is there before: everything is known to ten times its size."""
 
 TOLD = (*CORE, D.ADHESION, *TENDON)
-"""What a fit looks for, and a design depends on."""
+"""Parameters of a fit on which a design depends."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +49,7 @@ class Excitation:
 
     @property
     def gain(self) -> str:
-        """What it is worth, in a sentence; empty where nothing tells."""
+        """Expected benefit, in a sentence; empty where it is unknown."""
         if self.expected_percent is None:
             return ""
         return (
@@ -94,7 +94,7 @@ class _Pen:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """What an excitation spends its time on."""
+    """Parts of an excitation."""
 
     strokes: tuple[float, ...]  # tops of the full strokes, as shares of the high force
     stroke_s: float  # time of each way
@@ -183,7 +183,7 @@ def _lowest_N(scenario: Scenario, reference_N: Array | None) -> float:
 
 
 class Information:
-    """How well a design would do that were based on what an excitation tells."""
+    """Expected error of a design based on a fit to an excitation."""
 
     def __init__(self, scenario: Scenario, reference_N: Array, step_s: float) -> None:
         t = scenario.transmission

@@ -97,7 +97,7 @@ class JointPlant:
         )
 
     def reached(self, run: JointSimulation) -> FloatArray:
-        """What a run gives of what is wanted, shape (rows,)."""
+        """Quantity of the reference in a run, shape (rows,)."""
         if self.scenario.reference.quantity is JointQuantity.ANGLE:
             return run.angle_rad
         return run.torque_N_m - joint_load(self.mechanism, self.sampled, self.scenario.run.step_s)
@@ -345,7 +345,7 @@ def _static(scenario: JointScenario, sampled: SampledJoint) -> FloatArray:
 def _contributions(
     scenario: JointScenario, sampled: SampledJoint, command: FloatArray, advance: Callable[[int], None]
 ) -> tuple[Contribution, ...]:
-    """What one parameter off costs the exact inverse, each end on the scenario's own masses."""
+    """Error of the exact inverse with one parameter off, each end on the scenario's own masses."""
     robust, found = scenario.robust, []
     spreads = {
         "friction.mu_dynamic": ASSUMED_SPREAD if robust.is_certain else robust.mu,
@@ -428,7 +428,7 @@ def _data_sheet(
 
 
 def _ringing(mechanism: Mechanism, sampled: SampledJoint) -> list[str]:
-    """What stepped commands do to a joint that hardly damps its own resonance between the tendons."""
+    """Effect of stepped commands on a joint that hardly damps its own resonance between the tendons."""
     interval, joint = mechanism.drive.command_interval_s, mechanism.joint
     if interval is None:
         return []

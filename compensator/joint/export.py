@@ -97,7 +97,7 @@ class _Course:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Answers:
-    """What exported code answers to a course."""
+    """Output of exported code on a sequence."""
 
     motor_rad: FloatArray
     command_rad: FloatArray
@@ -106,7 +106,7 @@ class _Answers:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JudgedJoint:
-    """What the exported commands of one joint are worth.
+    """Errors of the exported commands of a joint.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ class JudgedJoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportedJoints:
-    """What an export holds, before it is written.
+    """Content of an export, before it is written.
 
     Attributes
     ----------
@@ -242,7 +242,7 @@ def _sources(
     precision: Precision,
     prefix: str,
 ) -> tuple[dict[str, str], dict[str, Any]]:
-    """The same, and what the templates were told."""
+    """The same, and the values for the templates."""
     others = other_joints(problems)
     code = joint_code(problems, scenarios[0].run.step_s, f"{prefix}_joint", precision, others)
     context = _context(scenarios, problems, code.masses, precision, prefix, others)
@@ -472,7 +472,7 @@ def _rest_torque(core: str, prefix: str, precision: Precision) -> str:
 def _described(
     scenario: JointScenario, sampled: SampledJoint, problem: JointProblem, others: Sequence[str], precision: Precision
 ) -> dict[str, object]:
-    """What templates need of one joint; `others` names arrays in C, by tendon, where any path follows one."""
+    """Values of a joint for the templates; `others` names arrays in C, by tendon, where any path follows one."""
     mechanism, drive, step = scenario.mechanism, scenario.mechanism.drive, scenario.run.step_s
     least, most = _accepted(scenario, sampled)
     loop, count = drive.kind is DriveKind.LOOP, len(mechanism.tendons)

@@ -73,7 +73,7 @@ def motor_figure(result: JointDesignData) -> Figure:
 
 
 def pretension_figure(result: JointDesignData) -> Figure:
-    """What a pre-tension costs in lost motion and in friction of the drive, and the torque that it holds."""
+    """Cost of a pre-tension in lost motion and in friction of the drive, and the torque that it holds."""
     figure, axes = new_figure(1, 2, height_in=2.8)
     tension = np.array([at for at, _ in result.sheets])
     lost = np.rad2deg([sheet.lost_motion_rad for _, sheet in result.sheets])

@@ -47,7 +47,7 @@ def profile_columns(result: JointDesignData) -> dict[str, FloatArray]:
 
 
 def homing_columns(result: JointDesignData) -> dict[str, FloatArray]:
-    """Columns of `homing.csv`: time, joint angle, and what the motors are told; the profile goes on from there."""
+    """Columns of `homing.csv`: time, joint angle, and the motors' commands; the profile goes on from there."""
     sampled = result.sampled
     rows = slice(0, sampled.lead)
     names = ("motor_rad",) if result.is_loop else tuple(f"motor_{name}_rad" for name in motor_names(result))

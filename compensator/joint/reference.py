@@ -13,7 +13,7 @@ from tendonff.models.errors import ParameterError, require
 
 
 class JointQuantity(StrEnum):
-    """What is wanted at the joint.
+    """Quantity of the reference at the joint.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class JointSine(_Wish):
     quantity : JointQuantity, optional
         "joint_angle" (default) or "joint_torque".
     periodic : bool, optional
-        It is one period of a cycle that goes on for ever.
+        It is one period of a periodic reference.
     frequencies_Hz : tuple of float
         Frequency of each sine [Hz], > 0.
     duration_s : float
@@ -125,7 +125,7 @@ class JointWaypoints(_Wish):
     quantity : JointQuantity, optional
         "joint_angle" (default) or "joint_torque".
     periodic : bool, optional
-        It is one period of a cycle that goes on for ever.
+        It is one period of a periodic reference.
     times_s : tuple of float
         Times of the waypoints [s], rising from 0.
     angles_rad, torques_N_m : tuple of float
@@ -160,7 +160,7 @@ class JointCsv(_Wish):
     quantity : JointQuantity, optional
         "joint_angle" (default) or "joint_torque".
     periodic : bool, optional
-        It is one period of a cycle that goes on for ever.
+        It is one period of a periodic reference.
     file : str
         Name of the file, relative to the scenario file.
     """

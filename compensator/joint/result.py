@@ -1,4 +1,4 @@
-"""What a design of a joint gives."""
+"""Result of a joint's design."""
 
 import math
 from dataclasses import dataclass
@@ -55,7 +55,7 @@ class JointProfile:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contribution:
-    """What one parameter that is off costs the exact inverse.
+    """Error of the exact inverse with one parameter off.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class JointDesignData:
 
     @property
     def is_loop(self) -> bool:
-        """One motor holds both tendons."""
+        """Whether one motor holds both tendons."""
         return self.scenario.mechanism.drive.kind is DriveKind.LOOP
 
     def percent(self, value: float) -> float:

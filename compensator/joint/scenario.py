@@ -90,7 +90,7 @@ class JointScenario:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SampledJoint:
-    """What is wanted, row by row.
+    """Reference, sample by sample.
 
     Attributes
     ----------
@@ -183,7 +183,7 @@ def parse_joint_scenario(text: str, source: str | os.PathLike[str] = "scenario.t
 
 
 def sample_joint(scenario: JointScenario) -> SampledJoint:
-    """What is wanted at the steps of the run; InputError where it has no meaning."""
+    """Reference at the steps of the run; InputError where it has no meaning."""
     folder, step, file = scenario.source.parent, scenario.run.step_s, scenario.source.name
     wish, joint = scenario.reference, scenario.mechanism.joint.name
     length = wish.length_s(folder)

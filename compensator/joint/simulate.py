@@ -1,4 +1,4 @@
-"""What motor angles of a file do to a joint."""
+"""Simulation of a joint under motor angles from a file."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -97,7 +97,7 @@ class PassiveTendon:
         self.tension_N, self.actuator_m = rows.tension_N[-1], float(rows.ends_m[-1, 0])
 
     def torque_N_m(self, model: mujoco.MjModel, data: mujoco.MjData) -> Array:
-        """What it does to the joints, shape (joints,)."""
+        """Torques on the joints, shape (joints,)."""
         torque: Array = -tendon_jacobian(model, data, 0)[self._dofs] * self.tension_N[self._pulls]
         return torque
 

@@ -67,7 +67,7 @@ class JointLaw:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Followed:
-    """What a chain's path does per radian of the driven joint, apart from its far end.
+    """Effect of the driven joint on a chain's path, per radian, apart from its far end.
 
     Attributes
     ----------

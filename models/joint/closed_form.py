@@ -57,7 +57,7 @@ class SlidingSection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlidingTendon:
-    """One tendon's numbers where the joint stands.
+    """Numbers of a tendon at a joint angle.
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ class SlidingTendon:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sliding:
-    """What one-way sliding gives at one place.
+    """Result of one-way sliding at a joint angle.
 
     Attributes
     ----------

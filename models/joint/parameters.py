@@ -143,7 +143,7 @@ class LengthTable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arm:
-    """What one joint does to the far end of a tendon.
+    """Effect of a joint on the far end of a tendon.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ class Arm:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointTendon:
-    """One tendon from its drum to the joint.
+    """Tendon from its drum to the joint.
 
     Parameters
     ----------
@@ -211,7 +211,7 @@ class JointTendon:
 
     @property
     def arm(self) -> Arm:
-        """What the driven joint does to its far end."""
+        """Effect of the driven joint on its far end."""
         return self.arms[0]
 
     def follows(self, joint: str) -> bool:
@@ -224,7 +224,7 @@ class JointTendon:
         return self.arm.arm_at(angle_rad) - gained
 
     def path_travel_m(self, angle_rad: Array, others: dict[str, Array] | None = None) -> Array:
-        """What the path leaves to the drum for joint angles, by name where sections follow others, up to an offset [m].
+        """Length between path and drum for joint angles, by name where sections follow others, up to an offset [m].
 
         Its slope over the driven joint's angle is the moment arm.
         """
@@ -241,7 +241,7 @@ TURNING = 0.05
 
 
 class DriveKind(StrEnum):
-    """Who holds the tendons.
+    """Arrangement of the motors.
 
     Attributes
     ----------

@@ -2,8 +2,8 @@
 
 The play w <- min(max(w, u - r_pull), u + r_release) of u = ln(T_in + p) rises with w, with u, with r_release, and falls
 with r_pull. So for any r within a band and any error of the input within another the output stays, for all time,
-between the play with the largest pull and the smallest release exponent on the smallest input and the play the other
-way round. What the static law leaves out (stretch, presliding, inertia, viscous friction) is a margin in ln(T + p),
+between the play with the largest pull and the smallest release exponent on the smallest input and the opposite
+play. Effects outside the quasi-static law (stretch, presliding, inertia, viscous friction) are a margin in ln(T + p),
 measured on the chain along the reference.
 """
 

@@ -124,7 +124,7 @@ def rest_on_spring(chain: Chain, tension_N: float) -> Array:
 
 
 def tuner_context(tuned: TunedChain, precision: Precision, *, prefix: str, past: int) -> dict[str, object]:
-    """What the template `tuner.c.j2` needs, whatever it is rendered for; `past` samples are remembered."""
+    """Values for the template `tuner.c.j2`; `past` samples are remembered."""
     chain, (law, names) = tuned.chain, tuned.retuned_numbers()
     slopes, layout = rest_on_spring(chain, 1.0) - rest_on_spring(chain, 0.0), chain.layout
     return {
@@ -175,7 +175,7 @@ def tuner_laws(tuned: TunedChain, *, on_target: bool = False) -> tuple[Law, ...]
 
 
 def render_tuner(template: str, context: Mapping[str, object]) -> str:
-    """One of the templates of this package, filled in."""
+    """Template of this package, filled in."""
     return _TEMPLATES.get_template(template).render(**context)
 
 

@@ -1,4 +1,4 @@
-"""What a reference can teach: the information matrix of the tuned factors along it."""
+"""Information content of a reference: the information matrix of the tuned factors along it."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ COUPLED = 0.98
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Information:
-    """What the measurement tells about each factor, rows at the samples of the reference."""
+    """Information of the measurement on each factor, rows at the samples of the reference."""
 
     tuning: Tuning
     time_s: Array  # shape (n,)
@@ -29,7 +29,7 @@ class Information:
         return float(self.time_s[rows[0]]) if rows.size else None
 
     def sentences(self) -> tuple[str, ...]:
-        """For the user, one for each parameter and one about what cannot be told apart."""
+        """Messages, one for each parameter and one on parameters that are not separately identifiable."""
         sensor = self.tuning.sensor.words
         texts = []
         for k, parameter in enumerate(self.tuning.parameters):

@@ -1,4 +1,4 @@
-"""One step of the recursion: recursive Gauss-Newton with forgetting, a gate and bounds.
+"""Step of the recursion: recursive Gauss-Newton with forgetting, a gate and bounds.
 
 The measured quantity is predicted by a model that is driven by the applied force; `s` is its derivative with respect
 to the tuned factors. A sample counts by the share `weight` of full speed at which the prediction moves: friction does
@@ -51,7 +51,7 @@ def _covariance(count: int) -> tuple[dict[str, ca.SX], list[list[ca.SX]]]:
 
 
 def trust_law(count: int) -> Law:
-    """How far to go from the safe values to the estimates of one or two factors.
+    """Share of the way from the safe values to the estimates of one or two factors.
 
     `share` is 1 - (TRUST/D^2)^2, not below 0, where D is the distance in standard deviations, with the covariance at
     the present level plus what `return_law` keeps: a single factor that came back by more than it stands out does not
@@ -76,7 +76,7 @@ def trust_law(count: int) -> Law:
 
 
 def return_law() -> Law:
-    """How far an estimate went from its safe value and came back.
+    """Excursion of an estimate from its safe value and back.
 
     `far_new` is the place farthest out, which follows the estimate at `rate` times RECALL; `back_new` the largest
     square of the way back from there, forgotten as fast.

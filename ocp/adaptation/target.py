@@ -155,7 +155,7 @@ def tuner_code(tuned: TunedChain, step_s: float, prefix: str, precision: Precisi
 
 
 def _on_path(tuned: TunedChain, contact: Contact, types: str, precision: Precision) -> dict[str, object]:
-    """What the templates need to know of a path in sections."""
+    """Values for the templates of a path in sections."""
     chain, layout = tuned.chain, tuned.chain.layout
     friction = [name for name in chain.numbers() if name.startswith("friction_")]
     slopes = [

@@ -18,7 +18,7 @@ from tendonff.ocp.tracking.limits import ForceLimits
 
 
 class TunerStatus(IntFlag):
-    """What the last step says."""
+    """Status of the last step."""
 
     LIMITED = 1  # the actuator's limits changed the force
     # the model does not explain the measurement: estimates count no more than they stand out from what is left
@@ -79,7 +79,7 @@ class _RigStruct(ctypes.Structure):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TunedRun:
-    """What happened step by step; row k belongs to the end of step k."""
+    """Record step by step; row k belongs to the end of step k."""
 
     # force_N, tension_N: shape (n,); force of the actuator and output tension of the rig at the end of the step
     force_N: Array
@@ -115,7 +115,7 @@ class SimulatedRig:
     sensor_gain : float, optional
         What the sensor says over what is true [-].
     delay_samples : int, optional
-        True age of a measurement when it arrives; default: what the tuner is told.
+        True age of a measurement when it arrives; default: that of the tuner.
     gear_N : float, optional
         Dry friction of the drive, beside that of the chain [N].
     """
@@ -244,7 +244,7 @@ class SelfTuner:
 
     @property
     def status(self) -> TunerStatus:
-        """What the last step says."""
+        """Status of the last step."""
         return self._report()[1]
 
     def _report(self) -> tuple[Array, TunerStatus]:

@@ -1,4 +1,4 @@
-"""What a self-tuning inverse measures and tunes, and the numbers of its recursion."""
+"""Measurements and tuned parameters of a self-tuning inverse, and the numbers of its recursion."""
 
 import math
 from dataclasses import dataclass, replace
@@ -31,11 +31,11 @@ DOUBTED = 1.44
 """Mean square of what is unexplained, in squares of what a good model leaves, from which on it is said."""
 
 PEAK = 1.5
-"""What is unexplained over `QUICK_S` counts where it is so many times its mean over `SLOW_S`."""
+"""Ratio of the residual over `QUICK_S` to its mean over `SLOW_S` from which the former counts."""
 
 
 class Sensor(StrEnum):
-    """What is measured."""
+    """Measured quantity."""
 
     OUTPUT_TENSION = "output_tension"  # f_{N+1} [N]
     ACTUATOR_POSITION = "actuator_position"  # q_a relative to the start [m]
@@ -52,7 +52,7 @@ class Sensor(StrEnum):
 
 
 class Tunable(StrEnum):
-    """What is tuned: each as a factor on the scenario's value."""
+    """Tuned parameters, each as a factor on the scenario's value."""
 
     MU = "mu"  # all friction coefficients
     # MU_PULL, MU_RELEASE: those of one direction
@@ -63,7 +63,7 @@ class Tunable(StrEnum):
 
 
 def check_parameters(parameters: tuple[Tunable, ...]) -> None:
-    """Refuse a set of parameters that the recursion cannot tell apart or has no room for."""
+    """Refuse a set of parameters that the recursion cannot separate or has no room for."""
     names = ", ".join(parameters)
     if not 1 <= len(parameters) <= MAX_PARAMETERS or len(set(parameters)) != len(parameters):
         raise ParameterError(

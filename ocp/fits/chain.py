@@ -39,7 +39,7 @@ _DIFFERENCE = 1e-4  # of a parameter
 
 
 class Reading(StrEnum):
-    """What the cells read at zero tension [N], numbers of a measurement beside those of the tendon."""
+    """Offsets of the cells [N], numbers of a measurement beside those of the tendon."""
 
     INPUT = "input_bias_N"
     OUTPUT = "output_bias_N"
@@ -51,7 +51,7 @@ Numbers = Mapping[str, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drive:
-    """One piece of measured input."""
+    """Piece of measured input."""
 
     input_N: Array  # shape (n,); as the cell read it, low-passed
     step_s: float
@@ -61,7 +61,7 @@ class Drive:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChainResponse:
-    """What the chain makes of a drive, at the samples of the drive."""
+    """Response of the chain to a drive, at the samples of the drive."""
 
     output_N: Array  # shape (n,); output as the cell would read it
     elongation_m: Array  # shape (n,); q_a - q_l
@@ -158,7 +158,7 @@ class ChainModel:
         return replace(middle, output_slopes=slopes[0], elongation_slopes=slopes[1], near_slopes=slopes[2])
 
     def with_lead_in(self, numbers: Numbers, drive: Drive) -> RunUp:
-        """What a drive is simulated as."""
+        """Kind of input that a drive is simulated as."""
         thin = max(1, int(self.longest_step_s / drive.step_s + 1e-6))
         refine = max(1, int(np.ceil(drive.step_s / self.longest_step_s - 1e-6)))
         samples = drive.input_N - numbers[Reading.INPUT]

@@ -23,7 +23,7 @@ _LEAST_N = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveRun:
-    """What was measured at the drive without a gap, evenly sampled and smoothed."""
+    """Measurement at the drive without a gap, evenly sampled and smoothed."""
 
     step_s: float
     # force_N, tension_N: shape (n,); of the actuator, and of the tendon at its end
@@ -34,7 +34,7 @@ class DriveRun:
 
 @cache
 def _bristle() -> ca.Function:
-    """One move of the bristle with its slope over coulomb_N: (f, slope), (move, coulomb, sigma) -> (f, slope)."""
+    """Move of the bristle with its slope over coulomb_N: (f, slope), (move, coulomb, sigma) -> (f, slope)."""
     f, slope, move, coulomb, sigma = (ca.SX.sym(name) for name in ("f", "slope", "move", "coulomb", "sigma"))
     end = RubbingEnd(
         mass_kg=1.0, damping_N_s_per_m=0.0, stiffness_N_per_m=0.0, coulomb_N=coulomb, bristle_stiffness_N_per_m=sigma

@@ -1,6 +1,6 @@
 """Elongation of a visco-elastic tendon under a measured tension, with exact sensitivities.
 
-Eq. (7) turned round: the whole tendon under a mean tension F elongates by::
+Eq. (7) inverted: the whole tendon under a mean tension F elongates by::
 
     x = F/(k1 + k2) + (1/k1 - 1/(k1 + k2)) z,     dz/dt = (F - z)/tau_c,     tau_c = tau (k1 + k2)/k1
 

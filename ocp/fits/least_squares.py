@@ -19,7 +19,7 @@ SINGULAR = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unknown:
-    """One number to find."""
+    """Unknown number."""
 
     name: str
     start: float

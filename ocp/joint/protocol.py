@@ -1,4 +1,4 @@
-"""What an engine that inverts or advances a joint between tendons takes and gives."""
+"""Interface of an engine that inverts or advances a joint between tendons."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -99,7 +99,7 @@ class JointMemory:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointInverseRows:
-    """What an inverse gave for angles at the ends of successive steps; fewer rows where a step has no answer.
+    """Result of an inverse for angles at the ends of successive steps; fewer rows where a step has no solution.
 
     Attributes
     ----------
@@ -122,7 +122,7 @@ class JointInverseRows:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointRows:
-    """What one run of steps gave; fewer rows where a step fails for good.
+    """Result of a run of steps; fewer rows where a step fails for good.
 
     Attributes
     ----------
@@ -145,7 +145,7 @@ class JointRows:
 
 
 class JointEngine(Protocol):
-    """One engine, made for one problem and step."""
+    """Engine for a given problem and step."""
 
     def invert(
         self, memory: JointMemory, angle_rad: Array, contact_N_m: Array, least_tension_N: float

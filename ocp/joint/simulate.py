@@ -14,7 +14,7 @@ from tendonff.ocp.joint.start import start_memory
 
 
 class JointOutcome(StrEnum):
-    """How a simulation ended.
+    """Outcome of a simulation.
 
     Attributes
     ----------

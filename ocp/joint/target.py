@@ -131,7 +131,7 @@ def joint_code(
 
 
 def _plain(chain: Chain, joint: str) -> int:
-    """0 where the path follows the joint, 1 where it follows others, 2 where it stands still."""
+    """0 where the path follows the joint, 1 where it follows others, 2 where it is at rest."""
     if Followed.of(chain, joint).any:
         return 0
     return 1 if any(Followed.of(chain, s.joint).any for s in chain.elements.path.sections if s.joint) else 2

@@ -66,7 +66,7 @@ class OnJoints:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Roots:
-    """How the tensions of a joint's tendons are found."""
+    """Method that finds the tensions of a joint's tendons."""
 
     # moves, tolerance: most moves of a search, and the relative move that counts as none [-]
     moves: int = 60

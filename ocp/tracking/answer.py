@@ -17,7 +17,7 @@ from tendonff.ocp.tracking.sqp import SqpResult
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Found:
-    """What a search found."""
+    """Result of a search."""
 
     status: TrackStatus
     force_N: Array  # shape (n,)
@@ -111,7 +111,7 @@ def answer(
 
 
 def _floor(problem: TrackingProblem) -> str:
-    """What no force can do better while plants with different friction all slip; empty where friction is the same.
+    """Bound on the error of any force while plants with different friction all slip; empty where friction is the same.
 
     One force leaves a relative error of T + p of tanh(d) on one of two plants whose mu theta are 2 d apart.
     """

@@ -1,4 +1,4 @@
-"""What a profile costs, and the Gauss-Newton model of the cost in changes of the force at knots."""
+"""Cost of a profile, and its Gauss-Newton model in changes of the force at knots."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ Knots = NDArray[np.int_]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evaluation:
-    """What a profile achieves on every plant."""
+    """Errors of a profile on every plant."""
 
     merit: float  # what is made small: error, effort and penalty [N^2]; infinite where a simulation fails
     squares: Array  # shape (plants,); mean squared tension errors [N^2]

@@ -76,7 +76,7 @@ def _exponent(coefficient: float | Array, count: int) -> float:
 
 
 def missed_N(chain: Chain, reference_N: Array, limits: ForceLimits) -> Array:
-    """What the largest force cannot hold against friction in full slip, whatever the bristles promise, shape (n,)."""
+    """Samples that the largest force cannot hold against full slip, whatever the bristles add, shape (n,)."""
     most = law_of(chain).largest_output_N(limits.maximum_N - chain.coulomb_N)
     missed: Array = np.maximum(reference_N - most, 0.0)
     return missed
@@ -114,7 +114,7 @@ def reasons(
     minimum_tension_N: float,
     maximum_tension_N: float,
 ) -> tuple[str, ...]:
-    """Which wishes cannot be fulfilled and why, the hardest first within each kind.
+    """Infeasible parts of the reference and the reasons, the hardest first within each kind.
 
     Reference and exact inverse have the shape (n,) [N]; the two tensions are bounds along the tendon [N].
     """

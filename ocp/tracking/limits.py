@@ -1,4 +1,4 @@
-"""What the actuator can do: a range of force and a largest rate, and the profiles that respect both."""
+"""Limits of the actuator: a range of force and a largest rate, and the profiles within both."""
 
 import math
 from dataclasses import dataclass
@@ -112,7 +112,7 @@ class ForceLimits:
         return min(max(tension_N, self.minimum_N), self.maximum_N)
 
     def apply(self, force_N: Array, step_s: float, start_N: float | None = None) -> Array:
-        """What the actuator makes of a wanted profile: clipped, and never faster than its rate.
+        """Profile as applied by the actuator: clipped, and never faster than its rate.
 
         Parameters
         ----------
@@ -164,7 +164,7 @@ _ROUNDING = 1e-12
 
 
 def _slowed(wanted: Array, most: float) -> Array:
-    """What follows wanted values in steps of at most so much, from the first one; done twice it changes nothing."""
+    """Series that follows given values in bounded steps from the first one; applied twice it changes nothing."""
     fast = (np.flatnonzero(np.abs(np.diff(wanted)) > (1 + _ROUNDING) * most) + 1).tolist()
     given: list[float] = wanted.tolist()
     row = 0

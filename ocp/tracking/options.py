@@ -1,4 +1,4 @@
-"""What the optimal profile is optimised for: the table [optimal] of a scenario."""
+"""Goals of the optimal profile: the table [optimal] of a scenario."""
 
 import math
 from dataclasses import dataclass

@@ -14,7 +14,7 @@ order p over them. The dynamics are simulated (single shooting), so every iterat
 bounds of tension and motion carry an exact penalty. `cost` evaluates and linearises the problem, `sqp` solves it on one
 grid of knots (`qp`), `search` finds the start and cuts long horizons, `track` asks and `answer` explains.
 
-The stiffer bristles keep the profile calm. A force that shakes makes the output of soft bristles creep beyond what
+The stiffer bristles prevent chattering: a chattering force makes the output of soft bristles creep beyond what
 static friction admits: a model rewards that, no measurement supports it. What is wanted of the stiffer plant is its
 output under the exact inverse without limits, so where no limit binds nothing is better than the exact inverse.
 """
@@ -204,7 +204,7 @@ class TrackingProblem:
         return tuple(found)
 
     def clipped(self, force_N: Array) -> Array:
-        """What the actuator makes of a force, shape (n,) [N], from the start of this horizon."""
+        """Force, shape (n,) [N], as applied by the actuator from the start of this horizon."""
         return self.limits.apply(force_N, self.step_s, self.start_N)
 
     def piece(self, rows: slice, states: tuple[ChainState, ...], start_N: float) -> "TrackingProblem":
@@ -233,5 +233,5 @@ def _stiffer(plant: PlantModel, inverse_N: Array, step_s: float, weight: float) 
 
 
 def travel_N(force_N: Array) -> float:
-    """How far a force, shape (n,), goes up and down in all [N]."""
+    """Total variation of a force, shape (n,) [N]."""
     return float(np.abs(np.diff(force_N)).sum())

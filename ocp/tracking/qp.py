@@ -28,7 +28,7 @@ class StepBounds:
 
 
 def step_bounds(problem: TrackingProblem, force_N: Array, knots: Knots) -> StepBounds:
-    """What may change at the knots so that every row of a profile within the limits, shape (n,) [N], stays there."""
+    """Bounds of changes at the knots that keep every row of a profile, shape (n,) [N], within the limits."""
     limits, step_s = problem.limits, problem.step_s
     rate = np.diff(force_N) / step_s
     fastest, slowest = np.maximum.reduceat(rate, knots[:-1]), np.minimum.reduceat(rate, knots[:-1])

@@ -1,4 +1,4 @@
-"""What tracking answers."""
+"""Result of tracking."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -10,7 +10,7 @@ from tendonff.ocp.tracking.limits import Violation
 
 
 class TrackStatus(StrEnum):
-    """What a tracking profile is.
+    """Status of a tracking profile.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Tracking:
     message : str
         One sentence for the user.
     reasons : tuple of str
-        Which wishes the actuator cannot fulfil, in the user's terms; empty where no limit binds.
+        Parts of the reference that the actuator cannot follow, by the user's keys; empty where no limit binds.
     departures : tuple of Departure
         Where the predicted output leaves the reference.
     time_s, force_N, predicted_output_N : ndarray, shape (n,)

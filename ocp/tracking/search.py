@@ -112,7 +112,7 @@ def _search_piece(
 def starts(problem: TrackingProblem, inverse_N: Array, law_N: Array) -> tuple[Array, ...]:
     """Profiles to start from: exact inverse, static law, the inverse early, the inverse with its jumps spread.
 
-    `inverse_N` and `law_N` have the shape (n,) and know no limits [N].
+    `inverse_N` and `law_N` have the shape (n,) and are without limits [N].
     """
     early = problem.limits.apply(inverse_N[::-1], problem.step_s, float(inverse_N[-1]))[::-1]
     adhesion = problem.plants[0].chain.elements.piece.adhesion_N

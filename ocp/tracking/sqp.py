@@ -19,7 +19,7 @@ from tendonff.ocp.tracking.problem import TrackingProblem
 from tendonff.ocp.tracking.qp import solve_qp, step_bounds
 
 Profile = tuple[Evaluation, Array]
-"""What a force, shape (n,) [N], achieves, and the force."""
+"""Force, shape (n,) [N], and its errors."""
 
 Mask = np.typing.NDArray[np.bool_]
 

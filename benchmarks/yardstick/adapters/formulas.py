@@ -1,4 +1,4 @@
-"""What is used where there is no simulator: the capstan formula, and one play (backlash) operator over the total angle.
+"""Laws used without a simulator: the capstan formula, and one play (backlash) operator over the total angle.
 
 Both know the first guide's friction and the whole wrap angle, and nothing of bearings, direction, seals or places.
 """
@@ -46,7 +46,7 @@ def capstan(case: Case) -> dict[str, Array] | None:
 
 
 def play(case: Case) -> dict[str, Array] | None:
-    """One play of half-width mu theta on ln T."""
+    """Play of half-width mu theta on ln T."""
     if case.kind == "slider":
         return {"unstable": np.zeros(len(case.raw["speeds_m_per_s"]))}
     if (driven := driven_ends(case)) is None:

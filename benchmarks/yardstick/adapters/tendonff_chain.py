@@ -1,4 +1,4 @@
-"""The chain of tendonff at one of its levels, told what the case states and nothing else."""
+"""The chain of tendonff at one of its levels, with the values of the case and nothing else."""
 
 import numpy as np
 
@@ -127,7 +127,7 @@ def _hold(end: dict[str, object], chain: tf.Chain, name: str) -> float:
 
 
 def _inputs(phase: Phase, t: Array, chain: tf.Chain, state: ChainState, tension: Array) -> dict[str, Array | float]:
-    """What acts on the ends: forces, or rest positions of springs that carry the tension at the phase's start."""
+    """Inputs of the ends: forces, or rest positions of springs that carry the tension at the phase's start."""
     found: dict[str, Array | float] = {}
     ends = phase.ends
     for name, sign, at, carried in (
@@ -188,7 +188,7 @@ def _loop(case: Case, level: tf.Level) -> dict[str, Array]:
 
 
 def _slider(case: Case, level: tf.Level) -> dict[str, Array]:
-    """One mass; both ends are led at the speed. Steady sliding is disturbed by its start from rest."""
+    """Single mass; both ends are led at the speed. Steady sliding is disturbed by its start from rest."""
     raw, found = case.raw, []
     tendon = tf.Tendon(
         mass_kg=raw["mass_kg"],

@@ -1,4 +1,4 @@
-"""The text of exported C: templates, what they are told, and the files rendered from them."""
+"""The text of exported C: templates, their values, and the files rendered from them."""
 
 import json
 import math
@@ -97,7 +97,7 @@ def folder_files(
     prefix: str,
     further: Mapping[str, Any],
 ) -> dict[str, str]:
-    """What an exported folder holds beside the sources of its modules, by file name; arguments as of `c_sources`."""
+    """Files of an exported folder beside the sources of its modules, by file name; arguments as of `c_sources`."""
     context = _context(scenario, problem, modules, precision, prefix, further)
     # Structured Text has the law with one dead band.
     there = {"", *(m.name for m in modules if m.name != "capstan" or context["plays"] is None)}
@@ -173,7 +173,7 @@ def _wrapped(items: list[str]) -> str:
 
 
 def table_context(built: BuiltTable, precision: Precision) -> dict[str, object]:
-    """What the templates of a table need."""
+    """Values for the templates of a table."""
     table = built.table
     notes = (
         f"Interpolation error at most {built.error_N:.3g} N (bound {built.bound_N:.3g} N); made for a reference that",
@@ -197,7 +197,7 @@ def _context(
     prefix: str,
     further: Mapping[str, Any],
 ) -> dict[str, object]:
-    """What every template may use, and what is given further."""
+    """Values for every template, and the given ones."""
     transmission, reference, step = problem.transmission, problem.reference, problem.reference.step_s
     actuator, law = transmission.actuator, CapstanLaw.of(transmission)
     chain = problem.chain

@@ -1,4 +1,4 @@
-"""What an export lets the controller change while it runs: friction both ways, adhesion, limits."""
+"""Parameters that a controller may change while it runs: friction both ways, load-independent friction, limits."""
 
 from dataclasses import asdict, dataclass
 
@@ -26,7 +26,7 @@ _RATE_MAX = 1e30
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
-    """One member of the record."""
+    """Member of the record."""
 
     name: str  # C identifier
     unit: str  # as ASAP2 wants it; empty for a ratio
@@ -119,7 +119,7 @@ def _floored(name: str, value: ca.SX) -> ca.SX:
 
 
 def parameter_context(problem: Problem) -> dict[str, object]:
-    """What every template may know of the record."""
+    """Values of the record for every template."""
     parameters = parameters_of(problem)
     angle = problem.transmission.path.total_angle_rad
     return {"parameters": {p.name: p for p in parameters}, "angle_rad": angle}

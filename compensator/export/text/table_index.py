@@ -1,4 +1,4 @@
-"""What the C of a table looks up instead of searching, worked out beforehand."""
+"""Precomputed index that replaces the search in the C of a table."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What a reader of a format is."""
+"""Interface of a reader of a format."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

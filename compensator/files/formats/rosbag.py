@@ -23,7 +23,7 @@ _BYTES = 8  # of a number
 
 
 def _getter(path: str) -> Callable[[Any], float]:
-    """How a field is taken from a message."""
+    """Access to a field of a message."""
     parts = [match.groups() for match in _PART.finditer(path)]
 
     def get(message: Any) -> float:

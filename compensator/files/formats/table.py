@@ -126,7 +126,7 @@ def of_vectors(vectors: Mapping[str, Array], units: Mapping[str, str] | None = N
 
 
 def resolved(expected: Iterable[str], names: Sequence[str]) -> dict[str, str]:
-    """What a file with long names (`group/dataset`, `topic.field`) calls the expected columns.
+    """Names of the expected columns in a file with long names (`group/dataset`, `topic.field`).
 
     A column is named whole or, where only one ends so, by the last part of its name.
     """

@@ -18,7 +18,7 @@ from tendonff.ocp.fits.least_squares import gauss_newton_step
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Delay:
-    """How much later the output is read than the input.
+    """Delay of the output channel against the input.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How well a law, static or of the chain, explains measured files: one measure for all."""
+"""Error of a law, static or of the chain, on measured files: one measure for all."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from tendonff.compensator.scenario.measurement import Explain
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prediction:
-    """What a law makes of one piece."""
+    """Prediction of a law for a piece."""
 
     explained: Array  # shape (n,); the explained channel, N or m
     elongation_m: Array | None = None  # shape (n,); of laws that have one
@@ -32,7 +32,7 @@ class FittedLaw(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileError:
-    """How well a law explains one file."""
+    """Error of a law on a file."""
 
     name: str
     rms: float  # RMS error of the explained channel, N or m

@@ -45,8 +45,8 @@ class StaticSelection:
         pairs = list(zip(self.tried, self.laws, strict=True))
         chosen = next(other for other, law in pairs if law.chosen)
         near = [pair for pair in pairs if pair[1].validation_percent <= TUNED.nearly_as_good * least]
-        rivals = [fit for fit, law in near if fit is not chosen and not _is_beaten(fit, law, near)]
-        fit = _with_gains(_doubted(chosen, rivals), gain_uncertainty)
+        others = [fit for fit, law in near if fit is not chosen and not _is_beaten(fit, law, near)]
+        fit = _with_gains(_doubted(chosen, others), gain_uncertainty)
         if P.OUTPUT_BIAS.value not in fit.solution.values:
             return fit
         more = dict.fromkeys(CONSTANTS, adhesion_N)
@@ -141,24 +141,24 @@ def select_static(records: Sequence[Record], validation: Sequence[Record], expla
     return StaticSelection(fit=chosen, laws=laws, tried=tuple(fit for fit, _ in tried))
 
 
-def _doubted(fit: StaticFit, rivals: Sequence[StaticFit]) -> StaticFit:
+def _doubted(fit: StaticFit, others: Sequence[StaticFit]) -> StaticFit:
     """Widen friction and constants of a law without presliding by what such a law leaves out.
 
     A bristle that gives before it slides shows alike after every reversal, which the scatter between blocks does not
     see: each direction's error is that of rows that are all wrong alike, hence the scatter of what single rows say. The
-    constants that a law does without move it as well: `rivals` show by how much.
+    constants that a law does without move it as well: `others` show by how much.
     """
     if fit.model.presliding:
         return fit
     solution, residuals = fit.solution, fit.solution.residuals
     own = in_gross_sliding(fit.values)
-    moves = np.array([np.subtract(in_gross_sliding(rival.values), own) for rival in rivals] or [(0.0, 0.0)])
-    by_rivals = np.median(moves**2, axis=0)
+    moves = np.array([np.subtract(in_gross_sliding(other.values), own) for other in others] or [(0.0, 0.0)])
+    by_others = np.median(moves**2, axis=0)
     if not fit.model.asymmetric:
-        by_rivals[:] = by_rivals.max()
+        by_others[:] = by_others.max()
     moved = {
         name: square * (fit.values[name] / sliding) ** 2
-        for name, sliding, square in zip((P.PULL, P.RELEASE), own, by_rivals, strict=True)
+        for name, sliding, square in zip((P.PULL, P.RELEASE), own, by_others, strict=True)
         if sliding > 0
     }
     # The errors after reversals look like a bias, through the friction for the other cell; adhesion goes with them.

@@ -3,14 +3,14 @@
 The model is driven by a measurement. Its noise is rectified by the play of friction and looks like friction that does
 not depend on the load, and the filter against it rounds the extremes that friction remembers. So the true input is
 taken for the smoothed one and a correction, linear between knots in time, that costs what the cell's noise makes it
-cost. Where output and elongation speak of the input, as they do after each reversal, they have a say in it. One
+cost. Where output and elongation speak of the input, as they do after each reversal, they contribute to it. A
 Gauss-Newton step over values and knots, the knots eliminated window by window, is what moves the values; the slopes are
 those of a coarse chain, the residuals those of the fine one.
 
 Constants of the law are judged again then (`look_again`). While noise on the input is taken for friction, whether a rig
-has load-independent friction cannot be told well, and an offset of the output cell hides in the two directions'
+has load-independent friction is hardly identifiable, and an offset of the output cell hides in the two directions'
 coefficients. With the input estimated their errors are five to ten times smaller: the law with all of them free is
-asked, and those that it does not tell are taken out again.
+fitted, and those that are not identifiable are removed again.
 """
 
 from collections.abc import Iterator, Mapping
@@ -56,7 +56,7 @@ def with_input_estimated(
     """Values with the input estimated besides, their covariance that of values and input together.
 
     The task is on many masses. With `signed`, what may vanish may fall below nothing: its scatter shows then.
-    SolveError if the chain fails on the way, or the readings do not tell values and input apart.
+    SolveError if the chain fails on the way, or values and input are not separately identifiable.
     """
     if all(run.record.input_noise_N <= 0 for run in task.pieces):
         return solution
@@ -209,7 +209,7 @@ def _windows_of(
 
 
 def _price(knots_s: Array, time_s: Array, off: Array, noise_N: float) -> tuple[Array, Array]:
-    """What the cell's noise makes a correction at the knots cost, and the correction that its readings ask for.
+    """Cost of a correction at the knots by the cell's noise, and the correction implied by its readings.
 
     The last row and column are those of the positions' zero, which costs nothing.
     """
@@ -298,7 +298,7 @@ def _without(solution: Solution, name: Parameter) -> Solution:
 
 
 def _is_symmetric(solution: Solution) -> bool:
-    """One coefficient does for both directions."""
+    """Whether a single coefficient holds for both directions."""
     pull, release = (list(solution.values).index(name) for name in (D.MU_PULL, D.MU_RELEASE))
     covariance = solution.covariance
     variance = covariance[pull, pull] + covariance[release, release] - 2 * covariance[pull, release]

@@ -64,7 +64,7 @@ class FitPiece:
         return centred((self.shaped(prediction) - self.measured[:: self.thin])[self.good], self.explain)
 
     def shaped(self, x: Array) -> Array:
-        """What the low-pass and the thinning leave of a prediction."""
+        """Prediction after low-pass and thinning."""
         return low_pass_piece(x, self.record.step_s, self.record.cutoff_Hz)[:: self.thin]
 
 

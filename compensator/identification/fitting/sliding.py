@@ -122,7 +122,7 @@ class SectionFriction:
 
     @property
     def text(self) -> str:
-        """One line."""
+        """Line."""
         return (
             f"{self.start} to {self.stop} ({self.start_rad:.3g} to {self.stop_rad:.3g} rad): mu {self.mu:.4g} "
             f"(+-{2 * self.mu_error:.2g}) pulling, {self.mu_release:.4g} (+-{2 * self.mu_release_error:.2g}) releasing"

@@ -26,7 +26,7 @@ CONSTANTS = (P.ADHESION, P.INPUT_BIAS, P.OUTPUT_BIAS)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StaticModel:
-    """One candidate law: what it lets vary."""
+    """Candidate law: its free values."""
 
     name: str  # for the report
     asymmetric: bool = False  # pulling and releasing have coefficients of their own
@@ -37,7 +37,7 @@ class StaticModel:
 
     @property
     def free(self) -> tuple[StaticParameter, ...]:
-        """What it lets vary."""
+        """Free values."""
         spreads = (P.BRISTLE_SPREAD,) if self.presliding else (P.PULL_SPREAD, P.RELEASE_SPREAD)
         parts = (
             (True, (P.PULL,)),

@@ -1,4 +1,4 @@
-"""What adds to the doubt of a fitted chain: other laws, the method itself, and what each file says by itself.
+"""Contributions to the uncertainty of a fitted chain: other laws, the method itself, and each file on its own.
 
 Several files also say something about each other: a scatter, a drift over time, a difference between conditions.
 """
@@ -178,7 +178,7 @@ class ByFile:
 
 
 def file_estimates(task: ChainResiduals, found: Residuals, solution: Solution) -> tuple[ByFile, ...]:
-    """One Gauss-Newton step for each file alone from the joint solution, where the residuals are `found`; none for
+    """Gauss-Newton step for each file alone from the joint solution, where the residuals are `found`; none for
     one file.
     """
     names = list(dict.fromkeys(run.record.name for run in task.pieces))

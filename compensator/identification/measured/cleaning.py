@@ -85,7 +85,7 @@ class Piece:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Record:
-    """One measured file, cleaned."""
+    """Measured file, cleaned."""
 
     name: str
     step_s: float  # sampling step of every piece [s]
@@ -105,7 +105,7 @@ class Record:
 
     @property
     def zeroed(self) -> bool:
-        """What the cells read without tension was taken off."""
+        """Whether the zero of the cells was subtracted."""
         return any(f.issue is DataIssue.OFFSET for f in self.findings)
 
     @property

@@ -125,7 +125,7 @@ def unit_warning(how: Measurement, positions: Sequence[str]) -> str:
 
 
 def data_doubts(files: Sequence[RawMeasurement], explain: Explain) -> tuple[str, ...]:
-    """What to ask about measured values that look like another unit, or like reversed columns."""
+    """Questions about measured values that look like another unit, or like reversed columns."""
     found = []
     for file in files:
         swings = float(np.ptp(file.input_N)), float(np.ptp(file.output_N))
@@ -148,7 +148,7 @@ def data_doubts(files: Sequence[RawMeasurement], explain: Explain) -> tuple[str,
 
 
 def magnitude_warning(largest_N: float, force_max_N: float) -> str:
-    """What to say where the measured tensions are far from what the scenario's actuator can do; else empty."""
+    """Message where the measured tensions are far from the range of the scenario's actuator; else empty."""
     if force_max_N / MOST_BELOW <= largest_N <= force_max_N * MOST_ABOVE:
         return ""
     return (

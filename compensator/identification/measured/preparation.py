@@ -1,4 +1,4 @@
-"""What a recording holds besides the test: a slack tendon, which shows the cells' zero, and a load being switched on.
+"""Parts of a recording besides the test: a slack tendon, which shows the cells' zero, and a load being switched on.
 
 What both cells read while nothing pulls is their zero. A load that is switched on as the recording starts shows as a
 jump of the output that nothing at the input explains.
@@ -31,7 +31,7 @@ RUNG_DOWN, QUIET_S = 0.05, 0.1
 """Ringing is over when for so long no row differs from the next by more than this share of the jump."""
 
 ROOM = 2.0
-"""What is left out, in units of the time until the ringing is over: its tail is slower than its rows show."""
+"""Omitted start, in units of the time until the oscillation has decayed: its tail is slower than its rows show."""
 
 
 def slack_rows(input_N: Array, output_N: Array) -> Mask | None:

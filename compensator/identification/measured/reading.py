@@ -38,7 +38,7 @@ _USUAL = {
         ("output_position", "output_position_m", ("output_position",), LENGTH_UNITS),
     )
 }
-"""What the columns are called unless the user says otherwise, and how else they may be."""
+"""Default names of the columns, and accepted alternatives."""
 
 LEAST_TARE_ROWS = 10
 
@@ -47,7 +47,7 @@ LEAST_RISING = 0.5
 
 
 class DataIssue(StrEnum):
-    """What can be wrong with a measurement."""
+    """Kinds of data issues."""
 
     LONG = "rows with more cells than the header"
     MISSING = "missing values"
@@ -69,7 +69,7 @@ class DataIssue(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """One kind of data issue in one file, and what was done about it."""
+    """Data issue in a file, and its treatment."""
 
     issue: DataIssue
     count: int  # rows or places concerned
@@ -78,7 +78,7 @@ class Finding:
 
 
 class Findings(list[Finding]):
-    """What was found in one file so far."""
+    """Findings in a file so far."""
 
     def note(
         self, issue: DataIssue, action: str, times_s: Sequence[float] | Array = (), count: int | None = None
@@ -194,7 +194,7 @@ def _guessed(table: Table, names: Mapping[str, str], findings: Findings) -> tupl
 
 
 def _proximal(table: Table, names: Mapping[str, str]) -> bool:
-    """No output tension was measured, and nobody asked for a column of it: the input end explains itself."""
+    """No output tension was measured, and no column of it was requested: the input end is predicted from itself."""
     return names["output"] == Measurement().output_column and names["input_position"] in table.columns
 
 

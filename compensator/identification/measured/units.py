@@ -1,4 +1,4 @@
-"""What a unit of a column is in SI, and how currents, torques, angles and speeds become tensions and positions."""
+"""Units of columns in SI, and conversion of currents, torques, angles and speeds to tensions and positions."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -44,7 +44,7 @@ class Conversion:
 
 
 def conversion(key: str, unit: str, how: Measurement) -> Conversion | None:
-    """What turns a unit into SI for a column; None where it is not known, or needs a radius that is not given."""
+    """Factor from a unit to SI for a column; None where it is not known, or needs a radius that is not given."""
     if key == "time" or key.startswith("joint"):
         return _plain(TIME_UNITS if key == "time" else ANGLE_UNITS, unit)
     gear = (how.gear_ratio or 1.0) if key in AT_THE_DRIVE else 1.0

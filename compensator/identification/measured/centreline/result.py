@@ -89,7 +89,7 @@ class Centreline:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What to look at before the sections are used."""
+        """Warnings to read before the sections are used."""
         notes = []
         if self.length_m[-1] > _LONGEST_M:
             notes.append(f"the path is {self.length_m[-1]:.4g} m long; are the coordinates in millimetres? Give metres")

@@ -155,7 +155,7 @@ def _corners(length_m: FloatArray, turned_rad: FloatArray, tolerance_rad: float)
 
 
 def _hand_over(angles: list[float], least: list[float]) -> list[float]:
-    """Stretches that turn less than can be told become straights; their angle goes to the nearest arcs."""
+    """Stretches whose angle is insignificant become straights; their angle goes to the nearest arcs."""
     arcs = [k for k, angle in enumerate(angles) if angle >= least[k]] or [int(np.argmax(angles))]
     given = [angle if k in arcs else 0.0 for k, angle in enumerate(angles)]
     for k in set(range(len(angles))) - set(arcs):

@@ -35,7 +35,7 @@ class SmoothCurve:
 
     @property
     def kept(self) -> FloatArray:
-        """What the penalty leaves of each mode [-]."""
+        """Share of each mode that the penalty keeps [-]."""
         return np.asarray(1 / (1 + self.weight * self.roughness))
 
     @property
