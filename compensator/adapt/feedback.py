@@ -10,10 +10,12 @@ dynamics of actuator, tendon and load where their stiffness differs from the des
 import itertools
 from dataclasses import dataclass
 
-import control
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonff.models.parameters import Transmission
+
+ComplexArray = NDArray[np.complexfloating]
 
 STIFFNESS_SPREAD = 0.2
 RECOMMENDED_SHARE = 0.5
@@ -61,10 +63,12 @@ class FeedbackCertificate:
 
 
 def transmission_dynamics(
-    transmission: Transmission, tendon: float = 1.0, load: float = 1.0
-) -> control.TransferFunction:
-    """Output tension over actuator force without friction: two masses joined by the tendon, stiffness times factors."""
-    s = control.tf("s")
+    transmission: Transmission, s: ComplexArray, tendon: float = 1.0, load: float = 1.0
+) -> ComplexArray:
+    """Output tension over actuator force without friction: two masses joined by the tendon, stiffness times factors.
+
+    At Laplace variables of any shape [1/s].
+    """
     t, a, far = transmission.tendon, transmission.actuator, transmission.load
     viscous = transmission.friction.viscous_N_s_per_m / 2
     link = tendon * t.quick_stiffness_N_per_m + t.damping_N_s_per_m * s
@@ -80,11 +84,11 @@ def feedback_certificate(
     omega = np.geomspace(1e-3, 1, _FREQUENCIES) * np.pi / step_s
     z = np.exp(1j * omega * step_s)
     integrator = step_s * z ** -(delay_samples + 1.0) / (1 - 1 / z)
-    design = control.frequency_response(transmission_dynamics(transmission), omega).complex
+    design = transmission_dynamics(transmission, 1j * omega)
     factors = (1 - STIFFNESS_SPREAD, 1.0, 1 + STIFFNESS_SPREAD)
     least, where = 0.0, float(omega[-1])
     for tendon, load in itertools.product(factors, factors):
-        actual = control.frequency_response(transmission_dynamics(transmission, tendon, load), omega).complex
+        actual = transmission_dynamics(transmission, 1j * omega, tendon, load)
         real = np.real(integrator * actual / design)
         if real.min() < least:
             least, where = float(real.min()), float(omega[np.argmin(real)])

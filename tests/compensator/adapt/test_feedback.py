@@ -15,9 +15,9 @@ def test_without_dynamics_the_bound_is_that_of_an_integrator_with_a_delay(generi
 
 
 def test_the_output_tension_is_the_force_at_rest_and_none_of_it_beyond_the_resonance(generic):
-    dynamics = transmission_dynamics(generic)
-    assert abs(dynamics(1e-6j)) == pytest.approx(1.0, abs=1e-6)
-    assert abs(dynamics(1e5j)) < 1e-3
+    still, fast = np.abs(transmission_dynamics(generic, np.array([1e-6j, 1e5j])))
+    assert still == pytest.approx(1.0, abs=1e-6)
+    assert fast < 1e-3
 
 
 def test_a_gain_is_judged_and_a_way_out_is_given(generic):
