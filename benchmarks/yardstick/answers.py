@@ -66,7 +66,7 @@ class Cones:
                 break
             now = int(miss > 0)
             ends[now], values[now] = y, miss
-            if now == side:  # Illinois: or one end stays for ever
+            if now == side:  # Illinois rule: else one end would never move
                 values[1 - now] /= 2
             side = now
         return self.far(y, self.y)

@@ -43,9 +43,9 @@ def adaptation_report(result: AdaptationData, figures: dict[str, Figure]) -> Rep
                 title="Plants that differ",
                 blocks=(
                     Text(
-                        "The compensator is told the scenario; the plant differs from it, has 40 masses and sensor "
-                        "noise. Feedforward alone is the exact inverse. Self-tuning runs the same model beside the rig "
-                        "with the applied force and corrects the parameters by what the measurement says."
+                        "The compensator has the scenario's parameters; the plant differs from them, has 40 masses "
+                        "and sensor noise. Feedforward alone is the exact inverse. Self-tuning runs the same model "
+                        "beside the rig with the applied force and corrects the parameters from the measurement."
                     ),
                     pictures["overview"],
                     _errors(result),

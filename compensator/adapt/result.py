@@ -62,7 +62,7 @@ class Variation:
     joints_late_s: float = 0.0  # how much too late the controller knows the joints
     stretch_m: float = 0.0  # how much longer the tendon gets in mid-run, within half a second
     change: Change = Change.NOTHING
-    start: float = 1.0  # true tension at the start over the one that the controller is told
+    start: float = 1.0  # true tension at the start over the one that the controller assumes
     offset: float = 0.0  # sensor offset as a share of the range that the measurement covers
     duration_s: float = SHORT_S  # least duration [s]
 

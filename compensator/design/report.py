@@ -232,7 +232,7 @@ def _verdict(asked: dict[str, float], motor: Motor | None) -> str:
         text = f"The drive suffices for these profiles; what comes closest to its limit is {what}: {100 * share:.3g} %."
     if motor is None:
         return text + " [actuator.motor] with drum, gear and the motor's data sheet sizes the motor too."
-    missing = [] if motor.torque_rated_N_m is not None else ["torque_rated_N_m (what the motor stands for ever)"]
+    missing = [] if motor.torque_rated_N_m is not None else ["torque_rated_N_m (continuous torque)"]
     missing += [] if motor.stall_torque_N_m is not None else ["the torque-speed line (stall_torque_N_m)"]
     return text if not missing else f"{text} Not judged, since not given: {' and '.join(missing)}."
 
