@@ -58,7 +58,7 @@ def joint_report(result: JointDesignData, figures: Mapping[str, Figure]) -> Repo
             inputs=tuple(path for path in scenario.inputs if path != scenario.reference_file()),
         ),
         files=(
-            FileNote(name="profile.csv", content="what the motors are told, tensions and torque, row by row"),
+            FileNote(name="profile.csv", content="motor commands, tensions and torque of every sample"),
             FileNote(name="summary.json", content="errors and data sheet for other programs"),
         ),
     )
