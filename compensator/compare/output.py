@@ -39,7 +39,7 @@ def summary(result: ComparisonData) -> dict[str, object]:
         ],
         "enough_percent_of_range": ENOUGH_PERCENT,
         "matrix": [asdict(entry) for entry in result.entries],
-        **({} if result.ignored is None else {"ignored_motion": asdict(result.ignored.ignored)}),
+        **({} if result.ignored is None else {"ignored_motion": result.ignored.ignored.named()}),
         "levels": {
             name: {
                 "relaxation_percent": traits.relaxation_percent,

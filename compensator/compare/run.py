@@ -22,7 +22,7 @@ from tendonff.compensator.compensators.optimal import Optimal
 from tendonff.compensator.compensators.plant import Plant, Slack
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.registry import COMPENSATORS
-from tendonff.compensator.compensators.score import ignored_motion, scale_N, score, slack_warnings
+from tendonff.compensator.compensators.score import ignored_motion, scale_of, score, slack_warnings
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
@@ -119,7 +119,7 @@ def compare(
         traits=traits,
         costs=costs,
         bands=bands,
-        expectation=expectation_of(problem.doubt, Level.PRESLIDING, on_level, reference),
+        expectation=expectation_of(problem.doubt, Level.PRESLIDING, on_level, reference.share_of),
         recommended_level=best,
         recommendation=text,
         ignored=ignored_motion(Problem.of(scenario, reference=reference, options=options)),
@@ -212,9 +212,9 @@ def _entry(
         design_level=level,
         plant_level=plant,
         rmse_percent_of_range=result.rmse_percent_of_range,
-        peak_error_N=result.peak_error_N,
+        peak_error_N=result.peak_error,
         lag_s=lag(reference.tension_N, outputs[0], reference.step_s),
-        spread_percent_of_range=100 * spread / scale_N(reference.tension_N),
+        spread_percent_of_range=100 * spread / scale_of(reference.tension_N),
     )
     return entry, outputs[0]
 

@@ -20,15 +20,9 @@ from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.writing import atomic_directory, write_text
-from tendonff.compensator.joint.design import (
-    REFINEMENT,
-    JointPlant,
-    commanded,
-    inverse_of,
-    known_by_ratio,
-    linear_motor_rad,
-    verifying_masses,
-)
+from tendonff.compensator.joint.compensators import inverse_of, linear_motor_rad
+from tendonff.compensator.joint.drive import commanded, known_by_ratio
+from tendonff.compensator.joint.plant import REFINEMENT, JointPlant, verifying_masses
 from tendonff.compensator.joint.reference import JointQuantity
 from tendonff.compensator.joint.scenario import JointScenario, SampledJoint, sample_joint
 from tendonff.models.errors import ParameterError

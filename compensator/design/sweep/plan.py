@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 
-from tendonff.compensator.compensators.uncertain import draw_transmissions
+from tendonff.compensator.compensators.uncertain import draw_systems
 from tendonff.compensator.files.reading import InputError, suggestion
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.errors import ParameterError
@@ -64,13 +64,13 @@ def random_units(scenario: Scenario, count: int) -> list[Unit]:
         raise InputError(
             f"{scenario.source.name}: --samples needs an uncertainty; write [robust] with mu = 0.2 or the like"
         )
-    drawn = draw_transmissions(scenario.transmission, scenario.robust, count)
+    drawn = draw_systems(scenario.transmission, scenario.robust, count)
     certain, keys = replace(scenario, robust=Uncertainty()), random_keys(scenario)
     return [
         Unit(
             index=k,
             values=tuple(sample.numbers[key] for key in keys),
-            scenario=replace(certain, transmission=sample.transmission),
+            scenario=replace(certain, transmission=sample.system),
         )
         for k, sample in enumerate(drawn)
     ]

@@ -80,7 +80,7 @@ def _score(unit: Unit, job: Job) -> Row:
             profile = _profile(name, problem) if job.profiles is None else job.profiles[k]
             plant = Plant(problem.transmission, problem.level, FINE_SEGMENTS)
             found = verify(plant, name, profile, problem.reference).score
-            scores.append((found.rmse_percent_of_range, found.peak_error_N))
+            scores.append((found.rmse_percent_of_range, found.peak_error))
         except TendonffError:
             scores.append((math.nan, math.nan))
     percent, peak = zip(*scores, strict=True)

@@ -159,18 +159,18 @@ def entries(**errors):
 
 def band(percent):
     """An error band of which only the worst error counts."""
-    worst = Score(rmse_N=percent, rmse_percent_of_range=percent, peak_error_N=percent)
-    nothing = Sample(transmission=None)
+    worst = Score(rmse=percent, rmse_percent_of_range=percent, peak_error=percent)
+    nothing = Sample(system=None)
     return ErrorBand(
         scores=(worst,),
         worst=worst,
         worst_sample=nothing,
-        worst_peak_N=percent,
+        worst_peak=percent,
         amplification=0.0,
         amplified_sample=nothing,
         slack_samples=0,
-        low_N=np.zeros(1),
-        high_N=np.zeros(1),
+        low=np.zeros(1),
+        high=np.zeros(1),
     )
 
 
