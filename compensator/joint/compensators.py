@@ -1,12 +1,13 @@
 """Compensators of a joint: maps from a reference to the commands of its motors."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
-from tendonff.compensator.compensators.expectation import Expectation, bands_of, expectation_of
+from tendonff.compensator.compensators.expectation import ErrorBand, Expectation, bands_of, expectation_of
 from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.files.reading import FloatArray, InputError, suggestion
 from tendonff.compensator.joint.drive import commanded, known_by_ratio
@@ -25,6 +26,8 @@ from tendonff.ocp.joint.invert import JointInversion, JointStatus, invert_joint,
 from tendonff.ocp.joint.protocol import JointProblem
 from tendonff.ocp.joint.simulate import JointOutcome
 from tendonff.ocp.joint.start import joint_problem
+
+K = TypeVar("K", bound=Hashable)
 
 ASSUMED_SPREAD = 0.2
 """Relative half-width of what is unknown where [robust] says nothing: friction, stiffness and pre-tension."""
@@ -114,19 +117,22 @@ class JointTask:
             refinement=refinement,
         )
 
-    def expect(self, commands: Mapping[str, FloatArray], level: Level | None = None) -> Expectation:
+    def expect(self, commands: Mapping[str, FloatArray]) -> Expectation:
         """Try commands, by name of the compensator, on all mechanisms that may be the real one."""
+        return expectation_of(self.doubt, self.level, self.bands(commands), unit=self.scenario.reference.shown)
+
+    def bands(self, commands: Mapping[K, FloatArray]) -> dict[K, ErrorBand]:
+        """Errors of commands on all mechanisms that may be the real one."""
 
         def respond(mechanism: Mechanism, command: FloatArray) -> tuple[FloatArray, bool]:
-            plant = self.plant(mechanism, level or self.level, masses=verifying_masses(mechanism))
+            plant = self.plant(mechanism, self.level, masses=verifying_masses(mechanism))
             try:
                 run = plant.respond(command)
             except (SolveError, ParameterError):
                 return np.full_like(self.wanted, np.nan), False
             return plant.reached(run)[self.sampled.lead :], run.outcome is JointOutcome.SLACK
 
-        bands = bands_of(self.doubt, self.wanted, commands, respond, np.ndarray.tobytes)
-        return expectation_of(self.doubt, level or self.level, bands, unit=self.scenario.reference.shown)
+        return bands_of(self.doubt, self.wanted, commands, respond, np.ndarray.tobytes)
 
 
 def middle_compliance(mechanism: Mechanism, robust: Uncertainty) -> Mechanism | None:

@@ -7,7 +7,16 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.joint.result import JointDesignData
 from tendonff.compensator.reporting.expected import robustness_table
-from tendonff.compensator.reporting.page import Block, FileNote, Provenance, Report, Section, Table, Text, pictures_of
+from tendonff.compensator.reporting.page import (
+    Block,
+    FileNote,
+    Report,
+    Section,
+    Table,
+    Text,
+    pictures_of,
+    provenance_of,
+)
 
 _CAPTIONS = {
     "joint": "Reached and wanted, and the errors, on the verifying mechanism.",
@@ -51,11 +60,7 @@ def joint_report(result: JointDesignData, figures: Mapping[str, Figure]) -> Repo
         summary=result.headline,
         warnings=result.warnings,
         sections=tuple(sections),
-        provenance=Provenance(
-            scenario=scenario,
-            command=f"tendonff design {scenario.source.name} --out DIR",
-            inputs=tuple(path for path in scenario.inputs if path != scenario.reference_file()),
-        ),
+        provenance=provenance_of(scenario, "design"),
         files=(
             FileNote(name="profile.csv", content="what the motors are told, tensions and torque, row by row"),
             FileNote(name="summary.json", content="errors and data sheet for other programs"),

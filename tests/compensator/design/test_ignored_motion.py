@@ -54,7 +54,7 @@ def test_figures_show_the_joints_under_the_tensions(result: Design, moving: Scen
         compensators=(COMPENSATORS[0], Capstan(), COMPENSATORS[1]),
     )
     assert compared.ignored is not None
-    for figure in (tension_figure(result), errors_figure(compared)):
+    for figure in (tension_figure(result), errors_figure(compared, compared.ignored.motion)):
         panel = next(axes for axes in figure.axes if axes.get_ylabel() == "joints [rad]")
         assert [line.get_label() for line in panel.lines] == ["knuckle", "middle"]
 
