@@ -97,12 +97,11 @@ def test_one_tendon_without_a_spring_is_refused(hand: str) -> None:
         parse_joint_scenario(pair)
 
 
-@pytest.mark.parametrize("command", ["compare", "sweep", "table", "experiment", "explore", "export-fmu", "adapt"])
+@pytest.mark.parametrize("command", ["table", "experiment", "explore", "export-fmu", "adapt"])
 def test_commands_of_a_tension_refuse_a_joint_and_say_why(
     command: str, tmp_path: Path, examples: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = [] if command == "explore" else ["--out", str(tmp_path / "out")]
-    more = {"sweep": ["--samples", "2"]}.get(command, [])
-    assert run([command, str(examples / "hand_joint.toml"), *out, *more]) == 2
+    assert run([command, str(examples / "hand_joint.toml"), *out]) == 2
     assert "describes a driven joint between tendons" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
