@@ -48,7 +48,7 @@ class Exported:
     built : BuiltTable or None
         None on a path that joints move: no table holds it.
     profile_N : ndarray
-        Shape (n,); the profile that is played back [N].
+        Shape (n,); the exported profile [N].
     judged : tuple of Judged
         Error of each module on the scenario's reference, no compensation first.
     warnings : tuple of str
