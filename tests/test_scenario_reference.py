@@ -17,7 +17,11 @@ READ = {
     *scenario._ON_REQUEST.values(),
     *scenario._KINDS.values(),
     *joints.KINDS.values(),
-    *(cls for cls in vars(joint_reference).values() if dataclasses.is_dataclass(cls) and cls.__name__[0] != "_"),
+    *(
+        cls
+        for name, cls in vars(joint_reference).items()
+        if dataclasses.is_dataclass(cls) and cls.__module__ == joint_reference.__name__ and name[0] != "_"
+    ),
 }
 
 
