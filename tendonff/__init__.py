@@ -27,6 +27,9 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.compensator.export.kinds import FmiVersion
     from tendonff.compensator.export.kinds import Kind as FmuKind
     from tendonff.compensator.files.reading import InputError
+    from tendonff.compensator.identification.joint.output import JointIdentification
+    from tendonff.compensator.identification.joint.routine import suggest_routine
+    from tendonff.compensator.identification.joint.run import identify_joint
     from tendonff.compensator.identification.measured.centreline.run import read_centreline
     from tendonff.compensator.identification.output import Identification
     from tendonff.compensator.identification.run import identify
@@ -76,6 +79,7 @@ __all__ = [
     "Identification",
     "InputError",
     "JointDesign",
+    "JointIdentification",
     "JointScenario",
     "Level",
     "Load",
@@ -107,6 +111,7 @@ __all__ = [
     "export_c",
     "export_fmu",
     "identify",
+    "identify_joint",
     "invert",
     "invert_joint",
     "joint_problem",
@@ -120,6 +125,7 @@ __all__ = [
     "simulate_batch",
     "simulate_joint",
     "suggest",
+    "suggest_routine",
     "track",
 ]
 
@@ -140,6 +146,9 @@ _HOMES = {
     "compensator.export.fmu": ("export_fmu:build_fmu",),
     "compensator.export.kinds": ("FmiVersion", "FmuKind:Kind"),
     "compensator.files.reading": ("InputError",),
+    "compensator.identification.joint.output": ("JointIdentification",),
+    "compensator.identification.joint.routine": ("suggest_routine",),
+    "compensator.identification.joint.run": ("identify_joint",),
     "compensator.identification.measured.centreline.run": ("read_centreline",),
     "compensator.identification.output": ("Identification",),
     "compensator.identification.run": ("identify",),
