@@ -1,4 +1,4 @@
-"""What a runtime computes, and what it says of its last step; light, and free of anything that compiles."""
+"""Kinds of a runtime, and the status of its last step; light, and free of anything that compiles."""
 
 from enum import StrEnum
 
@@ -80,6 +80,6 @@ _JOINT = _TENDON | {2: RuntimeStatus.TORQUE_LIMITED, 4: RuntimeStatus.SPEED_LIMI
 
 
 def statuses(bits: int, kind: RuntimeKind) -> tuple[RuntimeStatus, ...]:
-    """What the status bits of exported C say."""
+    """Meaning of the status bits of exported C."""
     known = _JOINT if kind is RuntimeKind.JOINT else _TENDON
     return tuple(status for bit, status in known.items() if bits & bit)

@@ -122,7 +122,7 @@ class Runtime:
         measured: float | None = None,
         joints: Mapping[str, float] | Sequence[float] | None = None,
     ) -> float | NDArray[np.float64]:
-        """What the actuator is commanded.
+        """Advance by one step and give the command of the actuator.
 
         Parameters
         ----------
@@ -161,7 +161,7 @@ class Runtime:
 
     @property
     def status(self) -> tuple[RuntimeStatus, ...]:
-        """What the last step says of itself; empty where all is well."""
+        """Status of the last step; empty where nothing is to be said."""
         return statuses(self._status, self.kind)
 
     def state(self) -> RuntimeState:

@@ -11,7 +11,6 @@ from tendonff.ocp.codegen.templates import environment
 from tendonff.ocp.step.scheme import (
     BDF2_CARRY,
     BDF2_WEIGHT,
-    MOST_RATIO,
     EASY_CONTRACTION,
     EASY_GOAL,
     EASY_MOVES,
@@ -19,6 +18,7 @@ from tendonff.ocp.step.scheme import (
     MAX_ITERATIONS,
     MAX_PIECES,
     MAX_SPLITS,
+    MOST_RATIO,
     RESIDUAL_ROUNDING,
     RESIDUAL_TOLERANCE_N,
 )

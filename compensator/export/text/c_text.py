@@ -37,7 +37,7 @@ from tendonff.ocp.step.target_joints import contact_code
 
 _FOLDER_FILES = ("self_test.c", "example_main.c", "Makefile", "CMakeLists.txt", "README.md")
 # What carries the C into other tools: template, and the module without which there is no such file ("follower": any
-# that follows a reference), by the path below the exported folder.
+# that follows a reference without joint angles), by the path below the exported folder.
 _PACKAGES = {
     "{p}_parameters.a2l": ("c/parameters.a2l.j2", ""),
     "zephyr/module.yml": ("packages/zephyr_module.yml.j2", ""),
@@ -101,7 +101,7 @@ def folder_files(
     context = _context(scenario, problem, modules, precision, prefix, further)
     # Structured Text has the law with one dead band.
     there = {"", *(m.name for m in modules if m.name != "capstan" or context["plays"] is None)}
-    there |= {"follower"} if context["follower"] else set()
+    there |= {"follower"} if context["follower"] and not context["joint_parameter"] else set()
     templates = {name: f"c/{name}.j2" for name in _FOLDER_FILES}
     templates |= {path.format(p=prefix): template for path, (template, needs) in _PACKAGES.items() if needs in there}
     return {path: _TEMPLATES.get_template(template).render(context) for path, template in templates.items()}
