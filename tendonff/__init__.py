@@ -37,6 +37,8 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.compensator.joint.design import design_joint
     from tendonff.compensator.joint.output import JointDesign
     from tendonff.compensator.joint.scenario import JointScenario, load_joint_scenario
+    from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus
+    from tendonff.compensator.runtime.runtime import Runtime, RuntimeState
     from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
     from tendonff.compensator.scenario.scenario import Scenario, load_scenario
     from tendonff.compensator.tables.output import Tables
@@ -92,6 +94,10 @@ __all__ = [
     "Profile",
     "Reference",
     "Response",
+    "Runtime",
+    "RuntimeKind",
+    "RuntimeState",
+    "RuntimeStatus",
     "Scenario",
     "SimulationJob",
     "SolveError",
@@ -156,6 +162,8 @@ _HOMES = {
     "compensator.joint.design": ("design_joint",),
     "compensator.joint.output": ("JointDesign",),
     "compensator.joint.scenario": ("JointScenario", "load_joint_scenario"),
+    "compensator.runtime.kinds": ("RuntimeKind", "RuntimeStatus"),
+    "compensator.runtime.runtime": ("Runtime", "RuntimeState"),
     "compensator.scenario.sampled.sampling": ("Reference", "sample_reference"),
     "compensator.scenario.scenario": ("Scenario", "load_scenario"),
     "compensator.tables.output": ("Tables",),
