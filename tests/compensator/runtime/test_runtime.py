@@ -9,7 +9,8 @@ import pytest
 import tendonff as tf
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.host import run_on_host
-from tendonff.compensator.joint.design import commanded, inverse_of
+from tendonff.compensator.joint.compensators import inverse_of
+from tendonff.compensator.joint.drive import commanded
 from tendonff.compensator.joint.export.text import problem_of
 from tendonff.compensator.joint.scenario import sample_joint
 from tendonff.compensator.runtime.code import tendon_runtime
