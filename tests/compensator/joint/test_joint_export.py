@@ -92,7 +92,7 @@ def several(tmp_path_factory: pytest.TempPathFactory) -> tuple[JointScenario, ..
             hand,
             folder / "d.toml",
             ("joints.knuckle", "joints.loose"),
-            ("pretension_N = 15.0", "pretension_N = 2.0"),
+            ("pretension_N = 5.0", "pretension_N = 2.0"),
             ("gravity_N_m = 0.02 ", "gravity_N_m = 0.2 "),
         ),
         changed(

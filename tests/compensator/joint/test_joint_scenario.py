@@ -65,8 +65,8 @@ def test_the_fade_of_a_sine_has_no_jump_in_its_rate() -> None:
         ("[drive]", "[drives]", r"unknown table \[drives\], did you mean drive"),
         ('kind = "driven"', 'kind = "constant"\nangle_rad = 0.0', "one joint must have kind"),
         ("moment_arm_m = -0.008", "moment_arm_m = 0.008", None),
-        ("pretension_N = 15.0", "", "needs pretension_N"),
-        ("pretension_N = 15.0", "pretension_N = -1.0", "pretension_N must be a finite number >= 0"),
+        ("pretension_N = 5.0", "", "needs pretension_N"),
+        ("pretension_N = 5.0", "pretension_N = -1.0", "pretension_N must be a finite number >= 0"),
         ("moment_arm_m = 0.008", "moment_arms_m = 0.008", 'unknown key "moment_arms_m", did you mean "moment_arm_m"'),
         ("moment_arm_m = 0.008 ", "", "moment_arm_m or lengths, one of them"),
         ('quantity = "joint_angle"', 'quantity = "joint_torque"', "angles_rad is not for quantity"),
@@ -92,7 +92,7 @@ def test_one_tendon_without_a_spring_is_refused(hand: str) -> None:
     alone = head + "[drive]" + rest.partition("[drive]")[2]
     with pytest.raises(InputError, match="needs two tendons, got 1"):
         parse_joint_scenario(alone)
-    pair = alone.replace('kind = "loop" ', 'kind = "pair" ').replace("pretension_N = 15.0 ", "least_tension_N = 2.0 ")
+    pair = alone.replace('kind = "loop" ', 'kind = "pair" ').replace("pretension_N = 5.0 ", "least_tension_N = 2.0 ")
     with pytest.raises(InputError, match="needs a spring that pulls the other way"):
         parse_joint_scenario(pair)
 
