@@ -2,8 +2,9 @@
 
 import ctypes
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +28,50 @@ void run_{module}(long n, double start, const {prefix}_real *given, const {prefi
 """
 
 
+class HostCode:
+    """Exported sources with a driver around them, compiled and loaded.
+
+    Attributes
+    ----------
+    real : type
+        Real type of the sources, as numpy names it.
+    """
+
+    def __init__(self, library: ctypes.CDLL, precision: Precision) -> None:
+        self._library = library
+        self.real: type[np.floating[Any]] = np.float32 if precision is Precision.FLOAT else np.float64
+
+    def function(self, name: str, *arguments: Any, result: Any = None) -> Callable[..., Any]:
+        """A function of the driver, with the types of its arguments: those of ctypes, `reals` for an array."""
+        found: Any = self._library[name]  # an own object, which no other caller's types change
+        found.argtypes, found.restype = arguments, result
+        return found  # type: ignore[no-any-return]
+
+    @property
+    def reals(self) -> Any:
+        """Type of an argument that is a contiguous array of the real type."""
+        return np.ctypeslib.ndpointer(dtype=self.real, flags="C_CONTIGUOUS")
+
+    def array(self, values: FloatArray) -> Any:
+        """Values as such an array."""
+        return np.ascontiguousarray(values, dtype=self.real)
+
+
+def compile_on_host(sources: Mapping[str, str], driver: str, precision: Precision) -> HostCode | None:
+    """Exported sources, texts by file name, and a driver; None without a C compiler, CodeError if it refuses."""
+    compiler = find_compiler()
+    if compiler is None:
+        return None
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as scratch:
+        folder = Path(scratch)
+        for name, text in {**sources, "driver.c": driver}.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        compiled = ["driver.c", *(name for name in sources if name.endswith(".c"))]
+        if complaint := run_compiler(compiler, [*_FLAGS, "-o", "code.so", *compiled, "-lm"], folder):
+            raise CodeError(f"the exported sources: {complaint}")
+        return HostCode(ctypes.CDLL(str(folder / "code.so")), precision)
+
+
 def run_on_host(
     sources: Mapping[str, str],
     prefix: str,
@@ -39,29 +84,20 @@ def run_on_host(
     Sources are texts by file name; CodeError if the compiler refuses them. A run has inputs by name of the module, and
     joint angles of shape (n, joints).
     """
-    compiler = find_compiler()
-    if compiler is None:
-        return None
     modules = sorted({module for inputs in runs for module in inputs})
     moved = [joint for joint in joints_rad if joint.size]
     given_joints = f", &joint[{moved[0].shape[1]} * k]" if moved else ""
     driver = "".join(f'#include "{prefix}_{module}.h"\n' for module in modules)
     driver += "".join(_DRIVER.format(module=module, prefix=prefix, joints=given_joints) for module in modules)
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as scratch:
-        folder = Path(scratch)
-        for name, text in {**sources, "driver.c": driver}.items():
-            (folder / name).write_text(text, encoding="utf-8")
-        compiled = [name for name in sources if name.endswith(".c")]
-        if complaint := run_compiler(compiler, [*_FLAGS, "-o", "code.so", "driver.c", *compiled, "-lm"], folder):
-            raise CodeError(f"the exported sources: {complaint}")
-        code = ctypes.CDLL(str(folder / "code.so"))
-    real = np.float32 if precision is Precision.FLOAT else np.float64
+    found = compile_on_host(sources, driver, precision)
+    if found is None:
+        return None
+    code = found
 
     def answer(module: str, values: FloatArray, joint_rad: FloatArray, start: float) -> FloatArray:
-        given, joint = (np.ascontiguousarray(array, dtype=real) for array in (values, joint_rad))
-        answered = np.empty_like(given)
-        pointers = (ctypes.c_void_p(array.ctypes.data) for array in (given, joint, answered))
-        getattr(code, f"run_{module}")(ctypes.c_long(len(given)), ctypes.c_double(start), *pointers)
+        call = code.function(f"run_{module}", ctypes.c_long, ctypes.c_double, *(code.reals,) * 3)
+        answered = np.empty(len(values), dtype=code.real)
+        call(len(values), start, code.array(values), code.array(joint_rad), answered)
         return answered.astype(np.float64)
 
     answers = []

@@ -62,7 +62,7 @@ def joint_report(result: JointDesignData, figures: Mapping[str, Figure]) -> Repo
         sections=tuple(sections),
         provenance=provenance_of(scenario, "design"),
         files=(
-            FileNote(name="profile.csv", content="what the motors are told, tensions and torque, row by row"),
+            FileNote(name="profile.csv", content="motor commands, tensions and torque of every sample"),
             FileNote(name="summary.json", content="errors and data sheet for other programs"),
         ),
     )

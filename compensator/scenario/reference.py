@@ -21,7 +21,7 @@ class Shape(StrEnum):
 
 
 def _require_tension(name: str, value: float) -> None:
-    require(name, value, least=0, hint="a tendon cannot push, so the wanted tension cannot lie below 0")
+    require(name, value, least=0, hint="a tendon cannot push, so the reference cannot lie below 0")
 
 
 def require_waypoints(times_s: tuple[float, ...], name: str, values: tuple[float, ...]) -> None:

@@ -181,9 +181,9 @@ def _rate_reasons(law: CapstanLaw, reference: Array, step_s: float, limits: Forc
         if bad.any():
             k = int(np.argmax(np.where(bad, missed, -1.0)))
             found.append(
-                f"at {int(bad.sum())} of {turns.size} reversals the force must travel far before the output moves, "
-                f"most at t = {turns[k] * step_s:.4g} s: {travel[k]:.3g} N, at {limits.rate_N_per_s:.4g} N/s that "
-                f"takes {hold[k]:.3g} s in which the output stands still; a rate limit of "
+                f"at {int(bad.sum())} of {turns.size} reversals the force must cross the deadband before the output "
+                f"moves, most at t = {turns[k] * step_s:.4g} s: {travel[k]:.3g} N, at {limits.rate_N_per_s:.4g} N/s "
+                f"that takes {hold[k]:.3g} s in which the output is constant; a rate limit of "
                 f"{helpful.max():.3g} N/s would keep that below 1 % of the range"
             )
     return found

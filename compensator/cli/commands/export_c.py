@@ -64,7 +64,7 @@ def export_c(
 
 def _export_joints(scenarios: list[Path], out: Path, precision: Precision, prefix: str, *, force_export: bool) -> None:
     from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.joint.export import export_joints
+    from tendonff.compensator.joint.export.project import export_joints
     from tendonff.compensator.joint.scenario import load_joint_scenario
 
     loaded = [load_joint_scenario(path) for path in scenarios]

@@ -138,8 +138,8 @@ def test_the_choice_is_the_least_error_of_what_is_quiet_enough(finger):
     ("stream", "largest_percent"),
     [
         (Stream(), 0.4),
-        (Stream(resolution_N=LSB), 0.4),
-        (Stream(preview_s=0.03), 0.3),
+        pytest.param(Stream(resolution_N=LSB), 0.4, marks=pytest.mark.nightly),
+        pytest.param(Stream(preview_s=0.03), 0.3, marks=pytest.mark.nightly),
         (Stream(preview_s=0.03, resolution_N=LSB), 0.3),
     ],
 )

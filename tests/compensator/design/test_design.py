@@ -56,6 +56,7 @@ def summary_of(made):
     return json.loads((made.folder / "summary.json").read_text(encoding="utf-8"))
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("name", WITHOUT_STRIBECK)
 @pytest.mark.parametrize("compensator", ["inverse", "optimal"])
 def test_a_design_leaves_at_most_0_3_percent_on_its_own_level(percent, name, compensator):

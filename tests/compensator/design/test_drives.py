@@ -100,7 +100,9 @@ def seen_under(scenario, names):
     return found
 
 
-@pytest.mark.parametrize(("share", "most"), [(0.85, 0.6), (0.6, 0.6), (0.4, None)])
+@pytest.mark.parametrize(
+    ("share", "most"), [pytest.param(0.85, 0.6, marks=pytest.mark.nightly), (0.6, 0.6), (0.4, None)]
+)
 def test_a_speed_limit_is_kept_on_an_independent_plant_and_costs_less_than_clipping(
     cable, share, most, record_property
 ):

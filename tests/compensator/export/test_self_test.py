@@ -166,7 +166,7 @@ MUTANTS = {
 }
 
 
-@pytest.mark.parametrize("precision", Precision)
+@pytest.mark.parametrize("precision", [Precision.DOUBLE, pytest.param(Precision.FLOAT, marks=pytest.mark.nightly)])
 def test_the_self_test_passes_and_dies_with_every_safety_mutant(exported, precision, tmp_path):
     if shutil.which("cc") is None:
         pytest.skip("cc is not installed")
