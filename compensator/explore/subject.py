@@ -1,4 +1,4 @@
-"""What the interactive page shows: knobs, curves and panels of a scenario, and the design for where the knobs stand."""
+"""Subject of the interactive page: knobs, curves and panels of a scenario, and the design for the knobs' values."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence

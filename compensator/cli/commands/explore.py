@@ -28,8 +28,8 @@ def explore(
         if error.name != "bokeh":
             raise
         raise InputError("explore needs Bokeh, which is not installed; install it by: pip install bokeh") from None
+    from tendonff.compensator.explore.joint import JointExplorer
     from tendonff.compensator.explore.run import Explorer
-    from tendonff.compensator.joint.explore import JointExplorer
     from tendonff.compensator.joint.scenario import JointScenario
 
     server = make_server(JointExplorer(loaded) if isinstance(loaded, JointScenario) else Explorer(loaded), port)

@@ -18,7 +18,11 @@ STATED = '[robust]\nmu = 0.1\n[robust.spread]\n"tendon.stiffness_N_per_m" = 0.2\
 
 
 def hand(examples: Path, more: str = "") -> JointScenario:
-    return parse_joint_scenario((examples / "hand_joint.toml").read_text("utf-8") + more, examples / "hand_joint.toml")
+    """The example behind an ideal servo."""
+    text = (examples / "hand_joint.toml").read_text("utf-8")
+    for key in ("resolution_rad", "command_interval_s"):
+        text = "".join(line for line in text.splitlines(keepends=True) if not line.startswith(key))
+    return parse_joint_scenario(text + more, examples / "hand_joint.toml")
 
 
 def test_the_middle_of_the_compliances_is_as_far_from_both_ends(examples: Path) -> None:

@@ -143,12 +143,12 @@ def test_limits_of_the_motor_are_told(tmp_path: Path, examples: Path) -> None:
         examples,
         tmp_path,
         ("speed_max_rad_per_s = 8.0", "speed_max_rad_per_s = 2.0"),
-        ("torque_max_N_m = 1.0", "torque_max_N_m = 0.1"),
+        ("torque_max_N_m = 1.0", "torque_max_N_m = 0.05"),
     )
     result = design_joint(load_joint_scenario(path))
     text = " ".join(result.warnings)
     assert "speed_max_rad_per_s is 2" in text
-    assert "torque_max_N_m is 0.1" in text
+    assert "torque_max_N_m is 0.05" in text
     speed = np.abs(np.diff(result.profiles["inverse"].motor_rad, axis=0)).max() / 1e-3
     assert speed <= 2.0 * (1 + 1e-9)
 
@@ -216,7 +216,7 @@ def test_a_homing_stroke_wipes_out_what_was_stored(tmp_path: Path, examples: Pat
     assert list(home) == ["time_s", "reference_rad", "motor_rad"]
     assert math.degrees(result.profiles["inverse"].rms) < 0.05
     assert abs(profile["motor_inverse_rad"][0] - home["motor_rad"][-1]) < 1e-3
-    assert abs(profile["motor_inverse_rad"][0]) > 0.01  # friction stores what the stroke leaves
+    assert abs(profile["motor_inverse_rad"][0]) > 0.005  # friction stores what the stroke leaves
 
     wanted = profile["reference_rad"]
     problem = joint_problem(scenario.mechanism, scenario.run.level, result.sampled.motion)

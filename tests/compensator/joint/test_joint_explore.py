@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from tendonff.compensator.explore.joint import JointExplorer
 from tendonff.compensator.joint.compensators import JointTask, joint_compensator
-from tendonff.compensator.joint.explore import JointExplorer
 from tendonff.compensator.joint.scenario import load_joint_scenario
 from tendonff.models.errors import TendonffError
 
