@@ -12,6 +12,7 @@ from tendonff._version import __version__
 if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the interpreter
     from tendonff.compensator.adapt.output import AdaptationStudy
     from tendonff.compensator.adapt.run import adapt
+    from tendonff.compensator.compare.joint import JointComparison, compare_joint
     from tendonff.compensator.compare.output import Comparison
     from tendonff.compensator.compare.run import compare
     from tendonff.compensator.compensators.base import Compensator, Problem
@@ -80,6 +81,7 @@ __all__ = [
     "Friction",
     "Identification",
     "InputError",
+    "JointComparison",
     "JointDesign",
     "JointIdentification",
     "JointScenario",
@@ -111,6 +113,7 @@ __all__ = [
     "adapt",
     "as_iosystem",
     "compare",
+    "compare_joint",
     "design",
     "design_joint",
     "experiment",
@@ -159,6 +162,7 @@ _HOMES = {
     "compensator.identification.output": ("Identification",),
     "compensator.identification.run": ("identify",),
     "compensator.identification.suggest": ("suggest",),
+    "compensator.compare.joint": ("JointComparison", "compare_joint"),
     "compensator.joint.design": ("design_joint",),
     "compensator.joint.output": ("JointDesign",),
     "compensator.joint.scenario": ("JointScenario", "load_joint_scenario"),

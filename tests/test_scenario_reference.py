@@ -17,11 +17,7 @@ READ = {
     *scenario._ON_REQUEST.values(),
     *scenario._KINDS.values(),
     *joints.KINDS.values(),
-    *(
-        cls
-        for name, cls in vars(joint_reference).items()
-        if dataclasses.is_dataclass(cls) and cls.__module__ == joint_reference.__name__ and name[0] != "_"
-    ),
+    *joint_reference.KINDS.values(),
 }
 
 

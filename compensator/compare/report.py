@@ -56,7 +56,7 @@ def _expected(result: MatrixData) -> Table:
 def matrix_sections(
     result: MatrixData, pictures: Mapping[str, Picture], more: Sequence[Block] = ()
 ) -> tuple[Section, ...]:
-    """Expected error, with more below it, the matrix, and the errors over time."""
+    """Sections of every comparison: expected errors with more below them, matrix, errors over time."""
     rows, unit = result.rows, result.unit
     heads = ("design", *(f"on {plant}" for plant in result.plants))
     errors = Table(

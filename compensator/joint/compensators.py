@@ -86,7 +86,7 @@ class JointTask:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Warnings about the inverse."""
+        """Notes on the inverse for the user."""
         return self._inverse[1]
 
     @cached_property
@@ -182,7 +182,7 @@ def linear_motor_rad(scenario: JointScenario, sampled: SampledJoint) -> FloatArr
 
 
 def _static(task: JointTask) -> FloatArray:
-    """Full sliding, held by spring, gravity, dry friction and what the joint touches."""
+    """The law of full sliding, held by spring, gravity, dry friction and what the joint touches."""
     sampled, mechanism = task.sampled, task.mechanism
     joint = mechanism.joint
     speed = np.gradient(sampled.angle_rad, task.scenario.run.step_s)

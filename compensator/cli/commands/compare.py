@@ -40,8 +40,8 @@ def compare(
 
 
 def _compare_joint(scenario: Path, out: Path, *, optimal: bool, pdf: bool) -> None:
+    from tendonff.compensator.compare.joint import compare_joint
     from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.joint.compare import compare_joint
     from tendonff.compensator.joint.scenario import load_joint_scenario
 
     if optimal:

@@ -88,7 +88,7 @@ def test_the_inverse_that_knows_the_change_stays_exact_and_the_other_does_not(sc
     knowing, blind = (explorer.at(changed, design_knows=knows).courses for knows in (True, False))
     assert knowing["inverse"].score.rmse_percent_of_range < 1e-6
     assert blind["inverse"].score.rmse_percent_of_range > 1
-    assert np.abs(blind["inverse"].error_N).max() == pytest.approx(blind["inverse"].score.peak_error, rel=0.05)
+    assert np.abs(blind["inverse"].error).max() == pytest.approx(blind["inverse"].score.peak_error, rel=0.05)
 
 
 def test_a_slower_actuator_costs_accuracy(scenario):
@@ -143,6 +143,6 @@ def test_the_worst_case_is_that_of_a_design_of_the_same_profiles(scenario):
     explorer = Explorer(unsure)
     fast = [curve.compensator for curve in FAST]
     found = design(unsure, compensators=fast).expectation
-    stated = explorer.worst_case(explorer.start)
+    stated = explorer.worst_case_at(explorer.start)
     assert f"({two_digits(found.best.worst.rmse_percent_of_range)} % of range)" in stated
     assert "mu ±15 % (as [robust] states)" in stated

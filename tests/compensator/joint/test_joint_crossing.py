@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
+from tendonff.compensator.compare.joint import compare_joint
 from tendonff.compensator.design.sweep.run import sweep
-from tendonff.compensator.joint.compare import compare_joint
 from tendonff.compensator.joint.compensators import JointTask, joint_compensator
 from tendonff.compensator.joint.design import design_joint
 from tendonff.compensator.joint.scenario import JointScenario, load_joint_scenario
