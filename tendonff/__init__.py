@@ -28,6 +28,9 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.compensator.export.kinds import FmiVersion
     from tendonff.compensator.export.kinds import Kind as FmuKind
     from tendonff.compensator.files.reading import InputError
+    from tendonff.compensator.identification.joint.output import JointIdentification
+    from tendonff.compensator.identification.joint.routine import suggest_routine
+    from tendonff.compensator.identification.joint.run import identify_joint
     from tendonff.compensator.identification.measured.centreline.run import read_centreline
     from tendonff.compensator.identification.output import Identification
     from tendonff.compensator.identification.run import identify
@@ -35,6 +38,8 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.compensator.joint.design import design_joint
     from tendonff.compensator.joint.output import JointDesign
     from tendonff.compensator.joint.scenario import JointScenario, load_joint_scenario
+    from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus
+    from tendonff.compensator.runtime.runtime import Runtime, RuntimeState
     from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
     from tendonff.compensator.scenario.scenario import Scenario, load_scenario
     from tendonff.compensator.tables.output import Tables
@@ -78,6 +83,7 @@ __all__ = [
     "InputError",
     "JointComparison",
     "JointDesign",
+    "JointIdentification",
     "JointScenario",
     "Level",
     "Load",
@@ -90,6 +96,10 @@ __all__ = [
     "Profile",
     "Reference",
     "Response",
+    "Runtime",
+    "RuntimeKind",
+    "RuntimeState",
+    "RuntimeStatus",
     "Scenario",
     "SimulationJob",
     "SolveError",
@@ -110,6 +120,7 @@ __all__ = [
     "export_c",
     "export_fmu",
     "identify",
+    "identify_joint",
     "invert",
     "invert_joint",
     "joint_problem",
@@ -123,6 +134,7 @@ __all__ = [
     "simulate_batch",
     "simulate_joint",
     "suggest",
+    "suggest_routine",
     "track",
 ]
 
@@ -143,6 +155,9 @@ _HOMES = {
     "compensator.export.fmu": ("export_fmu:build_fmu",),
     "compensator.export.kinds": ("FmiVersion", "FmuKind:Kind"),
     "compensator.files.reading": ("InputError",),
+    "compensator.identification.joint.output": ("JointIdentification",),
+    "compensator.identification.joint.routine": ("suggest_routine",),
+    "compensator.identification.joint.run": ("identify_joint",),
     "compensator.identification.measured.centreline.run": ("read_centreline",),
     "compensator.identification.output": ("Identification",),
     "compensator.identification.run": ("identify",),
@@ -151,6 +166,8 @@ _HOMES = {
     "compensator.joint.design": ("design_joint",),
     "compensator.joint.output": ("JointDesign",),
     "compensator.joint.scenario": ("JointScenario", "load_joint_scenario"),
+    "compensator.runtime.kinds": ("RuntimeKind", "RuntimeStatus"),
+    "compensator.runtime.runtime": ("Runtime", "RuntimeState"),
     "compensator.scenario.sampled.sampling": ("Reference", "sample_reference"),
     "compensator.scenario.scenario": ("Scenario", "load_scenario"),
     "compensator.tables.output": ("Tables",),

@@ -160,7 +160,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave combinations to the nightly run: of `each_value`, all but so many that every value is met once."""
-    if config.getoption("every_combination") or any("::" in argument for argument in config.args):
+    whole = ("every_combination", "golden_update", "golden_folder")
+    if any(config.getoption(name) for name in whole) or any("::" in argument for argument in config.args):
         return
     left = {item for item in items if item.get_closest_marker("nightly")}
     functions: dict[str, list[pytest.Item]] = {}

@@ -60,6 +60,7 @@ def messages(path: Path) -> list[tuple[int, str]]:
     """Line and text of the strings of a file that are sentences: three words at least, values as braces."""
     nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
     parts = {part for each in nodes if isinstance(each, ast.JoinedStr) for part in each.values}
+    parts |= {each.value for each in nodes if isinstance(each, ast.Expr)}  # docstrings
     texts = []
     for node in nodes:
         if isinstance(node, ast.JoinedStr):

@@ -1,6 +1,7 @@
 """Exported code run on this machine: what single precision really loses is measured, not estimated."""
 
 import ctypes
+import re
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -9,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from tendonff.compensator.compensators.profile import FloatArray
-from tendonff.ocp.codegen.compiler import find_compiler, run_compiler
+from tendonff.ocp.codegen.compiler import find_compiler, load_library, run_compiler
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import CodeError
 
 _FLAGS = ("-std=c99", "-O1", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno")
+_INCLUDE = re.compile(r'^#include "([^"]+)"$', re.MULTILINE)
 _DRIVER = """
 void run_{module}(long n, double start, const {prefix}_real *given, const {prefix}_real *joint, {prefix}_real *answer)
 {{
@@ -57,11 +59,18 @@ class HostCode:
         return np.ascontiguousarray(values, dtype=self.real)
 
 
-def compile_on_host(sources: Mapping[str, str], driver: str, precision: Precision) -> HostCode | None:
-    """Exported sources, texts by file name, and a driver; None without a C compiler, CodeError if it refuses."""
+def compile_on_host(
+    sources: Mapping[str, str], driver: str, precision: Precision, *, keep: bool = False
+) -> HostCode | None:
+    """Exported sources, texts by file name, and a driver; None without a C compiler, CodeError if it refuses.
+
+    What is to be kept is compiled once, and fast.
+    """
     compiler = find_compiler()
     if compiler is None:
         return None
+    if keep:
+        return HostCode(load_library(_in_one(sources, driver)), precision)
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as scratch:
         folder = Path(scratch)
         for name, text in {**sources, "driver.c": driver}.items():
@@ -70,6 +79,23 @@ def compile_on_host(sources: Mapping[str, str], driver: str, precision: Precisio
         if complaint := run_compiler(compiler, [*_FLAGS, "-o", "code.so", *compiled, "-lm"], folder):
             raise CodeError(f"the exported sources: {complaint}")
         return HostCode(ctypes.CDLL(str(folder / "code.so")), precision)
+
+
+def _in_one(sources: Mapping[str, str], driver: str) -> str:
+    """Sources and driver as one text: each header where it is first included."""
+    seen: set[str] = set()
+
+    def header(match: re.Match[str]) -> str:
+        name = match[1]
+        if name not in sources:
+            return match[0]
+        if name in seen:
+            return ""
+        seen.add(name)
+        return _INCLUDE.sub(header, sources[name])
+
+    parts = [text for name, text in sources.items() if name.endswith(".c")]
+    return "\n".join(_INCLUDE.sub(header, text) for text in [*parts, driver])
 
 
 def run_on_host(

@@ -19,11 +19,21 @@ UNCOMPENSATED = "none"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judged:
-    """Module on the chain of the export's level."""
+    """Module on the chain of the export's level.
 
-    module: str  # name of the module; "none" for the reference itself as force
-    score: Score | None  # against the reference; None where the plant could not be simulated under this force
-    fault: str  # why the module should not run on the rig; empty where nothing speaks against it
+    Attributes
+    ----------
+    module : str
+        Name of the module; "none" for the reference itself as force.
+    score : Score or None
+        Against the reference; None where the plant could not be simulated under this force.
+    fault : str
+        Why the module should not run on the rig; empty where nothing speaks against it.
+    """
+
+    module: str
+    score: Score | None
+    fault: str
 
     def as_dict(self) -> dict[str, object]:
         """The entry of `design.json`."""

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv
-from tendonff.compensator.scenario.reference import Shape, along_waypoints, require_waypoints
+from tendonff.compensator.scenario.reference import Shape, along_sines, along_waypoints, require_waypoints
 from tendonff.compensator.scenario.unit import NEWTON_METRE, RADIAN, Unit
 from tendonff.models.errors import ParameterError, require
 
@@ -110,12 +110,7 @@ class JointSine(_Wish):
         """Values at instants, shape (rows,)."""
         amplitudes = self._one_of("amplitudes")
         offset = self.offset_rad if self.quantity is JointQuantity.ANGLE else self.offset_N_m
-        waves = np.zeros_like(time_s)
-        for amplitude, frequency in zip(amplitudes, self.frequencies_Hz, strict=True):
-            waves += amplitude * np.sin(2 * np.pi * frequency * time_s)
-        if self.fade_in_s > 0:
-            waves *= along_waypoints((0.0, self.fade_in_s), (0.0, 1.0), Shape.SMOOTH, time_s)
-        return offset + waves
+        return offset + along_sines(amplitudes, self.frequencies_Hz, self.fade_in_s, time_s, Shape.SMOOTH)
 
     def length_s(self, folder: Path) -> float:  # noqa: ARG002
         """Length of the reference [s]."""

@@ -76,6 +76,11 @@ class JointScenario:
         name = getattr(self.reference, "file", None)
         return None if name is None else self.source.parent / name
 
+    def reference_start_rad(self) -> float:
+        """Angle of the joint at which the reference starts."""
+        wish = self.reference if self.motion is None else self.motion
+        return float(wish.sample(np.zeros(1), self.source.parent)[0])
+
     def to_toml(self) -> str:
         """The text of the file."""
         return self.text

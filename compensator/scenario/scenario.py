@@ -387,7 +387,7 @@ def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | Non
     reference = scenario.reference
     kind = next(kind for kind, cls in _KINDS.items() if isinstance(reference, cls))
     if isinstance(reference, CsvReference) and folder is not None:
-        reference = replace(reference, file=_relative(scenario.source.parent / reference.file, folder))
+        reference = replace(reference, file=relative_to_folder(scenario.source.parent / reference.file, folder))
     transmission = scenario.transmission
     tables: dict[str, object] = {key: getattr(transmission, key) for key in _TABLES if key != "run"}
     tables["reference"] = reference
@@ -429,7 +429,8 @@ def _spread_toml(spread: tuple[Spread, ...]) -> str:
     return "\n[robust.spread]\n" + "".join(rows) if rows else ""
 
 
-def _relative(file: Path, folder: str | os.PathLike[str]) -> str:
+def relative_to_folder(file: Path, folder: str | os.PathLike[str]) -> str:
+    """Name of a file by which it is found from a folder."""
     try:
         return Path(os.path.relpath(file, folder)).as_posix()
     except ValueError:  # another drive

@@ -22,13 +22,22 @@ _MERGE_S = 0.02  # departures closer than this share of the horizon are one
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Departure:
-    """A stretch of time in which the output is more than 1 % of the range off the reference."""
+    """A stretch of time in which the output is more than 1 % of the range off the reference.
 
-    # start_s, end_s: when [s]
+    Attributes
+    ----------
+    start_s, end_s : float
+        Its start and end [s].
+    peak_error_N : float
+        Largest error there, signed: positive where the output is above the reference [N].
+    peak_time_s : float
+        Time of that error [s].
+    """
+
     start_s: float
     end_s: float
-    peak_error_N: float  # largest error there, signed: positive where the output is above the reference [N]
-    peak_time_s: float  # when that is [s]
+    peak_error_N: float
+    peak_time_s: float
 
     def __str__(self) -> str:
         """In words."""

@@ -7,6 +7,7 @@ import numpy as np
 
 from tendonff._version import __version__
 from tendonff.compensator.compensators.stream import RE_ENTRY_S
+from tendonff.compensator.export.modules import accepted_steps
 from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.joint.scenario import JointScenario, SampledJoint, sample_joint
@@ -108,10 +109,11 @@ def _context(
         "masses": masses,
         "states": layout.size,
         "memory": memory,
-        "state_bytes": 8 * -(-((2 * (2 * layout.size + memory) + 41) * size + 40) // 8),
+        "state_bytes": 8 * -(-((2 * (2 * layout.size + memory) + 47) * size + 36) // 8),
         "others": others,
         "other_parameter": f", const {prefix}_real other_rad[]" if others else "",
         "re_entry": max(1, round(RE_ENTRY_S / step)),
+        "steps": accepted_steps(step),
         "push": _PUSH_N if precision is Precision.DOUBLE else 100 * _PUSH_N,
         "moves": MOVES[precision],
         "example_rows": max(20, min(4000, round(2.0 / step))),
