@@ -44,6 +44,8 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.compensator.scenario.scenario import Scenario, load_scenario
     from tendonff.compensator.tables.output import Tables
     from tendonff.compensator.tables.run import make_tables as make_table
+    from tendonff.compensator.watch.output import Watch
+    from tendonff.compensator.watch.run import watch
     from tendonff.models.capstan import Branch, CapstanLaw
     from tendonff.models.capstan.two_ended import TwoEndedLaw
     from tendonff.models.chain import Chain
@@ -109,6 +111,7 @@ __all__ = [
     "TrackOptions",
     "Transmission",
     "TwoEndedLaw",
+    "Watch",
     "__version__",
     "adapt",
     "as_iosystem",
@@ -136,6 +139,7 @@ __all__ = [
     "suggest",
     "suggest_routine",
     "track",
+    "watch",
 ]
 
 _HOMES = {
@@ -172,6 +176,8 @@ _HOMES = {
     "compensator.scenario.scenario": ("Scenario", "load_scenario"),
     "compensator.tables.output": ("Tables",),
     "compensator.tables.run": ("make_table:make_tables",),
+    "compensator.watch.output": ("Watch",),
+    "compensator.watch.run": ("watch",),
     "models.capstan": ("Branch", "CapstanLaw"),
     "models.chain": ("Chain",),
     "models.errors": ("ParameterError", "TendonffError"),

@@ -86,7 +86,8 @@ def estimates_of(
         elif number in found.law.fixed:
             rows.append(_kept(scenario, number, f"{found.kept_because}; {number.spec.advice}"))
     rows += _derived(found, values, described=described)
-    rows.append(_scale(scenario, values, found))
+    if described:
+        rows.append(_scale(scenario, values, found))
     safe = np.where(np.isfinite(deviation) & (deviation > 0), deviation, np.inf)
     correlation = np.nan_to_num(found.covariance / np.outer(safe, safe))
     np.fill_diagonal(correlation, 1.0)

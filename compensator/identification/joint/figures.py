@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.identification.joint.result import JointComparison, JointIdentificationData
 from tendonff.compensator.identification.joint.routine import MotorRoutine
+from tendonff.compensator.identification.joint.sensor import SensorFit
 from tendonff.compensator.reporting.colours import BLUE, GREY, INK, ORANGE, VERMILION
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure, thinned
 
@@ -20,6 +21,8 @@ def identification_figures(found: JointIdentificationData, routine: MotorRoutine
         figures = {"torque": _over_time(shown), "loop": _loops(shown), "residuals": _residuals(shown)}
         if any(c.joint_rad is not None for c in shown):
             figures["joint"] = _joints(shown)
+        if found.sensor is not None:
+            figures["sensor"] = _sensor(found.sensor)
         if routine is not None:
             figures["suggested_motor"] = routine_figure(routine)
     return figures
@@ -80,6 +83,25 @@ def _joints(files: Sequence[JointComparison]) -> Figure:
                 file.time_s[rows], np.degrees(file.model_rad[rows]), color=VERMILION, linestyle="--", label="model"
             )
         panel.set_title(f"{_title(file)}: RMS error {file.joint_rms_deg:.2g} deg")
+        panel.set(ylabel="joint angle [deg]")
+    axes[-1, 0].set_xlabel("time [s]")
+    legend_below(figure, axes[-1, 0])
+    return figure
+
+
+def _sensor(sensor: SensorFit) -> Figure:
+    shown = sorted(sensor.files, key=lambda f: f.role != "validate")[:MOST_PANELS]
+    figure, axes = new_figure(len(shown), 1, height_in=2.2 * len(shown) + 0.5)
+    for panel, file in zip(axes[:, 0], shown, strict=True):
+        rows, model = thinned(len(file.time_s)), np.degrees(file.model_rad)
+        if sensor.band_rad is not None:
+            band = np.degrees(sensor.band_rad)
+            panel.fill_between(
+                file.time_s[rows], (model - band)[rows], (model + band)[rows], color=VERMILION, alpha=0.2, linewidth=0
+            )
+        panel.plot(file.time_s[rows], np.degrees(file.joint_rad)[rows], color=INK, label="encoder")
+        panel.plot(file.time_s[rows], model[rows], color=VERMILION, linestyle="--", label="virtual sensor")
+        panel.set_title(f"{file.name} ({'validation' if file.role == 'validate' else 'fitted'})")
         panel.set(ylabel="joint angle [deg]")
     axes[-1, 0].set_xlabel("time [s]")
     legend_below(figure, axes[-1, 0])

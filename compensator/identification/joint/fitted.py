@@ -33,7 +33,7 @@ def fitted_text(scenario: JointScenario, mechanism: Mechanism, estimates: Sequen
     spread = {"mu": "mu_dynamic", "stiffness": "stiffness_N_per_m"}
     known = {e.name: e for e in estimates}
     for key, number in spread.items():
-        if (interval := known[number].interval) is not None:
+        if number in known and (interval := known[number].interval) is not None:
             half = (interval[1] - interval[0]) / 2 / abs(known[number].value)
             raw.setdefault("robust", {})[key] = round(min(half, 0.99), 4)
     raw["run"]["level"] = "presliding"

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from tendonff.compensator.identification.joint.estimates import DERIVED
 from tendonff.compensator.identification.joint.parameters import JointNumber
 from tendonff.compensator.identification.joint.result import JointIdentificationData
+from tendonff.compensator.identification.joint.sensor import UNITS
 from tendonff.compensator.reporting.page import Block, FileNote, Provenance, Report, Section, Table, Text, pictures_of
 
 _CAPTIONS = {
@@ -15,6 +16,7 @@ _CAPTIONS = {
     "loop": "The same over the motor's angle: loops of friction, and pushes against a stop.",
     "residuals": "Residuals. Systematic structure indicates unmodelled physics.",
     "joint": "Angle of the joint: encoder, and the law from the motor's angle.",
+    "sensor": "Angle of the joint: encoder, and the virtual sensor from the motor, with its 95 % band.",
     "suggested_motor": "Suggested routine: motor angle, and what the fitted mechanism is expected to do.",
 }
 
@@ -23,6 +25,7 @@ def identification_report(found: JointIdentificationData, figures: Mapping[str, 
     """The page of an identification."""
     pictures = pictures_of(figures, _CAPTIONS)
     units = {str(n): n.spec.unit for n in JointNumber} | DERIVED | {"torque_scale": "-"}
+    units |= {f"sensor_{name}": unit for name, unit in UNITS.items()}
     estimates = Table(
         caption="Estimates; not identifiable: the scenario's value, or one that belongs to it",
         columns=("value", "unit", "estimate", "95 % interval", "identifiable", "scenario", "why"),

@@ -9,6 +9,7 @@ import numpy as np
 
 from tendonff.compensator.identification.joint.first_look import FirstLook
 from tendonff.compensator.identification.joint.parameters import JointNumber
+from tendonff.compensator.identification.joint.sensor import SensorFit
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.reading import Finding
 from tendonff.compensator.identification.result import Estimate
@@ -16,6 +17,10 @@ from tendonff.compensator.joint.scenario import JointScenario
 
 DESCRIBED_PERCENT = 10.0
 """A law with a larger RMS error of the torque, in % of its range, does not describe the device."""
+
+
+NOT_NEEDED = "not needed"
+"""End of the advice on a number without which a design is as good."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -80,6 +85,8 @@ class JointIdentificationData:
         The scenario with what was identified put in.
     law : str
         Name of the chosen law.
+    sensor : SensorFit or None
+        Virtual sensor of the joint's angle, where an encoder was logged and the law does not describe the device.
     described : bool
         It describes the device.
     estimates : tuple of Estimate
@@ -99,6 +106,7 @@ class JointIdentificationData:
     asked: JointScenario
     text: str
     law: str
+    sensor: SensorFit | None
     described: bool
     estimates: tuple[Estimate, ...]
     looks: tuple[FirstLook, ...]
@@ -123,6 +131,8 @@ class JointIdentificationData:
         """The answer in two sentences."""
         if not self.described:
             worst = max(c.torque_percent for c in self.of_role("fit"))
+            if self.sensor is not None:
+                return f"Something else loads the joint; {self.sensor.sentence}."
             return f"No law explains the log: the best, {self.law}, leaves {worst:.2g} % of the torque's range."
         parts = [
             _shown(self.estimate(name), label, unit, scale)
@@ -139,9 +149,9 @@ class JointIdentificationData:
     @property
     def missing(self) -> str:
         """Values that the files do not identify, and the move that would."""
-        names = [e for e in self.estimates if not e.identifiable]
+        names = [e for e in self.estimates if not e.identifiable and not e.why.endswith(NOT_NEEDED)]
         advice = [e.advice for e in names if e.advice]
-        if not names:
+        if not names or not self.described:
             return ""
         way = f"; most would gain from: {max(set(advice), key=advice.count)}" if advice else ""
         return f"not identifiable (see the report): {', '.join(e.name for e in names)}{way}"
@@ -154,6 +164,7 @@ class JointIdentificationData:
             "law_describes_the_device": self.described,
             "estimates": {e.name: e.as_json() for e in self.estimates},
             "correlation": {"names": list(self.correlation_names), "matrix": self.correlation.tolist()},
+            "virtual_sensor": None if self.sensor is None else self.sensor.as_json(),
             "first_look": [_look(look) for look in self.looks],
             "effects": [
                 {"name": name, "gain_of_log_likelihood": gain, "taken_up": taken} for name, gain, taken in self.laws

@@ -23,6 +23,7 @@ from tendonff.compensator.identification.joint.mechanism_law import (
 from tendonff.compensator.identification.joint.output import JointIdentification
 from tendonff.compensator.identification.joint.parameters import EXTRAS, JointNumber, put_into, require_loop
 from tendonff.compensator.identification.joint.result import DESCRIBED_PERCENT, JointComparison
+from tendonff.compensator.identification.joint.sensor import SensorFit, fit_sensor
 from tendonff.compensator.joint.scenario import JointScenario
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.models.errors import ParameterError
@@ -89,8 +90,19 @@ def identify_joint(
         looks = [one for log in logs if (one := look(log, scenario.mechanism)) is not None]
         mechanism, touched = _with_stops(scenario.mechanism, looks)
         found = _fitted(mechanism, logs, looks, touched, say)
+        sensor = None
+        if _percent(found) > DESCRIBED_PERCENT and all(log.joint_rad is not None for log in (*logs, *judges)):
+            say("virtual sensor")
+            sensor = fit_sensor(logs, judges)
         say("intervals")
-        return _answer(scenario, found, looks, judges, (*files, *judging))
+        return _answer(scenario, found, looks, judges, (*files, *judging), sensor)
+
+
+def _percent(found: Found) -> float:
+    """RMS error of the torque in % of its range, the worst of the files."""
+    errors = found.law.errors(_values(found.solution))
+    pairs = zip(errors, found.law.logs, strict=True)
+    return max(100 * float(np.sqrt(np.mean(e[log.counted] ** 2)) / np.ptp(log.torque_N_m)) for (e, _), log in pairs)
 
 
 def _require_motion(logs: Sequence[JointLog]) -> None:
@@ -134,6 +146,8 @@ def _fitted(
         kept, note = {N.MU: N.MU.of(mechanism)}, "no push against a stop in these files"
     law = MechanismLaw(mechanism=mechanism, logs=logs, fixed=kept)
     say("whole mechanism")
+    if all(log.joint_rad is not None for log in logs) and (poor := _loaded(law, free, looks)) is not None:
+        return poor
     solution = _from_starts(law, free, looks)
     if touched and not _slack(law, solution):
         note = "the pushes end before a tendon is slack"
@@ -146,7 +160,17 @@ def _fitted(
     return Found(law=fine, solution=solution, covariance=covariance_of(fine, solution), tried=tried, kept_because=note)
 
 
-def _from_starts(law: MechanismLaw, free: Sequence[JointNumber], looks: Sequence[FirstLook]) -> Solution:
+def _loaded(law: MechanismLaw, free: Sequence[JointNumber], looks: Sequence[FirstLook]) -> Found | None:
+    """A fit of the first file alone, where it shows that no mechanism explains the torque; else None."""
+    one = replace(law, logs=law.logs[:1])
+    solution = _from_starts(one, free, looks, most=FIRST_STEPS)
+    found = Found(law=one, solution=solution, covariance=np.full((len(free),) * 2, np.inf), tried=(), kept_because="")
+    return replace(found, law=law) if _percent(found) > 2 * DESCRIBED_PERCENT else None
+
+
+def _from_starts(
+    law: MechanismLaw, free: Sequence[JointNumber], looks: Sequence[FirstLook], most: int = STEPS
+) -> Solution:
     """The best fit from the scenario's own values and from those of the first look."""
     own = {n: n.of(law.mechanism) for n in free if n not in law.fixed}
     if own[N.COULOMB] == 0 and looks:
@@ -164,7 +188,7 @@ def _from_starts(law: MechanismLaw, free: Sequence[JointNumber], looks: Sequence
     if not tried:
         raise SolveError(f"the mechanism cannot follow the log from any start: {failure}")
     best = min(tried, key=lambda s: s.cost)
-    return law.fit(_values(best), most=STEPS)
+    return law.fit(_values(best), most=most)
 
 
 def _known(values: Mapping[JointNumber, float], names: Mapping[JointNumber, float]) -> dict[JointNumber, float]:
@@ -208,6 +232,7 @@ def _answer(
     looks: Sequence[FirstLook],
     judges: Sequence[JointLog],
     inputs: tuple[Path, ...],
+    sensor: SensorFit | None,
 ) -> JointIdentification:
     law, values = found.law, _values(found.solution)
     comparisons = [
@@ -215,8 +240,10 @@ def _answer(
     ]
     described = all(c.torque_percent <= DESCRIBED_PERCENT for c in comparisons if c.role == "fit")
     estimates, correlation_names, correlation = estimates_of(scenario, found, described=described)
+    if sensor is not None:
+        estimates = sensor.estimates  # those of a mechanism that explains nothing say nothing
     taken = [n.spec.effect for n, _, taken in found.tried if taken]
-    name = ", ".join(("loop with presliding", *taken))
+    name = ", ".join(("loop with presliding", *taken)) if sensor is None else "virtual sensor of a loop"
     warnings = list(_warnings(found, described=described, joint=any(log.joint_rad is not None for log in law.logs)))
     mechanism = put_into(scenario.mechanism, {**law.fixed, **values})
     text = fitted_text(scenario, mechanism, estimates) if described else scenario.text
@@ -224,6 +251,7 @@ def _answer(
         asked=scenario,
         text=text,
         law=name,
+        sensor=sensor,
         described=described,
         estimates=estimates,
         looks=tuple(looks),
@@ -260,13 +288,13 @@ def _compared(log: JointLog, role: str, law: MechanismLaw, values: Mapping[Joint
 def _warnings(found: Found, *, described: bool, joint: bool) -> Iterator[str]:
     if not described:
         yield (
-            "no law explains these files: fitted.toml is the scenario; check signs and units of the columns, "
-            "moment_arm_m, drum_radius_m and gear_ratio"
+            "the mechanism does not explain the torque: something else loads the joint, or signs, units, moment_arm_m, "
+            "drum_radius_m or gear_ratio are wrong; fitted.toml is the scenario"
         )
         return
     if found.kept_because:
         yield (
-            f"{found.kept_because}: only (T/k) tanh(mu theta/2) and 2 mu theta T, as measured by the motor, are identified; "
+            f"{found.kept_because}: only (T/k) tanh(mu theta/2) and 2 mu theta T by the motor are identified; "
             "mu_dynamic is the scenario's, and pretension_N and stiffness_N_per_m belong to it"
         )
     if found.solution.at_bound:
