@@ -33,7 +33,7 @@ def profile_columns(result: JointDesignData) -> dict[str, FloatArray]:
     sampled = result.sampled
     wanted = sampled.wanted[sampled.lead :]
     columns = {"time_s": sampled.run_time_s, f"reference_{result.scenario.reference.unit}": wanted}
-    inverse, names = result.profiles["inverse"], motor_names(result)
+    inverse, names = result.profiles["inverse"], motor_names(result.scenario)
     if result.is_loop:
         columns |= {f"motor_{name}_rad": p.motor_rad[:, 0] for name, p in result.profiles.items()}
         columns["motor_torque_inverse_N_m"] = result.inversion.motor_torque_N_m[:, 0]
@@ -51,7 +51,7 @@ def homing_columns(result: JointDesignData) -> dict[str, FloatArray]:
     """Columns of `homing.csv`: time, joint angle, and the motors' commands; the profile goes on from there."""
     sampled = result.sampled
     rows = slice(0, sampled.lead)
-    names = ("motor_rad",) if result.is_loop else tuple(f"motor_{name}_rad" for name in motor_names(result))
+    names = ("motor_rad",) if result.is_loop else tuple(f"motor_{name}_rad" for name in motor_names(result.scenario))
     columns = {"time_s": sampled.time_s[rows], "reference_rad": sampled.wanted[rows]}
     return columns | {name: result.homing_rad[:, k] for k, name in enumerate(names)}
 
