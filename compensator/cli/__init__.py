@@ -150,7 +150,7 @@ def run(arguments: Sequence[str]) -> int:
 def main() -> None:
     """Entry point of the program."""
     interrupts.install()
-    gc.set_threshold(50_000, 20, 100)  # importing and drawing make many objects that stay: a tenth of the CPU
+    gc.set_threshold(50_000, 20, 100)  # importing and drawing make many objects that stay
     try:
         code = run(sys.argv[1:])
     except Exception:  # what is interrupted while a compiled module is loaded may fail in any way
