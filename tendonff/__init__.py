@@ -12,6 +12,7 @@ from tendonff._version import __version__
 if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the interpreter
     from tendonff.compensator.adapt.output import AdaptationStudy
     from tendonff.compensator.adapt.run import adapt
+    from tendonff.compensator.compare.joint import JointComparison, compare_joint
     from tendonff.compensator.compare.output import Comparison
     from tendonff.compensator.compare.run import compare
     from tendonff.compensator.compensators.base import Compensator, Problem
@@ -37,6 +38,8 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.compensator.joint.design import design_joint
     from tendonff.compensator.joint.output import JointDesign
     from tendonff.compensator.joint.scenario import JointScenario, load_joint_scenario
+    from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus
+    from tendonff.compensator.runtime.runtime import Runtime, RuntimeState
     from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
     from tendonff.compensator.scenario.scenario import Scenario, load_scenario
     from tendonff.compensator.tables.output import Tables
@@ -80,6 +83,7 @@ __all__ = [
     "Friction",
     "Identification",
     "InputError",
+    "JointComparison",
     "JointDesign",
     "JointIdentification",
     "JointScenario",
@@ -94,6 +98,10 @@ __all__ = [
     "Profile",
     "Reference",
     "Response",
+    "Runtime",
+    "RuntimeKind",
+    "RuntimeState",
+    "RuntimeStatus",
     "Scenario",
     "SimulationJob",
     "SolveError",
@@ -108,6 +116,7 @@ __all__ = [
     "adapt",
     "as_iosystem",
     "compare",
+    "compare_joint",
     "design",
     "design_joint",
     "experiment",
@@ -157,9 +166,12 @@ _HOMES = {
     "compensator.identification.output": ("Identification",),
     "compensator.identification.run": ("identify",),
     "compensator.identification.suggest": ("suggest",),
+    "compensator.compare.joint": ("JointComparison", "compare_joint"),
     "compensator.joint.design": ("design_joint",),
     "compensator.joint.output": ("JointDesign",),
     "compensator.joint.scenario": ("JointScenario", "load_joint_scenario"),
+    "compensator.runtime.kinds": ("RuntimeKind", "RuntimeStatus"),
+    "compensator.runtime.runtime": ("Runtime", "RuntimeState"),
     "compensator.scenario.sampled.sampling": ("Reference", "sample_reference"),
     "compensator.scenario.scenario": ("Scenario", "load_scenario"),
     "compensator.tables.output": ("Tables",),

@@ -294,7 +294,7 @@ def _warnings(found: Found, *, described: bool, joint: bool) -> Iterator[str]:
         return
     if found.kept_because:
         yield (
-            f"{found.kept_because}: only (T/k) tanh(mu theta/2) and 2 mu theta T, as measured by the motor, are told; "
+            f"{found.kept_because}: only (T/k) tanh(mu theta/2) and 2 mu theta T by the motor are identified; "
             "mu_dynamic is the scenario's, and pretension_N and stiffness_N_per_m belong to it"
         )
     if found.solution.at_bound:
