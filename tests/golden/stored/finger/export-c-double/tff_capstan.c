@@ -1,6 +1,6 @@
 /* tff_capstan.c: see tff_capstan.h.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 416ccb25f27050fb, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 6b567c7d1473e421, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The licence of tendonff does not cover what it writes: this file is yours.
  */
@@ -62,7 +62,7 @@ static tff_real tff_capstan_after(tff_capstan *self, tff_real samples, tff_real 
         } else if (followed < self->last) {
             self->wanted = (lifted * self->release) - self->adhesion;
         } else {
-            /* the reference stands still: so does the force */
+            /* the reference is at rest: so is the force */
         }
         self->last = followed;
         force = tff_output_after(&self->output, self->wanted, samples);
