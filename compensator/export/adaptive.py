@@ -112,7 +112,8 @@ def _bounds(bounds: Certified) -> dict[str, object]:
         "narrow": math.exp(-interval.margin),
         "wide": math.exp(interval.margin),
     }
-    return {"interval": interval, "bound_ratios": ratios}
+    width_N = float(np.mean(bounds.high_N - bounds.low_N))
+    return {"interval": interval, "bound_ratios": ratios, "bound_width_N": width_N}
 
 
 def adaptive_golden(problem: Problem, settings: Adaptation, course: Course, precision: Precision) -> AdaptiveGolden:
