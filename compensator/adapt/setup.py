@@ -56,6 +56,7 @@ def tuning_of(problem: Problem, settings: Adaptation) -> Tuning:
         sensor=settings.sensor,
         parameters=settings.parameters,
         delay_samples=settings.delay_samples,
+        joint_delay_samples=settings.joint_delay_samples,
         noise=settings.noise,
         span=span,
         step_s=reference.step_s,

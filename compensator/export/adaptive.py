@@ -123,9 +123,16 @@ def adaptive_golden(problem: Problem, settings: Adaptation, course: Course, prec
     moved = replace(problem.transmission, motion=course.chain.motion)
     tuned = TunedChain.of(moved, problem.level, tuning.parameters)
     rig = SimulatedRig(tuned.with_factors({_main(settings): _RIG}), step, 1, start)
-    run = SelfTuner(tuned, step, tuning, problem.limits, start).run(rig, reference_N, np.zeros(len(reference_N)))
+    late_s = (
+        -tuning.joint_delay_samples * step
+    )  # the test passes the angles as they are: what it finds is ahead of them
+
+    def tuner_of() -> SelfTuner:
+        return SelfTuner(tuned, step, tuning, problem.limits, start, joints_late_s=late_s)
+
+    run = tuner_of().run(rig, reference_N, np.zeros(len(reference_N)))
     measured = rounded(run.measured, precision)
-    tuner = SelfTuner(tuned, step, tuning, problem.limits, start)
+    tuner = tuner_of()
     force = [tuner.step(float(r), float(m)) for r, m in zip(reference_N, measured, strict=True)]
     low = high = np.empty(0)
     if course.chain.motion is None:
