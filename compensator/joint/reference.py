@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv
-from tendonff.compensator.scenario.reference import Shape, along_waypoints, require_waypoints
+from tendonff.compensator.scenario.reference import Shape, along_sines, along_waypoints, require_waypoints
+from tendonff.compensator.scenario.unit import NEWTON_METRE, RADIAN, Unit
 from tendonff.models.errors import ParameterError, require
 
 
@@ -27,22 +28,27 @@ class JointQuantity(StrEnum):
     TORQUE = "joint_torque"
 
 
-_UNIT = {JointQuantity.ANGLE: "rad", JointQuantity.TORQUE: "N_m"}
+_UNIT = {JointQuantity.ANGLE: RADIAN, JointQuantity.TORQUE: NEWTON_METRE}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Wish:
+class _JointRequest:
     quantity: JointQuantity = JointQuantity.ANGLE
     periodic: bool = False
 
     @property
+    def shown(self) -> Unit:
+        """Unit of the wanted quantity, as figures and tables have it."""
+        return _UNIT[self.quantity]
+
+    @property
     def unit(self) -> str:
         """Unit of the wanted quantity, as names of keys and columns have it."""
-        return _UNIT[self.quantity]
+        return self.shown.key
 
     def _one_of(self, stem: str) -> tuple[float, ...]:
         """The series of the wanted quantity; that of the other one is refused."""
-        other = next(unit for unit in _UNIT.values() if unit != self.unit)
+        other = next(unit.key for unit in _UNIT.values() if unit.key != self.unit)
         names = {"rad": f"{stem}_rad" if stem == "amplitudes" else "angles_rad"}
         names["N_m"] = f"{stem}_N_m" if stem == "amplitudes" else "torques_N_m"
         values: tuple[float, ...] | None = getattr(self, names[self.unit])
@@ -59,7 +65,7 @@ class _Wish:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JointSine(_Wish):
+class JointSine(_JointRequest):
     """offset + fade(t) sum_i amplitudes[i] sin(2 pi frequencies_Hz[i] t), with a fade whose rate has no jumps.
 
     Parameters
@@ -104,12 +110,7 @@ class JointSine(_Wish):
         """Values at instants, shape (rows,)."""
         amplitudes = self._one_of("amplitudes")
         offset = self.offset_rad if self.quantity is JointQuantity.ANGLE else self.offset_N_m
-        waves = np.zeros_like(time_s)
-        for amplitude, frequency in zip(amplitudes, self.frequencies_Hz, strict=True):
-            waves += amplitude * np.sin(2 * np.pi * frequency * time_s)
-        if self.fade_in_s > 0:
-            waves *= along_waypoints((0.0, self.fade_in_s), (0.0, 1.0), Shape.SMOOTH, time_s)
-        return offset + waves
+        return offset + along_sines(amplitudes, self.frequencies_Hz, self.fade_in_s, time_s, Shape.SMOOTH)
 
     def length_s(self, folder: Path) -> float:  # noqa: ARG002
         """Length of the reference [s]."""
@@ -117,7 +118,7 @@ class JointSine(_Wish):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JointWaypoints(_Wish):
+class JointWaypoints(_JointRequest):
     """Angles or torques at given times, joined by lines or smooth steps.
 
     Parameters
@@ -152,7 +153,7 @@ class JointWaypoints(_Wish):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JointCsv(_Wish):
+class JointCsv(_JointRequest):
     """Samples from a file with the columns time_s and angle_rad, or torque_N_m.
 
     Parameters

@@ -47,7 +47,7 @@ class Information:
         if abs(self.correlation) > COUPLED:
             names = " and ".join(self.tuning.parameters)
             texts.append(
-                f"{names} cannot be told apart from {sensor}: correlation {self.correlation:.3f}; tune one of them, "
+                f"{names} cannot be separated by {sensor}: correlation {self.correlation:.3f}; tune one of them, "
                 "or measure more"
             )
         return tuple(texts)

@@ -17,6 +17,7 @@ TENSION, POSITION = Sensor.OUTPUT_TENSION, Sensor.ACTUATOR_POSITION
 BOTH = (Tunable.MU, Tunable.LOAD_STIFFNESS)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("precision", Precision)
 @pytest.mark.parametrize(("sensor", "most"), [(TENSION, 0.6), (POSITION, 1.0)])
 @pytest.mark.parametrize("mu", [0.8, 1.2])

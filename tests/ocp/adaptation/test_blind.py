@@ -54,6 +54,7 @@ def test_bristles_twice_as_stiff_leave_at_most_3_percent(bench, reference, perce
     assert left <= 3
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("load", [2 / 3, 1.5])
 @pytest.mark.parametrize("mu", [0.8, 1.2])
 def test_friction_and_load_are_found_from_the_position_alone(bench, reference, percent, load, mu, record_property):
@@ -65,7 +66,7 @@ def test_friction_and_load_are_found_from_the_position_alone(bench, reference, p
     assert tuner.factors == pytest.approx([mu, load], rel=0.02)
 
 
-@pytest.mark.parametrize("load", [0.8, 0.9, 1.1, 1.2])
+@pytest.mark.parametrize("load", [0.8, 1.2, *(pytest.param(load, marks=pytest.mark.nightly) for load in (0.9, 1.1))])
 def test_a_load_that_is_wrong_from_the_start_costs_at_most_half_a_percent(bench, reference, percent, load):
     """Position alone, only friction tuned: nothing tells it the load; bounds the loss against the plain inverse."""
     tuning, longer = bench.tuning(POSITION), np.concatenate([reference, reference[-2::-1]])
@@ -73,6 +74,7 @@ def test_a_load_that_is_wrong_from_the_start_costs_at_most_half_a_percent(bench,
     assert percent(tuned, longer) <= percent(plain, longer) + 0.5
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("load", [0.8, 1.2])
 @pytest.mark.parametrize("mu", [0.8, 1.2])
 def test_friction_is_found_from_the_position_where_the_load_is_off_too(bench, reference, percent, load, mu):
@@ -149,6 +151,7 @@ def worst_second(tensions, wanted):
     return float(np.sqrt(squares[0] / np.maximum(squares[1], (1e-3 * np.ptp(wanted)) ** 2)).max())
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("sensor", [TENSION, POSITION])
 @pytest.mark.parametrize("mu", [0.8, 1.0, 1.2])
 def test_a_load_that_changes_in_mid_run_is_said_and_harmless(bench, reference, sensor, mu, record_property):
