@@ -165,7 +165,7 @@ def choose_law(
             n
             for n in chosen.free
             if n not in (*CORE, *CONSTANTS, D.STRIBECK_VELOCITY)
-            and not solution.standard_error(n) < TUNED.kept_free_share * abs(solution.values[n])
+            and not TUNED.sure * solution.standard_error(n) < abs(solution.values[n])
         ]
         if not poor:
             break
