@@ -1,4 +1,4 @@
-"""The manual, the README and docstrings use the field's terms."""
+"""The manual, the README, docstrings, messages and templates use the field's terms."""
 
 import ast
 import re
@@ -33,6 +33,13 @@ SOURCES = [
     for path in sorted((ROOT / top).rglob("*.py"))
 ]
 
+TEMPLATES = [
+    path
+    for top in ("ocp", "compensator", "examples")
+    for path in sorted((ROOT / top).rglob("*"))
+    if path.suffix in {".j2", ".toml"}
+]
+
 
 def prose(page: str) -> str:
     """Text of a page without code blocks, code spans, formulas and the addresses of links; lines are kept."""
@@ -56,6 +63,20 @@ def docstrings(path: Path) -> list[tuple[int, str]]:
     return [(line, text) for line, text in texts if isinstance(text, str)]
 
 
+def messages(path: Path) -> list[tuple[int, str]]:
+    """Line and text of the strings of a file that are sentences: three words at least, values as braces."""
+    nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    parts = {part for each in nodes if isinstance(each, ast.JoinedStr) for part in each.values}
+    parts |= {each.value for each in nodes if isinstance(each, ast.Expr)}  # docstrings
+    texts = []
+    for node in nodes:
+        if isinstance(node, ast.JoinedStr):
+            texts.append((node.lineno, "".join(p.value if isinstance(p, ast.Constant) else "{}" for p in node.values)))
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and node not in parts:
+            texts.append((node.lineno, node.value))
+    return [(line, text) for line, text in texts if text.count(" ") >= 2]
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.relative_to(ROOT).as_posix())
 def test_a_page_has_no_house_words(page: Path) -> None:
     assert refused(prose(page.read_text(encoding="utf-8"))) == []
@@ -68,6 +89,21 @@ def test_docstrings_have_no_house_words() -> None:
         for path in SOURCES
         for line, text in docstrings(path)
         for word in refused(text)
+    ] == []
+
+
+def test_messages_have_no_house_words() -> None:
+    assert [
+        f"{path.relative_to(ROOT)}:{line}: {word}"
+        for path in SOURCES
+        for line, text in messages(path)
+        for word in refused(text)
+    ] == []
+
+
+def test_templates_and_example_scenarios_have_no_house_words() -> None:
+    assert [
+        f"{path.relative_to(ROOT)}: {word}" for path in TEMPLATES for word in refused(path.read_text(encoding="utf-8"))
     ] == []
 
 

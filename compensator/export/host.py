@@ -1,18 +1,21 @@
 """Exported code run on this machine: what single precision really loses is measured, not estimated."""
 
 import ctypes
+import re
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from tendonff.compensator.compensators.profile import FloatArray
-from tendonff.ocp.codegen.compiler import find_compiler, run_compiler
+from tendonff.ocp.codegen.compiler import find_compiler, load_library, run_compiler
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import CodeError
 
 _FLAGS = ("-std=c99", "-O1", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno")
+_INCLUDE = re.compile(r'^#include "([^"]+)"$', re.MULTILINE)
 _DRIVER = """
 void run_{module}(long n, double start, const {prefix}_real *given, const {prefix}_real *joint, {prefix}_real *answer)
 {{
@@ -27,6 +30,74 @@ void run_{module}(long n, double start, const {prefix}_real *given, const {prefi
 """
 
 
+class HostCode:
+    """Exported sources with a driver around them, compiled and loaded.
+
+    Attributes
+    ----------
+    real : type
+        Real type of the sources, as numpy names it.
+    """
+
+    def __init__(self, library: ctypes.CDLL, precision: Precision) -> None:
+        self._library = library
+        self.real: type[np.floating[Any]] = np.float32 if precision is Precision.FLOAT else np.float64
+
+    def function(self, name: str, *arguments: Any, result: Any = None) -> Callable[..., Any]:
+        """A function of the driver, with the types of its arguments: those of ctypes, `reals` for an array."""
+        found: Any = self._library[name]  # an own object, which no other caller's types change
+        found.argtypes, found.restype = arguments, result
+        return found  # type: ignore[no-any-return]
+
+    @property
+    def reals(self) -> Any:
+        """Type of an argument that is a contiguous array of the real type."""
+        return np.ctypeslib.ndpointer(dtype=self.real, flags="C_CONTIGUOUS")
+
+    def array(self, values: FloatArray) -> Any:
+        """Values as such an array."""
+        return np.ascontiguousarray(values, dtype=self.real)
+
+
+def compile_on_host(
+    sources: Mapping[str, str], driver: str, precision: Precision, *, keep: bool = False
+) -> HostCode | None:
+    """Exported sources, texts by file name, and a driver; None without a C compiler, CodeError if it refuses.
+
+    What is to be kept is compiled once, and fast.
+    """
+    compiler = find_compiler()
+    if compiler is None:
+        return None
+    if keep:
+        return HostCode(load_library(_in_one(sources, driver)), precision)
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as scratch:
+        folder = Path(scratch)
+        for name, text in {**sources, "driver.c": driver}.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        compiled = ["driver.c", *(name for name in sources if name.endswith(".c"))]
+        if complaint := run_compiler(compiler, [*_FLAGS, "-o", "code.so", *compiled, "-lm"], folder):
+            raise CodeError(f"the exported sources: {complaint}")
+        return HostCode(ctypes.CDLL(str(folder / "code.so")), precision)
+
+
+def _in_one(sources: Mapping[str, str], driver: str) -> str:
+    """Sources and driver as one text: each header where it is first included."""
+    seen: set[str] = set()
+
+    def header(match: re.Match[str]) -> str:
+        name = match[1]
+        if name not in sources:
+            return match[0]
+        if name in seen:
+            return ""
+        seen.add(name)
+        return _INCLUDE.sub(header, sources[name])
+
+    parts = [text for name, text in sources.items() if name.endswith(".c")]
+    return "\n".join(_INCLUDE.sub(header, text) for text in [*parts, driver])
+
+
 def run_on_host(
     sources: Mapping[str, str],
     prefix: str,
@@ -39,29 +110,20 @@ def run_on_host(
     Sources are texts by file name; CodeError if the compiler refuses them. A run has inputs by name of the module, and
     joint angles of shape (n, joints).
     """
-    compiler = find_compiler()
-    if compiler is None:
-        return None
     modules = sorted({module for inputs in runs for module in inputs})
     moved = [joint for joint in joints_rad if joint.size]
     given_joints = f", &joint[{moved[0].shape[1]} * k]" if moved else ""
     driver = "".join(f'#include "{prefix}_{module}.h"\n' for module in modules)
     driver += "".join(_DRIVER.format(module=module, prefix=prefix, joints=given_joints) for module in modules)
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as scratch:
-        folder = Path(scratch)
-        for name, text in {**sources, "driver.c": driver}.items():
-            (folder / name).write_text(text, encoding="utf-8")
-        compiled = [name for name in sources if name.endswith(".c")]
-        if complaint := run_compiler(compiler, [*_FLAGS, "-o", "code.so", "driver.c", *compiled, "-lm"], folder):
-            raise CodeError(f"the exported sources: {complaint}")
-        code = ctypes.CDLL(str(folder / "code.so"))
-    real = np.float32 if precision is Precision.FLOAT else np.float64
+    found = compile_on_host(sources, driver, precision)
+    if found is None:
+        return None
+    code = found
 
     def answer(module: str, values: FloatArray, joint_rad: FloatArray, start: float) -> FloatArray:
-        given, joint = (np.ascontiguousarray(array, dtype=real) for array in (values, joint_rad))
-        answered = np.empty_like(given)
-        pointers = (ctypes.c_void_p(array.ctypes.data) for array in (given, joint, answered))
-        getattr(code, f"run_{module}")(ctypes.c_long(len(given)), ctypes.c_double(start), *pointers)
+        call = code.function(f"run_{module}", ctypes.c_long, ctypes.c_double, *(code.reals,) * 3)
+        answered = np.empty(len(values), dtype=code.real)
+        call(len(values), start, code.array(values), code.array(joint_rad), answered)
         return answered.astype(np.float64)
 
     answers = []

@@ -51,6 +51,11 @@ def c_modules(scenario: Scenario, with_stream: bool = False) -> tuple[CModule, .
     return (*own, *stream, PLANT, *more)
 
 
+def accepted_steps(step_s: float) -> tuple[float, float]:
+    """Shortest and longest time between two calls that exported code takes as one step [s]; longer is a pause."""
+    return 0.5 * min(step_s, 1e-3), 1.5 * max(step_s, 0.02)
+
+
 def exportable(transmission: Transmission, *, moving: bool) -> tuple[tuple[Compensator, CModule], ...]:
     """Compensators with a module that serves this drive and path (`moving`: by joints), in the order they are shown."""
     servo = transmission.actuator.drive is Drive.POSITION

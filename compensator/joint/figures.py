@@ -1,19 +1,23 @@
 """Figures of a joint's design."""
 
+from dataclasses import asdict
+
 import numpy as np
 from matplotlib.figure import Figure
 
-from tendonff.compensator.joint.result import LABELS, JointDesignData
-from tendonff.compensator.reporting.colours import BLUE, GREY, INK, ORANGE
+from tendonff.compensator.joint.result import JointDesignData
+from tendonff.compensator.joint.scenario import JointScenario
+from tendonff.compensator.reporting.colours import BLUE, GREY, INK
+from tendonff.compensator.reporting.expected import contributions_figure
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure, thinned
-
-_COLOURS = {"linear": GREY, "static": ORANGE, "inverse": BLUE}
+from tendonff.models.joint.parameters import DriveKind
 
 
 def joint_figures(result: JointDesignData) -> dict[str, Figure]:
     """All figures of a design by file name."""
     with figure_style():
         figures = {"joint": joint_figure(result), "tension": tension_figure(result), "motor": motor_figure(result)}
+        figures["contributions"] = contributions_figure(result.expectation, result.recommended.style)
         if result.sheets:
             figures["pretension"] = pretension_figure(result)
         return figures
@@ -27,9 +31,10 @@ def joint_figure(result: JointDesignData) -> Figure:
     rows = thinned(len(time))
     scale, unit = (180 / np.pi, "deg") if result.is_angle else (1.0, "N m")
     top, bottom = axes[:, 0]
-    for name, profile in result.profiles.items():
-        top.plot(time[rows], scale * profile.reached[rows], color=_COLOURS[name], label=LABELS[name])
-        bottom.plot(time[rows], scale * profile.error[rows], color=_COLOURS[name])
+    for each in result.compensators:
+        profile, style = result.profiles[each.name], asdict(each.style)
+        top.plot(time[rows], scale * profile.reached[rows], label=each.label, **style)
+        bottom.plot(time[rows], scale * profile.error[rows], **style)
     top.plot(time[rows], scale * wanted[rows], color=INK, linewidth=0.8, linestyle="--", label="reference")
     top.set(ylabel=f"{'joint angle' if result.is_angle else 'torque of the joint'} [{unit}]")
     bottom.set(xlabel="time [s]", ylabel=f"error [{unit}]")
@@ -54,18 +59,18 @@ def motor_figure(result: JointDesignData) -> Figure:
     """Motor angle beyond that of the ratio alone, and the motors' torque."""
     figure, axes = new_figure(2, 1, share_x=True, height_in=4.6)
     time = result.sampled.run_time_s
-    rows, names = thinned(len(time)), motor_names(result)
+    rows, names = thinned(len(time)), motor_names(result.scenario)
     top, bottom = axes[:, 0]
     base = result.profiles["linear"].motor_rad
-    for name in ("static", "inverse"):
-        profile = result.profiles[name]
+    for each in (c for c in result.compensators if c.name in ("static", "inverse")):
+        profile = result.profiles[each.name]
         for k, motor in enumerate(names):
-            label = LABELS[name] + (f", {motor}" if len(names) > 1 else "")
+            label = each.label + (f", {motor}" if len(names) > 1 else "")
             style = ("-", "--")[k % 2]
-            top.plot(time[rows], (profile.motor_rad - base)[rows, k], style, color=_COLOURS[name], label=label)
+            top.plot(time[rows], (profile.motor_rad - base)[rows, k], style, color=each.style.color, label=label)
     for k, motor in enumerate(names):
         torque = result.profiles["inverse"].torque_N_m[rows, k]
-        bottom.plot(time[rows], torque, ("-", "--")[k % 2], color=_COLOURS["inverse"], label=motor)
+        bottom.plot(time[rows], torque, ("-", "--")[k % 2], color=BLUE, label=motor)
     top.set(ylabel="motor angle less ratio [rad]")
     bottom.set(xlabel="time [s]", ylabel="motor torque [N m]")
     legend_below(figure, top, columns=4)
@@ -92,6 +97,7 @@ def pretension_figure(result: JointDesignData) -> Figure:
     return figure
 
 
-def motor_names(result: JointDesignData) -> tuple[str, ...]:
+def motor_names(scenario: JointScenario) -> tuple[str, ...]:
     """Names of the motors: one of a loop, else by tendon."""
-    return ("motor",) if result.is_loop else tuple(tendon.name for tendon in result.scenario.mechanism.tendons)
+    mechanism = scenario.mechanism
+    return ("motor",) if mechanism.drive.kind is DriveKind.LOOP else tuple(t.name for t in mechanism.tendons)

@@ -10,6 +10,7 @@ from tendonff.compensator.files.writing import atomic_directory, write_csv
 from tendonff.compensator.joint.figures import joint_figures, motor_names
 from tendonff.compensator.joint.report import joint_report
 from tendonff.compensator.joint.result import JointDesignData
+from tendonff.compensator.reporting.expected import expectation_summary
 from tendonff.compensator.reporting.page import summary_head, write_pages
 
 
@@ -32,7 +33,7 @@ def profile_columns(result: JointDesignData) -> dict[str, FloatArray]:
     sampled = result.sampled
     wanted = sampled.wanted[sampled.lead :]
     columns = {"time_s": sampled.run_time_s, f"reference_{result.scenario.reference.unit}": wanted}
-    inverse, names = result.profiles["inverse"], motor_names(result)
+    inverse, names = result.profiles["inverse"], motor_names(result.scenario)
     if result.is_loop:
         columns |= {f"motor_{name}_rad": p.motor_rad[:, 0] for name, p in result.profiles.items()}
         columns["motor_torque_inverse_N_m"] = result.inversion.motor_torque_N_m[:, 0]
@@ -50,7 +51,7 @@ def homing_columns(result: JointDesignData) -> dict[str, FloatArray]:
     """Columns of `homing.csv`: time, joint angle, and the motors' commands; the profile goes on from there."""
     sampled = result.sampled
     rows = slice(0, sampled.lead)
-    names = ("motor_rad",) if result.is_loop else tuple(f"motor_{name}_rad" for name in motor_names(result))
+    names = ("motor_rad",) if result.is_loop else tuple(f"motor_{name}_rad" for name in motor_names(result.scenario))
     columns = {"time_s": sampled.time_s[rows], "reference_rad": sampled.wanted[rows]}
     return columns | {name: result.homing_rad[:, k] for k, name in enumerate(names)}
 
@@ -72,15 +73,13 @@ def summary(result: JointDesignData) -> dict[str, object]:
             }
             for name, profile in result.profiles.items()
         },
-        "recommended": result.best.name,
+        "recommended": result.recommended.name,
+        "expectation": expectation_summary(result.expectation, result.masses),
         "inverse": {
             "status": result.inversion.status.value,
             "evaluations_per_step": result.inversion.evaluations / max(len(result.sampled.time_s) - 1, 1),
             "lowest_tension_N": float(np.min(result.inversion.lowest_N)),
         },
-        "contributions": [
-            {"key": c.key, "relative_half_width": c.spread, f"rmse_{unit}": c.rms} for c in result.contributions
-        ],
         "warnings": list(result.warnings),
     }
     if result.sheet is not None:

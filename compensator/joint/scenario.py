@@ -16,7 +16,7 @@ from tendonff.compensator.joint.reference import KINDS, JointQuantity, JointRefe
 from tendonff.compensator.scenario.joints import Joint, read_joints
 from tendonff.compensator.scenario.reference import Shape, along_waypoints
 from tendonff.compensator.scenario.sampled.joint_motion import joint_angles
-from tendonff.compensator.scenario.scenario import SCHEMA, path_keys
+from tendonff.compensator.scenario.scenario import SCHEMA, path_keys, spread_keys, with_spread
 from tendonff.compensator.scenario.settings import Run
 from tendonff.compensator.scenario.tables import ROPE_KEYS, check_names, expand, read_kind, read_table, show
 from tendonff.models.errors import ParameterError
@@ -28,6 +28,7 @@ from tendonff.models.path import JointMotion
 
 _PARTS: dict[str, type] = {"path": TendonPath, "tendon": Tendon, "friction": Friction}
 _TABLES = ("joints", "tendons", "drive", "reference", "run", "robust", *_PARTS)
+_MERGED = ("path", "tendon", "friction", "drive", "run", "robust")
 _TENDON_KEYS = ("name", "moment_arm_m", "lengths", *_PARTS)
 _NOT_FOR_A_JOINT = {
     "actuator": "the motors stand in [drive]",
@@ -75,6 +76,11 @@ class JointScenario:
         """The file of a CSV reference, resolved; None for the other kinds."""
         name = getattr(self.reference, "file", None)
         return None if name is None else self.source.parent / name
+
+    def reference_start_rad(self) -> float:
+        """Angle of the joint at which the reference starts."""
+        wish = self.reference if self.motion is None else self.motion
+        return float(wish.sample(np.zeros(1), self.source.parent)[0])
 
     def to_toml(self) -> str:
         """The text of the file."""
@@ -149,12 +155,13 @@ def parse_joint_scenario(text: str, source: str | os.PathLike[str] = "scenario.t
         raw = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{file}: not valid TOML: {error}") from None
+    inputs: list[Path] = []
+    raw = _with_base(raw, source, inputs)
     _check_tables(raw, file)
     driven, others = _split_joints(raw.get("joints"), file)
     name = raw.get("name", source.stem)
     if not isinstance(name, str):
         raise InputError(f'{file}: name must be text in quotes ("..."), got {show(name)}')
-    inputs: list[Path] = []
     tendons = _tendons(raw, driven.name, source, inputs)
     drive = _drive(raw.get("drive"), file)
     try:
@@ -167,6 +174,8 @@ def parse_joint_scenario(text: str, source: str | os.PathLike[str] = "scenario.t
                 f'{file}: the joint "{section.joint}" is named but not given; add [joints.{section.joint}]'
             )
     reference, motion = _reference(raw.get("reference"), file)
+    spread, robust = spread_keys(raw.get("robust", {}), file)
+    stated = read_table(Uncertainty, robust, file=file, table="robust")
     scenario = JointScenario(
         name=name,
         mechanism=mechanism,
@@ -174,7 +183,7 @@ def parse_joint_scenario(text: str, source: str | os.PathLike[str] = "scenario.t
         reference=reference,
         motion=motion,
         run=read_table(Run, raw.get("run", {}), file=file, table="run"),
-        robust=read_table(Uncertainty, raw.get("robust", {}), file=file, table="robust"),
+        robust=with_spread(stated, spread, mechanism, file),
         source=source,
         text=text,
     )
@@ -238,6 +247,30 @@ def _homing(scenario: JointScenario, start_rad: float, torque: bool) -> FloatArr
     times = (0.0, quarter, 3 * quarter, 4 * quarter)
     stroke = along_waypoints(times, (0.0, size, -size, 0.0), Shape.SMOOTH, np.arange(0.0, times[-1] - step / 2, step))
     return start_rad + stroke
+
+
+def _with_base(raw: dict[str, object], source: Path, inputs: list[Path]) -> dict[str, object]:
+    """A scenario with what it leaves to its base, a file that several joints share.
+
+    Keys of `_MERGED` tables are taken one by one, other tables as a whole.
+    """
+    if "base" not in raw:
+        return raw
+    if not isinstance(name := raw["base"], str):
+        raise InputError(f"{source.name}: base must be the name of a file, got {show(name)}")
+    path = source.parent / name
+    try:
+        base = tomllib.loads(read_text(path))
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path.name}: not valid TOML: {error}") from None
+    if "base" in base:
+        raise InputError(f"{path.name}: a base has no base of its own; put all into one file")
+    inputs.append(path)
+    own = {key: value for key, value in raw.items() if key != "base"}
+    for key in _MERGED:
+        if isinstance(shared := base.get(key), Mapping) and isinstance(given := own.get(key), Mapping):
+            own[key] = {**shared, **given}
+    return {**base, **own}
 
 
 def _check_tables(raw: Mapping[str, object], file: str) -> None:

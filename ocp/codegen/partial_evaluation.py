@@ -31,10 +31,14 @@ class _Node:
     operands: tuple["_Node", ...] = ()
     constant: Values | None = None
     argument: str | None = None
+    made: "_Made | str | None" = None  # of a constant: what it was computed from, or the known argument that it is
 
     def is_number(self, value: float) -> bool:
         """The same given number for every weight."""
         return self.constant is not None and all(c == value for c in self.constant)
+
+
+_Made = tuple[int, tuple[_Node, ...]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,6 +67,9 @@ class PartialEvaluator:
     # arguments that are the same in many calls: with `reorder`, constants are gathered with them
     steady: Sequence[str] = ()
     coefficients: dict[str, Values] = field(default_factory=dict)
+    # known arguments that follow from others, as a law gave them: see `follow`
+    followed: dict[str, _Node] = field(default_factory=dict)
+    _nodes: dict[str, _Node] = field(default_factory=dict)  # of the coefficients
 
     @property
     def weights(self) -> int:
@@ -79,6 +86,37 @@ class PartialEvaluator:
     def evaluate(self, law: Law) -> tuple[Values, ...]:
         """Outputs of a law whose arguments are all known, one value per weight each."""
         return tuple(_constant_of(node, law.name) for node in _Tape(False).run(law, self.parameters, self.weights))
+
+    def follow(self, argument: str, law: Law) -> None:
+        """Know an argument as the one output of a law whose arguments are all known."""
+        (node,) = _Tape(False).run(law, self.parameters, self.weights)
+        self.parameters = {**self.parameters, argument: _constant_of(node, law.name)}
+        self.followed[argument] = node
+
+    def weigh(self, name: str = "weigh") -> FoldedLaw:
+        """The coefficients as a function of what they depend on, so that a weight H may be known at run time only."""
+        tape = _Tape(False)
+        known: dict[int, _Node] = {}
+
+        def again(node: _Node) -> _Node:
+            if id(node) not in known:
+                if node.constant is None or len(set(node.constant)) == 1 or node.made is None:
+                    made = node
+                elif isinstance(node.made, str):
+                    of_law = self.followed.get(node.made)
+                    made = tape.argument(node.made) if of_law is None else again(of_law)
+                else:
+                    made = tape.operation(node.made[0], tuple(map(again, node.made[1])))
+                known[id(node)] = made
+            return known[id(node)]
+
+        law = Law(
+            name=name,
+            comment="What depends on the weight H [s] of the scheme.",
+            inputs=tuple(ca.SX.sym(argument) for argument in self.parameters),
+            outputs=dict.fromkeys(self.coefficients, ca.SX(0)),
+        )
+        return self._print(law, name, [again(self._nodes[output]) for output in self.coefficients])
 
     def _print(self, law: Law, name: str, results: Sequence[_Node]) -> FoldedLaw:
         real = self.precision.value
@@ -97,7 +135,7 @@ class PartialEvaluator:
                     text = literal(node.constant[0], self.precision)
                     return f"({text})" if text.startswith("-") else text
                 weighted = True
-                return f"w->{self._coefficient(name, node.constant)}"
+                return f"w->{self._coefficient(name, node)}"
             if node.argument is not None:
                 used.add(node.argument)
                 return node.argument
@@ -134,13 +172,14 @@ class PartialEvaluator:
         code = head + "\n".join(lines) + "\n}\n"
         return FoldedLaw(name=name, inputs=inputs, outputs=outputs, weighted=weighted, code=code)
 
-    def _coefficient(self, law: str, values: Values) -> str:
+    def _coefficient(self, law: str, node: _Node) -> str:
         """Field of the coefficient record that holds these values."""
+        values = _constant_of(node, law)
         for name, known in self.coefficients.items():
             if known == values:
                 return name
         name = f"{law}_{1 + sum(n.startswith(f'{law}_') for n in self.coefficients)}"
-        self.coefficients[name] = values
+        self.coefficients[name], self._nodes[name] = values, node
         return name
 
 
@@ -196,22 +235,26 @@ class _Tape:
             elif op == ca.OP_INPUT:
                 name = names[ins[1]]
                 if name in known:
-                    register[outs[0]] = _Node(None, constant=tuple(known[name]))
+                    register[outs[0]] = _Node(None, constant=tuple(known[name]), made=name)
                 else:
-                    register[outs[0]] = self._shared(_Node(None, argument=name))
+                    register[outs[0]] = self.argument(name)
             elif op == ca.OP_OUTPUT:
                 results[outs[1]] = register[ins[0]]
             else:
                 count = 1 if op in _SHORTHANDS else operator(op, law.name).operands
-                register[outs[0]] = self._simplify(op, tuple(register[i] for i in ins[:count]))
+                register[outs[0]] = self.operation(op, tuple(register[i] for i in ins[:count]))
         return [results[k] for k in range(len(law.outputs))]
+
+    def argument(self, name: str) -> _Node:
+        """The one node of an argument."""
+        return self._shared(_Node(None, argument=name))
 
     def _shared(self, node: _Node) -> _Node:
         """The one node with this operation on these operands."""
         key = (node.op, node.argument, *(id(o) if o.constant is None else o.constant for o in node.operands))
         return self._table.setdefault(key, node)
 
-    def _simplify(self, op: int, operands: tuple[_Node, ...]) -> _Node:
+    def operation(self, op: int, operands: tuple[_Node, ...]) -> _Node:
         """A node for an operation, folded where its operands allow it."""
         a = operands[0]
         if op == ca.OP_SQ:
@@ -224,7 +267,7 @@ class _Tape:
             columns = [o.constant for o in operands if o.constant is not None]
             count = max(len(column) for column in columns)
             rows = zip(*(column if len(column) == count else column * count for column in columns), strict=True)
-            return _Node(None, constant=tuple(_value_of(op, row) for row in rows))
+            return _Node(None, constant=tuple(_value_of(op, row) for row in rows), made=(op, operands))
         if op == ca.OP_LT and self._is_below(*operands):
             return _constant(1.0, 1)
         if (moved := self._into_choice(op, operands)) is not None:
@@ -244,16 +287,16 @@ class _Tape:
         """Division by a constant as multiplication, and K1 (K2 x) as (K1 K2) x."""
         a, b = operands[0], operands[-1]
         if op == ca.OP_DIV and (b.constant is not None or _is_choice(b)):
-            return self._simplify(ca.OP_MUL, (a, self._simplify(ca.OP_DIV, (_Node(None, constant=(1.0,)), b))))
+            return self.operation(ca.OP_MUL, (a, self.operation(ca.OP_DIV, (_Node(None, constant=(1.0,)), b))))
         if op == ca.OP_NEG and a.op == ca.OP_MUL and any(o.constant is not None for o in a.operands):
-            return self._simplify(ca.OP_MUL, (a, _Node(None, constant=(-1.0,))))
+            return self.operation(ca.OP_MUL, (a, _Node(None, constant=(-1.0,))))
         if op == ca.OP_MUL:
             for outer, product in ((a, b), (b, a)):
                 if outer.constant is None or product.op != ca.OP_MUL:
                     continue
                 for inner, rest in (product.operands, product.operands[::-1]):
                     if inner.constant is not None or self._is_steady(inner):
-                        return self._simplify(ca.OP_MUL, (rest, self._simplify(ca.OP_MUL, (outer, inner))))
+                        return self.operation(ca.OP_MUL, (rest, self.operation(ca.OP_MUL, (outer, inner))))
         return None
 
     def _is_steady(self, node: _Node) -> bool:
@@ -273,7 +316,7 @@ class _Tape:
                 if this.is_number(1):
                     return other
                 if this.is_number(-1):
-                    return self._simplify(ca.OP_NEG, (other,))
+                    return self.operation(ca.OP_NEG, (other,))
         if op == ca.OP_ADD:
             if a.is_number(0) or b.is_number(0):
                 return b if a.is_number(0) else a
@@ -284,7 +327,7 @@ class _Tape:
             if b.is_number(0):
                 return a
             if a.is_number(0):
-                return self._simplify(ca.OP_NEG, (b,))
+                return self.operation(ca.OP_NEG, (b,))
         if op == ca.OP_DIV and b.is_number(1):
             return a
         if op == ca.OP_NEG and a.op == ca.OP_NEG:
@@ -303,7 +346,7 @@ class _Tape:
         choices = [o for o in operands if _is_choice(o)]
         if op not in OPERATORS or not choices or any(o.constant is None and o is not choices[0] for o in operands):
             return None
-        yes, no = (self._simplify(op, tuple(o.operands[k] if o is choices[0] else o for o in operands)) for k in (1, 2))
+        yes, no = (self.operation(op, tuple(o.operands[k] if o is choices[0] else o for o in operands)) for k in (1, 2))
         if yes.constant == no.constant:
             return yes
         return self._shared(_Node(SELECT, (choices[0].operands[0], yes, no)))

@@ -107,9 +107,10 @@ def joint_code(
         joint_numbers=of_hinges,
         roots=_roots(precision),
         record=(*record, *folder.coefficients),
+        weigh=folder.weigh(),
     )
-    parts = [code.render("joint_target.h.j2"), *(law.code for law in folded.values())]
-    parts += [code.render(name) for name in ("moving.c.j2", "links.c.j2", "finish.c.j2", "sides.c.j2")]
+    parts = [code.render("joint_target.h.j2"), *(law.code for law in folded.values()), folder.weigh().code]
+    parts += [code.render(name) for name in ("reweigh.c.j2", "moving.c.j2", "links.c.j2", "finish.c.j2", "sides.c.j2")]
     data = _Data(prefix, precision)
     rows = [
         (weight, carry, {k: v[j] for k, v in folder.coefficients.items()}) for j, (weight, carry) in enumerate(weights)

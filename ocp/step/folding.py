@@ -51,12 +51,12 @@ def chain_evaluator(
     parameters = {name: (value,) * len(rows) for name, value in numbers.items() if name not in free}
     parameters["H"] = tuple(weight for weight, _ in rows)
     floors = dict(floors or {}) | ({} if contact is None else contact.floors)
+    gains = False
     if whole or contact is None:
         parameters["ratio"] = tuple(ratio for _, ratio in rows)
         if not any(name.startswith("link_") for name in free):
-            folder = PartialEvaluator(prefix=prefix, precision=precision, parameters=parameters)
-            (parameters["gain"],) = folder.evaluate(ElementLaws.of(chain).link_gain())
-    return PartialEvaluator(
+            gains = True
+    folder = PartialEvaluator(
         prefix=prefix,
         precision=precision,
         parameters=parameters,
@@ -64,6 +64,9 @@ def chain_evaluator(
         floors=floors,
         steady=() if contact is None else contact.own,
     )
+    if gains:
+        folder.follow("gain", ElementLaws.of(chain).link_gain())
+    return folder
 
 
 def _snapped(chain: Chain) -> dict[str, float]:

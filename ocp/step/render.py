@@ -18,6 +18,7 @@ from tendonff.ocp.step.scheme import (
     MAX_ITERATIONS,
     MAX_PIECES,
     MAX_SPLITS,
+    MOST_RATIO,
     RESIDUAL_ROUNDING,
     RESIDUAL_TOLERANCE_N,
 )
@@ -127,6 +128,8 @@ class StepCode:
     joint_numbers: tuple[str, ...] = ()  # of a driven joint between two chains
     roots: Roots | None = None  # of a driven joint on a controller, whose inverse is all that is wanted
     record: tuple[str, ...] = ()  # numbers of its tendons that its laws take from a record
+    weigh: FoldedLaw | None = None  # what depends on the weight H, where that may be known at run time only
+    lengths: tuple[str, ...] = ("",)  # of its rows of one weight: C text of the ratio that each kind of link has
 
     def call(
         self,
@@ -269,6 +272,9 @@ class StepCode:
             held=self.held,
             joint_numbers=self.joint_numbers,
             record=self.record,
+            weigh=self.weigh,
+            lengths=self.lengths,
+            most_ratio=number(MOST_RATIO),
             shifted=self.compliances is not None,
             compliances=self.compliances,
             zero=number(0.0),

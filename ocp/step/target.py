@@ -52,6 +52,8 @@ class ChainCode:
     # a path in sections to its position but for a constant
     travel: str = ""
     free: tuple[str, ...] = ()  # numbers of the chain that the inverse takes as arguments
+    reweigh: str = ""  # function that gives the rows for a step of any length; of the inverse
+    kinds: int = 1  # rows of one weight
 
 
 def controller_limits(precision: Precision) -> Limits:
@@ -94,6 +96,9 @@ def inverse_code(
     folded = folded_inverse(chain, folder, laws, relative=compliances is not None)
     free = tuple(name for name in left if any(name in law.inputs for law in folded))
     code = step_code(chain, folder.prefix, precision, folded, compliances=compliances, contact=contact, free=free)
+    ratios = link_ratios(chain.elements.ratio) if contact is None else (1.0,)
+    lengths = tuple(literal(ratio, precision) for ratio in ratios)
+    code = replace(code, weigh=folder.weigh(), lengths=lengths)
     return ChainCode(
         header="",
         record=_record(folder, weights),
@@ -103,6 +108,8 @@ def inverse_code(
         contact=contact.record if contact else "",
         travel=_travel(chain, precision, compliances, folder.prefix),
         free=free,
+        reweigh=f"{folder.weigh().code}\n{code.render('reweigh.c.j2')}",
+        kinds=len(lengths),
     )
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tendonff.compensator.joint.export import joint_sources
+from tendonff.compensator.joint.export.text import joint_sources
 from tendonff.compensator.joint.scenario import load_joint_scenario, sample_joint
 
 MOST = {"m4f": 9000, "m7": 11000}
@@ -26,6 +26,7 @@ def module(toolbox, examples, tmp_path):
     return folder
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("board", ["m4f", "m7"])
 @pytest.mark.parametrize("example", ["hand_joint", "instrument_pair"])
 def test_a_step_of_a_joint_takes_at_most_9000_instructions_in_float(toolbox, module, board, example, record_property):

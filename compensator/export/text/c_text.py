@@ -17,7 +17,7 @@ from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.stream import RE_ENTRY_S, RE_ENTRY_SHARE, SLACK, StreamDesign
 from tendonff.compensator.compensators.table import BuiltTable, accepted_range
 from tendonff.compensator.export.adaptive import adaptive_code
-from tendonff.compensator.export.modules import ADAPTIVE_MODULES, PLANT, STREAM
+from tendonff.compensator.export.modules import ADAPTIVE_MODULES, PLANT, STREAM, accepted_steps
 from tendonff.compensator.export.text.parameters import parameter_context, settable_inverse
 from tendonff.compensator.export.text.table_index import share_index
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
@@ -37,7 +37,7 @@ from tendonff.ocp.step.target_joints import contact_code
 
 _FOLDER_FILES = ("self_test.c", "example_main.c", "Makefile", "CMakeLists.txt", "README.md")
 # What carries the C into other tools: template, and the module without which there is no such file ("follower": any
-# that follows a reference), by the path below the exported folder.
+# that follows a reference without joint angles), by the path below the exported folder.
 _PACKAGES = {
     "{p}_parameters.a2l": ("c/parameters.a2l.j2", ""),
     "zephyr/module.yml": ("packages/zephyr_module.yml.j2", ""),
@@ -101,7 +101,7 @@ def folder_files(
     context = _context(scenario, problem, modules, precision, prefix, further)
     # Structured Text has the law with one dead band.
     there = {"", *(m.name for m in modules if m.name != "capstan" or context["plays"] is None)}
-    there |= {"follower"} if context["follower"] else set()
+    there |= {"follower"} if context["follower"] and not context["joint_parameter"] else set()
     templates = {name: f"c/{name}.j2" for name in _FOLDER_FILES}
     templates |= {path.format(p=prefix): template for path, (template, needs) in _PACKAGES.items() if needs in there}
     return {path: _TEMPLATES.get_template(template).render(context) for path, template in templates.items()}
@@ -209,7 +209,7 @@ def _context(
     others = (STREAM, PLANT, *ADAPTIVE_MODULES)
     followers = [m for m in modules if not m.plays_back and m not in others]  # of a reference, without delay
     output = max(size, 4) + 8 + 3 * size
-    entry = _padded(2 * size + 12, size)
+    entry = _padded(4 * size + 4, size)
     past = 2 * count + 2 if precision is Precision.FLOAT else 0
     joints = Joints.of(chain) if chain.moving else None  # else all masses are alike and nothing moves
     moving = joints is not None and bool(joints.names)
@@ -224,10 +224,10 @@ def _context(
     free = 1 if joints else free
     state = {
         "inverse": _padded(
-            output + (2 * reals + (5 if ramp else 4) + free + past) * size + entry + 4 + path[True], size
+            output + (2 * reals + (7 if ramp else 6) + free + past) * size + entry + 4 + path[True], size
         ),
-        "capstan": _padded(output + (5 if law.plays is None else 4 + 3 * PLAYS) * size + entry, size),
-        "table": _padded(output + 4 * size + entry + 4, size),
+        "capstan": _padded(output + (6 if law.plays is None else 5 + 3 * PLAYS) * size + entry, size),
+        "table": _padded(output + 5 * size + entry + 4, size),
         "plant": _padded((2 * reals + (3 if servo else 2)) * size + 16 + path[False], size),
         "profile": _padded(output + 4, size),
         "bounds": _padded(4 * size + 4, size),
@@ -260,9 +260,10 @@ def _context(
         "plays": _plays(law, transmission, precision),
         "re_entry": max(1, round(RE_ENTRY_S / step)),
         "re_entry_share": RE_ENTRY_SHARE,
+        "steps": accepted_steps(step),
         **_start_context(chain),
         "servo": servo,
-        "told": "command" if servo else "force",
+        "actuation": "command" if servo else "force",
         **parameter_context(problem),
         "exp": "expf" if precision is Precision.FLOAT else "exp",
         "modules": modules,

@@ -13,6 +13,7 @@ import pytest
 
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.host import run_on_host
+from tendonff.compensator.runtime.runtime import Runtime
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.ocp.codegen.precision import Precision
@@ -94,8 +95,9 @@ def test_structured_text_is_read_by_a_parser_of_the_standard(files, kind):
     assert parsed.exception is None
 
 
-def test_the_ros_2_controller_answers_what_the_c_answers(files, folder, course, tmp_path):
-    """Compiled against minimal headers with the names and signatures of ros2_control, not against ROS itself."""
+def test_the_ros_2_controller_answers_what_the_c_answers_at_any_rate(files, folder, course, tmp_path, scenario):
+    """Compiled against minimal headers with the names and signatures of ros2_control, not against ROS itself; at the
+    scenario's rate and at 400 Hz."""
     if shutil.which("g++") is None or shutil.which("gcc") is None:
         pytest.skip("g++ is not installed")
     sources = {name: text for name, text in files.items() if name.startswith("tff_") and name.endswith((".c", ".h"))}
@@ -114,11 +116,14 @@ def test_the_ros_2_controller_answers_what_the_c_answers(files, folder, course, 
         check=True,
     )
     given = "\n".join(repr(float(v)) for v in course)
-    done = subprocess.run([program], input=given, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "update_rate must be 1000 Hz" in done.stderr
-    commands = np.array(list(map(float, done.stdout.split())))
-    assert commands == pytest.approx(answered["inverse"], rel=1e-12)
+    runtime = Runtime(scenario, kind="inverse", start=float(course[0]))
+    slower = np.array([runtime.step(float(reference), dt=2.5e-3) for reference in course])
+    for period, expected in (("1e-3", answered["inverse"]), ("2.5e-3", slower)):
+        done = subprocess.run([program, period], input=given, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        assert "update_rate must be 33.3333 to 2000 Hz, got 20" in done.stderr
+        commands = np.array(list(map(float, done.stdout.split())))
+        assert commands == pytest.approx(expected, rel=1e-12)
 
 
 def test_the_zephyr_module_builds_every_source(folder, tmp_path):

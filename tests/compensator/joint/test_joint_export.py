@@ -10,8 +10,9 @@ import pytest
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.joint import export
-from tendonff.compensator.joint.export import export_joints, joint_sources
+from tendonff.compensator.joint.export import project
+from tendonff.compensator.joint.export.project import export_joints
+from tendonff.compensator.joint.export.text import joint_sources
 from tendonff.compensator.joint.scenario import JointScenario, load_joint_scenario
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
@@ -92,7 +93,7 @@ def several(tmp_path_factory: pytest.TempPathFactory) -> tuple[JointScenario, ..
             hand,
             folder / "d.toml",
             ("joints.knuckle", "joints.loose"),
-            ("pretension_N = 15.0", "pretension_N = 2.0"),
+            ("pretension_N = 5.0", "pretension_N = 2.0"),
             ("gravity_N_m = 0.02 ", "gravity_N_m = 0.2 "),
         ),
         changed(
@@ -194,8 +195,8 @@ def test_commands_that_are_worse_than_the_ratio_are_not_exported(
     tmp_path: Path, examples: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Commands that do not move the joint, judged on the mechanism as all are."""
-    judge = export._judge
-    monkeypatch.setattr(export, "_judge", lambda scenario, sampled, told: judge(scenario, sampled, 0 * told))
+    judge = project.judge_joint
+    monkeypatch.setattr(project, "judge_joint", lambda scenario, sampled, told: judge(scenario, sampled, 0 * told))
     scenario = changed(examples / "hand_joint.toml", tmp_path / "s.toml")
     with pytest.raises(SolveError, match=r"not better than the ratio alone .*--force-export"):
         export_joints((scenario,))
@@ -206,7 +207,7 @@ def test_commands_that_are_worse_than_the_ratio_are_not_exported(
 
 def test_the_command_exports_several_files(tmp_path: Path, several, capsys: pytest.CaptureFixture[str]) -> None:
     first, second = (str(scenario.source) for scenario in several[:2])
-    assert run(["export-c", first, "--joint", second, "--out", str(tmp_path / "out"), "--prefix", "hand"]) == 0
+    assert run(["export-c", first, second, "--out", str(tmp_path / "out"), "--prefix", "hand"]) == 0
     said = "".join(capsys.readouterr())
     assert "knuckle: RMS error" in said
     assert "wrist: RMS error" in said

@@ -11,7 +11,11 @@
 namespace rclcpp
 {
 struct Time {};
-struct Duration {};
+struct Duration
+{
+  double length = 0.0;
+  double seconds() const { return length; }
+};
 struct Logger {};
 using Value = std::variant<std::string, double>;
 struct Parameter

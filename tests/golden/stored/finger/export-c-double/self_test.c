@@ -471,6 +471,33 @@ static void test_capstan(void)
         expect("capstan: what was lost or missed is led back", way_back);
     }
 
+    {
+        const tff_real from = golden_reference[0];
+        const tff_real to = 47.0;
+        const tff_real part = (tff_real)0.5 * TFF_STEP_MIN_S;
+        tff_capstan usual;
+        tff_capstan self;
+        int same = 1, m;
+        tff_real force;
+        tff_capstan_init(&usual, from);
+        tff_capstan_init(&self, from);
+        for (m = 0; m < 40; m++) {
+            const tff_real given = from + ((to - from) * ((tff_real)m / (tff_real)400));
+            force = tff_capstan_step(&usual, given);
+            if ((m % 3) == 1) {
+                (void)tff_capstan_step_dt(&self, part, given);
+            }
+            same = same && is_near((double)tff_capstan_step_dt(&self, ((m % 3) == 1) ? (TFF_STEP_S - part) : TFF_STEP_S, given), (double)force);
+        }
+        expect("capstan: parts of a sample are one", same);
+        same = is_near((double)tff_capstan_step_dt(&self, (tff_real)NAN, to), (double)force);
+        same = same && is_near((double)tff_capstan_step_dt(&self, -TFF_STEP_S, to), (double)force);
+        expect("capstan: no time, no change", same);
+        force = self.entry.last;
+        (void)tff_capstan_step_dt(&self, (tff_real)0.5, to);
+        expect("capstan: a pause leads back", is_near((double)self.entry.last, (double)force));
+    }
+
     error = 0.0;
     tff_capstan_init(&self, jump_reference[0]);
     before = (double)self.output.force;
@@ -587,6 +614,33 @@ static void test_inverse(void)
             }
         }
         expect("inverse: what was lost or missed is led back", way_back);
+    }
+
+    {
+        const tff_real from = golden_reference[0];
+        const tff_real to = 47.0;
+        const tff_real part = (tff_real)0.5 * TFF_STEP_MIN_S;
+        tff_inverse usual;
+        tff_inverse self;
+        int same = 1, m;
+        tff_real force;
+        tff_inverse_init(&usual, from);
+        tff_inverse_init(&self, from);
+        for (m = 0; m < 40; m++) {
+            const tff_real given = from + ((to - from) * ((tff_real)m / (tff_real)400));
+            force = tff_inverse_step(&usual, given);
+            if ((m % 3) == 1) {
+                (void)tff_inverse_step_dt(&self, part, given);
+            }
+            same = same && is_near((double)tff_inverse_step_dt(&self, ((m % 3) == 1) ? (TFF_STEP_S - part) : TFF_STEP_S, given), (double)force);
+        }
+        expect("inverse: parts of a sample are one", same);
+        same = is_near((double)tff_inverse_step_dt(&self, (tff_real)NAN, to), (double)force);
+        same = same && is_near((double)tff_inverse_step_dt(&self, -TFF_STEP_S, to), (double)force);
+        expect("inverse: no time, no change", same);
+        force = self.entry.last;
+        (void)tff_inverse_step_dt(&self, (tff_real)0.5, to);
+        expect("inverse: a pause leads back", is_near((double)self.entry.last, (double)force));
     }
 
     error = 0.0;
@@ -774,6 +828,33 @@ static void test_table(void)
         expect("table: what was lost or missed is led back", way_back);
     }
 
+    {
+        const tff_real from = golden_reference[0];
+        const tff_real to = 47.0;
+        const tff_real part = (tff_real)0.5 * TFF_STEP_MIN_S;
+        tff_table usual;
+        tff_table self;
+        int same = 1, m;
+        tff_real force;
+        tff_table_init(&usual, from);
+        tff_table_init(&self, from);
+        for (m = 0; m < 40; m++) {
+            const tff_real given = from + ((to - from) * ((tff_real)m / (tff_real)400));
+            force = tff_table_step(&usual, given);
+            if ((m % 3) == 1) {
+                (void)tff_table_step_dt(&self, part, given);
+            }
+            same = same && is_near((double)tff_table_step_dt(&self, ((m % 3) == 1) ? (TFF_STEP_S - part) : TFF_STEP_S, given), (double)force);
+        }
+        expect("table: parts of a sample are one", same);
+        same = is_near((double)tff_table_step_dt(&self, (tff_real)NAN, to), (double)force);
+        same = same && is_near((double)tff_table_step_dt(&self, -TFF_STEP_S, to), (double)force);
+        expect("table: no time, no change", same);
+        force = self.entry.last;
+        (void)tff_table_step_dt(&self, (tff_real)0.5, to);
+        expect("table: a pause leads back", is_near((double)self.entry.last, (double)force));
+    }
+
     error = 0.0;
     tff_table_init(&self, jump_reference[0]);
     before = (double)self.output.force;
@@ -860,6 +941,33 @@ static void test_stream(void)
             }
         }
         expect("stream: what was lost or missed is led back", way_back);
+    }
+
+    {
+        const tff_real from = golden_reference[0];
+        const tff_real to = 47.0;
+        const tff_real part = (tff_real)0.5 * TFF_STEP_MIN_S;
+        tff_stream usual;
+        tff_stream self;
+        int same = 1, m;
+        tff_real force;
+        tff_stream_init(&usual, from);
+        tff_stream_init(&self, from);
+        for (m = 0; m < 40; m++) {
+            const tff_real given = from + ((to - from) * ((tff_real)m / (tff_real)400));
+            force = tff_stream_step(&usual, given);
+            if ((m % 3) == 1) {
+                (void)tff_stream_step_dt(&self, part, given);
+            }
+            same = same && is_near((double)tff_stream_step_dt(&self, ((m % 3) == 1) ? (TFF_STEP_S - part) : TFF_STEP_S, given), (double)force);
+        }
+        expect("stream: parts of a sample are one", same);
+        same = is_near((double)tff_stream_step_dt(&self, (tff_real)NAN, to), (double)force);
+        same = same && is_near((double)tff_stream_step_dt(&self, -TFF_STEP_S, to), (double)force);
+        expect("stream: no time, no change", same);
+        force = self.entry.last;
+        (void)tff_stream_step_dt(&self, (tff_real)0.5, to);
+        expect("stream: a pause leads back", is_near((double)self.entry.last, (double)force));
     }
 
     {

@@ -23,6 +23,7 @@ void tff_capstan_init(tff_capstan *self, tff_real initial_tension)
     self->last = tension;
     self->wanted = tension;
     tff_entry_init(&self->entry, tension);
+    self->waiting = 0.0;
     self->pull = 1.8744560875853382;
     self->release = 0.53348809109110329;
     self->adhesion = 0.0;
@@ -46,7 +47,7 @@ int32_t tff_capstan_use(tff_capstan *self, const tff_parameters *given)
     return good;
 }
 
-tff_real tff_capstan_step(tff_capstan *self, tff_real reference)
+static tff_real tff_capstan_after(tff_capstan *self, tff_real samples, tff_real reference)
 {
     tff_real force;
 
@@ -54,7 +55,7 @@ tff_real tff_capstan_step(tff_capstan *self, tff_real reference)
         tff_entry_lose(&self->entry, 1);
         force = tff_output_hold(&self->output, TFF_INPUT_HELD);
     } else {
-        const tff_real followed = tff_entry_take(&self->entry, reference);
+        const tff_real followed = tff_entry_after(&self->entry, reference, samples);
         const tff_real lifted = followed + self->adhesion;
         if (followed > self->last) {
             self->wanted = (lifted * self->pull) - self->adhesion;
@@ -64,7 +65,27 @@ tff_real tff_capstan_step(tff_capstan *self, tff_real reference)
             /* the reference stands still: so does the force */
         }
         self->last = followed;
-        force = tff_output_set(&self->output, self->wanted);
+        force = tff_output_after(&self->output, self->wanted, samples);
+    }
+    return force;
+}
+
+tff_real tff_capstan_step(tff_capstan *self, tff_real reference)
+{
+    return tff_capstan_after(self, 1.0, reference);
+}
+
+tff_real tff_capstan_step_dt(tff_capstan *self, tff_real dt_s, tff_real reference)
+{
+    const tff_real samples = tff_samples(&self->waiting, dt_s);
+    const int32_t missed = tff_paused(samples);
+    tff_real force;
+
+    if (samples > 0.0) {
+        tff_capstan_missed(self, missed);
+        force = tff_capstan_after(self, (missed > 0) ? 1.0 : samples, reference);
+    } else {
+        force = tff_output_hold(&self->output, (tff_is_within(dt_s, 0.0, TFF_STEP_MIN_S) != 0) ? TFF_OK : TFF_INPUT_HELD);
     }
     return force;
 }

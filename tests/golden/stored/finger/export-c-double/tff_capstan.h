@@ -23,6 +23,7 @@ typedef struct {
     tff_real release;  /* e^{-mu theta}, releasing */
     tff_real adhesion; /* p [N] */
     tff_entry entry;   /* last reference, and the way back to one that was lost */
+    tff_real waiting; /* time too short for a step of its own [s] */
 } tff_capstan;
 
 /* At rest under a uniform tension [N]. */
@@ -37,6 +38,10 @@ int32_t tff_capstan_use(tff_capstan *self, const tff_parameters *given);
 
 /* Force [N], within the actuator's limits, for the next reference tension [N]. */
 tff_real tff_capstan_step(tff_capstan *self, tff_real reference);
+
+/* The same for any time since the last call [s]: a step of its own up to TFF_STEP_MAX_S. After a pause, which is longer,
+ * it leads back to the reference as after missed calls; a time that is no number holds the last good output. */
+tff_real tff_capstan_step_dt(tff_capstan *self, tff_real dt_s, tff_real reference);
 
 #ifdef __cplusplus
 }

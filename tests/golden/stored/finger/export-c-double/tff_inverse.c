@@ -232,6 +232,55 @@ static double tff_inverse_invert_step(
     return f_c;
 }
 
+/* What depends on the weight H [s] of the scheme. */
+static void tff_inverse_weigh(
+    double H, double ratio, double *link_start_1, double *link_start_2, double *link_start_3, double *link_start_4, double *link_rate_1, double *far_velocity_1, double *far_velocity_2, double *near_force_1, double *path_mass_inverse_1)
+{
+    const double t0 = 20000.0 * ratio;
+    *link_start_1 = t0;
+    const double t1 = 6000.0 * ratio;
+    *link_start_2 = t1;
+    *link_start_3 = H;
+    const double t2 = H / 0.40000000000000002;
+    const double t3 = 1.0 + t2;
+    *link_start_4 = t3;
+    const double t4 = t0 * H;
+    const double t5 = H * t2;
+    const double t6 = t5 / t3;
+    const double t7 = H - t6;
+    const double t8 = t1 * t7;
+    const double t9 = t4 + t8;
+    const double t10 = 2.0 * ratio;
+    const double t11 = t9 + t10;
+    *link_rate_1 = t11;
+    const double t12 = 0.02 / H;
+    *far_velocity_1 = t12;
+    const double t13 = 3000.0 * H;
+    const double t14 = 8.0 + t13;
+    const double t15 = t12 + t14;
+    *far_velocity_2 = t15;
+    const double t16 = 0.14999999999999999 / H;
+    *near_force_1 = t16;
+    const double t17 = 0.00033333333333333332 / H;
+    *path_mass_inverse_1 = t17;
+}
+
+/* Rows for a step of another length [s] after one of `before` (0: none is known): backward differences of second order over
+ * two steps that differ; implicit Euler after one that is far shorter. */
+static void tff_inverse_reweigh(const tff_inverse_weights *given, double step_s, double before_s, tff_inverse_weights *rows)
+{
+    const double ratio = ((before_s * 4.0) >= step_s) ? (step_s / before_s) : 0.0;
+    const double whole = 1.0 + (ratio + ratio);
+    rows[0] = given[0];
+    rows[0].carry = (ratio * ratio) / whole;
+    rows[0].H = (step_s * (1.0 + ratio)) / whole;
+    tff_inverse_weigh(rows[0].H, 6.0, &rows[0].link_start_1, &rows[0].link_start_2, &rows[0].link_start_3, &rows[0].link_start_4, &rows[0].link_rate_1, &rows[0].far_velocity_1, &rows[0].far_velocity_2, &rows[0].near_force_1, &rows[0].path_mass_inverse_1);
+    rows[1] = given[1];
+    rows[1].carry = (ratio * ratio) / whole;
+    rows[1].H = (step_s * (1.0 + ratio)) / whole;
+    tff_inverse_weigh(rows[1].H, 12.0, &rows[1].link_start_1, &rows[1].link_start_2, &rows[1].link_start_3, &rows[1].link_start_4, &rows[1].link_rate_1, &rows[1].far_velocity_1, &rows[1].far_velocity_2, &rows[1].near_force_1, &rows[1].path_mass_inverse_1);
+}
+
 /* Numbers of one mass over what can be set, eqs. (8), (9). */
 static void tff_inverse_settable_numbers(
     double mu_pull, double mu_release, double adhesion, double *piece_adhesion_N, double *friction_mu_dynamic_pull, double *friction_mu_dynamic_release)
@@ -288,6 +337,8 @@ void tff_inverse_init(tff_inverse *self, tff_real initial_tension)
     self->least = tension;
     tff_entry_init(&self->entry, tension);
     self->fresh = 2;
+    self->samples = 0.0;
+    self->waiting = 0.0;
     self->own.piece_adhesion_N = 0.0;
     self->own.friction_mu_dynamic_pull = 0.052312080781770152;
     self->own.friction_mu_dynamic_release = 0.052312080781770152;
@@ -372,7 +423,8 @@ void tff_inverse_missed(tff_inverse *self, int32_t samples)
     tff_entry_lose(&self->entry, samples);
 }
 
-tff_real tff_inverse_step(tff_inverse *self, tff_real reference)
+/* A step of so many samples. */
+static tff_real tff_inverse_after(tff_inverse *self, tff_real samples, tff_real reference)
 {
     tff_real force;
 
@@ -383,15 +435,45 @@ tff_real tff_inverse_step(tff_inverse *self, tff_real reference)
         self->fresh = 1; /* the sample at t = 0: at rest */
         force = tff_output_set(&self->output, self->output.force);
     } else {
-        const tff_real followed = tff_entry_take(&self->entry, reference);
-        const tff_real exact = tff_inverse_invert_step(
-            tff_inverse_rows(), followed, (self->fresh != 0) ? 1 : 0, self->own.piece_adhesion_N, self->own.friction_mu_dynamic_pull, self->own.friction_mu_dynamic_release, self->x, self->x_old, &self->least);
+        const tff_real followed = tff_entry_after(&self->entry, reference, samples);
+        const tff_inverse_weights *rows = tff_inverse_rows();
+        tff_inverse_weights own[2];
+        int fresh = (self->fresh != 0) ? 1 : 0;
+        tff_real exact;
+        if ((tff_is_within(samples, 1.0, 1.0) == 0) || ((fresh == 0) && (tff_is_within(self->samples, 1.0, 1.0) == 0))) {
+            tff_inverse_reweigh(rows, samples * TFF_STEP_S, (fresh != 0) ? 0.0 : (self->samples * TFF_STEP_S), own);
+            rows = own;
+            fresh = 1; /* the first of these rows */
+        }
+        exact = tff_inverse_invert_step(
+            rows, followed, fresh, self->own.piece_adhesion_N, self->own.friction_mu_dynamic_pull, self->own.friction_mu_dynamic_release, self->x, self->x_old, &self->least);
         self->fresh = 0;
-        force = tff_output_set(&self->output, exact);
+        self->samples = samples;
+        force = tff_output_after(&self->output, exact, samples);
         if (self->least <= 0.0) {
             self->output.status |= TFF_WOULD_PUSH;
             self->output.seen |= TFF_WOULD_PUSH;
         }
+    }
+    return force;
+}
+
+tff_real tff_inverse_step(tff_inverse *self, tff_real reference)
+{
+    return tff_inverse_after(self, 1.0, reference);
+}
+
+tff_real tff_inverse_step_dt(tff_inverse *self, tff_real dt_s, tff_real reference)
+{
+    const tff_real samples = tff_samples(&self->waiting, dt_s);
+    const int32_t missed = tff_paused(samples);
+    tff_real force;
+
+    if (samples > 0.0) {
+        tff_inverse_missed(self, missed);
+        force = tff_inverse_after(self, (missed > 0) ? 1.0 : samples, reference);
+    } else {
+        force = tff_output_hold(&self->output, (tff_is_within(dt_s, 0.0, TFF_STEP_MIN_S) != 0) ? TFF_OK : TFF_INPUT_HELD);
     }
     return force;
 }

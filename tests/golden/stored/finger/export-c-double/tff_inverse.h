@@ -36,6 +36,8 @@ typedef struct {
     tff_inverse_numbers own;
     tff_real mu;        /* mu_dynamic when pulling [-] */
     tff_real adhesion;  /* [N] */
+    tff_real samples;   /* length of the last step, in samples */
+    tff_real waiting;   /* time too short for a step of its own [s] */
     int32_t fresh;           /* 2: no call yet; 1: no sample has moved it; 0: in motion */
 } tff_inverse;
 
@@ -53,6 +55,10 @@ void tff_inverse_missed(tff_inverse *self, int32_t samples);
 /* Force [N], within the actuator's limits, for the reference tension [N] at the end of this sample. The first call may
  * repeat the initial tension (the sample at t = 0) or give the first sample after it. */
 tff_real tff_inverse_step(tff_inverse *self, tff_real reference);
+
+/* The same for any time since the last call [s]: a step of its own up to TFF_STEP_MAX_S. After a pause, which is longer,
+ * it leads back to the reference as after missed calls; a time that is no number holds the last good output. */
+tff_real tff_inverse_step_dt(tff_inverse *self, tff_real dt_s, tff_real reference);
 
 /* Other parameters from the next sample on; 0 where they are not good and nothing changes. The states stay: a change of
  * friction moves the force as fast as the tendon slides. Init goes back to the scenario's. */

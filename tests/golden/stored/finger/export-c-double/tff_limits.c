@@ -74,12 +74,47 @@ tff_real tff_output_set(tff_output *self, tff_real wanted)
     return force;
 }
 
+tff_real tff_output_after(tff_output *self, tff_real wanted, tff_real samples)
+{
+    const tff_real change = self->change;
+    tff_real force;
+
+    self->change = change * samples;
+    force = tff_output_set(self, wanted);
+    self->change = change;
+    return force;
+}
+
+tff_real tff_samples(tff_real *waiting, tff_real dt_s)
+{
+    tff_real samples = 0.0;
+
+    if (tff_is_within(dt_s, 0.0, TFF_LARGEST_N) != 0) {
+        const tff_real since = *waiting + dt_s;
+        *waiting = since;
+        if (since >= TFF_STEP_MIN_S) {
+            *waiting = 0.0;
+            samples = since * 1000.0;
+            samples = (tff_is_within(samples, 0.99999899999999997, 1.0000009999999999) != 0) ? 1.0 : samples;
+        }
+    }
+    return samples;
+}
+
+int32_t tff_paused(tff_real samples)
+{
+    const tff_real most = (tff_real)TFF_RE_ENTRY;
+    const tff_real counted = (samples < most) ? samples : most;
+
+    return (samples > (TFF_STEP_MAX_S * 1000.0)) ? (int32_t)counted : 0;
+}
+
 void tff_entry_init(tff_entry *self, tff_real reference)
 {
     self->last = reference;
     self->held = reference;
-    self->span = TFF_RE_ENTRY;
-    self->left = 0;
+    self->span = (tff_real)TFF_RE_ENTRY;
+    self->left = 0.0;
     self->lost = 0;
 }
 
@@ -93,21 +128,27 @@ void tff_entry_lose(tff_entry *self, int32_t samples)
 
 tff_real tff_entry_take(tff_entry *self, tff_real reference)
 {
+    return tff_entry_after(self, reference, 1.0);
+}
+
+tff_real tff_entry_after(tff_entry *self, tff_real reference, tff_real samples)
+{
     tff_real followed = reference;
 
     if (self->lost != 0) {
-        const int32_t asked = TFF_RE_ENTRY_SHARE * self->lost;
-        const int32_t span = (asked > self->left) ? asked : self->left; /* never shorter than the way that it was on */
-        self->span = (span < TFF_RE_ENTRY) ? span : TFF_RE_ENTRY;
+        const tff_real most = (tff_real)TFF_RE_ENTRY;
+        const tff_real asked = (tff_real)(TFF_RE_ENTRY_SHARE * self->lost);
+        const tff_real span = (asked > self->left) ? asked : self->left; /* never shorter than the way that it was on */
+        self->span = (span < most) ? span : most;
         self->left = self->span;
         self->held = self->last;
         self->lost = 0;
     }
-    if (self->left > 0) {
-        const tff_real place = (tff_real)self->left / (tff_real)self->span;
+    if (self->left > 0.0) {
+        const tff_real place = self->left / self->span;
         const tff_real left = place * place * place * (10.0 + (place * ((6.0 * place) - 15.0)));
         followed = self->held + ((reference - self->held) * (1.0 - left)); /* at first exactly what was held */
-        self->left--;
+        self->left -= samples;
     }
     self->last = followed;
     return followed;

@@ -35,8 +35,18 @@ void tff_output_init(tff_output *self, tff_real force);
 /* Other limits from the next sample on; the last output is led inside them at the rate that they state. */
 void tff_output_use(tff_output *self, const tff_parameters *given);
 
+/* Samples that a time since the last call [s] makes, to which what waited is added: 0 for one that is no number, negative,
+ * or too short for a step of its own, which waits for the next one. */
+tff_real tff_samples(tff_real *waiting, tff_real dt_s);
+
+/* Whole samples of a pause, for `missed`; 0 for what is none. */
+int32_t tff_paused(tff_real samples);
+
 /* Pass a wanted force [N] through the force and rate limits; what is not finite holds the last good output. */
 tff_real tff_output_set(tff_output *self, tff_real wanted);
+
+/* The same after so many samples, whose change the rate allows. */
+tff_real tff_output_after(tff_output *self, tff_real wanted, tff_real samples);
 
 /* Hold the last good output and say why. */
 tff_real tff_output_hold(tff_output *self, uint32_t why);
@@ -45,8 +55,8 @@ tff_real tff_output_hold(tff_output *self, uint32_t why);
 typedef struct {
     tff_real last;   /* what was followed last [N] */
     tff_real held;   /* where the way back started [N] */
-    int32_t span;         /* samples of the way back */
-    int32_t left;         /* those that are left */
+    tff_real span;   /* samples of the way back */
+    tff_real left;   /* those that are left */
     int32_t lost;         /* samples for which nothing good has arrived */
 } tff_entry;
 
@@ -63,6 +73,9 @@ void tff_entry_lose(tff_entry *self, int32_t samples);
 /* What is to be followed [N]: the reference, or on the way back to it a course without a jump in velocity and
  * acceleration from where it was lost. */
 tff_real tff_entry_take(tff_entry *self, tff_real reference);
+
+/* The same after so many samples. */
+tff_real tff_entry_after(tff_entry *self, tff_real reference, tff_real samples);
 
 #ifdef __cplusplus
 }

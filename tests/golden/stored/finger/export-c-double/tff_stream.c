@@ -21,6 +21,8 @@ static void tff_stream_start(tff_stream *self)
     }
     self->centre = self->inverse.start;
     self->newest = 0;
+    self->passed = self->inverse.start;
+    self->waiting = 0.0;
 }
 
 void tff_stream_init(tff_stream *self, tff_real initial_tension)
@@ -107,4 +109,31 @@ tff_real tff_stream_step(tff_stream *self, tff_real reference)
     self->inverse.output.seen |= status;
     self->output.seen = self->inverse.output.seen;
     return force;
+}
+
+tff_real tff_stream_step_dt(tff_stream *self, tff_real dt_s, tff_real reference)
+{
+    tff_real answer = self->output.force;
+
+    if (tff_is_within(dt_s, 0.0, 1e+30) != 0) {
+        const int32_t missed = tff_paused(dt_s * 1000.0);
+        const tff_real since = (missed > 0) ? TFF_STEP_S : (self->waiting + dt_s);
+        const int32_t samples = (int32_t)((since * 1000.0) + 9.9999999999999995e-07);
+        const tff_real left = since - ((tff_real)samples * TFF_STEP_S);
+        const tff_real before = self->passed;
+        int32_t k;
+
+        tff_stream_missed(self, missed);
+        for (k = samples - 1; k >= 0; k--) { /* so many are to come */
+            const tff_real back = (tff_real)k * TFF_STEP_S;
+            const tff_real rest = ((missed > 0) || ((back + left) <= (dt_s * 9.9999999999999995e-07))) ? 0.0 : ((back + left) / dt_s);
+            const tff_real followed = (rest > 0.0) ? (reference + (rest * (before - reference))) : reference;
+            answer = tff_stream_step(self, followed);
+        }
+        self->waiting = (left > 0.0) ? left : 0.0;
+        if (tff_is_within(reference, -1e+30, 1e+30) != 0) {
+            self->passed = reference;
+        }
+    }
+    return answer;
 }

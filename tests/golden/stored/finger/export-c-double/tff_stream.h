@@ -35,6 +35,8 @@ typedef struct {
     tff_real high;
     tff_real centre; /* of the dead band [N] */
     int32_t newest;       /* place in the ring */
+    tff_real passed;  /* reference of the last call [N] */
+    tff_real waiting; /* part of a sample that has passed since the last one [s] */
 } tff_stream;
 
 /* At rest under a uniform tension [N]. */
@@ -52,6 +54,11 @@ int32_t tff_stream_use(tff_stream *self, const tff_parameters *given);
 /* Force [N], within the actuator's limits, for the reference tension [N] that has just arrived. One outside the range is
  * clamped, one that is not a number holds the last one; both set INPUT_HELD. */
 tff_real tff_stream_step(tff_stream *self, tff_real reference);
+
+/* The same for any time since the last call [s]: the samples that fit into it, with the reference on a straight line between
+ * the last one and this; what is left counts with the next call, so that what is returned is less than a sample old. After a
+ * pause, longer than TFF_STEP_MAX_S, it leads back to the reference as after missed calls. */
+tff_real tff_stream_step_dt(tff_stream *self, tff_real dt_s, tff_real reference);
 
 #ifdef __cplusplus
 }

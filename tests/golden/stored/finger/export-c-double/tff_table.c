@@ -203,6 +203,7 @@ void tff_table_init(tff_table *self, tff_real initial_tension)
     self->last = tension;
     self->wanted = tension;
     tff_entry_init(&self->entry, tension);
+    self->waiting = 0.0;
     self->turn = tension;
     self->branch = 0;
     self->ratio = 1.0;
@@ -223,7 +224,7 @@ int32_t tff_table_use(tff_table *self, const tff_parameters *given)
     return good;
 }
 
-tff_real tff_table_step(tff_table *self, tff_real reference)
+static tff_real tff_table_after(tff_table *self, tff_real samples, tff_real reference)
 {
     tff_real force;
 
@@ -231,7 +232,7 @@ tff_real tff_table_step(tff_table *self, tff_real reference)
         tff_entry_lose(&self->entry, 1);
         force = tff_output_hold(&self->output, TFF_INPUT_HELD);
     } else {
-        const tff_real followed = tff_entry_take(&self->entry, reference);
+        const tff_real followed = tff_entry_after(&self->entry, reference, samples);
         if (followed > self->last) {
             tff_table_pull(self, followed);
         } else if (followed < self->last) {
@@ -239,7 +240,27 @@ tff_real tff_table_step(tff_table *self, tff_real reference)
         } else {
             /* held: the same force */
         }
-        force = tff_output_set(&self->output, self->wanted);
+        force = tff_output_after(&self->output, self->wanted, samples);
+    }
+    return force;
+}
+
+tff_real tff_table_step(tff_table *self, tff_real reference)
+{
+    return tff_table_after(self, 1.0, reference);
+}
+
+tff_real tff_table_step_dt(tff_table *self, tff_real dt_s, tff_real reference)
+{
+    const tff_real samples = tff_samples(&self->waiting, dt_s);
+    const int32_t missed = tff_paused(samples);
+    tff_real force;
+
+    if (samples > 0.0) {
+        tff_table_missed(self, missed);
+        force = tff_table_after(self, (missed > 0) ? 1.0 : samples, reference);
+    } else {
+        force = tff_output_hold(&self->output, (tff_is_within(dt_s, 0.0, TFF_STEP_MIN_S) != 0) ? TFF_OK : TFF_INPUT_HELD);
     }
     return force;
 }

@@ -28,6 +28,7 @@ typedef struct {
     tff_real turn;   /* where the reference turned, or would have to have turned [N] */
     tff_real ratio;  /* (force + adhesion)/(reference + adhesion) before the limits [-] */
     tff_entry entry; /* last reference, and the way back to one that was lost */
+    tff_real waiting; /* time too short for a step of its own [s] */
     int32_t branch;       /* 1 pull, -1 release, 0 not moved yet */
 } tff_table;
 
@@ -43,6 +44,10 @@ int32_t tff_table_use(tff_table *self, const tff_parameters *given);
 
 /* Force [N], within the actuator's limits, for the next reference tension [N]. */
 tff_real tff_table_step(tff_table *self, tff_real reference);
+
+/* The same for any time since the last call [s]: a step of its own up to TFF_STEP_MAX_S. After a pause, which is longer,
+ * it leads back to the reference as after missed calls; a time that is no number holds the last good output. */
+tff_real tff_table_step_dt(tff_table *self, tff_real dt_s, tff_real reference);
 
 #ifdef __cplusplus
 }

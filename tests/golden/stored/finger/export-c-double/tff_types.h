@@ -3,7 +3,7 @@
  * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 416ccb25f27050fb, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The licence of tendonff does not cover what it writes: this file is yours.
- * Units are SI: N, m, s. One call of a step function is one sample of 0.001 s.
+ * Units are SI: N, m, s. One call of a step function is one sample of 0.001 s, or the time that the caller states.
  */
 #ifndef TFF_TYPES_H
 #define TFF_TYPES_H
@@ -23,6 +23,10 @@ typedef double tff_real;
 #define TFF_STEP_S 0.001
 #define TFF_REFERENCE_MIN_N 0.14023897025398877
 #define TFF_REFERENCE_MAX_N 106.69761821822065
+
+/* Times between two calls that are one step [s]: a shorter one is counted with the next, a longer one is a pause. */
+#define TFF_STEP_MIN_S 0.00050000000000000001
+#define TFF_STEP_MAX_S 0.029999999999999999
 
 /* The actuator's limits [N], and the largest change per sample [N]. */
 #define TFF_FORCE_MIN_N 0.0

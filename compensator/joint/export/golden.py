@@ -1,0 +1,230 @@
+"""Golden vectors of a joint: what the exported C must answer, computed by the Python model; and what it does answer."""
+
+import ctypes
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tendonff.compensator.export.golden import to_and_fro
+from tendonff.compensator.export.host import compile_on_host
+from tendonff.compensator.export.text.table_index import rounded
+from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.joint.compensators import inverse_of
+from tendonff.compensator.joint.drive import commanded
+from tendonff.compensator.joint.scenario import JointScenario, SampledJoint
+from tendonff.models.path import JointMotion
+from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.errors import CodeError, SolveError
+from tendonff.ocp.joint.invert import JointInversion, JointStatus, invert_joint
+from tendonff.ocp.joint.protocol import JointProblem
+
+_ROWS = 1000
+_REVERSAL_ROWS = 240
+_SLACK_BIT, _SPEED_BIT, _TORQUE_BIT = 32, 4, 2
+
+_DOUBLE_RAD, _DOUBLE_N = 1e-9, 1e-5
+_UNMEASURED_RAD, _UNMEASURED_N = 2e-4, 0.05
+"""Largest differences from the model that pass: in double, and in float where it was not measured."""
+
+_DRIVER = """#include "{prefix}_joint.h"
+int run(int which, long n, const {prefix}_real *angle, const {prefix}_real *contact, const {prefix}_real *other,
+        {prefix}_real *out)
+{{
+    static {prefix}_joint self;
+    long k;
+    int good = {prefix}_joint_init(&self, which, angle[0], contact[0]{first});
+    (void)other;
+    for (k = 0; k < n; k++) {{
+        (void){prefix}_joint_step(&self, angle[k], contact[k]{each});
+        out[6 * k] = self.motor_rad[0];
+        out[(6 * k) + 1] = self.motor_rad[1];
+        out[(6 * k) + 2] = self.command_rad[0];
+        out[(6 * k) + 3] = self.command_rad[1];
+        out[(6 * k) + 4] = self.tension_N[0];
+        out[(6 * k) + 5] = self.tension_N[1];
+    }}
+    return good;
+}}
+"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointCourse:
+    """Inputs of one joint, exact in the real type of the export, and what the model answers, a row a sample."""
+
+    angle_rad: FloatArray
+    contact_N_m: FloatArray
+    other_rad: FloatArray  # shape (rows, others)
+    inversion: JointInversion
+    motor_rad: FloatArray
+    command_rad: FloatArray
+    tension_N: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointAnswers:
+    """Output of exported code on a sequence."""
+
+    motor_rad: FloatArray
+    command_rad: FloatArray
+    tension_N: FloatArray
+
+
+def golden_course(
+    scenario: JointScenario, sampled: SampledJoint, problem: JointProblem, others: Sequence[str], precision: Precision
+) -> JointCourse:
+    """The reference, thinned to fit, and a way to and fro; where that fails, the beginning of the reference."""
+    stride = max(1, -(-len(sampled.time_s) // _ROWS))
+    for rows in (slice(None, None, stride), slice(0, _ROWS)):
+        angle = sampled.angle_rad[rows]
+        usual = float(np.abs(np.diff(angle)).max())
+        back = to_and_fro(angle, step_N=usual, rows=_REVERSAL_ROWS)
+        course = _course(scenario, sampled, problem, others, precision, rows, back)
+        if course.inversion.status is not JointStatus.FAILED:
+            return course
+    raise SolveError(course.inversion.message)
+
+
+def followed_course(
+    scenario: JointScenario, sampled: SampledJoint, problem: JointProblem, others: Sequence[str], precision: Precision
+) -> JointCourse:
+    """The reference itself; of one that repeats, its steady state, which exported code reaches after some cycles."""
+    if not scenario.reference.periodic:
+        course = _course(scenario, sampled, problem, others, precision, slice(None), np.empty(0))
+        if course.inversion.status is JointStatus.FAILED:
+            raise SolveError(course.inversion.message)
+        return course
+    found, _ = inverse_of(scenario, sampled, problem)
+    command = commanded(scenario.mechanism.drive, found.motor_rad, scenario.run.step_s)
+    course = _course(scenario, sampled, problem, others, precision, slice(None), np.empty(0))
+    return replace(course, inversion=found, motor_rad=found.motor_rad, command_rad=command, tension_N=found.tension_N)
+
+
+def _course(
+    scenario: JointScenario,
+    sampled: SampledJoint,
+    problem: JointProblem,
+    others: Sequence[str],
+    precision: Precision,
+    rows: slice,
+    back_rad: FloatArray,
+) -> JointCourse:
+    joint, step = scenario.mechanism.joint.name, scenario.run.step_s
+
+    def extended(values: FloatArray, more: FloatArray | None = None) -> FloatArray:
+        kept = values[rows]
+        return rounded(np.concatenate([kept, np.full(len(back_rad), kept[-1]) if more is None else more]), precision)
+
+    angle = extended(sampled.angle_rad, back_rad)
+    columns = {name: extended(column) for name, column in sampled.others(joint).items()}
+    motion = JointMotion(
+        names=(joint, *columns),
+        time_s=np.arange(len(angle), dtype=np.float64) * step,
+        angle_rad=np.column_stack([angle, *columns.values()]),
+    )
+    moved = replace(
+        problem,
+        chains=tuple(replace(chain, motion=motion) for chain in problem.chains),
+        start_rad=float(angle[0]),
+    )
+    contact = extended(sampled.contact_N_m)
+    found = invert_joint(moved, angle, step, contact_N_m=contact)
+    still = np.zeros(len(angle))
+    return JointCourse(
+        angle_rad=angle,
+        contact_N_m=contact,
+        other_rad=np.column_stack([still[:, None][:, :0], *(columns.get(name, still) for name in others)]),
+        inversion=found,
+        motor_rad=found.motor_rad,
+        command_rad=commanded(scenario.mechanism.drive, found.motor_rad, step, live=True),
+        tension_N=found.tension_N,
+    )
+
+
+def golden_context(
+    scenario: JointScenario,
+    problem: JointProblem,
+    course: JointCourse,
+    found: JointAnswers | None,
+    precision: Precision,
+) -> dict[str, object]:
+    """Values for the self test's template; what float loses is taken from the compiled code's answers."""
+    drive, step = scenario.mechanism.drive, scenario.run.step_s
+    rad, command, newton = _DOUBLE_RAD, 4 * _DOUBLE_RAD, _DOUBLE_N
+    if precision is Precision.FLOAT:
+        # A reversal that rounding tells a sample later crosses the play that much later.
+        rad, command, newton = _UNMEASURED_RAD, 4 * _UNMEASURED_RAD + drive.play_rad, _UNMEASURED_N
+        if found is not None:
+            rad = 1e-5 + 3 * float(np.abs(found.motor_rad - course.motor_rad).max())
+            command = 1e-5 + 3 * float(np.abs(found.command_rad - course.command_rad).max())
+            newton = 1e-3 + 3 * float(np.abs(found.tension_N - course.tension_N).max())
+    seen = 0
+    limit = drive.speed_max_rad_per_s
+    if limit is not None and np.abs(np.diff(course.motor_rad, axis=0)).max() > 1.05 * limit * step:
+        seen |= _SPEED_BIT
+    torque = course.inversion.drum_N * np.array(problem.windings_m) / drive.gear_ratio
+    torque = torque.sum(axis=1) if problem.loop else torque
+    if drive.torque_max_N_m is not None and np.abs(torque).max() > 1.02 * drive.torque_max_N_m:
+        seen |= _TORQUE_BIT
+    if problem.loop and course.inversion.slack_m.max() > 1e-4:
+        seen |= _SLACK_BIT
+    still = problem.mechanism.motor_rad(
+        np.column_stack([t.path_travel_m(course.angle_rad) for t in problem.mechanism.tendons]), problem.start_rad
+    )
+    beyond = course.motor_rad - (still - still[:1])[:, : course.motor_rad.shape[1]]
+    return {
+        "angle_rad": course.angle_rad,
+        "contact_N_m": course.contact_N_m,
+        "other_rad": course.other_rad,
+        "motor_rad": course.motor_rad,
+        "command_rad": course.command_rad,
+        "tension_N": course.tension_N,
+        "tolerance_rad": f"{rad:.3g}",
+        "tolerance_command": f"{command:.3g}",
+        "tolerance_N": f"{newton:.3g}",
+        "change_rad": f"{1e30 if limit is None else limit * step:.9g}",
+        "back_rad": f"{1e-3 + 2 * float(np.ptp(beyond)):.3g}",
+        "seen": seen,
+    }
+
+
+def run_courses(
+    sources: Mapping[str, str],
+    prefix: str,
+    precision: Precision,
+    courses: Sequence[JointCourse],
+    which: Sequence[int],
+) -> list[JointAnswers] | None:
+    """Answers of the exported code to courses, each of a joint by its number; None where there is no C compiler."""
+    others = courses[0].other_rad.shape[1]
+    each = f", &other[k * {others}]" if others else ""
+    driver = _DRIVER.format(prefix=prefix, first=", other" if others else "", each=each)
+    code = compile_on_host(sources, driver, precision)
+    if code is None:
+        return None
+    call = code.function("run", ctypes.c_int, ctypes.c_long, *(code.reals,) * 4, result=ctypes.c_int)
+    answers = []
+    for course, number in zip(courses, which, strict=True):
+        out = np.empty((len(course.angle_rad), 6), dtype=code.real)
+        inputs = (code.array(each) for each in (course.angle_rad, course.contact_N_m, course.other_rad))
+        if call(number, len(out), *inputs, out) != 1:
+            raise CodeError(f"the exported code refuses the start of joint {number}")
+        found = out.astype(np.float64)
+        motors, tendons = course.motor_rad.shape[1], course.tension_N.shape[1]
+        answers.append(
+            JointAnswers(
+                motor_rad=found[:, :motors],
+                command_rad=found[:, 2 : 2 + motors],
+                tension_N=found[:, 4 : 4 + tendons],
+            )
+        )
+    return answers
+
+
+def largest_departure(courses: Sequence[JointCourse], found: Sequence[JointAnswers]) -> float:
+    """Largest departure of the motor angles that compiled code answers from those of the model [rad]."""
+    return max(
+        float(np.abs(answer.motor_rad - course.motor_rad).max())
+        for course, answer in zip(courses, found[: len(courses)], strict=True)
+    )

@@ -1,0 +1,192 @@
+"""`tendonff export-c` of driven joints: one copy of the code, a record for each joint."""
+
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from tendonff._version import __version__
+from tendonff.compensator.export.modules import check_prefix
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.files.writing import atomic_directory, write_text
+from tendonff.compensator.joint.export.golden import (
+    JointCourse,
+    followed_course,
+    golden_context,
+    golden_course,
+    largest_departure,
+    run_courses,
+)
+from tendonff.compensator.joint.export.judgement import JudgedJoint, judge_joint
+from tendonff.compensator.joint.export.text import module_text, problem_of, render
+from tendonff.compensator.joint.plant import REFINEMENT, verifying_masses
+from tendonff.compensator.joint.scenario import JointScenario, sample_joint
+from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.joint.invert import JointStatus
+from tendonff.ocp.joint.protocol import JointProblem
+from tendonff.ocp.joint.target import other_joints
+
+_FILES = ("self_test.c", "example_main.c", "Makefile", "CMakeLists.txt", "README.md")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportedJoints:
+    """Content of an export, before it is written.
+
+    Attributes
+    ----------
+    files : dict of str to str
+        Text by file name.
+    judged : tuple of JudgedJoint
+    loss_rad : float or None
+        Largest departure of the compiled code from the model; None without a compiler.
+    warnings : tuple of str
+    """
+
+    files: dict[str, str]
+    judged: tuple[JudgedJoint, ...]
+    loss_rad: float | None
+    warnings: tuple[str, ...]
+
+    def write(self, folder: str | os.PathLike[str]) -> None:
+        """Write every file, all or nothing; makes the folder."""
+        with atomic_directory(folder) as partial:
+            for name, text in self.files.items():
+                write_text(partial / name, text)
+
+
+def export_joints(
+    scenarios: Sequence[JointScenario],
+    *,
+    precision: Precision = Precision.DOUBLE,
+    prefix: str = "tff",
+    force_export: bool = False,
+) -> ExportedJoints:
+    """Print the whole folder.
+
+    Parameters
+    ----------
+    scenarios : sequence of JointScenario
+        One for each joint, with the same step.
+    precision : Precision, optional
+    prefix : str, optional
+        Prefix of every C name and file.
+    force_export : bool, optional
+        Export joints all the same whose commands are worse than the ratio alone.
+
+    Raises
+    ------
+    InputError
+        If names or steps of the scenarios do not go together.
+    SolveError
+        If a joint's inverse fails, or is worse than the ratio alone.
+    """
+    check_prefix(prefix)
+    _check_together(scenarios)
+    sampled = [sample_joint(scenario) for scenario in scenarios]
+    problems = [problem_of(scenario, each) for scenario, each in zip(scenarios, sampled, strict=True)]
+    others = other_joints(problems)
+    sources, context = module_text(scenarios, sampled, problems, precision, prefix)
+    courses = [golden_course(*each, others, precision) for each in zip(scenarios, sampled, problems, strict=True)]
+    runs = [followed_course(*each, others, precision) for each in zip(scenarios, sampled, problems, strict=True)]
+    joints: list[dict[str, object]] = context["joints"]
+    found = run_courses(sources, prefix, precision, [*courses, *runs], list(range(len(scenarios))) * 2)
+    judged = []
+    for k, (scenario, each, problem) in enumerate(zip(scenarios, sampled, problems, strict=True)):
+        command = runs[k].command_rad
+        if found is not None and not scenario.reference.periodic:
+            command = found[len(scenarios) + k].command_rad
+        judged.append(judge_joint(scenario, each, command))
+        joints[k] |= {
+            "golden": golden_context(scenario, problem, courses[k], None if found is None else found[k], precision),
+            "plain": judged[k].text(judged[k].plain_rms),
+            "score": judged[k].text(judged[k].rms),
+            "fault": judged[k].fault,
+        }
+    faults = [f"{each.name}: {each.fault}" for each in judged if each.fault]
+    if faults and not force_export:
+        raise SolveError(
+            f"nothing to export: {'; '.join(faults)}. Let the reference move more slowly, or export all the same with "
+            "--force-export"
+        )
+    loss = None if found is None else largest_departure(courses, found)
+    context |= {
+        "loss": f"{loss:.2g}" if loss is not None and precision is Precision.FLOAT else "",
+        "verifying": f"{max(verifying_masses(s.mechanism) for s in scenarios)} masses a tendon at step/{REFINEMENT}",
+    }
+    files = sources | {name: render(f"{name}.j2", context) for name in _FILES}
+    files["design.json"] = _design_json(scenarios, problems, judged, precision, prefix, loss)
+    kept = tuple(f"{fault}; exported because of --force-export" for fault in faults)
+    return ExportedJoints(
+        files=files, judged=tuple(judged), loss_rad=loss, warnings=(*_warnings(runs, scenarios), *kept)
+    )
+
+
+def _check_together(scenarios: Sequence[JointScenario]) -> None:
+    names: dict[str, str] = {}
+    for scenario in scenarios:
+        name, file = scenario.mechanism.joint.name.upper(), scenario.source.name
+        if name in names:
+            raise InputError(
+                f'{file}: joint "{scenario.mechanism.joint.name}" stands in {names[name]} too; give each joint of one '
+                "project a name of its own"
+            )
+        names[name] = file
+        if scenario.run.step_s != scenarios[0].run.step_s:
+            raise InputError(
+                f"{file} [run]: step_s = {scenario.run.step_s:g} differs from {scenarios[0].run.step_s:g} of "
+                f"{scenarios[0].source.name}; joints of one project share their sample time"
+            )
+
+
+def _warnings(runs: Sequence[JointCourse], scenarios: Sequence[JointScenario]) -> tuple[str, ...]:
+    return tuple(
+        f"{scenario.mechanism.joint.name}: {run.inversion.message}"
+        for run, scenario in zip(runs, scenarios, strict=True)
+        if run.inversion.status is not JointStatus.EXACT
+    )
+
+
+def _design_json(
+    scenarios: Sequence[JointScenario],
+    problems: Sequence[JointProblem],
+    judged: Sequence[JudgedJoint],
+    precision: Precision,
+    prefix: str,
+    loss: float | None,
+) -> str:
+    content = {
+        "schema": 1,
+        "tendonff": __version__,
+        "precision": precision,
+        "prefix": prefix,
+        "step_s": scenarios[0].run.step_s,
+        "largest_departure_rad": loss,
+        "joints": [
+            {
+                "name": each.name,
+                "scenario": scenario.name,
+                "scenario_hash": scenario.digest(),
+                "level": scenario.run.level,
+                "masses": [chain.count for chain in problem.chains],
+                "mechanism": asdict(scenario.mechanism),
+                "scores": {
+                    kind: {f"rmse_{scenario.reference.unit}": value, "rmse_percent_of_range": 100 * value / each.range}
+                    for kind, value in (("linear", each.plain_rms), ("inverse", each.rms))
+                },
+                "fault": each.fault,
+            }
+            for scenario, problem, each in zip(scenarios, problems, judged, strict=True)
+        ],
+    }
+    return json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False, default=_plain) + "\n"
+
+
+def _plain(value: object) -> object:
+    """A number or list for what JSON does not know."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} cannot be written as JSON")

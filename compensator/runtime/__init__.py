@@ -1,0 +1,1 @@
+"""Compensators in a control loop in Python: the exported C, compiled here."""

@@ -1,0 +1,156 @@
+"""The C that a runtime runs: the sources of one exported module, and a driver that hands over plain numbers."""
+
+from dataclasses import dataclass
+
+from tendonff.compensator.adapt.setup import check_tuning
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.stream import choose_stream
+from tendonff.compensator.export.modules import ADAPTIVE, STREAM, c_modules
+from tendonff.compensator.export.text.c_text import c_sources
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.joint.export.text import joint_sources, problem_of
+from tendonff.compensator.joint.reference import JointQuantity
+from tendonff.compensator.joint.scenario import JointScenario, sample_joint
+from tendonff.compensator.runtime.kinds import RuntimeKind
+from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
+from tendonff.models.parameters.drive import Drive
+from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.joint.target import other_joints
+from tendonff.ocp.step.joints import Joints
+
+_TENDON = """#include "tff_{module}.h"
+long tff_runtime_size(void) {{ return (long)sizeof(tff_{module}); }}
+int tff_runtime_init(void *memory, double start, const double *joints)
+{{
+    tff_{module} *const self = memory;
+    (void)joints;
+    tff_{module}_init(self, start);
+    return self->output.status == TFF_OK;
+}}
+unsigned tff_runtime_step(void *memory, double dt, double reference, double measured, const double *joints, double *out)
+{{
+    tff_{module} *const self = memory;
+    (void)measured;
+    (void)joints;
+    out[0] = tff_{module}_step_dt(self, dt, reference{arguments});
+    return self->output.status;
+}}
+"""
+_JOINT = """#include "tff_joint.h"
+long tff_runtime_size(void) {{ return (long)sizeof(tff_joint); }}
+int tff_runtime_init(void *memory, double start, const double *joints)
+{{
+    return tff_joint_init(memory, 0, {angle_at_start}, {contact_at_start}{others});
+}}
+unsigned tff_runtime_step(void *memory, double dt, double reference, double measured, const double *joints, double *out)
+{{
+    tff_joint *const self = memory;
+    const unsigned status = tff_joint_step_dt(self, dt, {angle}, {contact}{others});
+    (void)measured;
+    (void)joints;
+    out[0] = self->command_rad[0];
+    out[1] = self->command_rad[1];
+    return status;
+}}
+"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RuntimeCode:
+    """Module of exported C with its driver.
+
+    Attributes
+    ----------
+    kind : RuntimeKind
+    sources : dict of str to str
+        Text by file name.
+    driver : str
+    digest : str
+        Of the scenario.
+    step_s : float
+        Sample time of the scenario [s].
+    start : float
+        Reference at rest before the first step [N, rad or N m].
+    joints : tuple of str
+        Joints whose angles a step takes, in order.
+    joints_start_rad : tuple of float
+        Where they stand at the start.
+    outputs : int
+        Numbers that are commanded.
+    """
+
+    kind: RuntimeKind
+    sources: dict[str, str]
+    driver: str
+    digest: str
+    step_s: float
+    start: float
+    joints: tuple[str, ...]
+    joints_start_rad: tuple[float, ...]
+    outputs: int
+
+
+def joint_runtime(scenario: JointScenario) -> RuntimeCode:
+    """Code of a driven joint."""
+    sampled = sample_joint(scenario)
+    problem = problem_of(scenario, sampled)
+    torque = scenario.reference.quantity is JointQuantity.TORQUE
+    own, names = scenario.mechanism.joint.name, other_joints((problem,))
+    columns = sampled.others(own)
+    start = [float(columns[name][0]) for name in names]
+    others = ", joints" if names else ""
+    reference, angle = (sampled.contact_N_m, f"joints[{len(names)}]") if torque else (sampled.angle_rad, "reference")
+    return RuntimeCode(
+        kind=RuntimeKind.JOINT,
+        sources=joint_sources((scenario,)),
+        driver=_JOINT.format(
+            others=others,
+            angle=angle,
+            contact="reference" if torque else "0.0",
+            angle_at_start=angle.replace("reference", "start"),
+            contact_at_start="start" if torque else "0.0",
+        ),
+        digest=scenario.digest(),
+        step_s=scenario.run.step_s,
+        start=float(reference[0]),
+        joints=(*names, own) if torque else names,
+        joints_start_rad=(*start, float(sampled.angle_rad[0])) if torque else tuple(start),
+        outputs=1 if problem.loop else len(scenario.mechanism.tendons),
+    )
+
+
+def tendon_runtime(scenario: Scenario, kind: RuntimeKind | None) -> RuntimeCode:
+    """Code of one tendon; the default kind is adaptive where the scenario has [adaptation], else the inverse."""
+    file, tuned = scenario.source.name, scenario.adaptation is not None
+    kind = kind or (RuntimeKind.ADAPTIVE if tuned else RuntimeKind.INVERSE)
+    if kind is RuntimeKind.JOINT:
+        raise InputError(f'{file}: kind "joint" is for driven joints; use "inverse"')
+    if kind is RuntimeKind.ADAPTIVE and not tuned:
+        raise InputError(f"{file}: table [adaptation] is missing; the adaptive runtime needs its sensor")
+    check_tuning(scenario)
+    problem = Problem.of(scenario)
+    if kind is RuntimeKind.ADAPTIVE and problem.transmission.actuator.drive is Drive.POSITION:
+        raise InputError(f'{file}: a position drive has no adaptive runtime; use kind "inverse"')
+    further: dict[str, object] = {}
+    if kind is RuntimeKind.STREAM:
+        choice = choose_stream(problem, scenario.stream)
+        if choice is None:
+            raise InputError(f'{file}: no filter serves this reference; use kind "inverse"')
+        further["stream"] = choice.picked.design
+    modules = [module for module in c_modules(scenario, True) if module.name == "inverse"]
+    modules = [ADAPTIVE] if kind is RuntimeKind.ADAPTIVE else modules
+    modules += [STREAM] if kind is RuntimeKind.STREAM else []
+    joints = Joints.of(problem.chain) if scenario.joints else None
+    names = () if joints is None else joints.names
+    measured = ", measured" if kind is RuntimeKind.ADAPTIVE else ""
+    return RuntimeCode(
+        kind=kind,
+        sources=c_sources(scenario, problem, modules, Precision.DOUBLE, "tff", further),
+        driver=_TENDON.format(module=kind.value, arguments=measured + (", joints" if names else "")),
+        digest=scenario_hash(scenario),
+        step_s=problem.reference.step_s,
+        start=problem.reference.initial_tension_N,
+        joints=tuple(names),
+        joints_start_rad=() if joints is None else tuple(float(q) for q in joints.start_rad),
+        outputs=1,
+    )

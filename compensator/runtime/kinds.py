@@ -1,0 +1,85 @@
+"""Kinds of a runtime, and the status of its last step; light, and free of anything that compiles."""
+
+from enum import StrEnum
+
+
+class RuntimeKind(StrEnum):
+    """Compensator that a runtime runs, named as its module of exported C.
+
+    Attributes
+    ----------
+    INVERSE
+        The exact inverse.
+    STREAM
+        The same behind a filter, for references that arrive live.
+    ADAPTIVE
+        The exact inverse that tunes itself to a measurement ([adaptation]).
+    JOINT
+        The inverse of a driven joint between tendons.
+    """
+
+    INVERSE = "inverse"
+    STREAM = "stream"
+    ADAPTIVE = "adaptive"
+    JOINT = "joint"
+
+
+class RuntimeStatus(StrEnum):
+    """Something that a step says of itself.
+
+    Attributes
+    ----------
+    INPUT_HELD
+        Reference, time or angle is no number or out of range: the last good command is held.
+    FORCE_LIMITED
+        A limit of the actuator's force binds.
+    RATE_LIMITED
+        The force rate limit binds.
+    TORQUE_LIMITED
+        The motor would have to give more than `torque_max_N_m`; nothing is changed.
+    SPEED_LIMITED
+        `speed_max_rad_per_s` binds.
+    WOULD_PUSH
+        A tendon would have to push.
+    FAILED
+        No answer was found: the last command is held.
+    SLACK
+        A tendon of a loop hangs loose.
+    FROZEN
+        The model does not explain the measurement: safe values hold.
+    AT_BOUND
+        An estimate is at an end of its range.
+    DOUBT
+        More stays unexplained than a good model leaves.
+    """
+
+    INPUT_HELD = "input_held"
+    FORCE_LIMITED = "force_limited"
+    RATE_LIMITED = "rate_limited"
+    TORQUE_LIMITED = "torque_limited"
+    SPEED_LIMITED = "speed_limited"
+    WOULD_PUSH = "would_push"
+    FAILED = "failed"
+    SLACK = "slack"
+    FROZEN = "frozen"
+    AT_BOUND = "at_bound"
+    DOUBT = "doubt"
+
+
+_TENDON = {
+    1: RuntimeStatus.INPUT_HELD,
+    2: RuntimeStatus.FORCE_LIMITED,
+    4: RuntimeStatus.RATE_LIMITED,
+    8: RuntimeStatus.WOULD_PUSH,
+    16: RuntimeStatus.FAILED,
+    64: RuntimeStatus.FROZEN,
+    128: RuntimeStatus.AT_BOUND,
+    256: RuntimeStatus.DOUBT,
+}
+_JOINT = _TENDON | {2: RuntimeStatus.TORQUE_LIMITED, 4: RuntimeStatus.SPEED_LIMITED, 32: RuntimeStatus.SLACK}
+
+
+def statuses(bits: int, kind: RuntimeKind) -> tuple[RuntimeStatus, ...]:
+    """Meaning of the status bits of exported C."""
+    known = _JOINT if kind is RuntimeKind.JOINT else _TENDON
+    return tuple(status for bit, status in known.items() if bits & bit)

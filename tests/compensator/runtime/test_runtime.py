@@ -1,0 +1,151 @@
+"""Compensators step by step in Python: the numbers of model and exported C, other steps, pauses, and states."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+import tendonff as tf
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.export.host import run_on_host
+from tendonff.compensator.joint.compensators import inverse_of
+from tendonff.compensator.joint.drive import commanded
+from tendonff.compensator.joint.export.text import problem_of
+from tendonff.compensator.joint.scenario import sample_joint
+from tendonff.compensator.runtime.code import tendon_runtime
+from tendonff.ocp.codegen.precision import Precision
+
+pytestmark = pytest.mark.compiler
+HELD = (tf.RuntimeStatus.INPUT_HELD,)
+
+
+@pytest.fixture(scope="module", params=["hand_joint", "instrument_pair"])
+def joint(request, examples):
+    """A joint, its samples, and what the model says that the motors are told at each, shape (rows, motors)."""
+    scenario = tf.load_joint_scenario(examples / f"{request.param}.toml")
+    sampled = sample_joint(scenario)
+    found, _ = inverse_of(scenario, sampled, problem_of(scenario, sampled))
+    told = commanded(scenario.mechanism.drive, found.motor_rad, scenario.run.step_s, live=True)
+    return scenario, sampled, told
+
+
+@pytest.fixture(scope="module")
+def tuned(examples):
+    return tf.load_scenario(examples / "finger_adaptive.toml")
+
+
+def commands(runtime, references, dt=None):
+    return np.array([np.atleast_1d(runtime.step(float(each), dt=dt)) for each in references])
+
+
+def test_a_joint_is_commanded_as_its_design_says(joint):
+    scenario, sampled, told = joint
+    runtime = tf.Runtime(scenario)
+    assert runtime.kind is tf.RuntimeKind.JOINT
+    assert commands(runtime, sampled.angle_rad) == pytest.approx(told, abs=1e-9)
+    assert runtime.status == ()
+
+
+def test_calls_after_5_to_15_ms_follow_the_course_of_those_after_1_ms(joint):
+    """The motors stay within 0.2 deg of the inverse at the scenario's own rate."""
+    scenario, sampled, told = joint
+    runtime = tf.Runtime(scenario)
+    times = np.cumsum(np.random.default_rng(3).uniform(5e-3, 15e-3, 200))
+    runtime.step(float(sampled.angle_rad[0]))
+    errors = []
+    for before, now in itertools.pairwise([0.0, *times[times < sampled.time_s[-1]]]):
+        wanted = np.interp(now, sampled.time_s, sampled.angle_rad)
+        expected = [np.interp(now, sampled.time_s, column) for column in told.T]
+        errors.append(np.abs(runtime.step(float(wanted), dt=now - before) - np.array(expected)).max())
+        assert runtime.status == ()
+    assert math.degrees(max(errors)) < 0.2
+
+
+@pytest.mark.parametrize("lost", ["nothing called", "nothing arrived"])
+@pytest.mark.parametrize("at", [0.45, 0.63])
+def test_after_a_pause_of_half_a_second_no_motor_jumps(joint, lost, at):
+    """From the last command the motors set out smoothly to where the reference has gone, and reach it."""
+    scenario, sampled, told = joint
+    runtime, gap = tf.Runtime(scenario), round(0.5 / scenario.run.step_s)
+    at = round(at * (len(told) - gap))
+    before = commands(runtime, sampled.angle_rad[:at])[-1]
+    if lost == "nothing arrived":
+        assert all(np.all(runtime.step(None) == before) and HELD[0] in runtime.status for _ in range(gap))
+    first = runtime.step(float(sampled.angle_rad[at + gap]), dt=0.5 if lost == "nothing called" else None)
+    after = np.vstack([[before], [np.atleast_1d(first)], commands(runtime, sampled.angle_rad[at + gap + 1 :])])
+    steps = np.degrees(np.abs(np.diff(after, axis=0)))
+    assert steps[:5].max() < 0.2
+    assert after[-1] == pytest.approx(told[-1], abs=1e-3)
+
+
+def test_one_tendon_is_commanded_as_its_exact_inverse_says(examples):
+    """On a path that joints move, whose angles go by name or in order."""
+    scenario = tf.load_scenario(examples / "finger_moving.toml")
+    problem = Problem.of(scenario)
+    rows = slice(0, 400)
+    angles = problem.chain.motion.at(problem.reference.time_s[rows])
+    runtime = tf.Runtime(scenario)
+    named = [dict(zip(runtime.joints, row, strict=True)) for row in angles]
+    given = [row.tolist() if k % 2 else named[k] for k, row in enumerate(angles)]
+    found = [runtime.step(float(t), joints=q) for t, q in zip(problem.reference.tension_N[rows], given, strict=True)]
+    expected = tf.invert(problem.chain, problem.reference.tension_N[rows], problem.reference.step_s)
+    assert found == pytest.approx(expected.force_N, abs=1e-9)
+    with pytest.raises(tf.ParameterError, match=r"must be 2 angles \(knuckle, middle\), got 0"):
+        runtime.step(30.0)
+    with pytest.raises(tf.ParameterError, match="none of middle"):
+        runtime.step(30.0, joints={"knuckle": 0.0})
+
+
+@pytest.mark.parametrize("kind", list(tf.RuntimeKind)[:3])
+def test_calls_at_half_the_rate_follow_the_course_of_all_calls(tuned, kind):
+    """Of stream and tuner the samples between them, on a straight line; of the inverse steps of twice the length."""
+    problem = Problem.of(tuned)
+    tension, step = problem.reference.tension_N[:1001], problem.reference.step_s
+    every = commands(tf.Runtime(tuned, kind=kind), tension)
+    half = commands(tf.Runtime(tuned, kind=kind), tension[::2], dt=2 * step)
+    if kind is not tf.RuntimeKind.INVERSE:  # they have no sample at t = 0: the first call has passed two
+        half, every = half[1:], every[2:]
+    assert np.abs(half - every[: 2 * len(half) : 2]).max() < 0.01 * np.ptp(every)
+
+
+@pytest.mark.parametrize("kind", ["inverse", "stream"])
+def test_a_runtime_has_the_numbers_of_the_exported_c(tuned, kind):
+    tension = Problem.of(tuned).reference.tension_N[:500]
+    code = tendon_runtime(tuned, tf.RuntimeKind(kind))
+    (found,) = run_on_host(code.sources, "tff", Precision.DOUBLE, [{kind: tension}])
+    assert np.array_equal(commands(tf.Runtime(tuned, kind=kind), tension)[:, 0], found[kind])
+
+
+def test_a_state_goes_on_where_it_was_taken(tuned):
+    tension = Problem.of(tuned).reference.tension_N
+    runtime = tf.Runtime(tuned)
+    for k in range(200):
+        runtime.step(float(tension[k]), measured=float(tension[k - 1]))
+    kept = runtime.state()
+    first, again = [], tf.Runtime(tuned)
+    for each, found in ((runtime, first), (again, second := [])):
+        each.restore(kept)
+        found += [each.step(float(tension[k]), measured=float(tension[k - 1])) for k in range(200, 300)]
+    assert first == second
+    with pytest.raises(tf.InputError, match=r'of kind "adaptive" .* not of "inverse"'):
+        tf.Runtime(tuned, kind="inverse").restore(kept)
+
+
+@pytest.mark.parametrize("dt", [math.nan, -1e-3])
+def test_a_time_that_is_none_holds_the_command(tuned, dt):
+    runtime = tf.Runtime(tuned, kind="inverse")
+    force = [runtime.step(each) for each in (30.0, 30.1, 30.2)][-1]
+    assert runtime.step(31.0, dt=dt) == force
+    assert runtime.status == HELD
+
+
+def test_what_a_scenario_has_no_runtime_for_is_refused(tuned, examples):
+    with pytest.raises(tf.InputError, match='kind must be one of inverse, stream, adaptive, joint, got "optimal"'):
+        tf.Runtime(tuned, kind="optimal")
+    with pytest.raises(tf.InputError, match=r"finger\.toml: table \[adaptation\] is missing"):
+        tf.Runtime(examples / "finger.toml", kind="adaptive")
+    with pytest.raises(tf.InputError, match='a driven joint has kind "joint" only, got "inverse"'):
+        tf.Runtime(examples / "hand_joint.toml", kind="inverse")
+    with pytest.raises(tf.InputError, match="cannot start at 1e"):
+        tf.Runtime(tuned, kind="inverse", start=1e9)
