@@ -23,7 +23,7 @@ from tendonff.compensator.identification.fitting.chain_law import ChosenLaw, can
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.smoothing import low_pass_piece
-from tendonff.compensator.identification.parameters import PARAMETERS, Parameter
+from tendonff.compensator.identification.parameters import PARAMETERS, SPEED_TERMS, Parameter
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.chain import InputWindow, input_windows
@@ -295,6 +295,11 @@ def _looked_again(
             if not size > sure * told.standard_error(name):
                 told = _without(told, name)
                 dropped.add(name)
+    for name in SPEED_TERMS:  # the coarse chain's long steps imitate them
+        if name in free and own[name] == 0 and not told.values[name] > TUNED.sure * told.standard_error(name):
+            for gone in (name, D.STRIBECK_VELOCITY) if name is D.STATIC_EXCESS else (name,):
+                told = _without(told, gone, by=told.values[gone] - own[gone])
+                dropped.add(gone)
     symmetric = task.model.symmetric and _is_symmetric(told)
     if symmetric:
         dropped.add(D.MU_RELEASE)
@@ -303,19 +308,19 @@ def _looked_again(
         task,
         model=replace(task.model, symmetric=symmetric),
         free=kept,
-        fixed={**full, **dict.fromkeys(dropped & {D.OUTPUT_BIAS, D.ADHESION}, 0.0)},
+        fixed={**full, **{name: own[name] for name in dropped - {D.MU_RELEASE}}},
     )
     at = {str(name): float(told.values[name]) for name in kept}
     found = with_input_estimated(chosen, replace(solution, values=at, residuals=residuals_of(chosen, at)))
     return _renamed(law, chosen, found), chosen, found
 
 
-def _without(solution: Solution, name: Parameter) -> Solution:
-    """Values and covariance of the others where one of them is nothing."""
+def _without(solution: Solution, name: Parameter, by: float | None = None) -> Solution:
+    """Values and covariance of the others where one of them is nothing, or less by so much."""
     place, covariance = list(solution.values).index(name), solution.covariance
-    share, size = covariance[:, place] / covariance[place, place], solution.values[name]
+    share, size = covariance[:, place] / covariance[place, place], solution.values[name] if by is None else by
     values = {
-        other: value - float(by) * size for (other, value), by in zip(solution.values.items(), share, strict=True)
+        other: value - float(along) * size for (other, value), along in zip(solution.values.items(), share, strict=True)
     }
     return replace(solution, values=values, covariance=covariance - np.outer(share, covariance[place]))
 
