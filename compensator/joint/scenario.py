@@ -79,8 +79,8 @@ class JointScenario:
 
     def reference_start_rad(self) -> float:
         """Angle of the joint at which the reference starts."""
-        wish = self.reference if self.motion is None else self.motion
-        return float(wish.sample(np.zeros(1), self.source.parent)[0])
+        spec = self.reference if self.motion is None else self.motion
+        return float(spec.sample(np.zeros(1), self.source.parent)[0])
 
     def to_toml(self) -> str:
         """The text of the file."""
@@ -194,18 +194,18 @@ def parse_joint_scenario(text: str, source: str | os.PathLike[str] = "scenario.t
 def sample_joint(scenario: JointScenario) -> SampledJoint:
     """Reference at the steps of the run; InputError where it has no meaning."""
     folder, step, file = scenario.source.parent, scenario.run.step_s, scenario.source.name
-    wish, joint = scenario.reference, scenario.mechanism.joint.name
-    length = wish.length_s(folder)
+    spec, joint = scenario.reference, scenario.mechanism.joint.name
+    length = spec.length_s(folder)
     time = np.arange(math.ceil(length / step - 1e-9) + 1, dtype=np.float64) * step
     if len(time) < 3:
         raise InputError(f"{file}: the reference lasts {length:g} s, less than two steps of {step:g} s")
-    wanted = wish.sample(time, folder)
-    torque = wish.quantity is JointQuantity.TORQUE
+    wanted = spec.sample(time, folder)
+    torque = spec.quantity is JointQuantity.TORQUE
     angle = scenario.motion.sample(time, folder) if torque and scenario.motion is not None else wanted
     contact = wanted if torque else np.zeros_like(wanted)
     if not np.ptp(wanted) > 0:
         raise InputError(f"{file} [reference]: it never changes, so there is nothing to design; let it move")
-    if wish.periodic:
+    if spec.periodic:
         for each in (wanted, angle):
             off = abs(float(each[-1] - each[0]))
             if off > 1e-3 * float(np.ptp(each)):
@@ -228,7 +228,7 @@ def sample_joint(scenario: JointScenario) -> SampledJoint:
         names=(joint, *scenario.joints),
         time_s=time,
         angle_rad=np.column_stack([angle, *columns]),
-        period_s=float(time[-1]) if wish.periodic else None,
+        period_s=float(time[-1]) if spec.periodic else None,
     )
     return SampledJoint(time_s=time, angle_rad=angle, contact_N_m=contact, wanted=wanted, motion=motion, lead=lead)
 

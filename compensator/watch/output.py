@@ -28,7 +28,7 @@ from tendonff.compensator.watch.windows import WATCHED, Window
 
 _CAPTIONS = {
     "history": "Friction, pre-tension and gear friction over those of the first minutes, each window of use with its "
-    "95 % band; dotted: the change that raises an alarm; vertical lines: files.",
+    "95 % band; dotted: the change that is looked for; vertical lines: files.",
     "test": "Sum of the sequential test over the one that raises the alarm.",
 }
 
@@ -153,7 +153,7 @@ def watch_figures(found: Watch) -> dict[str, Figure]:
         for course, colour in zip(found.courses, (BLUE, ORANGE, INK), strict=True):
             panels[0, 0].plot(course.used_s / 3600, course.total, color=colour, label=course.drift.label)
         panels[0, 0].axhline(1, color=GREY, linestyle=":")
-        panels[0, 0].set(xlabel="time of use [h]", ylabel="sum over that of an alarm [-]")
+        panels[0, 0].set(xlabel="time of use [h]", ylabel="sum of the test [-]")
         legend_below(test, panels[0, 0])
         return {"history": figure, "test": test}
 
