@@ -47,7 +47,7 @@ def adaptive_code(problem: Problem, settings: Adaptation, precision: Precision, 
     """Values for the templates of tuner and interval."""
     tuning = tuning_of(problem, settings)
     tuned = tuned_chain(problem, tuning)
-    code = tuner_code(tuned, problem.reference.step_s, f"{prefix}_adaptive", precision, settings.delay_samples)
+    code = tuner_code(tuned, tuning, f"{prefix}_adaptive", precision)
     load = problem.transmission.load
     tunes_load = Tunable.LOAD_STIFFNESS in settings.parameters
     return {

@@ -116,16 +116,16 @@ def _late(course: Course) -> float:
 
 
 def _columns(found: Watch) -> dict[str, np.ndarray]:
-    told = [w for w in found.windows if w.values]
+    fitted = [w for w in found.windows if w.values]
     names = [path.name for path in found.inputs]
     columns = {
-        "used_s": np.array([w.used_s for w in told]),
-        "file": np.array([float(names.index(w.name) + 1) for w in told]),
-        "torque_percent_of_range": np.array([w.percent for w in told]),
+        "used_s": np.array([w.used_s for w in fitted]),
+        "file": np.array([float(names.index(w.name) + 1) for w in fitted]),
+        "torque_percent_of_range": np.array([w.percent for w in fitted]),
     }
     for k, number in enumerate(WATCHED):
-        values = np.array([w.values[number] for w in told])
-        reach = np.exp(1.96 * np.sqrt([w.covariance[k, k] for w in told]))
+        values = np.array([w.values[number] for w in fitted])
+        reach = np.exp(1.96 * np.sqrt([w.covariance[k, k] for w in fitted]))
         columns |= {str(number): values, f"{number}_low": values / reach, f"{number}_high": values * reach}
     return columns
 
@@ -222,5 +222,5 @@ def watch_report(found: Watch, figures: dict[str, Figure]) -> Report:
 
 
 def _row(name: str, windows: list[Window]) -> tuple[str, int, int, float | None]:
-    told = [w.percent for w in windows if w.values]
-    return name, len(windows), len(told), float(np.median(told)) if told else None
+    fitted = [w.percent for w in windows if w.values]
+    return name, len(windows), len(fitted), float(np.median(fitted)) if fitted else None

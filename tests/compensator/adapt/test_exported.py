@@ -81,7 +81,7 @@ MUTANTS = {
     "status bits not set": ("self->output.status |= more;", ""),
     "status bits not gathered": ("self->output.seen |= more;", ""),
     "what is no number is heard": ("const int heard = ", "const int heard = 1 | "),
-    "a stuck sensor teaches": ("(stuck != 0) || (self->open", "(self->open"),
+    "a stuck sensor teaches": ("(self->stale > t->deviation) ? ", "(self->stale < t->deviation) ? "),
     "a stuck sensor is not said": (
         "(self->lost != 0) || (stuck != 0)) ? 1 : 0;\n    if (self->frozen",
         "(self->lost != 0)) ? 1 : 0;\n    if (self->frozen",
