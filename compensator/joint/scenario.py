@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv, read_text, suggestion
+from tendonff.compensator.joint.base import with_base
 from tendonff.compensator.joint.reference import KINDS, JointQuantity, JointReference
 from tendonff.compensator.scenario.joints import Joint, read_joints
 from tendonff.compensator.scenario.reference import Shape, along_waypoints
@@ -28,7 +29,6 @@ from tendonff.models.path import JointMotion
 
 _PARTS: dict[str, type] = {"path": TendonPath, "tendon": Tendon, "friction": Friction}
 _TABLES = ("joints", "tendons", "drive", "reference", "run", "robust", *_PARTS)
-_MERGED = ("path", "tendon", "friction", "drive", "run", "robust")
 _TENDON_KEYS = ("name", "moment_arm_m", "lengths", *_PARTS)
 _NOT_FOR_A_JOINT = {
     "actuator": "the motors stand in [drive]",
@@ -156,7 +156,7 @@ def parse_joint_scenario(text: str, source: str | os.PathLike[str] = "scenario.t
     except (ValueError, RecursionError) as error:
         raise InputError(f"{file}: not valid TOML: {error}") from None
     inputs: list[Path] = []
-    raw = _with_base(raw, source, inputs)
+    raw = with_base(raw, source, inputs)
     _check_tables(raw, file)
     driven, others = _split_joints(raw.get("joints"), file)
     name = raw.get("name", source.stem)
@@ -247,30 +247,6 @@ def _homing(scenario: JointScenario, start_rad: float, torque: bool) -> FloatArr
     times = (0.0, quarter, 3 * quarter, 4 * quarter)
     stroke = along_waypoints(times, (0.0, size, -size, 0.0), Shape.SMOOTH, np.arange(0.0, times[-1] - step / 2, step))
     return start_rad + stroke
-
-
-def _with_base(raw: dict[str, object], source: Path, inputs: list[Path]) -> dict[str, object]:
-    """A scenario with what it leaves to its base, a file that several joints share.
-
-    Keys of `_MERGED` tables are taken one by one, other tables as a whole.
-    """
-    if "base" not in raw:
-        return raw
-    if not isinstance(name := raw["base"], str):
-        raise InputError(f"{source.name}: base must be the name of a file, got {show(name)}")
-    path = source.parent / name
-    try:
-        base = tomllib.loads(read_text(path))
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path.name}: not valid TOML: {error}") from None
-    if "base" in base:
-        raise InputError(f"{path.name}: a base has no base of its own; put all into one file")
-    inputs.append(path)
-    own = {key: value for key, value in raw.items() if key != "base"}
-    for key in _MERGED:
-        if isinstance(shared := base.get(key), Mapping) and isinstance(given := own.get(key), Mapping):
-            own[key] = {**shared, **given}
-    return {**base, **own}
 
 
 def _check_tables(raw: Mapping[str, object], file: str) -> None:

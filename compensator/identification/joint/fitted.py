@@ -8,6 +8,7 @@ from typing import Any
 
 from tendonff.compensator.identification.joint.parameters import JointNumber, key_in
 from tendonff.compensator.identification.result import Estimate
+from tendonff.compensator.joint.base import with_base
 from tendonff.compensator.joint.scenario import JointScenario
 from tendonff.compensator.scenario.scenario import relative_to_folder
 from tendonff.compensator.scenario.tables import toml_value
@@ -21,7 +22,7 @@ WITH_SPREAD = (JointNumber.MU, JointNumber.TENSION, JointNumber.STIFFNESS, Joint
 
 def fitted_text(scenario: JointScenario, mechanism: Mechanism, estimates: Sequence[Estimate]) -> str:
     """Text of the scenario with a mechanism's numbers, and its intervals as [robust.spread]."""
-    raw = tomllib.loads(scenario.text)
+    raw: dict[str, Any] = with_base(tomllib.loads(scenario.text), scenario.source, [])
     raw["name"] = f"{scenario.name}, fitted"
     name, joint = mechanism.joint.name, _keys(mechanism.joint)
     raw["joints"][name] = {"kind": "driven", **{key: value for key, value in joint.items() if key != "name"}}
@@ -60,7 +61,7 @@ def moved_files(text: str, source: Path, folder: Path) -> str:
     def moved(table: object) -> None:
         if isinstance(table, dict):
             for key, value in table.items():
-                if key in ("file", "lengths") and isinstance(value, str):
+                if key in ("file", "lengths", "base") and isinstance(value, str):
                     table[key] = relative_to_folder(source.parent / value, folder)
                 else:
                     moved(value)

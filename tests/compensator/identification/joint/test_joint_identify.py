@@ -9,6 +9,7 @@ import tendonff as tf
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import InputError, read_csv
 from tendonff.compensator.identification.joint.estimates import derived
+from tendonff.compensator.identification.joint.fitted import fitted_text, moved_files
 from tendonff.compensator.identification.joint.routine import suggest_routine
 from tendonff.compensator.identification.joint.run import identify_joint
 from tests.compensator.identification.joint import own_log
@@ -93,3 +94,23 @@ def test_options_of_a_tendon_are_refused(tmp_path, capsys):
     code = run(["identify", str(_file(tmp_path)), "--data", "x.csv", "--static", "--out", str(tmp_path / "o")])
     assert code == 2
     assert "--static is for the tensions of one tendon" in capsys.readouterr().err
+
+
+def test_the_written_text_holds_the_same_mechanism_from_another_folder(tmp_path):
+    """Also of a scenario whose numbers stand in a base, and of tendons that differ, one with a table of lengths."""
+    hand = (EXAMPLES / "hand_joint.toml").read_text("utf-8")
+    (tmp_path / "hand.toml").write_text(hand.replace("[joints.knuckle]", "[joints.old]"), "utf-8")
+    own = 'schema = 1\nbase = "hand.toml"\n[joints.tip]\nkind = "driven"\ninertia_kg_m2 = 1.0e-5\n'
+    (tmp_path / "tip.toml").write_text(own, "utf-8")
+    (tmp_path / "flexor.csv").write_text("angle_rad,length_m\n-1,0.010\n0,0.002\n1,-0.007\n", "utf-8")
+    apart = hand.replace("moment_arm_m = 0.008  ", 'lengths = "flexor.csv"  #', 1)
+    apart = apart.replace("moment_arm_m = -0.008 ", "moment_arm_m = -0.008\npath = { total_angle_rad = 2.5, segments = 6 } #", 1)
+    (tmp_path / "apart.toml").write_text(apart, "utf-8")
+    (tmp_path / "out").mkdir()
+    for file in (tmp_path / "tip.toml", tmp_path / "apart.toml", EXAMPLES / "instrument_pair.toml"):
+        asked = tf.load_joint_scenario(file)
+        text = moved_files(fitted_text(asked, asked.mechanism, []), asked.source, tmp_path / "out")
+        (tmp_path / "out" / file.name).write_text(text, "utf-8")
+        again = tf.load_joint_scenario(tmp_path / "out" / file.name)
+        assert repr(again.mechanism) == repr(asked.mechanism)
+        assert again.reference == asked.reference

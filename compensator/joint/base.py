@@ -1,0 +1,34 @@
+"""Base that the scenarios of several joints share."""
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+
+from tendonff.compensator.files.reading import InputError, read_text
+from tendonff.compensator.scenario.tables import show
+
+_MERGED = ("path", "tendon", "friction", "drive", "run", "robust")
+
+
+def with_base(raw: dict[str, object], source: Path, inputs: list[Path]) -> dict[str, object]:
+    """A scenario with what it leaves to its base, a file that several joints share.
+
+    Keys of `_MERGED` tables are taken one by one, other tables as a whole.
+    """
+    if "base" not in raw:
+        return raw
+    if not isinstance(name := raw["base"], str):
+        raise InputError(f"{source.name}: base must be the name of a file, got {show(name)}")
+    path = source.parent / name
+    try:
+        base = tomllib.loads(read_text(path))
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path.name}: not valid TOML: {error}") from None
+    if "base" in base:
+        raise InputError(f"{path.name}: a base has no base of its own; put all into one file")
+    inputs.append(path)
+    own = {key: value for key, value in raw.items() if key != "base"}
+    for key in _MERGED:
+        if isinstance(shared := base.get(key), Mapping) and isinstance(given := own.get(key), Mapping):
+            own[key] = {**shared, **given}
+    return {**base, **own}
