@@ -63,7 +63,7 @@ def problem_of(scenario: JointScenario, sampled: SampledJoint) -> JointProblem:
         raise InputError(f"{scenario.source.name}: {error}") from None
 
 
-def _accepted(scenario: JointScenario, sampled: SampledJoint) -> tuple[float, float]:
+def accepted_rad(scenario: JointScenario, sampled: SampledJoint) -> tuple[float, float]:
     """Angles around the reference at which the moment arms keep their signs."""
     mechanism, angle = scenario.mechanism, sampled.angle_rad
     low, high = float(angle.min()), float(angle.max())
@@ -161,7 +161,7 @@ def _described(
 ) -> dict[str, object]:
     """Values of a joint for the templates; `others` names arrays in C, by tendon, where any path follows one."""
     mechanism, drive, step = scenario.mechanism, scenario.mechanism.drive, scenario.run.step_s
-    least, most = _accepted(scenario, sampled)
+    least, most = accepted_rad(scenario, sampled)
     loop, count = drive.kind is DriveKind.LOOP, len(mechanism.tendons)
     compliance = [
         1 / (t.tendon.stiffness_N_per_m * radius)
