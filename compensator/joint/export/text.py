@@ -21,7 +21,7 @@ from tendonff.ocp.joint.start import joint_problem
 from tendonff.ocp.joint.target import MOVES, joint_code, other_joints
 
 _TEMPLATES = environment("tendonff.compensator.export", "templates/joint")
-_PACKAGES = environment("tendonff.compensator.export", "templates/packages")
+_PACKAGES = environment("tendonff.compensator.export", "templates/transmission")
 _PUSH_N = -1e-6
 """Tensions of a loop that count as pushing: those of rounding do not."""
 
@@ -207,11 +207,11 @@ def _described(
 
 
 _TRANSMISSION = {
-    "{p}_transmission.hpp": "hpp",
-    "{p}_transmission_loader.cpp": "loader.cpp",
-    "{p}_transmission.xml": "plugin.xml",
-    "package.xml": "package.xml",
-    "CMakeLists.txt": "cmake.txt",
+    "{p}_transmission.hpp": "transmission.hpp.j2",
+    "{p}_transmission_loader.cpp": "loader.cpp.j2",
+    "{p}_transmission.xml": "plugin.xml.j2",
+    "package.xml": "package.xml.j2",
+    "CMakeLists.txt": "cmake.txt.j2",
 }
 
 
@@ -221,12 +221,8 @@ def transmission_files(context: dict[str, Any], others: Sequence[str]) -> dict[s
         return {}
     prefix = context["prefix"]
     folder = f"ros2/{prefix}_transmission"
-    return {
-        f"{folder}/{name.format(p=prefix)}": _PACKAGES.get_template(
-            f"transmission{'.' if end == 'hpp' else '_'}{end}.j2"
-        ).render(context)
-        for name, end in _TRANSMISSION.items()
-    }
+    texts = {name: _PACKAGES.get_template(template).render(context) for name, template in _TRANSMISSION.items()}
+    return {f"{folder}/{name.format(p=prefix)}": text for name, text in texts.items()}
 
 
 def render(template: str, context: dict[str, Any]) -> str:
